@@ -1,0 +1,41 @@
+"""Every error that silo raises, as one small tree. A message names the thing, the value, the range and the way out."""
+
+
+class SiloError(Exception):
+    """Base of all errors of silo."""
+
+
+class ElementError(SiloError, ValueError):
+    """An element is unknown, listed twice, or given a value out of range. Nothing was changed."""
+
+
+class SourceError(SiloError, TypeError):
+    """A variable can't be logged by reference; the message shows what to write instead."""
+
+
+class StateError(SiloError, RuntimeError):
+    """The call doesn't fit the logger's state (running, stopped, closed). Nothing was changed."""
+
+
+class ScriptError(SiloError, ValueError):
+    """A script can't be read or holds invalid values; the message has one `file:line: reason` per problem."""
+
+
+class SegmentError(SiloError, RuntimeError):
+    """The shared memory segment can't be made, opened or understood."""
+
+
+class FileFormatError(SiloError, ValueError):
+    """A log file isn't what its name says, or is damaged beyond what can be read."""
+
+
+class SaveError(SiloError, OSError):
+    """A log could not be saved. Nothing stands under the final name; the data is still in memory."""
+
+
+class ConnectionLostError(SiloError, ConnectionError):
+    """No answer from a logger's helper process: it is gone, frozen, or out of reach."""
+
+
+class RefusedError(SiloError):
+    """The logger's helper process answered that it won't do this; the message is its reason."""

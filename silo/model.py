@@ -1,0 +1,129 @@
+"""The nouns of silo: what an element is and how it is logged.
+
+The same structs stand in the element table, in the script, on the wire and in saved files. This module imports
+neither NumPy nor Zenoh, so that commands like `silo ls` start fast.
+"""
+
+import enum
+import math
+from typing import Annotated
+
+import msgspec
+
+MAX_DIVIDER = 2**31 - 1
+MAX_BUFFER_SIZE = 2**31 - 1
+
+
+class Action(enum.IntEnum):
+    """What becomes of the samples of an element. The numbers are those of the script."""
+
+    SAVE_AND_PUBLISH = 0
+    SAVE = 1
+    PUBLISH = 2
+
+    @property
+    def saves(self) -> bool:
+        """Whether samples are written when the log is saved."""
+        return self is not Action.PUBLISH
+
+    @property
+    def publishes(self) -> bool:
+        """Whether samples can be seen live."""
+        return self is not Action.SAVE
+
+
+class BufferType(enum.IntEnum):
+    """Which samples a buffer keeps. The numbers are those of the script.
+
+    FIXED keeps the first `buffer_size` samples, LOOPING the newest ones, GROWING all of them.
+    """
+
+    FIXED = 0
+    LOOPING = 1
+    GROWING = 2
+    FIXED_SIZE = 0
+    EXPONENTIALLY_GROWING = 2
+
+
+class FileType(enum.IntEnum):
+    """What `save` writes. The numbers are those of the original's save service."""
+
+    SILO = 0
+    CSV = 1
+    BAG = 2
+
+
+class Storage(str, enum.Enum):
+    """Where the segment lives: in memory, or on disk (survives a power cut, costs tail latency)."""
+
+    MEMORY = "memory"
+    DISK = "disk"
+
+
+class ElementOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How one element is logged: everything that the script and the terminal can edit."""
+
+    enabled: bool = True
+    divider: Annotated[int, msgspec.Meta(ge=1, le=MAX_DIVIDER)] = 1
+    action: Action = Action.SAVE
+    buffer_type: BufferType = BufferType.LOOPING
+    buffer_size: Annotated[int, msgspec.Meta(ge=1, le=MAX_BUFFER_SIZE)] = 1
+
+
+class Entry(msgspec.Struct, frozen=True):
+    """One scalar of an element, as it stands in a saved file.
+
+    `suffix` follows the element's name (`_x`, `_0_1`, empty for a scalar), `dtype` is a NumPy type string
+    (`<f8`, `|b1`, `|S16`, `<M8[ns]`), `labels` names the values of an enumeration.
+    """
+
+    suffix: str
+    dtype: str
+    labels: dict[int, str] | None = None
+
+
+class ElementInfo(msgspec.Struct, frozen=True):
+    """One row of the element table.
+
+    `kind` tells how the entries belong together: `scalar`, `vector`, `matrix`, `array`, `quaternion`, `angle_axis`,
+    `pose`, `twist`, `vector_at_position`, `complex`, `struct`. `shape` is that of the source, `()` for a scalar.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    shape: tuple[int, ...]
+    entries: tuple[Entry, ...]
+    options: ElementOptions
+    description: str = ""
+
+
+class LoggerOptions(msgspec.Struct, frozen=True):
+    """What a logger is made with; see `silo.Logger` for the meaning of each."""
+
+    name: str = "silo"
+    frequency_hz: float = 100.0
+    max_time_s: float = 10.0
+    prefix: str = "/log"
+    script: str = "logger.yaml"
+    folder: str = "."
+    storage: Storage = Storage.MEMORY
+    size_tiers: int = 3
+    memory_limit_mb: int = 1024
+    checked: bool = False
+
+    def default_buffer_size(self, divider: int) -> int:
+        """Samples that hold `max_time_s` at this divider; 10 s when the logging time is not limited."""
+        return buffer_size_for(self.max_time_s or 10.0, self.frequency_hz, divider)
+
+
+def buffer_size_for(seconds: float, frequency_hz: float, divider: int) -> int:
+    """Samples that `seconds` fill: `ceil(seconds * frequency / divider)`, at least 1."""
+    # rounded before ceil: 0.1 s x 30 Hz is 3.0000000000000004 in floating point
+    return min(max(1, math.ceil(round(seconds * frequency_hz / divider, 6))), MAX_BUFFER_SIZE)
+
+
+def join_name(prefix: str, group: str, name: str) -> str:
+    """`prefix/group/name` with runs of `/` folded into one and none at the end."""
+    parts = [part for piece in (prefix, group, name) for part in piece.split("/") if part]
+    return "/" + "/".join(parts)
