@@ -1,0 +1,1 @@
+"""Talking to loggers: messages, keys, the Zenoh session, the client."""

@@ -1,0 +1,1 @@
+"""The helper process: answers clients, publishes, saves, and outlives a robot process that died."""

@@ -1,0 +1,1 @@
+"""silo: a signal logger for robots."""
