@@ -1,0 +1,1 @@
+"""silo-tui: the terminal configurator and live monitor of silo."""

@@ -1,0 +1,128 @@
+"""The newest values of what is on the screen, and how they read in a cell."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from silo.model import ElementInfo, Entry
+from silo_tui.model import text
+from silo_tui.model.columns import Floats
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What is known of one element: the newest value per entry (NaN where none), texts by position."""
+
+    newest: Floats
+    texts: dict[int, str]
+    held: int
+    lost: int
+    time_ns: int  # when the frame was made
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One refresh of a view, with arrays: `held`, `lost` per element of `elements`; `newest` per entry of them.
+
+    `low`, `high` have shape `(len(plots), count)` and begin at column `first`; `texts` go by position in `newest`.
+    """
+
+    elements: tuple[str, ...]
+    plots: tuple[str, ...]
+    unpublished: frozenset[str]
+    time_ns: int
+    tick: int
+    running: bool
+    measured_hz: float
+    lost_total: int
+    held: Sequence[int]
+    lost: Sequence[int]
+    newest: Floats
+    texts: dict[int, str]
+    column_ns: int
+    first: int
+    low: Floats
+    high: Floats
+
+
+@dataclass
+class LiveValues:
+    """Readings by element name; only what is or was on the screen has one."""
+
+    readings: dict[str, Reading] = field(default_factory=dict)
+    time_ns: int = 0
+
+    def take(self, frame: Frame, entry_counts: Sequence[int]) -> list[str]:
+        """Takes a frame over; `entry_counts` per element of the frame. Returns the elements whose reading changed."""
+        changed = []
+        start = 0
+        self.time_ns = frame.time_ns
+        for position, (name, entries) in enumerate(zip(frame.elements, entry_counts, strict=True)):
+            newest = frame.newest[start : start + entries]
+            texts = {at - start: word for at, word in frame.texts.items() if start <= at < start + entries}
+            start += entries
+            if name in frame.unpublished:
+                newest = np.full(entries, np.nan)
+                texts = {}
+            reading = Reading(newest, texts, int(frame.held[position]), int(frame.lost[position]), frame.time_ns)
+            old = self.readings.get(name)
+            if old is None or not _same(old, reading):
+                changed.append(name)
+            self.readings[name] = reading
+        return changed
+
+    def forget(self) -> None:
+        """After a new start: what was read belongs to the run before."""
+        self.readings.clear()
+
+
+def _same(old: Reading, new: Reading) -> bool:
+    return (
+        old.held == new.held
+        and old.lost == new.lost
+        and old.texts == new.texts
+        and np.array_equal(old.newest, new.newest, equal_nan=True)
+    )
+
+
+def entry_text(entry: Entry, value: float, word: str | None, width: int) -> str:
+    """One value as its type wants to be read: labels for enumerations, words for bool, text for strings."""
+    kind = entry.dtype[1:2]
+    if kind in "SU":
+        return "" if word is None else (word if len(word) <= width else word[: width - 1] + "…")
+    if np.isnan(value):
+        return "nan" if kind in "fc" else "-"
+    if entry.labels:
+        label = entry.labels.get(int(value))
+        return (label if len(label) <= width else label[: width - 1] + "…") if label else f"{int(value)}?"
+    if kind == "b":
+        return "true" if value else "false"
+    return text.number(value, width, integer=kind in "iumM")
+
+
+def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str:
+    """The newest value of an element in one cell; several entries as a short list."""
+    if reading is None:
+        return "…"
+    entries = element.entries
+    if len(entries) == 1:
+        return entry_text(entries[0], float(reading.newest[0]), reading.texts.get(0), width)
+    pieces: list[str] = []
+    room = width
+    for position, entry in enumerate(entries):
+        value = float(reading.newest[position])
+        is_number = entry.dtype[1:2] in "fiu" and not entry.labels
+        piece = text.compact(value) if is_number else entry_text(entry, value, reading.texts.get(position), 8)
+        rest = len(entries) - position - 1
+        if len(piece) + (2 if rest else 0) > room:
+            pieces.append("…")
+            break
+        pieces.append(piece)
+        room -= len(piece) + 1
+    return " ".join(pieces)
+
+
+def fill_share(held: int, buffer_size: int) -> float:
+    """How full a buffer is, 0 ... 1; a growing one may hold more than its first size."""
+    return min(1.0, held / buffer_size) if buffer_size > 0 else 0.0

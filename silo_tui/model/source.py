@@ -1,0 +1,47 @@
+"""Where plots get their data: a live logger, or a recording. The monitor knows only this."""
+
+from collections.abc import Awaitable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from silo.model import ElementInfo
+from silo_tui.model.columns import Floats
+
+
+@dataclass(frozen=True)
+class Column:
+    """Minimum and maximum per column of some entries, shape `(len(names), count)`, from column `first` on."""
+
+    names: tuple[str, ...]
+    first: int
+    column_ns: int
+    low: Floats
+    high: Floats
+
+
+class PlotSource(Protocol):
+    """What a monitor screen needs of its data."""
+
+    @property
+    def live(self) -> bool:
+        """Whether time goes on by itself."""
+
+    @property
+    def end_ns(self) -> int:
+        """The newest moment that there is."""
+
+    @property
+    def begin_ns(self) -> int:
+        """The oldest moment worth to look at; 0 where unknown."""
+
+    def element(self, name: str) -> ElementInfo | None:
+        """The element of that name."""
+
+    def period_ns(self, element: str) -> int:
+        """Time between two samples of an element."""
+
+    def is_live(self, element: str) -> bool:
+        """Whether the element has data to plot (a live logger publishes only some)."""
+
+    def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Awaitable[Column]:
+        """Columns of a stretch of time, at most 4096."""

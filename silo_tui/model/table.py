@@ -1,0 +1,250 @@
+"""The element table as the screen sees it: what the logger has, what somebody wants to change, and how to take it back.
+
+`TableState` keeps two layers of shape `(5, n)` (fields x elements): the server's values, and edits on top of them,
+each with the server's value that it was made on. What is pending and what is in conflict follows from these; nothing
+of it is stored, so that it can't go stale.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.ipc.messages import Edit, Table
+from silo.model import Action, ElementInfo
+from silo_tui.model.fields import Field, Ints, options_of, phrase_for, values_of
+
+Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+FIELDS = len(Field)
+
+
+@dataclass(frozen=True)
+class PendingChange:
+    """One pending edit in words; `theirs` is set when the logger's value is no longer the one it was made on."""
+
+    name: str
+    field: str
+    old: str
+    new: str
+    theirs: str | None
+
+
+@dataclass(frozen=True)
+class _Layer:
+    """Edits of some rows: arrays of shape `(5, len(rows))`."""
+
+    edited: Mask
+    wanted: Ints
+    based_on: Ints
+
+
+@dataclass(frozen=True)
+class _Step:
+    """One undo step: the edits of `rows` before and after."""
+
+    label: str
+    rows: Rows
+    before: _Layer
+    after: _Layer
+
+
+class TableState:
+    """The table, its pending edits and their history. Row i is element i of the logger's own order."""
+
+    def __init__(self) -> None:
+        self.elements: list[ElementInfo] = []
+        self.names: list[str] = []
+        self.folded: list[str] = []
+        self.revision = -1
+        self.version = 0  # grows with every change, so that caches can tell
+        self._row_of: dict[str, int] = {}
+        self._server = np.zeros((FIELDS, 0), np.int64)
+        self._edited = np.zeros((FIELDS, 0), np.bool_)
+        self._wanted = np.zeros((FIELDS, 0), np.int64)
+        self._based_on = np.zeros((FIELDS, 0), np.int64)
+        self._undo: list[_Step] = []
+        self._redo: list[_Step] = []
+
+    def __len__(self) -> int:
+        return len(self.elements)
+
+    # ------------------------------------------------------------------------------------------------ reading
+
+    @property
+    def server(self) -> Ints:
+        """What the logger has, shape `(5, n)`; not to be written to."""
+        return self._server
+
+    @property
+    def values(self) -> Ints:
+        """What the screen shows, shape `(5, n)`: the wanted value where there is an edit, else the logger's."""
+        return np.where(self._edited, self._wanted, self._server)
+
+    @property
+    def pending(self) -> Mask:
+        """Shape `(5, n)`: edits that would change something."""
+        return np.asarray(self._edited & (self._wanted != self._server), np.bool_)
+
+    @property
+    def conflicts(self) -> Mask:
+        """Shape `(5, n)`: pending edits whose ground was changed by somebody else since."""
+        return np.asarray(self.pending & (self._server != self._based_on), np.bool_)
+
+    @property
+    def pending_count(self) -> tuple[int, int]:
+        """(fields, rows) with pending edits."""
+        pending = self.pending
+        return int(pending.sum()), int(pending.any(axis=0).sum())
+
+    def row(self, name: str) -> int | None:
+        """The row of an element, None when there is none of that name."""
+        return self._row_of.get(name)
+
+    def entry_names(self, row: int) -> list[str]:
+        """Full names of the entries of an element."""
+        element = self.elements[row]
+        return [element.name + entry.suffix for entry in element.entries]
+
+    @property
+    def live(self) -> Mask:
+        """Shape `(n,)`: what the logger publishes: enabled, and the action publishes (pending edits don't count)."""
+        return np.asarray(
+            (self._server[Field.ENABLED] != 0) & (self._server[Field.ACTION] != int(Action.SAVE)), np.bool_
+        )
+
+    def is_live(self, row: int) -> bool:
+        """Whether the logger publishes the element now."""
+        return bool(self._server[Field.ENABLED, row]) and int(self._server[Field.ACTION, row]) != int(Action.SAVE)
+
+    def changes(self) -> list[PendingChange]:
+        """All pending edits in words, in table order."""
+        conflicts = self.conflicts
+        found = []
+        for row, field_number in np.argwhere(self.pending.T):
+            field = Field(int(field_number))
+            old, new = (phrase_for(field, int(layer[field, row])) for layer in (self._based_on, self._wanted))
+            theirs = phrase_for(field, int(self._server[field, row])) if conflicts[field, row] else None
+            found.append(PendingChange(self.names[row], field.label, old, new, theirs))
+        return found
+
+    def edits(self) -> list[Edit]:
+        """The pending edits as one transaction for the logger."""
+        values = self.values
+        rows = np.flatnonzero(self.pending.any(axis=0))
+        return [Edit(self.names[row], options_of(values[:, row])) for row in rows]
+
+    # ------------------------------------------------------------------------------------------------ editing
+
+    def edit(self, which: Sequence[int] | Rows, field: Field, new: Ints | int, label: str = "") -> int:
+        """Wants `new` (one, or one per row) in `field` of those rows; one undo step. Returns how many cells changed."""
+        rows: Rows = np.asarray(which, np.intp)
+        wanted = np.broadcast_to(np.asarray(new, np.int64), rows.shape)
+        changed = self.values[field, rows] != wanted
+        if not changed.any():
+            return 0
+        rows, wanted = rows[changed], wanted[changed]
+        before = self._layer(rows)
+        first_touch = ~self._edited[field, rows]
+        self._based_on[field, rows] = np.where(first_touch, self._server[field, rows], self._based_on[field, rows])
+        self._wanted[field, rows] = wanted
+        self._edited[field, rows] = wanted != self._server[field, rows]
+        self._remember(label or f"{field.label} of {len(rows)}", rows, before)
+        return len(rows)
+
+    def discard(self, which: Sequence[int] | Rows) -> int:
+        """Takes back every pending edit of `rows`; one undo step. Returns how many fields that were."""
+        rows: Rows = np.asarray(which, np.intp)
+        rows = rows[self._edited[:, rows].any(axis=0)]
+        if not len(rows):
+            return 0
+        count = int(self.pending[:, rows].sum())
+        before = self._layer(rows)
+        self._edited[:, rows] = False
+        self._remember(f"discard of {count}", rows, before)
+        return count
+
+    def resolve(self, which: Sequence[int] | Rows, *, keep_mine: bool) -> int:
+        """Settles the conflicts of `rows`: keep the edits, now on the new ground, or take theirs. Returns how many."""
+        rows: Rows = np.asarray(which, np.intp)
+        conflicts = self.conflicts[:, rows]
+        rows, conflicts = rows[conflicts.any(axis=0)], conflicts[:, conflicts.any(axis=0)]
+        if not len(rows):
+            return 0
+        before = self._layer(rows)
+        if keep_mine:
+            self._based_on[:, rows] = np.where(conflicts, self._server[:, rows], self._based_on[:, rows])
+        else:
+            self._edited[:, rows] &= ~conflicts
+        self._remember("keep mine" if keep_mine else "take theirs", rows, before)
+        return int(conflicts.sum())
+
+    def undo(self) -> str | None:
+        """Takes the last step back and returns its label; None when there is none."""
+        return self._move(self._undo, self._redo, back=True)
+
+    def redo(self) -> str | None:
+        """Does the last undone step again and returns its label; None when there is none."""
+        return self._move(self._redo, self._undo, back=False)
+
+    # ------------------------------------------------------------------------------------------- the logger's side
+
+    def load(self, table: Table) -> None:
+        """Takes over the logger's table and rebases the pending edits on it, by name.
+
+        Edits that the new table already fulfils are done; edits of elements that are gone are dropped.
+        """
+        names = [element.name for element in table.elements]
+        server = (
+            np.array([values_of(element.options) for element in table.elements], np.int64).reshape(-1, FIELDS).T.copy()
+        )
+        if names != self.names:
+            self._carry_over(names, server)
+        self.elements, self.revision, self._server = list(table.elements), table.revision, server
+        self._edited &= self._wanted != server
+        self.version += 1
+
+    def forget_history(self) -> None:
+        """After an apply: what is done in the logger isn't undone by taking back an edit."""
+        self._undo.clear()
+        self._redo.clear()
+
+    # ------------------------------------------------------------------------------------------------ inside
+
+    def _carry_over(self, names: list[str], server: Ints) -> None:
+        old_rows, new_rows = [], []
+        for new_row, name in enumerate(names):
+            old_row = self._row_of.get(name)
+            if old_row is not None:
+                old_rows.append(old_row)
+                new_rows.append(new_row)
+        edited: Mask = np.zeros(server.shape, np.bool_)
+        wanted, based_on = server.copy(), server.copy()
+        edited[:, new_rows] = self._edited[:, old_rows]
+        wanted[:, new_rows] = self._wanted[:, old_rows]
+        based_on[:, new_rows] = self._based_on[:, old_rows]
+        self._edited, self._wanted, self._based_on = edited, wanted, based_on
+        self.names, self.folded = names, [name.casefold() for name in names]
+        self._row_of = {name: row for row, name in enumerate(names)}
+        self.forget_history()  # its steps speak of rows that are no more
+
+    def _layer(self, rows: Rows) -> _Layer:
+        return _Layer(self._edited[:, rows].copy(), self._wanted[:, rows].copy(), self._based_on[:, rows].copy())
+
+    def _remember(self, label: str, rows: Rows, before: _Layer) -> None:
+        self._undo.append(_Step(label, rows, before, self._layer(rows)))
+        self._redo.clear()
+        self.version += 1
+
+    def _move(self, source: list[_Step], target: list[_Step], *, back: bool) -> str | None:
+        if not source:
+            return None
+        step = source.pop()
+        layer = step.before if back else step.after
+        self._edited[:, step.rows] = layer.edited
+        self._wanted[:, step.rows] = layer.wanted
+        self._based_on[:, step.rows] = layer.based_on
+        target.append(step)
+        self.version += 1
+        return step.label

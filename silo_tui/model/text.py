@@ -1,0 +1,97 @@
+"""Numbers, times, sizes and names as short text that fits a column."""
+
+import math
+from pathlib import PurePosixPath
+
+BARS = "▏▎▍▌▋▊▉█"
+
+
+def number(value: float, width: int = 11, *, integer: bool = False) -> str:
+    """A number in at most `width` cells (at least 6), with a steady number of decimals so that digits don't dance."""
+    if math.isnan(value):
+        return "nan"
+    if math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    if integer:
+        text = str(int(value))
+        return text if len(text) <= width else f"{value:.{max(0, width - 7)}e}"
+    size = abs(value)
+    if value != 0 and (size >= 1e6 or size < 1e-4):
+        return f"{value:.{max(0, min(4, width - 7))}e}"
+    decimals = 4 if size < 1000 else 2
+    text = f"{value:.{decimals}f}"
+    while len(text) > width and decimals:
+        decimals -= 1
+        text = f"{value:.{decimals}f}"
+    return text if len(text) <= width else f"{value:.0e}"
+
+
+def compact(value: float) -> str:
+    """A number in a few characters, for lists and axes."""
+    if math.isnan(value):
+        return "nan"
+    if value and (abs(value) >= 1e6 or abs(value) < 1e-3):
+        return f"{value:.1e}".replace("e+0", "e").replace("e-0", "e-")
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def duration(seconds: float) -> str:
+    """`00:12`, `1:02:03`, `2 d 03:04`."""
+    whole = max(0, int(seconds))
+    days, rest = divmod(whole, 86400)
+    hours, rest = divmod(rest, 3600)
+    minutes, secs = divmod(rest, 60)
+    if days:
+        return f"{days} d {hours:02}:{minutes:02}"
+    return f"{hours}:{minutes:02}:{secs:02}" if hours else f"{minutes:02}:{secs:02}"
+
+
+def span(seconds: float) -> str:
+    """A time span in its natural unit: `50 us`, `2 ms`, `10 s`, `5 min`."""
+    for limit, unit, scale in ((1e-3, "us", 1e6), (1.0, "ms", 1e3), (120.0, "s", 1.0), (7200.0, "min", 1 / 60)):
+        if abs(seconds) < limit:
+            return f"{seconds * scale:.4g} {unit}"
+    return f"{seconds / 3600:.4g} h"
+
+
+def size(size_bytes: float) -> str:
+    """`812 B`, `1.2 MB`."""
+    for unit in ("B", "kB", "MB"):
+        if size_bytes < 1000:
+            return f"{size_bytes:.0f} B" if unit == "B" else f"{size_bytes:.1f} {unit}"
+        size_bytes /= 1000
+    return f"{size_bytes:.1f} GB"
+
+
+def count(value: int) -> str:
+    """A count with thin groups: `12 345`."""
+    return f"{value:,}".replace(",", " ")
+
+
+def plural(value: int, noun: str) -> str:
+    """`1 edit`, `3 edits`."""
+    return f"{value} {noun}" if value == 1 else f"{value} {noun}s"
+
+
+def bar(share: float, width: int) -> str:
+    """A bar of `width` cells in eighths of a cell."""
+    eighths = round(max(0.0, min(1.0, share)) * width * 8)
+    full, part = divmod(eighths, 8)
+    return ("█" * full + (BARS[part - 1] if part else "")).ljust(width)
+
+
+def shorten_left(text: str, width: int) -> str:
+    """Keeps the end of a name, which tells more than its beginning."""
+    if len(text) <= width:
+        return text
+    if width <= 1:
+        return "…"[:width]
+    tail = text[-(width - 1) :]
+    slash = tail.find("/")
+    # cut at a level of the name where that costs less than a third of the room
+    return "…" + (tail[slash:] if 0 <= slash <= width // 3 else tail)
+
+
+def file_name(path: str) -> str:
+    """The last part of a path on the robot."""
+    return PurePosixPath(path).name
