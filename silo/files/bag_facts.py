@@ -1,0 +1,94 @@
+"""What a recording is beyond its messages, as it travels inside our bags.
+
+ROS messages hold no units, kinds, labels, dividers or buffer types, and no stamps of ticks at which nothing was due.
+These structs are an attachment of the MCAP file (JSON, compressed); readers that don't know it skip it.
+"""
+
+import msgspec
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from silo.model import BufferType, Entry
+
+FACTS_ATTACHMENT = "silo/recording.json.zst"
+TIME_ATTACHMENT = "silo/time_ns.zst"
+FACTS_VERSION = 1
+_MAX_BYTES = 2**31
+
+
+class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One entry and where it stands: channel, bytes from the message's start, NumPy type there and how many of it.
+
+    `dtype` is the NumPy type of the recorded values.
+    """
+
+    name: str
+    entry: Entry
+    dtype: str
+    channel: int
+    offset: int
+    wire: str
+    wire_count: int = 1
+
+
+class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+    """`RecordedElement` without its values; `count` is the number of samples."""
+
+    name: str
+    unit: str
+    kind: str
+    shape: tuple[int, ...]
+    divider: int
+    buffer_type: BufferType
+    first: int
+    count: int
+    entries: tuple[EntryFacts, ...]
+    description: str = ""
+    lost: int = 0
+
+
+class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+    """`Recording` without values and time stamps. `channel_sizes` are the message lengths, -1 for strings."""
+
+    version: int
+    logger: str
+    offset: int
+    prefix: str
+    elements: tuple[ElementFacts, ...]
+    channel_sizes: dict[int, int]
+    frequency_hz: float | None = None
+    started_ns: int = 0
+    time_looping: bool = False
+    warnings: tuple[str, ...] = ()
+
+
+def pack_facts(facts: RecordingFacts) -> bytes:
+    """The attachment's bytes."""
+    return zstandard.compress(msgspec.json.encode(facts))
+
+
+def unpack_facts(data: bytes) -> RecordingFacts:
+    """Raises `zstandard.ZstdError` or `msgspec.MsgspecError` for damaged bytes."""
+    return msgspec.json.decode(_decompress(data), type=RecordingFacts)
+
+
+def pack_times(time_ns: NDArray[np.int64]) -> bytes:
+    """Differences, byte planes apart: a steady clock takes 2 - 3 bytes per tick instead of 8."""
+    differences = np.diff(time_ns, prepend=np.int64(0)).astype("<i8")
+    planes = differences.view(np.uint8).reshape(-1, 8).T
+    return zstandard.compress(planes.tobytes())
+
+
+def unpack_times(data: bytes) -> NDArray[np.int64]:
+    """Raises `zstandard.ZstdError` or `ValueError` for damaged bytes."""
+    planes = np.frombuffer(_decompress(data), dtype=np.uint8).reshape(8, -1)
+    differences = np.ascontiguousarray(planes.T).reshape(-1).view("<i8")
+    return np.cumsum(differences, dtype=np.int64)
+
+
+def _decompress(data: bytes) -> bytes:
+    # the size stands in the frame: refuse before allocating what a damaged frame claims
+    if zstandard.frame_content_size(data) > _MAX_BYTES:
+        raise zstandard.ZstdError(f"more than {_MAX_BYTES} bytes announced")
+    return zstandard.decompress(data)

@@ -1,0 +1,176 @@
+"""An MCAP file built from chunks that are ready: records of a whole time window at once.
+
+`silo.files.bag` makes the message records and their index with NumPy; here stands what is around them: header, chunk
+records, summary, footer. The small records are written with the `mcap` package's own classes.
+"""
+
+import struct
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import BinaryIO
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+from numpy.typing import NDArray
+
+from silo.files.atomic import write_all
+
+MAGIC = b"\x89MCAP0\r\n"
+MESSAGE_OPCODE = 5
+INDEX_OPCODE = 7
+# compresses repeated stamps and headers as well as level 3 here, in half the time
+ZSTD_LEVEL = 1
+_LIBRARY = "silo"
+_PREFIX_BYTES = 9  # opcode and length of a record
+
+
+@dataclass(frozen=True)
+class IndexBlock:
+    """Message index records of channels with the same number of messages in a chunk.
+
+    `records` holds one whole record per channel (structured, shape `(channels,)`), `ids` the channels.
+    """
+
+    ids: NDArray[np.uint16]
+    records: NDArray[np.void]
+
+
+class McapFile:
+    """Writes one MCAP file front to back into an open unbuffered file; `finish` writes the summary."""
+
+    def __init__(self, file: BinaryIO, schemas: Sequence[Schema], channels: Sequence[Channel]) -> None:
+        self._descriptor = file.fileno()
+        self._position = 0
+        self._schemas = schemas
+        self._channels = channels
+        self._undefined = b"".join(map(_bytes, [*schemas, *channels]))
+        self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
+        self._chunk_indexes: list[bytes] = []
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._write(MAGIC)
+        self._write(_bytes(Header(profile="ros2", library=_LIBRARY)))
+
+    @property
+    def definitions_size(self) -> int:
+        """Bytes that the next chunk gets in front of its messages; index offsets must count them."""
+        return len(self._undefined)
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Write an attachment: data that is not a message."""
+        record = _bytes(Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data))
+        index = AttachmentIndex(self._position, len(record), 0, 0, len(data), name, media_type)
+        self._attachments.append(index)
+        self._write(record)
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write a metadata record: names and texts."""
+        record = _bytes(Metadata(name=name, metadata=dict(values)))
+        self._metadata.append(MetadataIndex(self._position, len(record), name))
+        self._write(record)
+
+    def add_chunk(self, records: memoryview, start_ns: int, end_ns: int, index: Sequence[IndexBlock]) -> None:
+        """Write message records as one chunk, and the index of them behind it."""
+        definitions, self._undefined = self._undefined, b""
+        data = definitions + records if definitions else records
+        packed = self._compressor.compress(data)
+        compression = b"\x04\0\0\0zstd"
+        head = struct.pack("<QQQI", start_ns, end_ns, len(data), zlib.crc32(data)) + compression
+        head += struct.pack("<Q", len(packed))
+        at = self._position
+        length = len(head) + len(packed)
+        blocks = [block.records.view(np.uint8).data for block in index]
+        self._write(struct.pack("<BQ", Opcode.CHUNK, length) + head, packed, *blocks)
+
+        chunk_length = _PREFIX_BYTES + length
+        offsets, index_length = _index_offsets(index, at + chunk_length)
+        body = struct.pack("<QQQQI", start_ns, end_ns, at, chunk_length, offsets.nbytes) + offsets.tobytes()
+        body += struct.pack("<Q", index_length) + compression + struct.pack("<QQ", len(packed), len(data))
+        self._chunk_indexes.append(struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body)
+
+    def finish(self, counts: Mapping[int, int], start_ns: int, end_ns: int) -> int:
+        """Write the summary and the end of the file; `counts` are messages per channel. Returns the file's size."""
+        if self._undefined:
+            self._write(self._undefined)
+        self._write(_bytes(DataEnd(data_section_crc=0)))
+        statistics = Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(self._channels),
+            channel_message_counts=dict(counts),
+            chunk_count=len(self._chunk_indexes),
+            message_count=sum(counts.values()),
+            message_end_time=end_ns,
+            message_start_time=start_ns,
+            metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )
+        groups: list[tuple[Opcode, bytes]] = [
+            (Opcode.SCHEMA, b"".join(map(_bytes, self._schemas))),
+            (Opcode.CHANNEL, b"".join(map(_bytes, self._channels))),
+            (Opcode.STATISTICS, _bytes(statistics)),
+            (Opcode.CHUNK_INDEX, b"".join(self._chunk_indexes)),
+            (Opcode.ATTACHMENT_INDEX, b"".join(map(_bytes, self._attachments))),
+            (Opcode.METADATA_INDEX, b"".join(map(_bytes, self._metadata))),
+        ]
+        start = at = self._position
+        summary, offsets = b"", b""
+        for opcode, data in groups:
+            if data:
+                offsets += _bytes(SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(data)))
+            summary += data
+            at += len(data)
+        summary += offsets
+        begun = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, at)
+        footer = Footer(summary_start=start, summary_offset_start=at, summary_crc=zlib.crc32(summary + begun))
+        self._write(summary, _bytes(footer), MAGIC)
+        return self._position
+
+    def _write(self, *buffers: bytes | memoryview) -> None:
+        views = [memoryview(buffer) for buffer in buffers]
+        write_all(self._descriptor, views, self._position)
+        self._position += sum(view.nbytes for view in views)
+
+
+def index_dtype(messages: int) -> np.dtype[np.void]:
+    """A message index record of a channel with so many messages: opcode, length, channel, bytes, (time, offset)s."""
+    entry = [("time", "<u8"), ("offset", "<u8")]
+    return np.dtype(
+        [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("size", "<u4"), ("entries", entry, (messages,))]
+    )
+
+
+def _index_offsets(index: Sequence[IndexBlock], at: int) -> tuple[NDArray[np.void], int]:
+    blocks = []
+    start = at
+    for block in index:
+        offsets = np.empty(len(block.ids), dtype=[("channel", "<u2"), ("offset", "<u8")])
+        offsets["channel"] = block.ids
+        offsets["offset"] = at + block.records.itemsize * np.arange(len(block.ids))
+        blocks.append(offsets)
+        at += block.records.nbytes
+    return np.concatenate(blocks), at - start
+
+
+def _bytes(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    write: Callable[[RecordBuilder], None] = record.write
+    write(builder)
+    data: bytes = builder.end()
+    return data

@@ -1,0 +1,346 @@
+"""Which ROS 2 message carries an element, and where in it each entry stands.
+
+Pure rules, no files: `silo.files.bag` turns elements into channels with them. A channel's message has a fixed layout
+(CDR, little-endian), so that thousands of messages are one NumPy structured array; only a string has a length of its
+own, and it is always the last field of its message.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from silo.errors import SaveError
+from silo.recording import RecordedElement, RecordedEntry
+
+PACKAGE = "signal_logger_msgs/msg/"
+ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR version 1, little-endian
+# encapsulation, int32 sec, uint32 nanosec, frame_id "" (length 1, NUL)
+HEADER_END = 17
+STRING = "string"
+
+_NESTED = 1
+_ARRAY = 48
+_TYPE_IDS = {
+    name: number
+    for number, name in enumerate(
+        ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"), start=2
+    )
+} | {"bool": 15, "string": 17}
+_SIZES = {"bool": 1, "string": 4} | {
+    name: int(re.sub(r"\D", "", name)) // 8 for name in _TYPE_IDS if name[-1].isdigit()
+}
+_CAMEL = {name: re.sub("^Ui", "UI", name.capitalize()) for name in _TYPE_IDS}
+
+_DEPENDENCIES: dict[str, tuple[tuple[str, str], ...]] = {
+    "std_msgs/Header": (("builtin_interfaces/Time", "stamp"), ("string", "frame_id")),
+    "builtin_interfaces/Time": (("int32", "sec"), ("uint32", "nanosec")),
+    "geometry_msgs/Pose": (("geometry_msgs/Point", "position"), ("geometry_msgs/Quaternion", "orientation")),
+    "geometry_msgs/Twist": (("geometry_msgs/Vector3", "linear"), ("geometry_msgs/Vector3", "angular")),
+    "geometry_msgs/Point": (("float64", "x"), ("float64", "y"), ("float64", "z")),
+    "geometry_msgs/Vector3": (("float64", "x"), ("float64", "y"), ("float64", "z")),
+    "geometry_msgs/Quaternion": (("float64", "x"), ("float64", "y"), ("float64", "z"), ("float64", "w")),
+}
+_GEOMETRY: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "vector": ("Vector3", "vector", ("_x", "_y", "_z")),
+    "quaternion": ("Quaternion", "quaternion", ("_x", "_y", "_z", "_w")),
+    "pose": (
+        "Pose",
+        "pose",
+        (*(f"_position_{axis}" for axis in "xyz"), *(f"_orientation_{axis}" for axis in "xyzw")),
+    ),
+    "twist": ("Twist", "twist", tuple(f"_{part}_{axis}" for part in ("linear", "angular") for axis in "xyz")),
+}
+
+
+@dataclass(frozen=True)
+class MessageType:
+    """A ROS 2 message type: its full name (`package/msg/Name`), its fields (type, name), and constants."""
+
+    name: str
+    fields: tuple[tuple[str, str], ...]
+    constants: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The definition with all that it depends on, as an MCAP `ros2msg` schema wants it."""
+        blocks = ["\n".join([*self.constants, *(f"{kind} {name}" for kind, name in self.fields)])]
+        for dependency in self._dependencies():
+            lines = "\n".join(f"{kind} {name}" for kind, name in _DEPENDENCIES[dependency])
+            blocks.append(f"MSG: {dependency}\n{lines}")
+        return f"\n{'=' * 80}\n".join(blocks) + "\n"
+
+    @property
+    def type_hash(self) -> str:
+        """The type's version hash (RIHS01), which ROS 2 compares between publisher and subscriber."""
+        referenced = sorted(_long_name(name) for name in self._dependencies())
+        described = {_long_name(name): fields for name, fields in _DEPENDENCIES.items()}
+        description = {
+            "type_description": _describe(self.name, self.fields),
+            "referenced_type_descriptions": [_describe(name, described[name]) for name in referenced],
+        }
+        return "RIHS01_" + hashlib.sha256(json.dumps(description).encode()).hexdigest()
+
+    def _dependencies(self) -> list[str]:
+        found: list[str] = []
+        waiting = [kind for kind, _ in self.fields]
+        while waiting:
+            kind = waiting.pop(0)
+            if kind in _DEPENDENCIES and kind not in found:
+                found.append(kind)
+                waiting.extend(nested for nested, _ in _DEPENDENCIES[kind])
+        return found
+
+
+@dataclass(frozen=True)
+class Part:
+    """Where one entry stands: `entry` is its index in the element, `offset` counts from the start of the message.
+
+    `wire` is the NumPy type there (`string` for a CDR string), `count` how many of them: 2 for a complex number.
+    """
+
+    entry: int
+    offset: int
+    wire: str
+    count: int = 1
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One topic: all entries of an element, or one string of it.
+
+    `size` is the length of a message in bytes; of a string message without the characters. `fixed` are fields with
+    the same value in each message: (offset, value), uint32.
+    """
+
+    topic: str
+    element: int
+    type: MessageType
+    parts: tuple[Part, ...]
+    size: int
+    fixed: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def is_string(self) -> bool:
+        """Whether messages differ in length."""
+        return self.parts[0].wire == STRING
+
+
+@dataclass(frozen=True)
+class _Wire:
+    """How one value travels: ROS type, NumPy type, how many of them."""
+
+    ros: str
+    numpy: str
+    count: int = 1
+
+    @property
+    def ros_field(self) -> str:
+        return self.ros if self.count == 1 else f"{self.ros}[{self.count}]"
+
+
+# by NumPy kind and size; what is not here travels as its bytes
+_WIRES = {
+    "b1": _Wire("bool", "|u1"),
+    "f2": _Wire("float32", "<f4"),
+    "f4": _Wire("float32", "<f4"),
+    "f8": _Wire("float64", "<f8"),
+    "c8": _Wire("float32", "<f4", 2),
+    "c16": _Wire("float64", "<f8", 2),
+    "M8": _Wire("int64", "<i8"),
+    "m8": _Wire("int64", "<i8"),
+} | {
+    f"{kind}{size}": _Wire(f"{prefix}{8 * size}", f"<{kind}{size}")
+    for kind, prefix in (("i", "int"), ("u", "uint"))
+    for size in (1, 2, 4, 8)
+}
+
+
+def channels_of(elements: Sequence[RecordedElement]) -> list[Channel]:
+    """The channels of all elements, in the table's order; a compound element with strings has several.
+
+    Raises `SaveError` for values that no message can hold (Python objects).
+    """
+    channels: list[Channel] = []
+    unique = _unique(_topic)
+    for index, element in enumerate(elements):
+        wires = [_wire_of(entry) for entry in element.entries]
+        strings = [i for i, wire in enumerate(wires) if wire.ros == STRING]
+        rest = [i for i, wire in enumerate(wires) if wire.ros != STRING]
+        if rest:
+            channel = _message(element, rest, [wires[i] for i in rest])
+            channels.append(replace(channel, topic=unique(element.name), element=index))
+        for i in strings:
+            name = element.name if len(element.entries) == 1 else element.entries[i].name
+            channels.append(replace(_string_message(i), topic=unique(name), element=index))
+    return channels
+
+
+def type_hashes(channels: Iterable[Channel]) -> dict[str, str]:
+    """The version hash of each message type in use, by the type's name."""
+    types = {channel.type.name: channel.type for channel in channels}
+    return {name: type_.type_hash for name, type_ in types.items()}
+
+
+def _wire_of(entry: RecordedEntry) -> _Wire:
+    dtype = entry.values.dtype
+    kind, size = dtype.kind, dtype.itemsize
+    if kind == "S" and _is_text(entry):
+        return _Wire(STRING, STRING)
+    if kind + str(size) in _WIRES:
+        return _WIRES[kind + str(size)]
+    if kind in "SVfcU":
+        return _Wire("uint8", "|u1", max(size, 1))
+    raise SaveError(f"{entry.name}: values of type {dtype} can't be stored in a bag; leave the element out of it")
+
+
+def _is_text(entry: RecordedEntry) -> bool:
+    # readers decode strings as UTF-8 and end them at NUL: what is neither travels as bytes
+    joined = b"\n".join(entry.values.tolist())
+    try:
+        joined.decode()
+    except UnicodeDecodeError:
+        return False
+    return b"\0" not in joined
+
+
+def _message(element: RecordedElement, indices: list[int], wires: list[_Wire]) -> Channel:
+    entries = [element.entries[i] for i in indices]
+    suffixes = tuple(entry.entry.suffix for entry in entries)
+    uniform = len(set(wires)) == 1 and wires[0].count == 1
+    if len(indices) == 1:
+        return _scalar(entries[0], indices[0], wires[0])
+    if uniform and element.kind in _GEOMETRY and wires[0].ros.startswith("float"):
+        short, field, order = _GEOMETRY[element.kind]
+        if sorted(order) == sorted(suffixes):
+            offset = _align(HEADER_END, 8)
+            parts = tuple(
+                Part(indices[suffixes.index(suffix)], offset + 8 * k, "<f8") for k, suffix in enumerate(order)
+            )
+            type_ = _stamped(f"geometry_msgs/msg/{short}Stamped", (f"geometry_msgs/{short}", field))
+            return Channel("", 0, type_, parts, offset + 8 * len(order))
+    if uniform and element.kind in ("vector", "array", "matrix"):
+        return _array(element, indices, wires[0])
+    return _struct(suffixes, indices, wires)
+
+
+def _scalar(entry: RecordedEntry, index: int, wire: _Wire) -> Channel:
+    offset = _align(HEADER_END, _SIZES[wire.ros])
+    field = (wire.ros_field, "value")
+    constants = tuple(_constants(wire.ros, entry.entry.labels or {})) if entry.values.dtype.kind in "iu" else ()
+    if constants:
+        name = f"{PACKAGE}Enum{_digest(wire.ros, *constants)}Stamped"
+    elif wire.count > 1:
+        name = f"{PACKAGE}{_CAMEL[wire.ros]}Array{wire.count}Stamped"
+    else:
+        name = f"{PACKAGE}{_CAMEL[wire.ros]}Stamped"
+    size = offset + _SIZES[wire.ros] * wire.count
+    return Channel(
+        "", 0, _stamped(name, field, constants=constants), (Part(index, offset, wire.numpy, wire.count),), size
+    )
+
+
+def _array(element: RecordedElement, indices: list[int], wire: _Wire) -> Channel:
+    count, size = len(indices), _SIZES[wire.ros]
+    value = (f"{wire.ros}[{count}]", "value")
+    camel = _CAMEL[wire.ros]
+    fixed: tuple[tuple[int, int], ...] = ()
+    if element.kind == "matrix" and len(element.shape) == 2 and element.shape[0] * element.shape[1] == count:
+        rows, columns = element.shape
+        at = _align(HEADER_END, 4)
+        fixed = ((at, rows), (at + 4, columns))
+        offset = _align(at + 8, size)
+        type_ = _stamped(
+            f"{PACKAGE}{camel}Matrix{rows}x{columns}Stamped", ("uint32", "rows"), ("uint32", "cols"), value
+        )
+    else:
+        offset = _align(HEADER_END, size)
+        type_ = _stamped(f"{PACKAGE}{camel}Array{count}Stamped", value)
+    parts = tuple(Part(index, offset + k * size, wire.numpy) for k, index in enumerate(indices))
+    return Channel("", 0, type_, parts, offset + count * size, fixed)
+
+
+def _struct(suffixes: Iterable[str], indices: list[int], wires: list[_Wire]) -> Channel:
+    unique = _unique(_field)
+    fields: list[tuple[str, str]] = []
+    parts: list[Part] = []
+    end = HEADER_END
+    for suffix, index, wire in zip(suffixes, indices, wires, strict=True):
+        offset = _align(end, _SIZES[wire.ros])
+        fields.append((wire.ros_field, unique(suffix)))
+        parts.append(Part(index, offset, wire.numpy, wire.count))
+        end = offset + _SIZES[wire.ros] * wire.count
+    name = f"{PACKAGE}Struct{_digest(*(f'{kind} {field}' for kind, field in fields))}Stamped"
+    return Channel("", 0, _stamped(name, *fields), tuple(parts), end)
+
+
+def _string_message(index: int) -> Channel:
+    offset = _align(HEADER_END, 4)
+    # + 4 bytes of length, + the NUL that ends it
+    return Channel(
+        "", 0, _stamped(f"{PACKAGE}StringStamped", (STRING, "value")), (Part(index, offset, STRING),), offset + 5
+    )
+
+
+def _stamped(name: str, *fields: tuple[str, str], constants: tuple[str, ...] = ()) -> MessageType:
+    return MessageType(name, (("std_msgs/Header", "header"), *fields), constants)
+
+
+def _align(offset: int, size: int) -> int:
+    # CDR aligns to the start of the data, 4 bytes into the message
+    return -(-(offset - len(ENCAPSULATION)) // size) * size + len(ENCAPSULATION)
+
+
+def _constants(kind: str, labels: dict[int, str]) -> Iterable[str]:
+    # Foxglove shows the constants of a message as names of its values
+    unique = _unique(lambda label: re.sub("[^A-Z0-9]+", "_", label.upper()).strip("_"))
+    for number, label in sorted(labels.items()):
+        constant = unique(label)
+        if re.fullmatch("[A-Z][A-Z0-9]*(_[A-Z0-9]+)*", constant):
+            yield f"{kind} {constant}={number}"
+
+
+def _topic(name: str) -> str:
+    tokens = [re.sub("_+", "_", re.sub("[^A-Za-z0-9_]", "_", token)) for token in name.split("/") if token]
+    return "/" + "/".join("_" + token if token[0].isdigit() else token for token in tokens or ["unnamed"])
+
+
+def _field(suffix: str) -> str:
+    name = re.sub("[^a-z0-9]+", "_", suffix.lower()).strip("_")
+    return name if name and name[0].isalpha() and name != "header" else f"value_{name}".rstrip("_")
+
+
+def _unique(clean: Callable[[str], str]) -> Callable[[str], str]:
+    taken: set[str] = set()
+
+    def choose(name: str) -> str:
+        base = candidate = clean(name)
+        number = 2
+        while candidate in taken:
+            candidate, number = f"{base}_{number}", number + 1
+        taken.add(candidate)
+        return candidate
+
+    return choose
+
+
+def _digest(*lines: str) -> str:
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:8]
+
+
+def _long_name(name: str) -> str:
+    package, _, message = name.partition("/")
+    return f"{package}/msg/{message}"
+
+
+def _describe(name: str, fields: tuple[tuple[str, str], ...]) -> dict[str, object]:
+    return {"type_name": name, "fields": [_describe_field(kind, field) for kind, field in fields]}
+
+
+def _describe_field(kind: str, name: str) -> dict[str, object]:
+    base, _, length = kind.rstrip("]").partition("[")
+    number = _TYPE_IDS.get(base, _NESTED) + (_ARRAY if length else 0)
+    nested = "" if base in _TYPE_IDS else _long_name(base)
+    type_ = {"type_id": number, "capacity": int(length or 0), "string_capacity": 0, "nested_type_name": nested}
+    return {"name": name, "type": type_}
