@@ -29,6 +29,10 @@ class FileFormatError(SiloError, ValueError):
     """A log file isn't what its name says, or is damaged beyond what can be read."""
 
 
+class LogNotFoundError(SiloError, FileNotFoundError):
+    """No log has that path, start of a file name or run number, or more than one has."""
+
+
 class SaveError(SiloError, OSError):
     """A log could not be saved. Nothing stands under the final name; the data is still in memory."""
 

@@ -1,0 +1,122 @@
+"""Writing a file or a folder so that it stands under its final name whole or not at all.
+
+Every writer of `silo.files` goes through here. The work happens under a hidden temporary name in the same folder,
+which is flushed to the disk and then renamed; on any failure, Ctrl-C included, it is removed.
+"""
+
+import errno
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from silo.errors import SaveError
+
+PART_ENDING = ".part"
+
+
+@contextmanager
+def atomic_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """An open, unbuffered binary file that becomes `path` when the block ends without an exception.
+
+    A file that already stood under `path` is replaced. Raises `SaveError` for every `OSError` of the block (full
+    disk, no permission, missing folder); then nothing new stands under `path`.
+    """
+    final = Path(path)
+    part = _temporary_name(final)
+    try:
+        with part.open("xb", buffering=0) as file:
+            yield file
+            os.fsync(file.fileno())
+        part.replace(final)
+        _sync_folder(final.parent)
+    except SaveError:
+        _remove(part)
+        raise
+    except OSError as error:
+        _remove(part)
+        raise SaveError(f"can't save '{final}': {reason(error)}; nothing was left under that name") from error
+    except BaseException:
+        _remove(part)
+        raise
+
+
+@contextmanager
+def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """An empty folder to fill, which becomes `path` when the block ends without an exception.
+
+    Unlike a file, an existing `path` is never replaced: that is a `SaveError`, as is every `OSError` of the block.
+    """
+    final = Path(path)
+    if final.exists():
+        raise SaveError(f"can't save '{final}': it exists already; remove it or choose another name")
+    part = _temporary_name(final)
+    try:
+        part.mkdir()
+        yield part
+        for file in sorted(part.rglob("*")):
+            _sync(file)
+        _sync(part)
+        part.rename(final)
+        _sync_folder(final.parent)
+    except SaveError:
+        _remove(part)
+        raise
+    except OSError as error:
+        _remove(part)
+        raise SaveError(f"can't save '{final}': {reason(error)}; nothing was left under that name") from error
+    except BaseException:
+        _remove(part)
+        raise
+
+
+def write_all(file_descriptor: int, buffers: list[memoryview], offset: int) -> None:
+    """Write the buffers (of bytes, contiguous) one after the other at `offset`, whatever the kernel takes per call."""
+    pending = [buffer for buffer in buffers if buffer.nbytes]
+    while pending:
+        # the kernel takes at most 1024 buffers and 2 GiB per call
+        written = os.pwritev(file_descriptor, pending[:1024], offset)
+        offset += written
+        while pending and written >= pending[0].nbytes:
+            written -= pending.pop(0).nbytes
+        if written:
+            pending[0] = pending[0][written:]
+
+
+def reason(error: OSError) -> str:
+    """Why the system refused, in words that help: `No space left on device`."""
+    return error.strerror or str(error)
+
+
+def _temporary_name(final: Path) -> Path:
+    # short and random: a final name of 255 bytes leaves no room for an ending
+    return final.parent / f".silo-{os.getpid()}-{secrets.token_hex(4)}{PART_ENDING}"
+
+
+def _remove(part: Path) -> None:
+    # what is reported is why the save failed, not that its rest could not be removed as well
+    with suppress(OSError):
+        if part.is_dir():
+            shutil.rmtree(part)
+        else:
+            part.unlink(missing_ok=True)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the rename itself durable; some network file systems refuse that, and the data is safe without."""
+    try:
+        _sync(folder)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.EACCES):
+            raise
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

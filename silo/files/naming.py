@@ -1,0 +1,155 @@
+"""What log files are called, and how they are found again.
+
+`<logger>_<date>_<time>_<run number>.<ending>`: one run number per save, counted in `.<logger>_fileNumber` in the
+folder of the logs, under a lock, so that several processes may save at once.
+"""
+
+import fcntl
+import os
+import re
+from collections.abc import Iterable
+from datetime import datetime
+from pathlib import Path
+
+from silo.errors import LogNotFoundError, SaveError
+from silo.files.atomic import reason
+from silo.model import FileType
+
+ENDINGS = {FileType.SILO: ".silo", FileType.CSV: ".csv", FileType.BAG: ".bag"}
+LOG_ENDINGS = (".silo", ".mcap", ".bag", ".csv")
+_STEM = re.compile(r"(?P<logger>.+)_(?P<when>\d{8}_\d\d-\d\d-\d\d)_(?P<run>\d{5,})")
+
+
+def next_run_number(folder: str | os.PathLike[str], logger: str) -> int:
+    """Take the next run number of a logger: one more than the last, 1 for the first.
+
+    Safe when several threads and processes call it at once. A counter that is missing or damaged goes on after the
+    newest log in the folder. Raises `SaveError` if the folder can't be written.
+    """
+    counter = Path(folder) / f".{check_name(logger)}_fileNumber"
+    try:
+        descriptor = os.open(counter, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            # released by close, also when the process dies
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            text = os.read(descriptor, 64).strip()
+            last = int(text) if re.fullmatch(rb"\d{1,18}", text) else _newest_run(Path(folder), logger)
+            number = b"%d\n" % (last + 1)
+            os.pwrite(descriptor, number, 0)
+            os.ftruncate(descriptor, len(number))
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        raise SaveError(f"can't count the run in '{counter}': {reason(error)}; choose another folder") from error
+    return last + 1
+
+
+def log_path(folder: str | os.PathLike[str], logger: str, run: int, when: datetime, ending: str) -> Path:
+    """`folder/<logger>_<YYYYmmdd_HH-MM-SS>_<run, 5 digits or more><ending>`; `when` in local time."""
+    return Path(folder) / f"{check_name(logger)}_{when:%Y%m%d_%H-%M-%S}_{run:05d}{ending}"
+
+
+def custom_path(folder: str | os.PathLike[str], name: str, ending: str) -> Path:
+    """`folder/<name><ending>`; the ending is not doubled if the name has it already."""
+    stem = check_name(name)
+    for known in LOG_ENDINGS:
+        stem = stem.removesuffix(known)
+    return Path(folder) / (check_name(stem) + ending)
+
+
+def check_name(name: str) -> str:
+    """The name, if it is one for a file: no `/`, no dot in front, no control character, at most 200 bytes.
+
+    Raises `SaveError` with what is wrong.
+    """
+    problem = None
+    if not name or not name.strip():
+        problem = "it is empty"
+    elif "/" in name:
+        problem = "it contains '/' (the folder is an option of its own)"
+    elif name.startswith("."):
+        problem = "it starts with a dot, which would hide the file"
+    elif not name.isprintable():
+        problem = "it contains a control character"
+    elif len(name.encode("utf-8")) > 200:
+        problem = f"it has {len(name.encode('utf-8'))} bytes, 200 are possible"
+    if problem:
+        raise SaveError(f"{name!r} can't be the name of a log: {problem}")
+    return name
+
+
+def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> Path:
+    """The log that is meant by a path, by the start of a file name (the newest), or by a run number.
+
+    A relative path counts from `folder`, too. Of one save in several formats the `.silo` file is taken. Raises
+    `LogNotFoundError` if there is none, or if several loggers have a log of that run number.
+    """
+    place = Path(folder)
+    if isinstance(which, int):
+        return _by_run(which, place)
+    for path in (Path(which), place / which):
+        if path.exists() and (path.is_file() or is_bag_folder(path)):
+            return path
+    start = place / which
+    found = [path for path in _logs(start.parent) if path.name.startswith(start.name)]
+    if found:
+        return max(found, key=_age_and_preference)
+    if str(which).isdecimal():
+        return _by_run(int(str(which)), place)
+    raise LogNotFoundError(f"no log '{which}' in '{place.resolve()}'{_what_is_there(place)}")
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Whether this is a folder with a rosbag2 recording."""
+    return path.is_dir() and ((path / "metadata.yaml").is_file() or any(path.glob("*.mcap")))
+
+
+def _by_run(run: int, folder: Path) -> Path:
+    found = [path for path in _logs(folder) if _run_of(path) == run]
+    loggers = sorted({match["logger"] for path in found if (match := _STEM.match(path.name))})
+    if len(loggers) > 1:
+        raise LogNotFoundError(
+            f"run {run} in '{folder.resolve()}' is a log of several loggers ({', '.join(loggers)}); "
+            f"say which by the start of the file name, like '{loggers[0]}_'"
+        )
+    if not found:
+        raise LogNotFoundError(f"no log of run {run} in '{folder.resolve()}'{_what_is_there(folder)}")
+    return max(found, key=_age_and_preference)
+
+
+def _logs(folder: Path) -> Iterable[Path]:
+    if not folder.is_dir():
+        return ()
+    paths = (path for path in folder.iterdir() if path.suffix in LOG_ENDINGS and not path.name.startswith("."))
+    return [path for path in paths if path.is_file() or is_bag_folder(path)]
+
+
+def _run_of(path: Path) -> int:
+    match = _STEM.fullmatch(path.stem)
+    return int(match["run"]) if match else 0
+
+
+def _age_and_preference(path: Path) -> tuple[float, int, int]:
+    # by the date in the name, which survives copying; by the file's own where the name has none
+    match = _STEM.fullmatch(path.stem)
+    made = path.stat().st_mtime
+    if match:
+        # a day that does not exist leaves the date of the file
+        try:
+            made = datetime.strptime(match["when"], "%Y%m%d_%H-%M-%S").timestamp()
+        except ValueError:
+            made = path.stat().st_mtime
+    return made, _run_of(path), -LOG_ENDINGS.index(path.suffix)
+
+
+def _newest_run(folder: Path, logger: str) -> int:
+    matches = (_STEM.fullmatch(path.stem) for path in _logs(folder))
+    return max((int(match["run"]) for match in matches if match and match["logger"] == logger), default=0)
+
+
+def _what_is_there(folder: Path) -> str:
+    newest = sorted(_logs(folder), key=_age_and_preference, reverse=True)
+    if not newest:
+        return " (the folder holds no log)"
+    more = f" and {len(newest) - 3} more" if len(newest) > 3 else ""
+    return f"; there are: {', '.join(path.name for path in newest[:3])}{more}"

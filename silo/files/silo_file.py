@@ -1,0 +1,5 @@
+"""The `.silo` format: `write_silo` and `read_silo`, each in a module of its own."""
+
+from silo.files.silo_writer import write_silo
+
+__all__ = ["write_silo"]
