@@ -246,9 +246,9 @@ def _metadata_yaml(
     recording: Recording, channels: Sequence[Channel], counts: Mapping[int, int], name: str, span: tuple[int, int]
 ) -> str:
     """rosbag2's description of the bag. Version 8: QoS profiles are a text, which Humble can still parse."""
-    span = (
-        f"starting_time:\n{{0}}  nanoseconds_since_epoch: {first}\n{{0}}duration:\n{{0}}  nanoseconds: {last - first}"
-    )
+    first, last = span
+    start = f"starting_time:\n{{0}}  nanoseconds_since_epoch: {first}"
+    when = f"{start}\n{{0}}duration:\n{{0}}  nanoseconds: {last - first}"
     total = sum(counts.values())
     hashes = type_hashes(channels)
     lines = [
