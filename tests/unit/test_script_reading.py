@@ -1,0 +1,260 @@
+"""Reading scripts: what is accepted, and how each mistake is told."""
+
+import gc
+import os
+from pathlib import Path
+
+import pytest
+
+from silo.errors import ScriptError
+from silo.model import Action, BufferType
+from silo.script import MAX_PROBLEMS, MAX_SCRIPT_BYTES, Script, ScriptElement, parse_script, read_script
+
+FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures"
+
+
+def script(text: str) -> Script:
+    return parse_script(text, "config/robot.yaml")
+
+
+def complaint(text: str) -> str:
+    with pytest.raises(ScriptError) as error:
+        script(text)
+    return str(error.value)
+
+
+def element(text: str) -> ScriptElement:
+    (only,) = script(f"log_elements:\n  - name: /log/x\n    {text}\n").elements
+    return only
+
+
+def element_complaint(text: str) -> str:
+    return complaint(f"log_elements:\n  - name: /log/x\n    {text}\n")
+
+
+def test_every_key_of_an_element_is_read() -> None:
+    buffer = "buffer:\n      type: 0\n      size: 10"
+    text = f"log_elements:\n  - name: /log/grp/x\n    enabled: true\n    divider: 3\n    {buffer}\n    action: 2\n"
+    assert script(text).elements == (ScriptElement("/log/grp/x", 2, True, 3, Action.PUBLISH, BufferType.FIXED, 10),)
+
+
+def test_missing_keys_are_none() -> None:
+    assert element("divider: 2") == ScriptElement("/log/x", 2, divider=2)
+
+
+@pytest.mark.parametrize(
+    ("word", "member"),
+    [
+        ("1", 1),
+        ("LOOPING", 1),
+        ("looping", 1),
+        ("Fixed_Size", 0),
+        ("fixed", 0),
+        ("exponentially-growing", 2),
+        ("'2'", 2),
+    ],
+)
+def test_buffer_types_are_given_by_number_or_name(word: str, member: int) -> None:
+    assert element(f"buffer: {{type: {word}}}").buffer_type is BufferType(member)
+
+
+@pytest.mark.parametrize(("word", "member"), [("0", 0), ("save_and_publish", 0), ("Save", 1), ("PUBLISH", 2)])
+def test_actions_are_given_by_number_or_name(word: str, member: int) -> None:
+    assert element(f"action: {word}").action is Action(member)
+
+
+@pytest.mark.parametrize(("word", "value"), [("true", True), ("False", False), ("yes", True), ("OFF", False)])
+def test_enabled_takes_the_words_that_yaml_knows(word: str, value: bool) -> None:
+    assert element(f"enabled: {word}").enabled is value
+
+
+def test_an_empty_list_of_elements_is_a_script() -> None:
+    assert script("log_elements: []\n").elements == ()
+    assert script("log_elements:\n").elements == ()
+
+
+def test_a_byte_order_mark_and_windows_line_ends_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_bytes(b"\xef\xbb\xbflog_elements:\r\n  - name: /log/x\r\n    divider: 4\r\n")
+    assert read_script(path).elements == (ScriptElement("/log/x", 2, divider=4),)
+
+
+def test_an_anchor_may_be_used_for_several_buffers() -> None:
+    text = "log_elements:\n- {name: /a, buffer: &b {type: 2, size: 7}}\n- {name: /b, buffer: *b}\n"
+    assert [item.buffer_size for item in script(text).elements] == [7, 7]
+
+
+@pytest.mark.skipif(not FIXTURES.is_dir(), reason="files of the original are not here")
+@pytest.mark.parametrize("name", ["looping_wrapped", "mixed_dividers", "time_buffer_full"])
+def test_scripts_of_the_original_are_read(name: str) -> None:
+    text = (FIXTURES / f"{name}.yaml").read_text()
+    assert len(read_script(FIXTURES / f"{name}.yaml").elements) == text.count("- name:")
+
+
+@pytest.mark.skipif(not FIXTURES.is_dir(), reason="files of the original are not here")
+def test_the_buffer_of_size_zero_that_the_original_allows_is_the_only_complaint_about_its_script() -> None:
+    with pytest.raises(ScriptError) as error:
+        read_script(FIXTURES / "all_types.yaml")
+    (line,) = str(error.value).splitlines()
+    assert line.endswith(
+        ":182: element '/log/extra/zero_size_buffer': buffer size must be 1 or more, got 0; nothing was changed"
+    )
+
+
+def test_a_range_error_names_file_line_element_and_value() -> None:
+    reason = "config/robot.yaml:3: element '/log/x': divider must be 1 or more, got 0; nothing was changed"
+    assert element_complaint("divider: 0") == reason
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("divider: -1", "divider must be 1 or more, got -1"),
+        ("divider: 2147483648", "divider must be at most 2147483647, got 2147483648"),
+        ("divider: true", "divider must be a whole number, got true"),
+        ("divider: 2.0", "divider must be a whole number, got 2.0"),
+        ("divider: '2'", "divider must be a whole number, got the text '2'"),
+        ("divider: 010", "divider must be a whole number, got 010"),
+        ("divider: [2]", "divider must be a whole number, got a list"),
+        ("divider:", "divider has no value; give a whole number, or remove the key"),
+        ("divider: !!int 5", "divider must be a whole number, got a value with the tag 'tag:yaml.org,2002:int'"),
+        ("buffer: {size: 0}", "buffer size must be 1 or more, got 0"),
+        ("buffer: 5", "buffer must have keys (type, size), got 5"),
+        ("buffer: {type: 3}", "buffer type must be FIXED (0), LOOPING (1) or GROWING (2), got 3"),
+        ("buffer: {type: true}", "buffer type must be FIXED (0), LOOPING (1) or GROWING (2), got true"),
+        ("action: -1", "action must be SAVE_AND_PUBLISH (0), SAVE (1) or PUBLISH (2), got -1"),
+        ("enabled: 1", "enabled must be true or false, got 1"),
+        ("enabled: 'true'", "enabled must be true or false, got the text 'true'"),
+        ("enabled: {a: b}", "enabled must be true or false, got a group of keys"),
+        ("dividr: 2", "unknown key 'dividr' in an element; did you mean 'divider'?"),
+        ("rate: 2", "unknown key 'rate' in an element; known are name, enabled, divider, buffer, action"),
+        ("buffer: {sice: 2}", "unknown key 'sice' in buffer; did you mean 'size'?"),
+    ],
+)
+def test_a_wrong_value_is_told_in_words(text: str, reason: str) -> None:
+    assert element_complaint(text) == f"config/robot.yaml:3: element '/log/x': {reason}; nothing was changed"
+
+
+def test_a_number_with_thousands_of_digits_is_out_of_range() -> None:
+    assert "divider must be at most 2147483647, got 999" in element_complaint("divider: " + "9" * 5000)
+
+
+def test_all_problems_come_at_once_each_with_its_line() -> None:
+    text = "log_elements:\n- name: /a\n  divider: 0\n  action: 9\n- divider: 1\n- 5\n"
+    assert complaint(text).splitlines() == [
+        "config/robot.yaml:3: element '/a': divider must be 1 or more, got 0",
+        "config/robot.yaml:4: element '/a': action must be SAVE_AND_PUBLISH (0), SAVE (1) or PUBLISH (2), got 9",
+        "config/robot.yaml:5: element 2 of the list: name is missing",
+        "config/robot.yaml:6: element 3 of the list: must have keys (`name: ...`), got 5; nothing was changed",
+    ]
+
+
+def test_a_flood_of_problems_is_cut() -> None:
+    lines = complaint("log_elements:\n" + "- 5\n" * (MAX_PROBLEMS + 7)).splitlines()
+    assert len(lines) == MAX_PROBLEMS + 1
+    assert lines[-1] == "config/robot.yaml: and 7 more problems; nothing was changed"
+
+
+def test_an_element_listed_twice_names_both_lines() -> None:
+    text = "log_elements:\n- name: /a\n- name: /b\n- name: /a\n"
+    assert complaint(text) == ("config/robot.yaml:4: element '/a': listed twice, first in line 2; nothing was changed")
+
+
+def test_a_key_that_stands_twice_names_both_lines() -> None:
+    reason = "config/robot.yaml:4: element '/log/x': key 'divider' stands twice, first in line 3; nothing was changed"
+    assert element_complaint("divider: 1\n    divider: 2") == reason
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "1: the script is empty; it must start with `log_elements:`"),
+        ("# nothing\n", "1: the script is empty; it must start with `log_elements:`"),
+        ("- name: /a\n", "1: a script must have keys (log_elements), got a list"),
+        ("hello\n", "1: a script must have keys (log_elements), got hello"),
+        ("{}\n", "1: `log_elements:` is missing"),
+        ("log_element: []", "1: unknown key 'log_element' in a script; did you mean 'log_elements'?"),
+        ("log_elements: {}", "1: log_elements must be a list (`- name: ...`), got a group of keys"),
+        ("log_elements:\n- name: /a\n\tdivider: 1", "3: a tab stands where YAML wants spaces; indent with two spaces"),
+        ("log_elements: []\n---\n{}", "2: a second document starts here (`---`); a script is one document"),
+        ("log_elements:\n  - name: /a\n\n\x07", "4: not valid YAML: a control character that must not stand in text"),
+    ],
+)  # fmt: skip
+def test_a_file_that_is_no_script_is_told_with_its_line(text: str, reason: str) -> None:
+    assert complaint(text) == f"config/robot.yaml:{reason}; nothing was changed"
+
+
+def test_a_syntax_error_has_its_line() -> None:
+    assert complaint("log_elements:\n  - name: [/a\n    divider: 1\n").startswith(
+        "config/robot.yaml:3: not valid YAML: "
+    )
+
+
+def test_an_error_at_the_end_of_the_file_points_at_the_last_text() -> None:
+    assert complaint("log_elements: [\n  {name: /a}\n\n\n").startswith("config/robot.yaml:2: not valid YAML: ")
+
+
+def test_a_value_of_several_lines_stays_in_one_line_of_the_message() -> None:
+    assert len(element_complaint("divider: 1\n      2\n\n      3").splitlines()) == 1
+
+
+def test_an_undefined_alias_is_a_syntax_error() -> None:
+    assert "found undefined alias" in complaint("log_elements: *nothing\n")
+
+
+def test_deep_nesting_is_refused_before_it_costs_anything() -> None:
+    assert "nested deeper than 16 levels" in complaint("[" * 1_000_000)
+
+
+def test_an_alias_bomb_is_just_a_wrong_value() -> None:
+    laughs = "a: &a [x, x]\n" + "".join(
+        f"{chr(98 + i)}: &{chr(98 + i)} [{', '.join([f'*{chr(97 + i)}'] * 9)}]\n" for i in range(12)
+    )
+    assert "unknown key 'a' in a script" in complaint(laughs + "log_elements: *m\n")
+
+
+def test_a_file_too_large_for_a_script_is_not_parsed(tmp_path: Path) -> None:
+    path = tmp_path / "huge.yaml"
+    with path.open("wb") as file:
+        file.truncate(MAX_SCRIPT_BYTES + 1)
+    with pytest.raises(ScriptError, match="larger than 8 MB"):
+        read_script(path)
+
+
+def test_a_missing_file_tells_where_it_was_looked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ScriptError) as error:
+        read_script("none.yaml")
+    assert str(error.value).startswith(f"none.yaml: no such file (looked for {tmp_path / 'none.yaml'}); ")
+
+
+def test_a_folder_is_not_a_script(tmp_path: Path) -> None:
+    with pytest.raises(ScriptError, match="this is a folder or a device"):
+        read_script(tmp_path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root reads everything")
+def test_a_script_that_may_not_be_read_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "secret.yaml"
+    path.touch(0o000)
+    with pytest.raises(ScriptError, match="Permission denied"):
+        read_script(path)
+
+
+def test_other_encodings_are_told_with_their_line(tmp_path: Path) -> None:
+    path = tmp_path / "latin.yaml"
+    path.write_bytes(b"log_elements:\n  - name: /log/\xe9\n")
+    with pytest.raises(ScriptError) as error:
+        read_script(path)
+    assert str(error.value) == f"{path}:2: byte 0xe9 is not UTF-8; save the file as UTF-8; nothing was changed"
+
+
+def test_reading_leaves_the_garbage_collector_as_it_was() -> None:
+    complaint("")
+    assert gc.isenabled()
+    gc.disable()
+    try:
+        script("log_elements: []")
+        assert not gc.isenabled()
+    finally:
+        gc.enable()

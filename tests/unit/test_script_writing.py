@@ -1,0 +1,115 @@
+"""Applying, comparing and writing scripts."""
+
+from pathlib import Path
+
+import pytest
+
+from silo.errors import ScriptError
+from silo.ipc.messages import FieldChange
+from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry
+from silo.script import apply_script, diff_options, format_script, parse_script, read_script, write_script
+
+FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures"
+USUAL = ElementOptions(True, 2, Action.PUBLISH, BufferType.FIXED, 30)
+
+
+def info(name: str, options: ElementOptions = USUAL) -> ElementInfo:
+    return ElementInfo(name, "-", "scalar", (), (Entry("", "<f8"),), options)
+
+
+def plan_for(body: str, *table: ElementInfo) -> tuple[ElementOptions, ...]:
+    return apply_script(parse_script(f"log_elements:\n{body}", "s.yaml"), table).options
+
+
+def test_a_listed_element_keeps_the_settings_that_are_not_given() -> None:
+    assert plan_for("- {name: /a, enabled: true, divider: 5}", info("/a")) == (
+        ElementOptions(True, 5, Action.PUBLISH, BufferType.FIXED, 30),
+    )
+
+
+def test_a_listed_element_without_enabled_is_disabled() -> None:
+    assert plan_for("- {name: /a}", info("/a"))[0].enabled is False
+
+
+def test_an_element_that_is_not_listed_is_enabled_and_else_unchanged() -> None:
+    off = ElementOptions(False, 7, Action.SAVE, BufferType.GROWING, 3)
+    assert plan_for(" []", info("/a", off)) == (ElementOptions(True, 7, Action.SAVE, BufferType.GROWING, 3),)
+
+
+def test_options_come_in_the_order_of_the_table() -> None:
+    options = plan_for("- {name: /b, divider: 9}\n- {name: /a, divider: 8}", info("/a"), info("/c"), info("/b"))
+    assert [option.divider for option in options] == [8, 2, 9]
+
+
+def test_unknown_names_are_returned_with_line_and_suggestion() -> None:
+    script = parse_script("log_elements:\n- name: /log/joints/tua\n- name: /elsewhere\n", "s.yaml")
+    unknown = apply_script(script, [info("/log/joints/tau")]).unknown
+    assert [str(name) for name in unknown] == [
+        "line 2: no element '/log/joints/tua' (did you mean '/log/joints/tau'?)",
+        "line 3: no element '/elsewhere'",
+    ]
+
+
+@pytest.mark.skipif(not FIXTURES.is_dir(), reason="files of the original are not here")
+@pytest.mark.parametrize("name", ["looping_wrapped", "mixed_dividers", "time_buffer_full"])
+def test_writing_gives_the_bytes_of_the_original(name: str) -> None:
+    path = FIXTURES / f"{name}.yaml"
+    script = read_script(path)
+    table = [info(element.name) for element in script.elements]
+    plan = apply_script(script, table)
+    after = [info(element.name, options) for element, options in zip(table, plan.options, strict=True)]
+    assert format_script(after).encode() == path.read_bytes()
+
+
+def test_a_written_script_reads_back_as_the_same_options(tmp_path: Path) -> None:
+    table = [info("/log/a"), info('/log/ünïcode: #1 "quoted"\n', ElementOptions(False, 3))]
+    write_script(tmp_path / "s.yaml", table)
+    assert diff_options(table, apply_script(read_script(tmp_path / "s.yaml"), table).options) == []
+
+
+def test_an_empty_table_writes_a_script_that_reads_back() -> None:
+    assert parse_script(format_script([]), "s.yaml").elements == ()
+
+
+def test_writing_replaces_a_script_and_leaves_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("old")
+    path.chmod(0o640)
+    write_script(path, [info("/a")])
+    assert path.read_text() == format_script([info("/a")])
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_writing_through_a_symbolic_link_keeps_the_link(tmp_path: Path) -> None:
+    (tmp_path / "link.yaml").symlink_to(tmp_path / "real.yaml")
+    write_script(tmp_path / "link.yaml", [info("/a")])
+    assert (tmp_path / "link.yaml").is_symlink()
+    assert "/a" in (tmp_path / "real.yaml").read_text()
+
+
+def test_a_script_that_can_not_be_written_changes_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ScriptError, match="can't be written"):
+        write_script(tmp_path / "none" / "s.yaml", [info("/a")])
+    path = tmp_path / "s.yaml"
+    path.write_text("old")
+    with pytest.raises(ScriptError, match="not valid Unicode"):
+        write_script(path, [info("/a\udc80")])
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_difference_names_each_field_in_words() -> None:
+    new = ElementOptions(False, 4, Action.SAVE, BufferType.LOOPING, 31)
+    assert diff_options([info("/a"), info("/b")], [new, USUAL]) == [
+        FieldChange("/a", "enabled", "on", "off"),
+        FieldChange("/a", "divider", "2", "4"),
+        FieldChange("/a", "action", "PUBLISH", "SAVE"),
+        FieldChange("/a", "buffer_type", "FIXED", "LOOPING"),
+        FieldChange("/a", "buffer_size", "30", "31"),
+    ]
+
+
+def test_a_difference_of_unequal_lengths_is_an_error() -> None:
+    with pytest.raises(ValueError, match="shorter"):
+        diff_options([info("/a")], [])
