@@ -1,0 +1,291 @@
+"""Writes `collect()`: a closure made for one plan, with everything that can be known at start folded in.
+
+Measured against a class that walks lists: 8 - 45 % faster, and attributes cost 20 ns instead of 270.
+
+Facts that decide its form:
+- fancy indexing keeps the GIL up to 500 indices; `np.take` always drops it, and next to a busy thread single calls then
+  take 5 ms and more. So words are gathered in pieces of at most 500. A store through a memoryview slice keeps it too.
+- words that lie side by side in memory are cheaper to copy than to gather from some 128 words on.
+- rows first, then each ring's head, the time ring last: a reader that sees tick k finds row k in every ring.
+"""
+
+import functools
+import itertools
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.collect.plan import Plan, RingPlan
+from silo.collect.schema import STAMP_WORDS, RingControl, RingSchema, StopReason
+from silo.collect.scratch import Slot, packer
+from silo.collect.segment import Segment
+from silo.collect.sources import Expression
+from silo.errors import StateError
+from silo.model import BufferType
+
+GATHER_WORDS = 500
+RUN_WORDS = 128
+INLINE_DIVIDERS = 4  # with more distinct dividers, one comparison per tick tells whether any is due
+
+Collect = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Columns `begin <= column < end` of a ring's row, and the array expression that fills them."""
+
+    begin: int
+    end: int
+    value: str
+
+
+class _Names:
+    """Objects that the generated code refers to, each under a name of its own."""
+
+    def __init__(self) -> None:
+        self.objects: dict[str, object] = {}
+
+    def give(self, prefix: str, value: object) -> str:
+        name = f"{prefix}{len(self.objects)}"
+        self.objects[name] = value
+        return name
+
+
+def memory_window(addresses: NDArray[np.int64], scratch_words: NDArray[np.uint64]) -> tuple[NDArray[np.uint64], int]:
+    """One array over all words that are gathered, and the word address where it begins.
+
+    Only the words that are indexed are ever touched: what lies between the sources need not be mapped.
+    """
+    scratch = int(scratch_words.__array_interface__["data"][0]) // 8
+    low = min(int(addresses.min(initial=scratch)), scratch)
+    high = max(int(addresses.max(initial=scratch)) + 1, scratch + len(scratch_words))
+    if low == scratch and high == scratch + len(scratch_words):
+        return scratch_words, scratch
+
+    class Window:
+        __array_interface__ = {"data": (8 * low, True), "shape": (high - low,), "typestr": "<u8", "version": 3}  # noqa: RUF012
+
+    return np.asarray(Window()), low
+
+
+def generate(plan: Plan, segment: Segment, clock: Callable[[], int], on_stop: Callable[[StopReason], None]) -> Collect:
+    """`collect()` for one run. `on_stop` is called, once, by the tick with which the logger stops by itself."""
+    addresses = np.concatenate([ring.words for ring in plan.rings])
+    memory, base = memory_window(addresses, plan.scratch.words)
+    names = _Names()
+    stamp = plan.scratch.words[:STAMP_WORDS].view(np.int64).data
+    lock = threading.Lock()
+    names.objects |= {
+        "m": memory,
+        "w": segment.words,
+        "stamp": stamp,
+        "scratch": plan.scratch.words.data.cast("B"),
+    }
+    names.objects |= {"stamp_words": plan.scratch.words[:STAMP_WORDS].data}
+    names.objects |= {"clock": clock, "acquire": lock.acquire, "release": lock.release, "on_stop": on_stop}
+    names.objects |= {"two_writers": _two_writers, "FULL": StopReason.TIME_FULL, "LIMIT": StopReason.MEMORY_LIMIT}
+    writer = _Writer(plan, segment, names, memory, base)
+    source = writer.source()
+    namespace: dict[str, Any] = dict(names.objects)
+    exec(compile(source, "<silo collect>", "exec"), namespace)  # of names made here and checked identifiers
+    made: Collect = namespace["make"]()
+    return made
+
+
+def _two_writers() -> None:
+    raise StateError(
+        "collect() was called by a second thread (or from within itself) while it ran; a logger has one writer: "
+        "call collect() from the control loop only, and give other threads a logger of their own"
+    )
+
+
+def _store_slowly(slots: list[Slot]) -> None:
+    """One by one, after an expression failed: the others are still logged."""
+    for slot in slots:
+        slot.store_slowly()
+
+
+class _Writer:
+    """Writes the source text, ring by ring."""
+
+    def __init__(self, plan: Plan, segment: Segment, names: _Names, memory: NDArray[np.uint64], base: int) -> None:
+        self._plan, self._segment, self._names = plan, segment, names
+        self._memory, self._base = memory, base
+        self._state: list[str] = []  # assignments that open `make`, of the names that collect() changes
+        self._changed: list[str] = ["tick"]
+
+    def source(self) -> str:
+        """The text of `make()`, which returns `collect`."""
+        groups: dict[int, list[RingPlan]] = defaultdict(list)
+        for ring in self._plan.rings[1:]:
+            groups[ring.schema.divider].append(ring)
+        slots = self._plan.scratch.by_divider()
+        body = list(self._groups(groups, slots))
+        body += self._ring(self._plan.rings[0], "n")
+        if self._plan.time.buffer_type is BufferType.FIXED:
+            body += [f"if n >= {self._plan.time.size}:", "    on_stop(FULL)"]
+        lines = ["def make():", "    tick = 0", *_indent(self._state, 1), "    def collect():"]
+        lines += [f"        nonlocal {', '.join(self._changed)}", "        if not acquire(False): two_writers()"]
+        lines += ["        try:", "            n = tick + 1", "            t = clock()"]
+        lines += ["            stamp[0] = tick", "            stamp[1] = t", *_indent(body, 3)]
+        lines += ["            tick = n", "        finally:", "            release()", "    return collect"]
+        return "\n".join(lines)
+
+    def _groups(self, groups: dict[int, list[RingPlan]], slots: dict[int, list[Slot]]) -> Iterator[str]:
+        dividers = sorted(set(groups) | set(slots))
+        slow = [divider for divider in dividers if divider > 1]
+        yield from (line for d in dividers if d == 1 for line in self._group(d, groups[d], slots.get(d, [])))
+        many = len(slow) > INLINE_DIVIDERS
+        if many:
+            self._state.append("due = 0")
+            self._changed.append("due")
+            yield "if tick == due:"
+            yield f"    due = min([{', '.join(f'tick - tick % {d} + {d}' for d in slow)}])"
+        for divider in slow:
+            lines = [
+                f"if not tick % {divider}:",
+                *_indent(self._group(divider, groups[divider], slots.get(divider, [])), 1),
+            ]
+            yield from _indent(lines, 1) if many else lines
+
+    def _group(self, divider: int, rings: list[RingPlan], slots: list[Slot]) -> list[str]:
+        lines = list(self._reads(slots))
+        if divider > 1:
+            lines.append(f"k = tick // {divider} + 1")
+        for ring in rings:
+            lines += self._ring(ring, "n" if divider == 1 else "k")
+        return lines
+
+    # ------------------------------------------------------------------------------------------- expressions
+
+    def _reads(self, slots: list[Slot]) -> Iterator[str]:
+        if not slots:
+            return
+        packed = [slot for slot in slots if slot.pack_format is not None]
+        failed = self._names.give("slow", functools.partial(_store_slowly, slots))
+        yield "try:"
+        if packed:
+            pack = self._names.give("pack", packer(packed).pack_into)
+            yield f"    {pack}(scratch, {packed[0].offset}, {', '.join(self._expression(slot) for slot in packed)})"
+        for slot in slots:
+            if slot.pack_format is None:
+                yield f"    {self._names.give('v', slot.view)}[...] = {self._expression(slot)}"
+        yield "except Exception:"
+        yield f"    {failed}()"
+
+    def _expression(self, slot: Slot) -> str:
+        source = slot.source
+        if not isinstance(source, Expression):
+            return self._names.give("a", source.view)
+        text = self._names.give("o", source.root)
+        for step in source.steps:
+            if step.call:
+                text += "()"
+            elif step.attr:
+                text += f".{step.attr}"
+            else:
+                text += f"[{self._names.give('key', step.key)}]"
+        return text if source.convert is None else f"{self._names.give('c', source.convert)}({text})"
+
+    # ------------------------------------------------------------------------------------------------- rings
+
+    def _ring(self, ring: RingPlan, count: str) -> list[str]:
+        """One row of one ring. `count` is the name of the number of rows with this one."""
+        schema = self._segment.schema.rings[ring.schema.ring]
+        offset = f"at{schema.ring}"
+        self._changed.append(offset)
+        if schema.buffer_type is BufferType.GROWING:
+            return self._growing_ring(ring, schema, count, offset)
+        begin = schema.offset // 8
+        end = begin + schema.capacity * schema.row_words
+        self._state.append(f"{offset} = {begin}")
+        store = self._store(ring, schema, count, offset, "w")
+        if schema.buffer_type is BufferType.LOOPING:
+            return [*store, f"if {offset} == {end}: {offset} = {begin}"]
+        return [f"if {offset} != {end}:", *_indent(store, 1)]
+
+    def _growing_ring(self, ring: RingPlan, schema: RingSchema, count: str, offset: str) -> list[str]:
+        number = schema.ring
+        memory, end = f"mem{number}", f"end{number}"
+        self._changed += [memory, end]
+        chunks = _Chunks(self._segment, schema)
+        more = self._names.give("more", chunks.more)
+        self._state.append(f"{memory}, {offset}, {end} = {more}()")
+        lost = self._segment.ring_control(number) + RingControl.LOST
+        gone = [f"w[{lost}] += 1"]
+        if number == 0:
+            gone += ["on_stop(LIMIT)", "return"]
+        store = self._store(ring, schema, count, offset, memory)
+        return [
+            f"if {offset} == {end}: {memory}, {offset}, {end} = {more}()",
+            f"if {end} > 0:",
+            *_indent(store, 1),
+            "else:",
+            *_indent(gone, 1),
+        ]
+
+    def _store(self, ring: RingPlan, schema: RingSchema, count: str, offset: str, memory: str) -> list[str]:
+        control = self._segment.ring_control(schema.ring)
+        lines = [f"w[{control + RingControl.LIVE}] = {count} - 1"]
+        for piece in self._pieces(ring):
+            begin = f"{offset} + {piece.begin}" if piece.begin else offset
+            lines.append(f"{memory}[{begin}:{offset} + {piece.end}] = {piece.value}")
+        lines.append(f"w[{control + RingControl.HEAD}] = {count}")
+        lines.append(f"{offset} += {schema.row_words}")
+        return lines
+
+    def _pieces(self, ring: RingPlan) -> list[Piece]:
+        """How a row is filled: long runs of memory as copies, the rest gathered, with the stamp in front."""
+        scratch = self._plan.scratch.address // 8
+        words = np.concatenate([np.arange(scratch, scratch + STAMP_WORDS), ring.words]) - self._base
+        pieces: list[Piece] = []
+        gathered = 0
+        for begin, end in _long_runs(words):
+            pieces += self._gather(words, gathered, begin)
+            pieces.append(Piece(begin, end, self._names.give("run", self._memory[words[begin] : words[end - 1] + 1])))
+            gathered = end
+        pieces += self._gather(words, gathered, len(words))
+        if pieces[0].end == STAMP_WORDS:  # nothing to gather with the stamp: a copy is cheaper
+            pieces[0] = Piece(0, STAMP_WORDS, "stamp_words")
+        return pieces
+
+    def _gather(self, words: NDArray[np.int64], begin: int, end: int) -> list[Piece]:
+        starts = range(begin, end, GATHER_WORDS)
+        return [
+            Piece(start, min(start + GATHER_WORDS, end), f"m[{self._names.give('i', _indices(words, start, end))}]")
+            for start in starts
+        ]
+
+
+def _indices(words: NDArray[np.int64], start: int, end: int) -> NDArray[np.intp]:
+    return np.ascontiguousarray(words[start : min(start + GATHER_WORDS, end)], np.intp)
+
+
+def _long_runs(words: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Stretches of at least RUN_WORDS consecutive words, as places in `words`."""
+    cuts = np.concatenate([[0], np.flatnonzero(np.diff(words) != 1) + 1, [len(words)]])
+    return [(int(a), int(b)) for a, b in itertools.pairwise(cuts) if b - a >= RUN_WORDS]
+
+
+class _Chunks:
+    """Hands a growing ring its chunks one after the other."""
+
+    def __init__(self, segment: Segment, schema: RingSchema) -> None:
+        self._segment, self._schema = segment, schema
+        self._ready = list(segment.first_chunks(schema.ring))
+
+    def more(self) -> tuple[memoryview | None, int, int]:
+        """Memory, position and end of the next chunk; end -1 at the memory limit."""
+        chunk = self._ready.pop(0) if self._ready else self._segment.next_chunk(self._schema.ring)
+        if chunk is None:
+            return None, 0, -1
+        return chunk.words, 0, chunk.rows * self._schema.row_words
+
+
+def _indent(lines: list[str], levels: int) -> list[str]:
+    return ["    " * levels + line for line in lines]

@@ -1,0 +1,280 @@
+"""From elements to rings: which words of memory each ring gathers, and where each entry stands in a row.
+
+Made once at `start()`. Rules of the time buffer and of the size tiers are pure functions, tested without a segment.
+"""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.collect.schema import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema
+from silo.collect.scratch import Scratch
+from silo.collect.segment import chunk_bytes_for
+from silo.collect.sources import Expression, Reference
+from silo.model import BufferType, ElementInfo, ElementOptions
+from silo.traits import Part, entry_of, strides_of
+
+LIVE_SECONDS = 2.0  # how long a sample must stay readable for the helper process to publish it
+SLACK_SECONDS = 0.25  # rows kept beyond a looping buffer, so that a snapshot during collection loses none
+MIN_SLACK_ROWS = 64
+TIME_START_SECONDS = 10.0  # first size of a growing time buffer
+MAX_TIER_SIZES = 128  # distinct sizes that are considered before sizes are merged
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element of the table with the sources of its parts."""
+
+    info: ElementInfo
+    parts: tuple[Part, ...]
+
+
+@dataclass(frozen=True)
+class TimeBuffer:
+    """The buffer of the time stamps. For FIXED the logger stops by itself after `size` ticks."""
+
+    buffer_type: BufferType
+    size: int
+
+
+def time_buffer(options: Iterable[ElementOptions], frequency_hz: float, max_time_s: float) -> TimeBuffer:
+    """The four rules of the original, for the enabled elements (silo's reference, section Time)."""
+    enabled = [option for option in options if option.enabled]
+    types = {option.buffer_type for option in enabled}
+    longest = max((option.divider * option.buffer_size for option in enabled), default=1)
+    if types == {BufferType.LOOPING}:
+        return TimeBuffer(BufferType.LOOPING, longest)
+    if types == {BufferType.FIXED}:
+        return TimeBuffer(BufferType.FIXED, longest)
+    if max_time_s:
+        return TimeBuffer(BufferType.FIXED, max(1, math.ceil(round(max_time_s * frequency_hz, 6))))
+    return TimeBuffer(BufferType.GROWING, math.ceil(TIME_START_SECONDS * frequency_hz))
+
+
+def size_tiers(sizes: Sequence[int], weights: Sequence[int], tiers: int) -> list[int]:
+    """Upper bounds of at most `tiers` groups of sizes that waste the least memory, ascending.
+
+    An element of size s and weight w (words) goes to the first bound >= s and costs w * bound.
+    """
+    total: dict[int, int] = defaultdict(int)
+    for size, weight in zip(sizes, weights, strict=True):
+        total[size] += weight
+    bounds = sorted(total)
+    if len(bounds) > MAX_TIER_SIZES:
+        bounds = sorted({bounds[i] for i in np.linspace(0, len(bounds) - 1, MAX_TIER_SIZES).astype(int)})
+    weight_up_to = [sum(w for s, w in total.items() if s <= bound) for bound in bounds]
+    # best[i]: least cost of the sizes up to bounds[i] with the tiers so far, and the bounds chosen
+    best: list[tuple[int, list[int]]] = [(weight_up_to[i] * bound, [bound]) for i, bound in enumerate(bounds)]
+    for _ in range(tiers - 1):
+        best = [
+            min(
+                [best[i]]
+                + [(best[j][0] + (weight_up_to[i] - weight_up_to[j]) * bound, [*best[j][1], bound]) for j in range(i)],
+                key=lambda choice: choice[0],
+            )
+            for i, bound in enumerate(bounds)
+        ]
+    return best[-1][1] if best else []
+
+
+@dataclass
+class _Placed:
+    """The words of one element, and its entries' bytes from the first of them."""
+
+    element: Element
+    words: NDArray[np.int64]
+    entries: tuple[EntrySchema, ...]
+
+
+@dataclass(frozen=True)
+class RingPlan:
+    """A ring and the word addresses (memory address / 8) that fill its rows after the stamp."""
+
+    schema: RingSchema
+    words: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that `start()` needs to make a segment and to generate `collect()`."""
+
+    time: TimeBuffer
+    rings: tuple[RingPlan, ...]
+    elements: tuple[ElementSchema, ...]
+    first_rows: dict[int, int]
+    chunk_bytes: int
+    scratch: Scratch
+    references: tuple[Reference, ...]
+
+
+@dataclass
+class _Rings:
+    """Rings being made."""
+
+    rings: list[RingPlan] = field(default_factory=list)
+    where: dict[tuple[int, bool], tuple[int, int]] = field(default_factory=dict)  # (element, live) -> ring, first byte
+
+    def add(
+        self, members: list[tuple[int, _Placed]], divider: int, kind: BufferType, capacity: int, live: bool
+    ) -> None:
+        ring = len(self.rings)
+        # sorted by address: what lies side by side in memory becomes one copy
+        members = sorted(members, key=lambda member: int(member[1].words[0]) if len(member[1].words) else 0)
+        position = STAMP_WORDS
+        for number, placed in members:
+            self.where[number, live] = ring, 8 * position
+            position += len(placed.words)
+        words = np.concatenate([np.empty(0, np.int64), *(placed.words for _, placed in members)])
+        self.rings.append(RingPlan(RingSchema(ring, divider, kind, capacity, position, 0, live), words))
+
+
+def make_plan(
+    elements: Sequence[Element], frequency_hz: float, max_time_s: float, tiers: int, *, checked: bool = False
+) -> Plan:
+    """Lay out the rings of the enabled elements. `checked` copies every source by NumPy instead of by address."""
+    enabled = [element for element in elements if element.info.options.enabled]
+    scratch = Scratch()
+    for element in enabled:
+        for part in element.parts:
+            if checked or isinstance(part.source, Expression):
+                scratch.add(part.source, element.info.options.divider, element.info.name)
+    scratch.freeze()
+    placed = [_place(element, scratch) for element in enabled]
+    time = time_buffer([element.info.options for element in enabled], frequency_hz, max_time_s)
+    rings = _Rings()
+    rings.add([], 1, time.buffer_type, _capacity(time.buffer_type, time.size, 1, frequency_hz), live=False)
+    _add_rings(rings, placed, frequency_hz, tiers)
+    _add_live_rings(rings, placed, frequency_hz)
+    chunk_bytes = max(chunk_bytes_for(ring.schema.row_words) for ring in rings.rings)
+    return Plan(
+        time=time,
+        rings=tuple(_with_chunk_rows(ring, chunk_bytes) for ring in rings.rings),
+        elements=tuple(_element_schema(i, p, rings) for i, p in enumerate(placed)),
+        first_rows=_first_rows(rings, placed, time),
+        chunk_bytes=chunk_bytes,
+        scratch=scratch,
+        references=tuple(
+            part.source
+            for element in enabled
+            for part in element.parts
+            if isinstance(part.source, Reference) and not checked
+        ),
+    )
+
+
+def _add_rings(rings: _Rings, placed: list[_Placed], frequency_hz: float, tiers: int) -> None:
+    groups: dict[tuple[int, BufferType], list[int]] = defaultdict(list)
+    for number, item in enumerate(placed):
+        options = item.element.info.options
+        groups[options.divider, options.buffer_type].append(number)
+    for (divider, kind), numbers in sorted(groups.items()):
+        sizes = [placed[number].element.info.options.buffer_size for number in numbers]
+        weights = [len(placed[number].words) + 1 for number in numbers]
+        bounds = [max(sizes)] if kind is BufferType.GROWING else size_tiers(sizes, weights, tiers)
+        tier_of = np.searchsorted(bounds, sizes)
+        for tier, bound in enumerate(bounds):
+            members = [(n, placed[n]) for n, t in zip(numbers, tier_of.tolist(), strict=True) if t == tier]
+            rings.add(members, divider, kind, _capacity(kind, bound, divider, frequency_hz), live=False)
+
+
+def _add_live_rings(rings: _Rings, placed: list[_Placed], frequency_hz: float) -> None:
+    groups: dict[int, list[int]] = defaultdict(list)
+    for number, item in enumerate(placed):
+        if item.element.info.options.action.publishes and not _carries_live(rings, number, item, frequency_hz):
+            groups[item.element.info.options.divider].append(number)
+    for divider, numbers in sorted(groups.items()):
+        rows = max(MIN_SLACK_ROWS, math.ceil(LIVE_SECONDS * frequency_hz / divider))
+        rings.add([(n, placed[n]) for n in numbers], divider, BufferType.LOOPING, rows, live=True)
+
+
+def _carries_live(rings: _Rings, number: int, item: _Placed, frequency_hz: float) -> bool:
+    """Whether an element's own ring passes every sample and keeps it long enough to be published.
+
+    A FIXED ring ends when it is full, a GROWING one at the memory limit.
+    """
+    ring = rings.rings[rings.where[number, False][0]].schema
+    seconds = ring.capacity * ring.divider / frequency_hz
+    return ring.buffer_type is BufferType.LOOPING and (seconds >= LIVE_SECONDS or ring.capacity >= 4096)
+
+
+def _capacity(kind: BufferType, size: int, divider: int, frequency_hz: float) -> int:
+    if kind is BufferType.LOOPING:
+        return size + max(MIN_SLACK_ROWS, math.ceil(SLACK_SECONDS * frequency_hz / divider))
+    return size
+
+
+def _with_chunk_rows(ring: RingPlan, chunk_bytes: int) -> RingPlan:
+    if ring.schema.buffer_type is not BufferType.GROWING:
+        return ring
+    schema = ring.schema
+    rows = chunk_bytes // (8 * schema.row_words)
+    return RingPlan(
+        RingSchema(schema.ring, schema.divider, schema.buffer_type, rows, schema.row_words, 0, schema.live), ring.words
+    )
+
+
+def _first_rows(rings: _Rings, placed: list[_Placed], time: TimeBuffer) -> dict[int, int]:
+    rows: dict[int, int] = {TIME_RING: time.size} if time.buffer_type is BufferType.GROWING else {}
+    for number, item in enumerate(placed):
+        options = item.element.info.options
+        if options.buffer_type is BufferType.GROWING:
+            ring = rings.where[number, False][0]
+            rows[ring] = max(rows.get(ring, 1), options.buffer_size)
+    return rows
+
+
+def _element_schema(number: int, placed: _Placed, rings: _Rings) -> ElementSchema:
+    ring, base = rings.where[number, False]
+    live_ring, live_base = rings.where.get((number, True), (ring, base))
+    entries = _shifted(placed.entries, base)
+    if not placed.element.info.options.action.publishes:
+        return ElementSchema(placed.element.info, ring, entries)
+    return ElementSchema(placed.element.info, ring, entries, live_ring, _shifted(placed.entries, live_base))
+
+
+def _shifted(entries: tuple[EntrySchema, ...], base: int) -> tuple[EntrySchema, ...]:
+    return tuple(EntrySchema(entry.entry, base + entry.byte_offset, entry.swapped) for entry in entries)
+
+
+# ------------------------------------------------------------------------------------------------- words of memory
+
+
+def _place(element: Element, scratch: Scratch) -> _Placed:
+    """The aligned 8-byte words that cover an element, each once, and where its entries lie in them."""
+    addresses: list[int] = []
+    sizes: list[int] = []
+    named: list[tuple[Any, bool]] = []
+    for part in element.parts:
+        base, strides = _memory(part, scratch)
+        for scalar in part.scalars(strides):
+            addresses.append(base + scalar.offset)
+            sizes.append(scalar.dtype.itemsize)
+            named.append(
+                (entry_of(scalar, part.labels), scalar.dtype.str.startswith(">") and scalar.dtype.itemsize > 1)
+            )
+    first = np.array(addresses, np.int64) // 8
+    last = (np.array(addresses, np.int64) + np.maximum(sizes, 1) - 1) // 8
+    spans = int((last - first).max()) + 1
+    covered = first[:, None] + np.arange(spans)
+    words = np.unique(covered[covered <= last[:, None]])
+    offsets = 8 * np.searchsorted(words, first) + np.array(addresses, np.int64) % 8
+    entries = tuple(
+        EntrySchema(entry, offset, swapped) for (entry, swapped), offset in zip(named, offsets.tolist(), strict=True)
+    )
+    return _Placed(element, words, entries)
+
+
+def _memory(part: Part, scratch: Scratch) -> tuple[int, tuple[int, ...]]:
+    """Address of a source's first item and its strides: its own memory, or its place in the scratch."""
+    place = scratch.place_of(part.source)
+    view = part.source.view if place is None and isinstance(part.source, Reference) else place
+    assert view is not None
+    return view.__array_interface__["data"][0], view.strides
+
+
+__all__ = ["Element", "Plan", "RingPlan", "TimeBuffer", "make_plan", "size_tiers", "strides_of", "time_buffer"]

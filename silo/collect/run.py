@@ -1,0 +1,129 @@
+"""One run of a logger: from `start()` to the next one. Plan, segment and generated `collect()` belong together."""
+
+import getpass
+import itertools
+import logging
+import os
+import socket
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from silo.collect.generate import Collect, generate
+from silo.collect.plan import Element, Plan, make_plan
+from silo.collect.runtime import SEGMENT_SUFFIX, boot_id, process_start, runtime_dir
+from silo.collect.schema import SegmentSchema, StopReason
+from silo.collect.segment import Segment
+from silo.collect.segment_reader import SegmentReader
+from silo.model import LoggerOptions, Storage
+
+logger = logging.getLogger("silo")
+_numbers = itertools.count()
+
+
+class Run:
+    """A segment that is being written, or that was."""
+
+    def __init__(
+        self,
+        options: LoggerOptions,
+        elements: Sequence[Element],
+        clock: Callable[[], int],
+        on_stop: Callable[[StopReason], None],
+    ) -> None:
+        """Lay out, allocate and touch the buffers. Raises SegmentError where there is no room for them."""
+        plan = self._plan(options, elements, checked=options.checked)
+        if not options.checked and not addresses_work(plan):
+            logger.warning(
+                "reading variables by address doesn't work on this system: falling back to checked=True, 10x slower"
+            )
+            plan = self._plan(options, elements, checked=True)
+        self.plan = plan
+        self.segment = Segment(
+            self._path(options), self._schema(options, plan), plan.first_rows, options.memory_limit_mb * 1_000_000
+        )
+        self.collect: Collect = generate(plan, self.segment, clock, on_stop)
+        self._reader: SegmentReader | None = None
+
+    @staticmethod
+    def _plan(options: LoggerOptions, elements: Sequence[Element], *, checked: bool) -> Plan:
+        return make_plan(elements, options.frequency_hz, options.max_time_s, options.size_tiers, checked=checked)
+
+    @staticmethod
+    def _path(options: LoggerOptions) -> Path:
+        name = f"{options.name}.{os.getpid()}.{next(_numbers)}{SEGMENT_SUFFIX}"
+        if options.storage is Storage.DISK:
+            folder = Path(options.folder)
+            folder.mkdir(parents=True, exist_ok=True)
+            return folder / f".{name}"
+        return runtime_dir() / name
+
+    @staticmethod
+    def _schema(options: LoggerOptions, plan: Plan) -> SegmentSchema:
+        pid = os.getpid()
+        return SegmentSchema(
+            logger=options.name,
+            prefix=options.prefix,
+            host=socket.gethostname(),
+            user=user_name(),
+            pid=pid,
+            pid_start=process_start(pid),
+            boot_id=boot_id(),
+            started_ns=time.time_ns(),
+            frequency_hz=options.frequency_hz,
+            max_time_s=options.max_time_s,
+            folder=options.folder,
+            script=options.script,
+            chunk_bytes=plan.chunk_bytes,
+            time_buffer_type=plan.time.buffer_type,
+            time_buffer_size=plan.time.size,
+            rings=tuple(ring.schema for ring in plan.rings),
+            elements=plan.elements,
+        )
+
+    @property
+    def reader(self) -> SegmentReader:
+        """A reader of this run's segment, opened at first use. Not for the control loop."""
+        if self._reader is None:
+            self._reader = SegmentReader(self.segment.path)
+        return self._reader
+
+    def drop(self) -> None:
+        """Delete the segment; readers that have it mapped keep it."""
+        self.segment.unlink()
+        if self._reader is not None:
+            self._reader.close()
+
+
+def user_name() -> str:
+    """Who runs this process, as a name where the system knows one."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a uid without an account, as in containers
+        return f"uid {os.getuid()}"
+
+
+def addresses_work(plan: Plan) -> bool:
+    """Whether bytes read by address are those that NumPy sees: the first and last item of every source.
+
+    A value that another thread changes meanwhile gets further tries.
+    """
+    return all(any(_same_bytes(reference.view) for _ in range(5)) for reference in plan.references)
+
+
+def _same_bytes(view: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> bool:
+    address = view.__array_interface__["data"][0]
+    last = address + sum((size - 1) * step for size, step in zip(view.shape, view.strides, strict=True))
+    ends = ((address, view[(0,) * view.ndim]), (last, view[(-1,) * view.ndim]))
+    return all(_read_words(begin, item.nbytes) == item.tobytes() for begin, item in ends)
+
+
+def _read_words(address: int, size_bytes: int) -> bytes:
+    first, last = address // 8, (address + max(size_bytes, 1) - 1) // 8
+
+    class Window:
+        __array_interface__ = {"data": (8 * first, True), "shape": (last - first + 1,), "typestr": "<u8", "version": 3}  # noqa: RUF012
+
+    return np.asarray(Window()).tobytes()[address % 8 : address % 8 + size_bytes]

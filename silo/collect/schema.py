@@ -1,0 +1,139 @@
+"""How a segment file is laid out, and the structs with which it explains itself.
+
+    header       one page: eight 8-byte words, see `Header`
+    schema       JSON of `SegmentSchema`
+    control      64-byte lines: one for the segment, then one per ring, see `Control` and `RingControl`
+    chunks       one 8-byte word per possible chunk of a growing ring: ring number + 1, 0 while unused
+    rings        rows of 8-byte words: tick, time stamp in ns, words gathered from memory
+    chunk data   chunks of `chunk_bytes`, appended while logging
+
+Everything is little-endian and 8-byte aligned; each part begins on a page.
+"""
+
+import enum
+
+import msgspec
+
+from silo.model import BufferType, ElementInfo, Entry
+
+MAGIC = int.from_bytes(b"SILOSEG1", "little")
+LAYOUT_VERSION = 1
+PAGE = 4096
+LINE_WORDS = 8
+STAMP_WORDS = 2  # tick and time stamp open each row
+TIME_RING = 0
+
+
+class Header(enum.IntEnum):
+    """Positions of the words of the header."""
+
+    MAGIC = 0
+    VERSION = 1
+    SCHEMA_OFFSET = 2
+    SCHEMA_BYTES = 3
+    CONTROL_OFFSET = 4
+    CHUNKS_OFFSET = 5
+    CHUNKS_LIMIT = 6
+    CHUNK_DATA_OFFSET = 7
+
+
+class Control(enum.IntEnum):
+    """Words of the segment's own control line."""
+
+    STATE = 0
+    STOP_REASON = 1
+    CHUNKS = 2
+    SAVED_TICKS = 3
+
+
+class RingControl(enum.IntEnum):
+    """Words of a ring's control line: rows ever committed, the same one row earlier, rows that could not be kept."""
+
+    HEAD = 0
+    LIVE = 1
+    LOST = 2
+
+
+class SegmentState(enum.IntEnum):
+    """Whether the writer collects."""
+
+    RUNNING = 1
+    STOPPED = 2
+
+
+class StopReason(enum.IntEnum):
+    """Why collection ended."""
+
+    NONE = 0
+    ASKED = 1
+    TIME_FULL = 2
+    MEMORY_LIMIT = 3
+
+
+STOP_TEXTS = {
+    StopReason.NONE: "",
+    StopReason.ASKED: "stopped on request",
+    StopReason.TIME_FULL: "stopped by itself: the time buffer is full (max_time, or every fixed buffer, is reached)",
+    StopReason.MEMORY_LIMIT: "stopped by itself: memory_limit_mb is reached; save the log, then raise the limit",
+}
+
+
+class EntrySchema(msgspec.Struct, frozen=True):
+    """Where one scalar stands in a row: bytes from the start of the row. `swapped`: big-endian in memory."""
+
+    entry: Entry
+    byte_offset: int
+    swapped: bool = False
+
+
+class RingSchema(msgspec.Struct, frozen=True):
+    """One ring. For GROWING, `capacity` is rows per chunk and `offset` is unused.
+
+    `live` rings are LOOPING copies of published elements whose own buffer can't carry every sample to the helper.
+    """
+
+    ring: int
+    divider: int
+    buffer_type: BufferType
+    capacity: int
+    row_words: int
+    offset: int
+    live: bool = False
+
+
+class ElementSchema(msgspec.Struct, frozen=True):
+    """One enabled element: `ring` holds its buffer; `live_ring` passes every sample, -1 if it isn't published."""
+
+    info: ElementInfo
+    ring: int
+    entries: tuple[EntrySchema, ...]
+    live_ring: int = -1
+    live_entries: tuple[EntrySchema, ...] = ()
+
+
+class SegmentSchema(msgspec.Struct, frozen=True):
+    """What the segment holds and who writes it. `pid_start` and `boot_id` tell the writer from a reused pid."""
+
+    logger: str
+    prefix: str
+    host: str
+    user: str
+    pid: int
+    pid_start: int
+    boot_id: str
+    started_ns: int
+    frequency_hz: float
+    max_time_s: float
+    folder: str
+    script: str
+    chunk_bytes: int
+    time_buffer_type: BufferType
+    time_buffer_size: int
+    rings: tuple[RingSchema, ...]
+    elements: tuple[ElementSchema, ...]
+    version: int = LAYOUT_VERSION
+
+
+def page_up(size_bytes: int) -> int:
+    """The next multiple of a page."""
+    return -(-size_bytes // PAGE) * PAGE

@@ -1,0 +1,223 @@
+"""The writer's end of a segment: makes the file, hands out the memory, appends chunks for growing rings.
+
+Only `start()` and the chunk allocation do system calls; the stores of a tick are in the generated `collect()`.
+"""
+
+import contextlib
+import mmap
+import os
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from silo.collect.schema import (
+    LAYOUT_VERSION,
+    LINE_WORDS,
+    MAGIC,
+    PAGE,
+    TIME_RING,
+    Control,
+    Header,
+    RingSchema,
+    SegmentSchema,
+    SegmentState,
+    StopReason,
+    page_up,
+)
+from silo.errors import SegmentError
+from silo.model import BufferType
+
+CHUNK_BYTES = 1 << 20
+SPARE_CHUNKS = 4096  # words of the directory for time stamps past the memory limit: 268 million ticks
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Memory of one chunk of a growing ring, as 8-byte words."""
+
+    words: memoryview
+    rows: int
+
+
+def chunk_bytes_for(row_words: int) -> int:
+    """Bytes of a chunk: 1 MB, or one row where rows are larger."""
+    return max(CHUNK_BYTES, page_up(8 * row_words))
+
+
+class Segment:
+    """A segment file, mapped for writing. One writer."""
+
+    def __init__(self, path: Path, schema: SegmentSchema, first_rows: dict[int, int], memory_limit_bytes: int) -> None:
+        """Make the file under a temporary name, allocate and touch every page, then give it its name.
+
+        `first_rows` tells for each GROWING ring how many rows to have ready. Raises SegmentError if there is no room.
+        """
+        self.path = path
+        self._limit_chunks = max(1, memory_limit_bytes // schema.chunk_bytes)
+        self._directory_words = self._limit_chunks + SPARE_CHUNKS
+        self._control = PAGE + _schema_room(schema)
+        self._directory = self._control + page_up(8 * LINE_WORDS * (1 + len(schema.rings)))
+        rings, self._chunk_data = _place(schema.rings, self._directory + page_up(8 * self._directory_words))
+        self.schema = msgspec.structs.replace(schema, rings=rings)
+        self._growing = {ring.ring: ring for ring in rings if ring.buffer_type is BufferType.GROWING}
+        self._chunks = 0
+        self._next: dict[int, Chunk] = {}
+        self._allocating = threading.Lock()
+        self._wanted = threading.Event()
+        self._ended = False
+        temporary = path.with_name(f".{path.name}.new")
+        self._fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+        try:
+            self._fill()
+            self._first = {ring: self._append_rows(ring, first_rows.get(ring, 1)) for ring in self._growing}
+            temporary.rename(path)
+        except BaseException:
+            os.close(self._fd)
+            temporary.unlink()
+            raise
+        if self._growing:
+            threading.Thread(target=self._prepare_chunks, name="silo-chunks", daemon=True).start()
+
+    def _fill(self) -> None:
+        self._allocate(0, self._chunk_data)
+        mapped = mmap.mmap(self._fd, self._chunk_data)
+        # a strided NumPy store touches every page without the GIL: no page fault is left for the control loop
+        np.frombuffer(mapped, np.uint8)[::PAGE] = 0
+        self.words = memoryview(mapped).cast("L")
+        body = msgspec.json.encode(self.schema)
+        mapped[PAGE : PAGE + len(body)] = body
+        header = {
+            Header.VERSION: LAYOUT_VERSION,
+            Header.SCHEMA_OFFSET: PAGE,
+            Header.SCHEMA_BYTES: len(body),
+            Header.CONTROL_OFFSET: self._control,
+            Header.CHUNKS_OFFSET: self._directory,
+            Header.CHUNKS_LIMIT: self._directory_words,
+            Header.CHUNK_DATA_OFFSET: self._chunk_data,
+            Header.MAGIC: MAGIC,
+        }
+        for position, value in header.items():
+            self.words[position] = value
+        self._set(Control.STATE, SegmentState.RUNNING)
+
+    def _set(self, word: Control, value: int) -> None:
+        self.words[self._control // 8 + word] = value
+
+    def _allocate(self, offset: int, size_bytes: int) -> None:
+        try:
+            os.posix_fallocate(self._fd, offset, size_bytes)
+        except OSError as error:
+            room = os.statvfs(self.path.parent)
+            raise SegmentError(
+                f"{self.path.parent}: no room for {size_bytes / 1e6:.1f} MB of buffers, "
+                f"{room.f_bavail * room.f_frsize / 1e6:.1f} MB are free ({error.strerror}); "
+                'make buffers smaller, enlarge /dev/shm, or use storage="disk"'
+            ) from error
+
+    def ring_control(self, ring: int) -> int:
+        """Word position of a ring's control line."""
+        return self._control // 8 + LINE_WORDS * (1 + ring)
+
+    @property
+    def ticks(self) -> int:
+        """Ticks collected since start."""
+        return int(self.words[self.ring_control(TIME_RING)])
+
+    def stop(self, reason: StopReason) -> None:
+        """Mark that no more rows will come."""
+        self._set(Control.STOP_REASON, reason)
+        self._set(Control.STATE, SegmentState.STOPPED)
+        self._end_chunks()
+
+    def mark_saved(self, ticks: int) -> None:
+        """Remember how many ticks stand in a saved file."""
+        self._set(Control.SAVED_TICKS, ticks)
+
+    def first_chunks(self, ring: int) -> list[Chunk]:
+        """The chunks that were made ready at start."""
+        return self._first[ring]
+
+    def next_chunk(self, ring: int) -> Chunk | None:
+        """The next chunk of a growing ring, None at the memory limit.
+
+        It was prepared by the thread as a rule; in a loop faster than real time it is made here (some 0.2 ms).
+        """
+        with self._allocating:
+            chunk = self._next.pop(ring, None) or self._append_within_limit(ring)
+        self._wanted.set()
+        return chunk
+
+    def _prepare_chunks(self) -> None:
+        """Keep one chunk ready per growing ring."""
+        while True:
+            for ring in self._growing:
+                with self._allocating:
+                    if self._ended:
+                        return
+                    if ring not in self._next and (chunk := self._append_within_limit(ring)):
+                        self._next[ring] = chunk
+            self._wanted.wait()
+            self._wanted.clear()
+
+    def _append_within_limit(self, ring: int) -> Chunk | None:
+        # the time ring may pass the limit: without time stamps no other ring is worth anything
+        limit = self._directory_words if ring == TIME_RING else self._limit_chunks
+        if self._ended or self._chunks >= limit:
+            return None
+        try:
+            return self._append(ring)
+        except SegmentError:  # the memory is full before the limit is reached: the caller counts what it can't keep
+            return None
+
+    def _append_rows(self, ring: int, rows: int) -> list[Chunk]:
+        return [self._append(ring) for _ in range(max(1, -(-rows // self._growing[ring].capacity)))]
+
+    def _append(self, ring: int) -> Chunk:
+        if self._chunks >= self._directory_words:
+            raise SegmentError(
+                f"growing buffers ask for more than the memory limit of {self._limit_chunks} MB at start; "
+                "raise memory_limit_mb or give them a smaller first size"
+            )
+        size_bytes = self.schema.chunk_bytes
+        offset = self._chunk_data + self._chunks * size_bytes
+        self._allocate(offset, size_bytes)
+        mapped = mmap.mmap(
+            self._fd, size_bytes, flags=mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0), offset=offset
+        )
+        self.words[self._directory // 8 + self._chunks] = ring + 1
+        self._chunks += 1
+        self._set(Control.CHUNKS, self._chunks)
+        return Chunk(memoryview(mapped).cast("L"), self._growing[ring].capacity)
+
+    def _end_chunks(self) -> None:
+        self._ended = True
+        self._wanted.set()
+
+    def unlink(self) -> None:
+        """Delete the file; who has it mapped keeps the memory."""
+        self._end_chunks()
+        with contextlib.suppress(FileNotFoundError):
+            self.path.unlink()
+        with self._allocating:
+            if self._fd >= 0:
+                os.close(self._fd)
+                self._fd = -1
+
+
+def _schema_room(schema: SegmentSchema) -> int:
+    """Bytes for the schema once its offsets are known: sized with the longest offset there can be."""
+    longest = tuple(msgspec.structs.replace(ring, offset=2**53) for ring in schema.rings)
+    return page_up(len(msgspec.json.encode(msgspec.structs.replace(schema, rings=longest))))
+
+
+def _place(rings: tuple[RingSchema, ...], offset: int) -> tuple[tuple[RingSchema, ...], int]:
+    """The rings with their offsets, each on a page of its own, and where they end."""
+    placed = []
+    for ring in rings:
+        placed.append(msgspec.structs.replace(ring, offset=offset))
+        if ring.buffer_type is not BufferType.GROWING:
+            offset += page_up(8 * ring.row_words * ring.capacity)
+    return tuple(placed), offset

@@ -1,0 +1,244 @@
+"""Where the values of an element come from: memory read by address, or an expression read each due tick.
+
+A by-reference source costs some 2 ns per word and tick, an expression 20 ns and more. Lists, floats and NumPy scalars
+have no memory that stays: they are refused with the words that say what to write instead.
+"""
+
+import ctypes
+import datetime
+import enum
+import mmap
+import weakref
+from array import array
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.errors import SourceError
+
+DEFAULT_STRING_BYTES = 64
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Memory read by address: `view` is the array whose bytes are logged; `holds` keeps its memory where it is."""
+
+    view: NDArray[Any]
+    holds: tuple[object, ...]
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of one item."""
+        return self.view.dtype
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the source."""
+        return self.view.shape
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step from an object to a value: `.name`, `[key]`, or a call."""
+
+    attr: str = ""
+    key: object = None
+    call: bool = False
+
+    def __str__(self) -> str:
+        if self.call:
+            return "()"
+        return f".{self.attr}" if self.attr else f"[{self.key!r}]"
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A value read from `root` by `steps` each due tick, stored as `dtype` of `shape`.
+
+    `convert` turns what is read into what can be stored (an enumeration's member into its number); None where it can be
+    stored as it is.
+    """
+
+    root: object
+    steps: tuple[Step, ...]
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...] = ()
+    convert: Callable[[Any], Any] | None = None
+    labels: Mapping[int, str] | None = None
+
+    def read(self) -> object:
+        """The value now."""
+        return read_steps(self.root, self.steps)
+
+    def __str__(self) -> str:
+        return type(self.root).__name__ + "".join(map(str, self.steps))
+
+
+Source = Reference | Expression
+
+
+def read_steps(root: object, steps: tuple[Step, ...]) -> Any:
+    """What an expression reads."""
+    value: Any = root
+    for step in steps:
+        if step.call:
+            value = value()
+        elif step.attr:
+            value = getattr(value, step.attr)
+        else:
+            value = value[step.key]
+    return value
+
+
+def can_refer(value: object) -> bool:
+    """Whether a value is memory that can be logged by reference."""
+    if isinstance(value, np.generic):
+        return False
+    if isinstance(value, np.ndarray):
+        return not value.dtype.hasobject
+    buffers = (
+        array,
+        memoryview,
+        bytearray,
+        mmap.mmap,
+        ctypes._SimpleCData,
+        ctypes.Array,
+        ctypes.Structure,
+        ctypes.Union,
+    )
+    return isinstance(value, buffers) or hasattr(value, "__array_interface__")
+
+
+def refer(value: object, name: str) -> Reference:
+    """Log this memory by reference. Raises SourceError that says what to write instead."""
+    if not can_refer(value):
+        raise SourceError(_cant_refer(value, name))
+    view = _view(value, name)
+    if view.size == 0:
+        raise SourceError(f"{name}: an array of shape {view.shape} holds no value to log")
+    if view.dtype.hasobject:
+        raise SourceError(_cant_refer(view, name))
+    return Reference(view, _holds(value, view))
+
+
+def _view(value: object, name: str) -> NDArray[Any]:
+    try:
+        if isinstance(value, np.ndarray):
+            return value.view(np.ndarray)
+        if isinstance(value, ctypes._SimpleCData | ctypes.Array | ctypes.Structure | ctypes.Union):
+            made: NDArray[Any] = np.ndarray((), np.dtype(type(value)), value)  # type: ignore[arg-type]  # a buffer too
+            return made
+        if isinstance(value, bytearray | mmap.mmap):
+            return np.frombuffer(value, np.uint8)
+        return np.asarray(memoryview(value) if isinstance(value, array) else value)
+    except (TypeError, ValueError, NotImplementedError) as error:
+        raise SourceError(f"{name}: {type(value).__name__} can't be logged by reference ({error})") from error
+
+
+def _holds(value: object, view: NDArray[Any]) -> tuple[object, ...]:
+    """References that keep the memory alive and in place.
+
+    A weak reference on each array of the chain makes `resize(refcheck=False)` raise instead of freeing the memory;
+    the view's buffer export does the same for `bytearray`, `array` and `mmap`.
+    """
+    holds: list[object] = [value, view]
+    link: object = value
+    while isinstance(link, np.ndarray):
+        holds += [link, weakref.ref(link)]
+        link = link.base
+    if link is not None:
+        holds.append(link)
+    return tuple(holds)
+
+
+def _cant_refer(value: object, name: str) -> str:
+    short = name.rsplit("/", 1)[-1]
+    if isinstance(value, np.ndarray):
+        return (
+            f"{name}: an array of Python objects (dtype object) has no fixed memory; give it a numeric or string dtype"
+        )
+    if isinstance(value, bool | int | float | complex | np.generic | str | bytes | enum.Enum):
+        return (
+            f"{name}: a {type(value).__name__} is a value, not a variable: it would never change in the log; "
+            f'write {short} = log.array("{short}", ...) and set {short}[...], '
+            f'or log an attribute: log.add(owner, attr="{short}"), or a function: log.add(lambda: {short}, "{short}")'
+        )
+    if isinstance(value, list | tuple):
+        return (
+            f"{name}: a {type(value).__name__} of plain values can't be logged by reference; "
+            f"use a NumPy array: {short} = np.array([...], float), and change it in place: {short}[:] = ..."
+        )
+    return (
+        f"{name}: don't know how to log a {type(value).__name__}; log a NumPy array, an attribute (attr=...), "
+        f"a function, or register the type once: silo.register({type(value).__name__}, 'field', ...)"
+    )
+
+
+# --------------------------------------------------------------------------------------------------- expressions
+
+
+def express(root: object, steps: tuple[Step, ...], name: str, *, string_bytes: int | None = None) -> Expression:
+    """An expression of one value; its type is that of the value now. Raises SourceError where it can't be logged."""
+    value = read_steps(root, steps)
+    made = _stored_as(value, string_bytes)
+    if made is None:
+        raise SourceError(
+            f"{name}: the value is {value!r} ({type(value).__name__}) now, its type can't be told; "
+            "set it to a number, string, enum or array before it is added"
+        )
+    dtype, shape, convert, labels = made
+    return Expression(root, steps, dtype, shape, convert, labels)
+
+
+_Stored = tuple[np.dtype[Any], tuple[int, ...], Callable[[Any], Any] | None, Mapping[int, str] | None]
+
+
+def _stored_as(value: object, string_bytes: int | None) -> _Stored | None:
+    if isinstance(value, enum.Enum):
+        convert, labels = enum_codes(type(value))
+        return np.dtype(np.int64), (), convert, labels
+    if isinstance(value, np.ndarray | np.generic):
+        return None if value.dtype.hasobject or value.size == 0 else (value.dtype, value.shape, None, None)
+    for kind, dtype in ((bool, np.bool_), (int, np.int64), (float, np.float64), (complex, np.complex128)):
+        if isinstance(value, kind):
+            return np.dtype(dtype), (), None, None
+    if isinstance(value, str):
+        size = string_bytes or max(DEFAULT_STRING_BYTES, len(value.encode()))
+        return np.dtype(f"S{size}"), (), encode_text, None
+    if isinstance(value, bytes):
+        return np.dtype(f"S{string_bytes or max(DEFAULT_STRING_BYTES, len(value))}"), (), None, None
+    if isinstance(value, datetime.datetime | datetime.date):
+        return np.dtype("<M8[us]"), (), as_utc, None
+    if isinstance(value, datetime.timedelta):
+        return np.dtype("<m8[us]"), (), None, None
+    if isinstance(value, list | tuple):
+        items = np.asarray(value)
+        return None if items.dtype.hasobject or items.size == 0 else (items.dtype, items.shape, None, None)
+    return None
+
+
+def encode_text(value: str) -> bytes:
+    """A string as bytes; the store cuts it at the element's length."""
+    return value.encode("utf-8", "replace")
+
+
+def as_utc(value: datetime.datetime | datetime.date) -> np.datetime64:
+    """A date or time; aware ones become UTC."""
+    if isinstance(value, datetime.datetime) and value.tzinfo is not None:
+        value = value.astimezone(datetime.timezone.utc).replace(tzinfo=None)
+    return np.datetime64(value, "us")
+
+
+def enum_codes(kind: type[enum.Enum]) -> tuple[Callable[[Any], Any], dict[int, str]]:
+    """How members become numbers (their value, or their place where values aren't integers), and the numbers' names."""
+    members = list(kind)
+    if all(isinstance(member.value, int) for member in members):
+        codes = {member: int(member.value) for member in members}
+        if issubclass(kind, enum.Flag):  # combinations are values too
+            return lambda member: member.value, {code: str(member.name) for member, code in codes.items()}
+    else:
+        codes = {member: place for place, member in enumerate(members)}
+    return codes.__getitem__, {code: str(member.name) for member, code in codes.items()}

@@ -1,0 +1,300 @@
+"""From a value to named scalar entries: suffixes as the original names them, and the registry for custom types.
+
+A type is described by its parts; parts have parts of their own, so that a registered type works inside dataclasses,
+lists and other registered types without a further word.
+"""
+
+import dataclasses
+import enum
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from silo.collect.sources import Expression, Reference, Source, Step, can_refer, express, read_steps, refer
+from silo.errors import ElementError, SourceError
+from silo.model import Entry
+
+MAX_ENTRIES = 1_000_000
+
+_XYZ = ("_x", "_y", "_z")
+_QUATERNION = ("_x", "_y", "_z", "_w")
+
+# kind -> the suffixes of its items in the order of the file, each with its place in memory
+_KINDS: dict[str, tuple[tuple[str, int], ...]] = {
+    "quaternion": tuple(zip(_QUATERNION, range(4), strict=True)),
+    "quaternion_wxyz": tuple(zip(_QUATERNION, (1, 2, 3, 0), strict=True)),
+    "angle_axis": tuple(zip(("_angle", *_XYZ), range(4), strict=True)),
+    "pose": tuple(
+        zip([f"_position{s}" for s in _XYZ] + [f"_orientation{s}" for s in _QUATERNION], range(7), strict=True)
+    ),
+    "twist": tuple(zip([f"_linear{s}" for s in _XYZ] + [f"_angular{s}" for s in _XYZ], range(6), strict=True)),
+    "vector": tuple(zip(_XYZ, range(3), strict=True)),
+}
+_STORED_KIND = {"quaternion_wxyz": "quaternion"}
+KIND_NAMES = (*_KINDS, "array", "vector_at_position(FRAME, FRAME)")
+
+
+def vector_at_position(vector_frame: str, position_frame: str) -> str:
+    """Kind of six numbers: a vector in one frame, and the position in another frame where it acts."""
+    return f"vector_at_position({vector_frame}, {position_frame})"
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """One scalar of a source: `offset` in bytes from the source's first item (negative with negative strides)."""
+
+    suffix: str
+    dtype: np.dtype[Any]
+    offset: int
+
+
+@dataclass(frozen=True)
+class Part:
+    """A source with the suffix of its entries within the element."""
+
+    suffix: str
+    source: Source
+    kind: str = ""
+    labels: Mapping[int, str] | None = None
+
+    def scalars(self, strides: tuple[int, ...]) -> list[Scalar]:
+        """The part's scalars when its source's items lie at these strides."""
+        scalars = expand(self.source.dtype, self.source.shape, strides, self.kind)
+        return [dataclasses.replace(scalar, suffix=self.suffix + scalar.suffix) for scalar in scalars]
+
+
+def entry_of(scalar: Scalar, labels: Mapping[int, str] | None) -> Entry:
+    """How a scalar stands in tables and files."""
+    dtype = scalar.dtype.newbyteorder("<").str
+    return Entry(scalar.suffix, dtype, dict(labels) if labels and scalar.dtype.kind in "iu" else None)
+
+
+# ---------------------------------------------------------------------------------------------- arrays to scalars
+
+
+def expand(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], kind: str) -> list[Scalar]:
+    """All scalars of an array, in the order of the file. Raises ElementError where the kind doesn't fit the shape."""
+    if dtype.subdtype is not None:
+        base, inner = dtype.subdtype
+        inner_strides = tuple(base.itemsize * int(np.prod(inner[axis + 1 :])) for axis in range(len(inner)))
+        return expand(base, shape + inner, strides + inner_strides, kind)
+    if int(np.prod(shape)) > MAX_ENTRIES:
+        raise ElementError(f"an array of shape {shape} has more than {MAX_ENTRIES} values; log a part of it")
+    return [
+        Scalar(suffix + inner.suffix, inner.dtype, offset + inner.offset)
+        for suffix, offset in _items(dtype, shape, strides, kind)
+        for inner in _item_scalars(dtype)
+    ]
+
+
+def _item_scalars(dtype: np.dtype[Any]) -> list[Scalar]:
+    if dtype.fields is not None:
+        fields = [(name, dtype.fields[name][0], dtype.fields[name][1]) for name in dtype.names or ()]
+        return [
+            Scalar(f"_{name}{inner.suffix}", inner.dtype, int(offset) + inner.offset)
+            for name, field, offset in fields
+            for inner in expand(field, (), (), "")
+        ]
+    if dtype.kind == "c":
+        half = np.dtype(f"{dtype.byteorder}f{dtype.itemsize // 2}")
+        return [Scalar("_real", half, 0), Scalar("_imag", half, half.itemsize)]
+    return [Scalar("", dtype, 0)]
+
+
+def _items(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], kind: str) -> list[tuple[str, int]]:
+    """Suffix and offset of each item of the array."""
+    layout = _kind_layout(kind)
+    if layout is None and kind in ("", "vector") and shape == (3,) and dtype.kind in "fiu":
+        layout = _KINDS["vector"]
+    if layout is not None:
+        if not shape or shape[-1] != len(layout):
+            raise ElementError(f"kind {kind!r} has {len(layout)} values in its last dimension, the shape is {shape}")
+        leading = _items(dtype, shape[:-1], strides[:-1], "array")
+        return [(f"{head}{suffix}", base + place * strides[-1]) for head, base in leading for suffix, place in layout]
+    # a dimension of size 1 has no suffix
+    axes = [
+        [("" if size == 1 else f"_{i}", i * step) for i in range(size)]
+        for size, step in zip(shape, strides, strict=True)
+    ]
+    return [
+        ("".join(suffix for suffix, _ in place), sum(offset for _, offset in place))
+        for place in itertools.product(*axes)
+    ]
+
+
+def _kind_layout(kind: str) -> tuple[tuple[str, int], ...] | None:
+    if kind in ("", "array"):
+        return None
+    if kind in _KINDS:
+        return _KINDS[kind]
+    if kind.startswith("vector_at_position(") and kind.endswith(")") and kind.count(",") == 1:
+        vector, position = (frame.strip() for frame in kind[len("vector_at_position(") : -1].split(","))
+        names = [f"_vector_in_{vector}_frame{s}" for s in _XYZ] + [f"_at_position_in_{position}_frame{s}" for s in _XYZ]
+        return tuple(zip(names, range(6), strict=True))
+    raise ElementError(f"unknown kind {kind!r}; there are {', '.join(KIND_NAMES)}")
+
+
+def kind_of(dtype: np.dtype[Any], shape: tuple[int, ...], kind: str) -> str:
+    """What the table and files say of how the entries belong together."""
+    if kind.startswith("vector_at_position"):
+        return "vector_at_position"
+    if kind and kind != "array":
+        return _STORED_KIND.get(kind, kind)
+    if dtype.fields is not None:
+        return "struct"
+    if dtype.kind == "c" and shape == ():
+        return "complex"
+    dimensions = sum(size > 1 for size in shape)
+    if kind == "" and shape == (3,) and dtype.kind in "fiu":
+        return "vector"
+    return ("scalar", "array", "matrix", "array")[min(dimensions, 3)]
+
+
+# --------------------------------------------------------------------------------------------------- custom types
+
+
+@dataclass(frozen=True)
+class _Registered:
+    fields: tuple[str, ...]
+    computed: Mapping[str, Callable[[Any], object]]
+    kinds: Mapping[str, str]
+
+
+_registry: dict[type, _Registered] = {}
+
+
+def register(
+    cls: type, *fields: str, kinds: Mapping[str, str] | None = None, **computed: Callable[[Any], object]
+) -> None:
+    """Teach silo to log a type: the names of its attributes, and functions for what isn't an attribute.
+
+    Each becomes a part named `_<field>`, read each due tick, so that assigning to an attribute is followed. Parts may
+    be numbers, strings, enums, arrays, dataclasses, containers and other registered types. `kinds` gives the kind of
+    a field (`quaternion`, `pose`, ...). Subclasses are logged like their base.
+
+    >>> class Circle:
+    ...     def __init__(self) -> None:
+    ...         self.diameter, self.center = 1.0, np.zeros(2)
+    >>> register(Circle, "diameter", "center", area=lambda circle: np.pi * circle.diameter**2 / 4)
+    """
+    if not fields and not computed:
+        raise ElementError(f"register({cls.__name__}): name at least one attribute or function")
+    for field in fields:
+        _check_path(field)
+    _registry[cls] = _Registered(fields, computed, kinds or {})
+
+
+def _check_path(path: str) -> None:
+    if not path or not all(piece.isidentifier() for piece in path.split(".")):
+        raise ElementError(f"attribute {path!r}: write the name of an attribute, or a dotted path like 'arm.q'")
+
+
+def _registered(value: object) -> _Registered | None:
+    found = next((_registry[base] for base in type(value).__mro__ if base in _registry), None)
+    if found is None and dataclasses.is_dataclass(value) and not isinstance(value, type):
+        kinds = {f.name: f.metadata["kind"] for f in dataclasses.fields(value) if "kind" in f.metadata}
+        return _Registered(tuple(f.name for f in dataclasses.fields(value)), {}, kinds)
+    return found
+
+
+def describe(
+    value: object, name: str, *, attr: str | None, kind: str, labels: Mapping[int, str] | None, string_bytes: int | None
+) -> list[Part]:
+    """The parts of what was given to `add`. Raises SourceError or ElementError, naming the element."""
+    try:
+        if attr is not None:
+            _check_path(attr)
+            steps = tuple(Step(attr=piece) for piece in attr.split("."))
+            parts = _describe(value, steps, "", name, kind, string_bytes)
+        elif _registered(value) is None and not can_refer(value) and callable(value):
+            parts = _describe(value, (Step(call=True),), "", name, kind, string_bytes)
+        else:
+            parts = _describe(value, (), "", name, kind, string_bytes)
+        for part in parts:
+            part.scalars((0,) * len(part.source.shape))
+    except ElementError as error:
+        raise ElementError(f"element '{name}': {error}") from None
+    if labels:
+        parts = [dataclasses.replace(part, labels=labels) for part in parts]
+    if not parts:
+        raise SourceError(f"{name}: {type(value).__name__} has no values to log")
+    return parts
+
+
+def _describe(
+    root: object, steps: tuple[Step, ...], suffix: str, name: str, kind: str, string_bytes: int | None
+) -> list[Part]:
+    """Parts of the value that `steps` lead to. What can be reached without a step is logged by reference."""
+    try:
+        value = read_steps(root, steps)
+    except Exception as error:
+        raise SourceError(
+            f"{name}: reading {''.join(map(str, steps))} failed ({type(error).__name__}: {error})"
+        ) from error
+
+    def inside(step: tuple[Step, ...], part: str, part_kind: str = "") -> list[Part]:
+        return _describe(root, steps + step, f"{suffix}_{part}", name, part_kind, string_bytes)
+
+    registered = _registered(value)
+    if registered is not None:
+        parts = [
+            part
+            for field in registered.fields
+            for part in inside(
+                tuple(Step(attr=piece) for piece in field.split(".")),
+                field.replace(".", "_"),
+                registered.kinds.get(field, ""),
+            )
+        ]
+        for field, function in registered.computed.items():
+            reader = _Computed(root, steps, function)
+            parts += _describe(
+                reader, (Step(call=True),), f"{suffix}_{field}", name, registered.kinds.get(field, ""), string_bytes
+            )
+        return parts
+    if isinstance(value, dict) and value:
+        return [part for key in value for part in inside((Step(key=key),), str(key))]
+    if isinstance(value, list | tuple) and value and not _is_plain(value):
+        if hasattr(value, "_fields"):
+            return [part for i, field in enumerate(value._fields) for part in inside((Step(key=i),), field)]
+        if not steps and all(can_refer(item) for item in value):
+            return [Part(f"{suffix}_{i}", refer(item, name), kind) for i, item in enumerate(value)]
+        return [part for i in range(len(value)) for part in inside((Step(key=i),), str(i))]
+    if not steps:
+        return [Part(suffix, refer(value, name), kind)]
+    made = express(root, steps, name, string_bytes=string_bytes)
+    return [Part(suffix, made, kind, made.labels)]
+
+
+@dataclass(frozen=True)
+class _Computed:
+    """A registered function bound to its object, which is looked up anew each time."""
+
+    root: object
+    steps: tuple[Step, ...]
+    function: Callable[[Any], object]
+
+    def __call__(self) -> object:
+        return self.function(read_steps(self.root, self.steps))
+
+
+def _is_plain(items: list[object] | tuple[object, ...]) -> bool:
+    """Whether a list holds plain values, which only an expression can follow."""
+    return all(isinstance(item, bool | int | float | complex | str | bytes | np.generic | enum.Enum) for item in items)
+
+
+def label_map(labels: type[enum.Enum] | Mapping[int, str] | None) -> Mapping[int, str] | None:
+    """Names of the values of an integer element, from an enumeration or a mapping."""
+    if isinstance(labels, type) and issubclass(labels, enum.Enum):
+        return {int(member.value): member.name for member in labels}
+    return labels
+
+
+def strides_of(source: Source) -> tuple[int, ...]:
+    """Byte strides of a source; an expression is stored in C order."""
+    if isinstance(source, Reference):
+        return source.view.strides
+    return np.empty(source.shape, source.dtype).strides if isinstance(source, Expression) else ()
