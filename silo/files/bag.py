@@ -40,7 +40,7 @@ MAX_CHANNELS = 65535
 # builtin_interfaces/Time counts seconds in an int32
 MAX_STAMP_NS = 2**31 * 10**9
 WINDOW_BYTES = 8 << 20
-CHUNK_BYTES = 1 << 20
+CHUNK_BYTES = 2 << 20
 
 
 def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Progress | None = None) -> None:
@@ -96,7 +96,7 @@ def _write_mcap(
     first, last = _span(recording, groups)
     metadata = _metadata_yaml(recording, channels, counts, name, (first, last))
 
-    mcap = McapFile(file, *_definitions(recording, channels))
+    mcap = McapFile(file, *definitions(recording, channels))
     mcap.add_metadata("silo", _summary(recording))
     mcap.attach(FACTS_ATTACHMENT, "application/zstd", pack_facts(_facts(recording, channels)))
     mcap.attach(TIME_ATTACHMENT, "application/zstd", pack_times(recording.time_ns))
@@ -163,7 +163,8 @@ def _span(recording: Recording, groups: Sequence[MessageGroup]) -> tuple[int, in
     return (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
 
 
-def _definitions(recording: Recording, channels: Sequence[Channel]) -> tuple[list[Schema], list[ChannelRecord]]:
+def definitions(recording: Recording, channels: Sequence[Channel]) -> tuple[list[Schema], list[ChannelRecord]]:
+    """The schema and channel records of a file; channels count from 1."""
     schemas: dict[str, Schema] = {}
     hashes = type_hashes(channels)
     records = []
