@@ -1,0 +1,339 @@
+"""A `.silo` file -> a recording whose values stay in the file until they are touched.
+
+The file is memory-mapped: opening costs the header, reading a signal costs that signal. What is damaged or cut off is
+left out, and a warning of the recording says what; only a file without a usable header raises `FileFormatError`.
+"""
+
+import mmap
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.errors import FileFormatError, LogNotFoundError
+from silo.files import silo_format as form
+from silo.files.atomic import reason
+from silo.files.grouping import regroup
+from silo.files.silo_header import Header, parse_header
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+_NAMED = 5
+
+
+class FileEntry(RecordedEntry):
+    """An entry whose values are looked up in the file when they are first asked for."""
+
+    def __init__(self, name: str, entry: Entry, load: Callable[[], NDArray[Any]]) -> None:
+        # the base is frozen; what it would store as `values` is computed below
+        self.__dict__.update(name=name, entry=entry, load=load)
+
+    @cached_property
+    def values(self) -> NDArray[Any]:
+        """Shape `(m,)`, oldest first, read-only."""
+        load: Callable[[], NDArray[Any]] = self.__dict__["load"]
+        return load()
+
+
+class FileRecording(Recording):
+    """A recording whose time stamps are put together when they are first asked for."""
+
+    @cached_property
+    def time_ns(self) -> NDArray[np.int64]:
+        """Shape `(n,)`: int64 nanoseconds, one per kept tick."""
+        load: Callable[[], NDArray[np.int64]] = self.__dict__["load_time"]
+        return load()
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Where the values of a table line stand in the file: `whole` of them are there, starting with sample `skip`."""
+
+    row: form.TableRow
+    offset: int
+    whole: int
+    skip: int = 0
+
+
+@dataclass(frozen=True)
+class _Time:
+    """The time stamps: how many the table announces, how many are there, and how to get them."""
+
+    announced: int
+    count: int
+    looping: bool
+    prefix: str
+    columns: int
+    load: Callable[[], NDArray[np.int64]]
+
+
+def read_silo(path: str | os.PathLike[str]) -> Recording:
+    """Open a `.silo` file. Values are read-only views of the memory-mapped file, looked up when first used.
+
+    A damaged or truncated file gives what is whole; `Recording.warnings` says what is missing. Raises
+    `LogNotFoundError` if the file can't be opened, `FileFormatError` if it has no usable header. (Whoever shortens the
+    file in place while it is open ends the reading process with SIGBUS; silo itself only ever replaces files.)
+    """
+    data = _map(Path(path))
+    try:
+        header = parse_header(data, len(data))
+    except FileFormatError as error:
+        raise FileFormatError(f"'{os.fspath(path)}': {error}") from None
+    columns = _columns(header, len(data))
+    time = _time(data, header, columns)
+    elements = _elements(data, header, columns, time)
+    facts = header.facts or form.LogFacts(logger=Path(path).stem, prefix=time.prefix)
+    recording = FileRecording(
+        logger=facts.logger,
+        time_ns=np.empty(0, np.int64),
+        offset=time.announced if header.offset is None else header.offset,
+        elements=elements,
+        prefix=facts.prefix,
+        frequency_hz=facts.frequency_hz,
+        started_ns=facts.started_ns,
+        time_looping=time.looping,
+        warnings=(*facts.warnings, *header.warnings),
+    )
+    recording.__dict__.pop("time_ns")
+    recording.__dict__["load_time"] = time.load
+    return recording
+
+
+def _map(path: Path) -> memoryview:
+    try:
+        with path.open("rb") as file:
+            if os.fstat(file.fileno()).st_size == 0:
+                raise FileFormatError(f"'{path}' is empty")
+            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+    except FileNotFoundError as error:
+        raise LogNotFoundError(f"there is no file '{path}'") from error
+    except OSError as error:
+        raise LogNotFoundError(f"can't open '{path}': {reason(error)}") from error
+
+
+def _columns(header: Header, size: int) -> list[_Column]:
+    """Every readable table line with the place of its values; a warning where the file is too short or too long."""
+    rows = header.rows
+    damaged = [index for index, row in enumerate(rows) if row is None]
+    columns: list[_Column] = []
+    position = header.data_start
+    for row in rows[: damaged[0] if damaged else len(rows)]:
+        if row:
+            columns.append(_column(row, position, size))
+            position += row.size_bytes
+    if position > size:
+        _tell_what_is_cut(header, columns, position - size)
+    if not damaged:
+        if position < size:
+            header.warnings.append(f"{size - position} bytes after the last value are ignored")
+        return columns
+    # what stands behind a line that can't be read is found from the end of the file
+    behind: list[_Column] = []
+    back = size
+    for row in reversed(rows[damaged[-1] + 1 :]):
+        if row and back - row.size_bytes >= position:
+            back -= row.size_bytes
+            behind.insert(0, _column(row, back, size))
+        else:
+            break
+    found = [column.row for column in columns + behind]
+    lost = [row.name for row in rows if row and row not in found]
+    header.warnings.append(
+        "behind a damaged line of the table, values were taken from the end of the file" + _and_lost(lost)
+    )
+    return columns + behind
+
+
+def _column(row: form.TableRow, place: int, size: int) -> _Column:
+    whole = min(row.count, max(0, size - place) // row.item_bytes) if row.item_bytes else row.count
+    return _Column(row, place, whole)
+
+
+def _tell_what_is_cut(header: Header, columns: Sequence[_Column], missing: int) -> None:
+    partly = [f"'{c.row.name}' has {c.whole} of {c.row.count} samples" for c in columns if 0 < c.whole < c.row.count]
+    gone = [column.row.name for column in columns if column.row.count and not column.whole]
+    parts = [f"the file is cut off: {missing} bytes are missing", *partly]
+    header.warnings.append("; ".join(parts) + _and_lost(gone))
+
+
+def _and_lost(names: Sequence[str]) -> str:
+    if not names:
+        return ""
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"; lost: {', '.join(names[:_NAMED])}{more}"
+
+
+def _time(data: memoryview, header: Header, columns: Sequence[_Column]) -> _Time:
+    """The first two lines of the table are the seconds and nanoseconds of each kept tick."""
+    if len(columns) >= 2 and header.rows[:2] == [columns[0].row, columns[1].row]:
+        first, second = columns[:2]
+        if _is_time(first.row) and _is_time(second.row) and first.row.count == second.row.count:
+            if not (first.row.name.endswith("time_s") and second.row.name.endswith("time_ns")):
+                header.warnings.append(f"'{first.row.name}' and '{second.row.name}' were taken as time stamps")
+            count = min(first.whole, second.whole)
+
+            def load() -> NDArray[np.int64]:
+                time_ns = _values(data, first)[:count].astype(np.int64)
+                time_ns *= 1_000_000_000
+                time_ns += _values(data, second)[:count]
+                return time_ns
+
+            prefix = first.row.name.removesuffix("time_s").removesuffix("/")
+            return _Time(first.row.count, count, first.row.looping, prefix, 2, load)
+    frequency = header.facts.frequency_hz if header.facts and header.facts.frequency_hz else 1.0
+    longest = max((c.whole * c.row.divider for c in columns if c.row.item_bytes), default=0)
+    # no more stamps than there are bytes, whatever a damaged divider says
+    count = min(longest, len(data))
+    header.warnings.append(f"the time stamps are lost: ticks are numbered from 0 at {frequency:g} Hz")
+    return _Time(count, count, False, "/log", 0, lambda: (np.arange(count) * (1e9 / frequency)).astype(np.int64))
+
+
+def _is_time(row: form.TableRow) -> bool:
+    return row.type_name == "int64" and row.divider == 1
+
+
+def _values(data: memoryview, column: _Column) -> NDArray[Any]:
+    dtype = form.dtype_of(column.row)
+    if not dtype.itemsize:
+        return np.zeros(column.whole, "S1")
+    if not column.whole:
+        return np.empty(0, dtype)
+    return np.frombuffer(data, dtype, column.whole, column.offset + column.skip * dtype.itemsize)
+
+
+def _elements(data: memoryview, header: Header, columns: list[_Column], time: _Time) -> tuple[RecordedElement, ...]:
+    pending = {facts_names(facts)[0]: facts for facts in reversed(header.elements) if facts.entries}
+    elements: list[RecordedElement] = []
+    rest: list[_Column] = []
+    position = time.columns
+    while position < len(columns):
+        facts = pending.get(columns[position].row.name)
+        members = columns[position : position + len(facts.entries)] if facts else []
+        if facts and facts_names(facts) == [member.row.name for member in members]:
+            elements += _by_suffix(data, header, rest, time)
+            rest = []
+            elements += _by_facts(data, header, facts, members, time)
+            position += len(members)
+        else:
+            rest.append(columns[position])
+            position += 1
+    elements += _by_suffix(data, header, rest, time)
+    return tuple(elements)
+
+
+def facts_names(facts: form.ElementFacts) -> list[str]:
+    """The names of an element's entries as they stand in the table."""
+    return [form.table_name(facts.name + entry.suffix if entry.name is None else entry.name) for entry in facts.entries]
+
+
+def _by_facts(
+    data: memoryview, header: Header, facts: form.ElementFacts, columns: Sequence[_Column], time: _Time
+) -> list[RecordedElement]:
+    entries = [
+        (column, Entry(entry.suffix, entry.dtype, entry.labels), entry.name or facts.name + entry.suffix)
+        for column, entry in zip(columns, facts.entries, strict=True)
+    ]
+    row = columns[0].row
+    element = RecordedElement(
+        facts.name, facts.unit, facts.kind, facts.shape, row.divider, facts.buffer, 0, (), facts.description, facts.lost
+    )
+    return _assemble(data, header, element, entries, time, facts.first)
+
+
+def _by_suffix(data: memoryview, header: Header, columns: Sequence[_Column], time: _Time) -> list[RecordedElement]:
+    """Elements of a file that says nothing about them."""
+    rows = [column.row for column in columns]
+    likeness = [(row.divider, row.looping, row.count, row.type_name) for row in rows]
+    elements: list[RecordedElement] = []
+    for group in regroup([row.name for row in rows], likeness):
+        members = columns[group.start : group.start + len(group.suffixes)]
+        buffer_type = BufferType.LOOPING if members[0].row.looping else BufferType.FIXED
+        entries = [
+            (column, Entry(suffix, form.dtype_of(column.row).str), column.row.name)
+            for column, suffix in zip(members, group.suffixes, strict=True)
+        ]
+        divider = members[0].row.divider
+        element = RecordedElement(group.name, "-", group.kind, group.shape, divider, buffer_type, 0, ())
+        elements += _assemble(data, header, element, entries, time, None)
+    return elements
+
+
+def _assemble(
+    data: memoryview,
+    header: Header,
+    element: RecordedElement,
+    entries: Sequence[tuple[_Column, Entry, str]],
+    time: _Time,
+    first: int | None,
+) -> list[RecordedElement]:
+    """The element with its entries; if the file ends within it, what is there of each entry as a scalar element."""
+    row = entries[0][0].row
+    if first is None:
+        offset = time.announced if header.offset is None else header.offset
+        first = form.first_stamp(row.looping, time.announced, row.count, row.divider, offset)
+    # samples without a time stamp: only in damaged files
+    skip = max(0, -(first // row.divider))
+    kept = [(_fitted(column, skip, first, time.count), entry, name) for column, entry, name in entries]
+    if any(column.whole < original[0].whole for (column, _, _), original in zip(kept, entries, strict=True)):
+        header.warnings.append(f"'{element.name}' has samples without a time stamp; they are left out")
+    first += skip * row.divider
+    if len({column.whole for column, _, _ in kept}) == 1:
+        if not kept[0][0].whole:
+            return []
+        made = tuple(_entry(data, header, *one) for one in kept)
+        return [replace(element, first=first, divider=row.divider, entries=made)]
+    return [
+        replace(
+            element,
+            name=name,
+            kind="scalar",
+            shape=(),
+            first=first,
+            entries=(_entry(data, header, column, Entry("", entry.dtype, entry.labels), name),),
+        )
+        for column, entry, name in kept
+        if column.whole
+    ]
+
+
+def _fitted(column: _Column, skip: int, first: int, stamps: int) -> _Column:
+    divider = column.row.divider
+    stop = min(column.whole, max(0, -((first - stamps) // divider)))
+    return replace(column, skip=skip, whole=max(0, stop - skip))
+
+
+def _entry(data: memoryview, header: Header, column: _Column, entry: Entry, name: str) -> RecordedEntry:
+    stored = form.dtype_of(column.row)
+    logged = _logged_dtype(entry.dtype, stored)
+    if logged is None:
+        header.warnings.append(f"'{name}' was logged as '{entry.dtype}' but is stored as {column.row.type_name}")
+        logged = stored
+    shown = entry.dtype if stored.kind == "S" else logged.str
+
+    def load() -> NDArray[Any]:
+        values = _values(data, column)
+        if stored.kind == "S":
+            return np.char.rstrip(values, b"-")
+        return values.astype(logged) if logged.str == "<f2" else values.view(logged)
+
+    return FileEntry(name, Entry(entry.suffix, shown, entry.labels), load)
+
+
+def _logged_dtype(text: str, stored: np.dtype[Any]) -> np.dtype[Any] | None:
+    """The type that the values had when they were logged, None if what is stored can't have been that."""
+    try:
+        logged = np.dtype(text).newbyteorder("<")
+    except TypeError:
+        return None
+    if stored.kind == "V":
+        fits = logged.itemsize == stored.itemsize and not logged.hasobject
+    elif stored.kind == "S" or logged.kind in "SU":
+        fits = stored.kind == "S" and logged.kind in "SU"
+    else:
+        fits = not logged.hasobject and form.file_dtype(logged) == stored
+    return logged if fits else None

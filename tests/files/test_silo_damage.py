@@ -1,0 +1,176 @@
+"""Damaged and truncated `.silo` files: never a crash, always a message, and all that is whole."""
+
+import numpy as np
+import pytest
+
+from silo.errors import FileFormatError, LogNotFoundError
+from silo.files.silo_file import read_silo, write_silo
+from silo.model import BufferType
+
+
+@pytest.fixture
+def small(plan, recorded, tmp_path):
+    """The bytes of a small file, with a vector, strings and a divided element."""
+    plans = [
+        plan("/log/a", unit="rad", description="angle of the arm"),
+        plan("/log/with space", "<i2", divider=2, buffer_type=BufferType.FIXED),
+        plan("/log/v", "<f4", "vector", labels=None),
+        plan("/log/s", "|S4"),
+        plan("/log/b", "|b1", lost=2),
+    ]
+    write_silo(recorded(plans, 5, warnings=()), tmp_path / "small.silo")
+    return (tmp_path / "small.silo").read_bytes()
+
+
+def opened(data, tmp_path):
+    """The recording with all its values touched, or the error."""
+    path = tmp_path / "damaged.silo"
+    path.write_bytes(data)
+    try:
+        recording = read_silo(path)
+    except FileFormatError as error:
+        return error
+    for element in recording.elements:
+        assert element.stamp_indices.max(initial=-1) < len(recording.time_ns)
+        assert element.stamp_indices.min(initial=0) >= 0
+        for entry in element.entries:
+            assert len(entry.values) == element.count
+    return recording
+
+
+def has_message(result):
+    return bool(str(result) if isinstance(result, FileFormatError) else result.warnings)
+
+
+def test_a_whole_file_has_no_warning(small, tmp_path):
+    assert opened(small, tmp_path).warnings == ()
+
+
+CHANGES = {
+    "lowest bit": lambda byte: byte ^ 1,
+    "case": lambda byte: byte ^ 0x20,
+    "highest bit": lambda byte: byte ^ 0x80,
+    "newline": lambda byte: 0x0A,
+    "comment": lambda byte: 0x23,
+    "space": lambda byte: 0x20,
+    "digit": lambda byte: 0x39,
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_every_damaged_byte_of_the_header_is_told(small, change, tmp_path):
+    end = small.index(b"# Binary Data\n") + len(b"# Binary Data\n")
+    silent = []
+    for index in range(end):
+        damaged = bytearray(small)
+        damaged[index] = CHANGES[change](damaged[index])
+        if damaged != small and not has_message(opened(bytes(damaged), tmp_path)):
+            silent.append((index, small[max(0, index - 20) : index + 20]))
+    assert silent == []
+
+
+def test_a_file_cut_at_any_length_is_told(small, tmp_path):
+    silent = [length for length in range(len(small)) if not has_message(opened(small[:length], tmp_path))]
+    assert silent == []
+
+
+def test_a_cut_file_gives_every_whole_value(small, tmp_path):
+    whole = {
+        entry.name: entry.values.tolist() for element in opened(small, tmp_path).elements for entry in element.entries
+    }
+    start = small.index(b"# Binary Data\n") + len(b"# Binary Data\n")
+    for length in range(start, len(small)):
+        position = start + 2 * 5 * 8
+        found = {
+            entry.name: entry.values.tolist()
+            for element in opened(small[:length], tmp_path).elements
+            for entry in element.entries
+        }
+        for name, values in whole.items():
+            size = {"/log/a": 8, "/log/with space": 2, "/log/s": 0, "/log/b": 1}.get(name, 4)
+            if name == "/log/s":
+                size = max(len(text) for text in values)
+            there = min(len(values), max(0, length - position) // size)
+            assert repr(found.get(name, [])) == repr(values[:there])
+            position += size * len(values)
+        assert position == len(small)
+
+
+def test_the_warning_of_a_cut_file_names_what_is_missing(small, tmp_path):
+    recording = opened(small[:-9], tmp_path)
+    assert "9 bytes are missing" in recording.warnings[-1]
+    assert "lost: /log/b" in recording.warnings[-1]
+    assert "'/log/s' has" in recording.warnings[-1]
+
+
+def test_times_of_a_cut_looping_element_stay_right(plan, recorded, tmp_path):
+    recording = recorded([plan("/log/a", divider=3, size=4)], 20)
+    write_silo(recording, tmp_path / "x.silo")
+    cut = opened((tmp_path / "x.silo").read_bytes()[:-16], tmp_path)
+    assert cut.elements[0].stamp_indices.tolist() == recording.elements[0].stamp_indices.tolist()[:2]
+
+
+def test_a_vector_that_is_cut_off_gives_its_whole_components(plan, recorded, tmp_path):
+    write_silo(recorded([plan("/log/v", kind="vector")], 5), tmp_path / "x.silo")
+    cut = opened((tmp_path / "x.silo").read_bytes()[: -5 * 8 - 1], tmp_path)
+    assert [(element.name, element.count) for element in cut.elements] == [("/log/v_x", 5), ("/log/v_y", 4)]
+
+
+def test_bytes_after_the_end_are_told(small, tmp_path):
+    assert "3 bytes after the last value are ignored" in opened(small + b"abc", tmp_path).warnings[0]
+
+
+def test_with_a_damaged_line_of_the_table_all_other_elements_are_read(small, tmp_path):
+    whole, damaged = opened(small, tmp_path), opened(small.replace(b"/log/v_y 4", b"/log/v_y x", 1), tmp_path)
+    expected = {entry.name: entry.values.tolist() for e in whole.elements for entry in e.entries}
+    found = {entry.name: entry.values.tolist() for e in damaged.elements for entry in e.entries}
+    assert set(expected) - set(found) == {"/log/v_y"}
+    assert all(repr(found[name]) == repr(expected[name]) for name in found)
+
+
+@pytest.mark.parametrize("content", [b"\0", b"\n", b"hello\nworld\n", bytes(range(256)) * 40, b"#\n" * 1000])
+def test_any_other_file_is_an_error_that_names_it(content, tmp_path):
+    path = tmp_path / "other.silo"
+    path.write_bytes(content)
+    with pytest.raises(FileFormatError, match=r"other\.silo"):
+        read_silo(path)
+
+
+def test_an_empty_file_is_an_error(tmp_path):
+    (tmp_path / "empty.silo").touch()
+    with pytest.raises(FileFormatError, match="is empty"):
+        read_silo(tmp_path / "empty.silo")
+
+
+def test_a_missing_file_and_a_folder_are_errors(tmp_path):
+    with pytest.raises(LogNotFoundError, match="no file"):
+        read_silo(tmp_path / "none.silo")
+    with pytest.raises(LogNotFoundError, match="directory"):
+        read_silo(tmp_path)
+
+
+def test_damaged_files_of_the_original_do_not_crash(fixtures_folder, tmp_path):
+    data = (fixtures_folder / "looping_wrapped.silo").read_bytes()
+    header = data.index(b"# Binary Data\n")
+    for index in range(0, header + 14, 3):
+        damaged = bytearray(data)
+        damaged[index] ^= 0x11
+        opened(bytes(damaged), tmp_path)
+    for length in range(0, len(data), 97):
+        assert has_message(opened(data[:length], tmp_path))
+
+
+def test_numbers_of_any_size_in_the_table_do_not_crash(small, tmp_path):
+    for text in (b"0", b"-1", b"999999999999999999", b"99999999999999999999", b"1e3", b""):
+        for line in (b"/log/a 8 5 1 1", b"/log/s 2 5 1 1", b"/log/time_s 8 5 1 1", b"/log/time_ns 8 5 1 1"):
+            fields = line.split(b" ")
+            for position in range(1, 5):
+                changed = b" ".join([*fields[:position], text, *fields[position + 1 :]])
+                opened(small.replace(line, changed, 1), tmp_path)
+
+
+def test_values_are_read_only_views_of_the_file(small, tmp_path):
+    values = opened(small, tmp_path).elements[0].entries[0].values
+    assert not values.flags.writeable
+    assert not values.flags.owndata
+    assert isinstance(values, np.ndarray)
