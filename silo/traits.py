@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from silo.collect.sources import Expression, Reference, Source, Step, can_refer, express, read_steps, refer
+from silo.collecting.sources import Expression, Reference, Source, Step, can_refer, express, read_steps, refer
 from silo.errors import ElementError, SourceError
 from silo.model import Entry
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from silo.collect.generate import Collect, generate
-from silo.collect.plan import Element, Plan, make_plan
-from silo.collect.runtime import SEGMENT_SUFFIX, boot_id, process_start, runtime_dir
-from silo.collect.schema import SegmentSchema, StopReason
-from silo.collect.segment import Segment
-from silo.collect.segment_reader import SegmentReader
+from silo.collecting.generate import Collect, generate
+from silo.collecting.plan import Element, Plan, make_plan
+from silo.collecting.runtime import SEGMENT_SUFFIX, boot_id, process_start, runtime_dir
+from silo.collecting.schema import SegmentSchema, StopReason
+from silo.collecting.segment import Segment
+from silo.collecting.segment_reader import SegmentReader
 from silo.model import LoggerOptions, Storage
 
 logger = logging.getLogger("silo")

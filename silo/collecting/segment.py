@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from silo.collect.schema import (
+from silo.collecting.schema import (
     LAYOUT_VERSION,
     LINE_WORDS,
     MAGIC,

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collect.schema import STAMP_WORDS
-from silo.collect.sources import Expression, Reference, Source
+from silo.collecting.schema import STAMP_WORDS
+from silo.collecting.sources import Expression, Reference, Source
 
 logger = logging.getLogger("silo")
 

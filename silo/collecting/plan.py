@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collect.schema import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema
-from silo.collect.scratch import Scratch
-from silo.collect.segment import chunk_bytes_for
-from silo.collect.sources import Expression, Reference
+from silo.collecting.schema import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema
+from silo.collecting.scratch import Scratch
+from silo.collecting.segment import chunk_bytes_for
+from silo.collecting.sources import Expression, Reference
 from silo.model import BufferType, ElementInfo, ElementOptions
 from silo.traits import Part, entry_of, strides_of
 

@@ -13,8 +13,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collect.runtime import boot_id, process_start
-from silo.collect.schema import (
+from silo.collecting.runtime import boot_id, process_start
+from silo.collecting.schema import (
     LAYOUT_VERSION,
     LINE_WORDS,
     MAGIC,

@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collect.plan import Plan, RingPlan
-from silo.collect.schema import STAMP_WORDS, RingControl, RingSchema, StopReason
-from silo.collect.scratch import Slot, packer
-from silo.collect.segment import Segment
-from silo.collect.sources import Expression
+from silo.collecting.plan import Plan, RingPlan
+from silo.collecting.schema import STAMP_WORDS, RingControl, RingSchema, StopReason
+from silo.collecting.scratch import Slot, packer
+from silo.collecting.segment import Segment
+from silo.collecting.sources import Expression
 from silo.errors import StateError
 from silo.model import BufferType
 
