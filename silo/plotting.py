@@ -1,0 +1,235 @@
+"""Charts of signals: as text for a terminal (plotext), or as a PNG file (matplotlib, an extra; no display needed).
+
+A `Chart` is plain data; who makes one needs to know nothing of either library. Both are imported when they are used:
+they cost 70 and 400 ms.
+"""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.errors import SiloError
+from silo.files.atomic import atomic_file
+
+Floats = NDArray[np.float64]
+
+MIN_WIDTH = 30
+MIN_HEIGHT = 8
+_COLORS = (("blue+", 94), ("orange", 33), ("green+", 92), ("magenta+", 95), ("cyan+", 96), ("red+", 91))
+# without colours curves must differ by shape; one alone is drawn finer
+_SHAPES = "•×+o#*%@"
+_FINE = "braille"
+# of points that can't be thinned out by column, as in an x-y plot
+_MAX_POINTS = 4000
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line: `x` and `y` of shape `(m,)`; NaN in either is a gap. `right` puts it on the axis on the right."""
+
+    label: str
+    x: Floats
+    y: Floats
+    right: bool = False
+
+
+@dataclass(frozen=True)
+class Chart:
+    """What one plot shows. The ticks name values (of enumerations) on the left and the right axis."""
+
+    curves: Sequence[Curve]
+    title: str = ""
+    x_label: str = ""
+    left_label: str = ""
+    right_label: str = ""
+    left_ticks: Mapping[int, str] = field(default_factory=dict)
+    right_ticks: Mapping[int, str] = field(default_factory=dict)
+
+
+def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = True) -> str:
+    """The chart as lines of at most `width` columns, `height` rows with the legend, no line feed at the end.
+
+    Without `color` there are no escape sequences, and several curves differ by their marks. A size below
+    `MIN_WIDTH` x `MIN_HEIGHT` is taken as that.
+    """
+    width, height = max(width, MIN_WIDTH), max(height, MIN_HEIGHT)
+    marks = [_mark(index, len(chart.curves), color) for index in range(len(chart.curves))]
+    # a legend of more than half the height leaves no plot
+    legend = _legend(chart, marks, width, color)
+    room = max(1, height // 2)
+    if len(legend) > room:
+        legend = [*legend[: room - 1], f"   ... and {len(legend) - room + 1} more"]
+    return "\n".join([_draw(chart, marks, width, height - len(legend), color), *legend])
+
+
+def draw_png(chart: Chart, path: str | os.PathLike[str], width: int = 1200, height: int = 700) -> None:
+    """The chart as a PNG file of `width` x `height` pixels. Raises `SiloError` without matplotlib."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise SiloError('PNG files need matplotlib: pip install "silo-logger[plot]"') from error
+    figure = Figure(figsize=(width / 100, height / 100), dpi=100, layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    left = figure.add_subplot()
+    right = left.twinx() if any(curve.right for curve in chart.curves) else None
+    for index, curve in enumerate(chart.curves):
+        axes = right if curve.right and right is not None else left
+        # a stroke of its own for the right axis: colours start again in each
+        axes.plot(curve.x, curve.y, label=curve.label, color=f"C{index}", linestyle="--" if curve.right else "-")
+    left.set(title=chart.title, xlabel=chart.x_label, ylabel=chart.left_label)
+    left.grid(visible=True, alpha=0.3)
+    _name_ticks(left, chart.left_ticks)
+    if right is not None:
+        right.set_ylabel(chart.right_label)
+        _name_ticks(right, chart.right_ticks)
+    figure.legend(loc="outside lower center", ncols=3)
+    with atomic_file(Path(path)) as file:
+        canvas.print_png(file)
+
+
+def thin_out(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats]:
+    """Minimum and maximum of each of `columns` spans of a rising `x`, so that a spike of one sample still shows.
+
+    Gaps (NaN) stay gaps. What has few points, or an `x` that doesn't rise (x-y plots), stays as it is, but for a limit
+    on the number of points.
+    """
+    finite = np.isfinite(x)
+    x, y = x[finite], np.where(np.isfinite(y), y, np.nan)[finite]
+    if len(x) <= 2 * columns:
+        return x, y
+    if np.any(np.diff(x) < 0):
+        step = -(-len(x) // _MAX_POINTS)
+        return x[::step], y[::step]
+    edges = np.searchsorted(x, np.linspace(x[0], x[-1], columns + 1)[:-1], side="left")
+    starts = np.unique(edges)
+    holes = np.isnan(y)
+    low = np.minimum.reduceat(np.where(holes, np.inf, y), starts)
+    high = np.maximum.reduceat(np.where(holes, -np.inf, y), starts)
+    empty = np.logical_and.reduceat(holes, starts)
+    low[empty] = high[empty] = np.nan
+    ends = np.append(starts[1:], len(x)) - 1
+    return np.column_stack([x[starts], x[ends]]).reshape(-1), np.column_stack([low, high]).reshape(-1)
+
+
+def nice_ticks(low: float, high: float, count: int) -> list[float]:
+    """About `count` round numbers from `low` to `high`: 1, 2 or 5 times a power of ten apart."""
+    if not (math.isfinite(low) and math.isfinite(high)) or high <= low or not math.isfinite(high - low):
+        return []
+    rough = (high - low) / max(count, 1)
+    power = 10.0 ** math.floor(math.log10(rough)) if rough > 1e-300 else 0.0
+    if power == 0.0:
+        return []
+    step = next(power * factor for factor in (1, 2, 5, 10) if power * factor >= rough * (1 - 1e-9))
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    ticks = [number * step for number in range(first, last + 1)]
+    # far from zero, neighbouring ticks may be one and the same number
+    return ticks if len(set(ticks)) == len(ticks) else []
+
+
+def _draw(chart: Chart, marks: Sequence[str], width: int, height: int, color: bool) -> str:
+    import plotext
+
+    plotext.terminal.limit(False, False)
+    figure = plotext.figure
+    figure.clear()
+    figure.plot_size(width, height)
+    figure.theme("simple")
+    limits: dict[object, list[float]] = {}
+    for index, (curve, mark) in enumerate(zip(chart.curves, marks, strict=True)):
+        x, y = thin_out(curve.x, curve.y, 2 * width)
+        x, y, connected = _segments(x, y)
+        side = "right" if curve.right else "left"
+        pixel = _COLORS[index % len(_COLORS)][0] if color else None
+        signal = figure.signal(x.tolist(), y.tolist(), marker=plotext.marker(mark, pixel=pixel), yside=side)
+        signal.lines(True)
+        for gap in np.flatnonzero(~connected).tolist():
+            signal.line(gap, False)
+        figure.draw(signal)
+        if len(x):
+            limits.setdefault("x", []).extend((float(x.min()), float(x.max())))
+            limits.setdefault(side, []).extend((float(y.min()), float(y.max())))
+    _set_ruler(figure.ruler(axis="x"), limits.get("x"), width // 12)
+    _set_ruler(figure.ruler(axis="y", side="left"), limits.get("left"), height // 4, chart.left_ticks)
+    _set_ruler(figure.ruler(axis="y", side="right"), limits.get("right"), height // 4, chart.right_ticks)
+    if chart.title:
+        figure.title(shorten(chart.title, width))
+    third = width // 3 - 1
+    labels = ((chart.x_label, "x", "lower"), (chart.left_label, "y", "left"), (chart.right_label, "y", "right"))
+    for text, axis, side in labels:
+        if text:
+            figure.label(shorten(text, third), axis=axis, side=side)
+    text = figure.build().string(colorless=not color)
+    return "\n".join(line.rstrip() for line in str(text).rstrip("\n").split("\n"))
+
+
+def _set_ruler(ruler: Any, values: Sequence[float] | None, count: int, names: Mapping[int, str] | None = None) -> None:
+    if not values:
+        return
+    low, high = min(values), max(values)
+    if names:
+        shown = {number: name for number, name in sorted(names.items()) if low <= number <= high}
+        ruler.ticks(list(shown), [shorten(name, 14) for name in shown.values()])
+        return
+    if low == high:
+        # a flat line runs through the middle
+        room = abs(low) * 0.1 or 1.0
+        low, high = low - room, high + room
+    ticks = nice_ticks(low, high, max(count, 2))
+    if ticks:
+        ruler.lim(low, high)
+        ruler.ticks(ticks, tick_texts(ticks))
+
+
+def tick_texts(ticks: Sequence[float]) -> list[str]:
+    """The numbers in as few digits as tell them apart."""
+    size = max(abs(tick) for tick in ticks)
+    step = min((b - a for a, b in pairwise(ticks)), default=size or 1.0)
+    if size >= 1e6 or (0 < size < 1e-3):
+        digits = max(0, math.ceil(math.log10(size / step) - 1e-9)) if step else 3
+        return [f"{tick:.{digits}e}" if tick else "0" for tick in ticks]
+    digits = max(0, -math.floor(math.log10(step) + 1e-9)) if step else 3
+    return [f"{tick:.{digits}f}" for tick in ticks]
+
+
+def _segments(x: Floats, y: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """The finite points, and which of them is joined to the one before."""
+    good = np.isfinite(x) & np.isfinite(y)
+    before = np.concatenate([[False], good[:-1]])
+    return x[good], y[good], before[good]
+
+
+def _mark(index: int, count: int, color: bool) -> str:
+    return _FINE if color or count == 1 else _SHAPES[index % len(_SHAPES)]
+
+
+def _legend(chart: Chart, marks: Sequence[str], width: int, color: bool) -> list[str]:
+    lines = []
+    two_sides = len({curve.right for curve in chart.curves}) == 2
+    for index, (curve, mark) in enumerate(zip(chart.curves, marks, strict=True)):
+        stroke = "──" if mark == _FINE else mark * 2
+        if color:
+            stroke = f"\x1b[{_COLORS[index % len(_COLORS)][1]}m{stroke}\x1b[0m"
+        side = (" (right)" if curve.right else " (left)") if two_sides else ""
+        good = curve.y[np.isfinite(curve.y)]
+        span = f"  {good.min():.6g} ... {good.max():.6g}" if len(good) else "  no finite value"
+        label = shorten(curve.label, width - 3 - len(side) - len(span))
+        lines.append(f"{stroke} {label}{side}{span}")
+    return lines
+
+
+def shorten(text: str, width: int) -> str:
+    """The text in at most `width` characters; of a long one the end is kept, where names differ."""
+    return text if len(text) <= width else "…" + text[len(text) - max(width - 1, 0) :]
+
+
+def _name_ticks(axes: Any, names: Mapping[int, str]) -> None:
+    if names:
+        axes.set_yticks(list(names), list(names.values()))
