@@ -1,0 +1,145 @@
+"""Everything that can be done, once: keys, footer, help and command palette are made from this list.
+
+A deed with id `x` is carried out by the method `deed_x` of the screen, or of the app. Keys avoid what terminals eat:
+`ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`.
+"""
+
+from dataclasses import dataclass
+
+from textual.binding import Binding
+
+
+@dataclass(frozen=True)
+class Deed:
+    """One thing that can be done.
+
+    `scopes` are the screens where its keys count (`any`: all of them). `footer` is its place in the key bar, 0 for none.
+    `writes` deeds change the logger or its table: they are refused with `--read-only`.
+    """
+
+    id: str
+    keys: str
+    label: str
+    help: str
+    group: str
+    scopes: tuple[str, ...]
+    footer: int = 0
+    writes: bool = False
+    shown_key: str = ""
+    priority: bool = False
+
+    @property
+    def key_text(self) -> str:
+        """The keys as people write them."""
+        return self.shown_key or " ".join(_KEY_TEXTS.get(key, key) for key in self.keys.split(","))
+
+
+_KEY_TEXTS = {
+    "slash": "/", "asterisk": "*", "question_mark": "?", "colon": ":", "equals_sign": "=", "escape": "Esc", "enter": "Enter",
+    "space": "space", "up": "↑", "down": "↓", "left": "←", "right": "→", "plus": "+", "minus": "-", "underscore": "_",
+    "pageup": "PgUp", "pagedown": "PgDn", "home": "Home", "end": "End", "full_stop": ".", "tab": "Tab",
+    "shift+left": "⇧←", "shift+right": "⇧→", "ctrl+r": "^r", "ctrl+p": "^p", "ctrl+d": "^d", "ctrl+u": "^u",
+    "ctrl+l": "^l", "ctrl+q": "^q",
+}  # fmt: skip
+
+_TABLE = ("table",)
+_MONITOR = ("monitor",)
+_DETAIL = ("detail",)
+_LOGGERS = ("loggers",)
+_BOTH = ("table", "monitor")
+
+DEEDS: tuple[Deed, ...] = (
+    # ------------------------------------------------------------------------------------------------- moving
+    Deed("down", "j,down", "Down", "next element", "Move", _TABLE),
+    Deed("up", "k,up", "Up", "previous element", "Move", _TABLE),
+    Deed("top", "g,home", "Top", "first element", "Move", _TABLE),
+    Deed("bottom", "G,end", "Bottom", "last element", "Move", _TABLE),
+    Deed("half_down", "ctrl+d,pagedown", "Page down", "half a page down", "Move", _TABLE),
+    Deed("half_up", "ctrl+u,pageup", "Page up", "half a page up", "Move", _TABLE),
+    Deed("left", "h,left", "Field left", "previous field", "Move", _TABLE),
+    Deed("right", "l,right", "Field right", "next field", "Move", _TABLE),
+    # ------------------------------------------------------------------------------------------ finding, marking
+    Deed("filter", "slash", "Filter", "show only some elements", "Find and mark", _TABLE, 2),
+    Deed("mark", "space", "Mark", "mark or unmark, and move on", "Find and mark", _TABLE, 1),
+    Deed("mark_shown", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Find and mark", _TABLE, 13),
+    Deed("range", "V", "Range", "begin a range, move, V again to mark it", "Find and mark", _TABLE),
+    Deed("sort", "o", "Order", "sort by the next column", "Find and mark", _TABLE),
+    # ------------------------------------------------------------------------------------------------- editing
+    Deed("edit", "e,enter", "Edit", "edit the field under the cursor in place", "Edit", _TABLE, 3, writes=True),
+    Deed("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 4, writes=True),
+    Deed("edit_divider", "d", "Divider", "type a divider: 5, *2, 50Hz", "Edit", _TABLE, writes=True),
+    Deed("edit_size", "s", "Size", "type a buffer size: 1000, *2, 10s", "Edit", _TABLE, writes=True),
+    Deed("next_buffer", "b", "Buffer", "looping, fixed, growing", "Edit", _TABLE, writes=True),
+    Deed("next_action", "p", "Publish", "save, save and publish, publish", "Edit", _TABLE, writes=True),
+    Deed("edit_all", "equals_sign", "Set to", "type a value, beginning with =", "Edit", _TABLE, writes=True),
+    Deed("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE, 6),
+    Deed("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE),
+    Deed("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 5, writes=True),
+    Deed("discard", "x", "Discard", "drop pending edits of the row, or of what is marked", "Edit", _TABLE),
+    # -------------------------------------------------------------------------------------------------- logger
+    Deed("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True),
+    Deed("restart", "R", "Restart", "stop and start again", "Logger", _BOTH, writes=True),
+    Deed("save_data", "w", "Save", "write the logged data to files", "Logger", _BOTH, 9, writes=True),
+    Deed("load_script", "L", "Load script", "choose a script on the robot", "Logger", _TABLE, writes=True),
+    Deed("save_script", "W", "Save script", "store the table as a script on the robot", "Logger", _TABLE, writes=True),
+    Deed("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE),
+    # ------------------------------------------------------------------------------------------------- looking
+    Deed("monitor", "m", "Monitor", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7),
+    Deed("inspector", "i", "Inspector", "show or hide the pane on the right", "Look", _TABLE),
+    Deed("plot_down", "j,down", "Next", "next plot", "Plots", _MONITOR),
+    Deed("plot_up", "k,up", "Previous", "previous plot", "Plots", _MONITOR),
+    Deed("plot_top", "g,home", "First", "first plot", "Plots", _MONITOR),
+    Deed("plot_bottom", "G,end", "Last", "last plot", "Plots", _MONITOR),
+    Deed("pause", "space,p", "Pause", "hold the picture; the logger goes on", "Plots", _MONITOR, 1),
+    Deed("closer", "plus,equals_sign", "Shorter", "shorter time span", "Plots", _MONITOR, 2, shown_key="+"),
+    Deed("wider", "minus", "Longer", "longer time span", "Plots", _MONITOR, 3),
+    Deed("cursor_left", "h,left", "Cursor", "cursor to the left", "Plots", _MONITOR, 4, shown_key="←→"),
+    Deed("cursor_right", "l,right", "Cursor right", "cursor to the right", "Plots", _MONITOR),
+    Deed("cursor_far_left", "shift+left,H", "Far left", "cursor ten to the left", "Plots", _MONITOR),
+    Deed("cursor_far_right", "shift+right,L", "Far right", "cursor ten to the right", "Plots", _MONITOR),
+    Deed("scale", "y", "Y scale", "hold the y scale, or let it follow", "Plots", _MONITOR, 5),
+    Deed("detail", "enter,d", "Detail", "one large plot with axes", "Plots", _MONITOR, 6),
+    Deed("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITOR, 10),
+    Deed(
+        "publish", "P", "Publish", "prepare the edit that publishes a save-only element", "Plots", _MONITOR, writes=True
+    ),
+    Deed("mode", "tab,v", "Mode", "over time, x-y, spectrum", "Detail plot", _DETAIL, 1),
+    Deed("detail_closer", "plus,equals_sign", "Shorter", "shorter time span", "Detail plot", _DETAIL, 2, shown_key="+"),
+    Deed("detail_wider", "minus", "Longer", "longer time span", "Detail plot", _DETAIL, 3),
+    Deed("detail_left", "h,left", "Earlier", "move the window back", "Detail plot", _DETAIL, 4),
+    Deed("detail_right", "l,right", "Later", "move the window on", "Detail plot", _DETAIL, 5),
+    Deed("detail_swap", "s", "Swap", "swap x and y", "Detail plot", _DETAIL, 6),
+    Deed("detail_refresh", "r", "Refresh", "draw with what came since", "Detail plot", _DETAIL, 7),
+    # ------------------------------------------------------------------------------------------------- loggers
+    Deed("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", ("table",)),
+    Deed("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
+    Deed("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 2),
+    # ------------------------------------------------------------------------------------------------------ app
+    Deed("command", "colon", "Command", "type a command, Tab completes it", "Go", ("table", "monitor"), 11),
+    Deed("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?"),
+    Deed("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",)),
+    Deed("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",)),
+    Deed("quit", "q", "Quit", "end silo-tui; the logger goes on", "Go", ("any",), 12),
+    Deed("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",), priority=True),
+)
+
+BY_ID = {deed.id: deed for deed in DEEDS}
+
+
+def deeds_for(scope: str) -> list[Deed]:
+    """What can be done on a screen."""
+    return [deed for deed in DEEDS if scope in deed.scopes or "any" in deed.scopes]
+
+
+def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
+    """The key bindings of a screen."""
+    return [
+        Binding(deed.keys, f"deed('{deed.id}')", deed.label, show=False, priority=deed.priority)
+        for deed in deeds_for(scope)
+    ]
+
+
+def footer_for(scope: str, *, read_only: bool = False) -> list[Deed]:
+    """What the key bar shows, most wanted first."""
+    shown = [deed for deed in deeds_for(scope) if deed.footer and not (read_only and deed.writes)]
+    return sorted(shown, key=lambda deed: deed.footer)

@@ -1,0 +1,412 @@
+# ruff: noqa: D102 - what a deed does stands in actions.py, once
+"""The app: which logger is open, which screen shows it, and the timers that bring its values to the screen."""
+
+import asyncio
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from typing import Any, ClassVar
+
+from textual.app import App
+from textual.command import CommandPalette
+
+from silo.errors import RefusedError, SiloError
+from silo.ipc.messages import EventKind
+from silo_tui import flows, terminal, theme
+from silo_tui.commands import CommandRunner
+from silo_tui.demo import Demo
+from silo_tui.finder import Finder, Found, FoundLogger
+from silo_tui.link import Link, LinkChanged, LoggerEvent, ViewFailed
+from silo_tui.model import commands
+from silo_tui.palette import DeedProvider
+from silo_tui.screens.base import SiloScreen
+from silo_tui.screens.loggers import LoggerLine, LoggersScreen
+from silo_tui.screens.table import TableScreen
+from silo_tui.session import LiveSource, Session
+
+LOOK_S = 1.0
+
+
+class SiloApp(App[None]):
+    """silo-tui."""
+
+    TITLE = "silo"
+    CSS_PATH = "silo.tcss"
+    ENABLE_COMMAND_PALETTE = True
+    COMMAND_PALETTE_BINDING = "ctrl+p"
+    COMMANDS: ClassVar[set[Any]] = {DeedProvider}
+
+    def __init__(
+        self, finder: Finder, *, name: str = "", demo: Demo | None = None, read_only: bool = False, rate_hz: float = 5.0
+    ) -> None:
+        super().__init__()
+        for each in theme.THEMES:
+            self.register_theme(each)
+        self.theme = theme.chosen() if theme.chosen() in self.available_themes else theme.DARK.name
+        self.animation_level = "none"
+        self._finder = finder
+        self._wanted = name
+        self._demo = demo
+        self._read_only = read_only
+        self._rate_hz = rate_hz
+        self._session: Session | None = None
+        self._flow_running = False
+        self._own_client = ""
+        self.script_names: tuple[str, ...] = ()
+
+    def get_theme_variable_defaults(self) -> dict[str, str]:
+        """Our colours in themes that don't have them."""
+        return theme.FALLBACK
+
+    # --------------------------------------------------------------------------------------- what others ask of us
+
+    @property
+    def has_session(self) -> bool:
+        """Whether a logger is open."""
+        return self._session is not None
+
+    @property
+    def session(self) -> Session:
+        """The logger that is open. RefusedError when there is none."""
+        if self._session is None:
+            raise RefusedError("no logger is open")
+        return self._session
+
+    @property
+    def link(self) -> Link:
+        """The connection to it."""
+        link = self.session.link
+        if link is None:
+            raise RefusedError(f"not connected to {self.session.name} yet")
+        return link
+
+    @property
+    def source(self) -> LiveSource:
+        """Where plots get their data."""
+        return LiveSource(self.session)
+
+    @property
+    def table_screen(self) -> TableScreen:
+        """The table of the logger that is open. RefusedError when there is none."""
+        for screen in self.screen_stack:
+            if isinstance(screen, TableScreen):
+                return screen
+        raise RefusedError("no logger is open")
+
+    def may_write(self, label: str) -> bool:
+        """Whether something that changes the logger may be done; says why not."""
+        if not self.has_session:
+            return False
+        if self._read_only:
+            self.say(f"{label}: this is a read-only session (--read-only)")
+            return False
+        if not self.session.may_edit:
+            self.say(f"{label}: {self.session.status.user or 'its user'} lets you watch this logger, not change it")
+            return False
+        return True
+
+    def say(self, words: str) -> None:
+        """Shows the result of something on the screen below any dialog."""
+        if (screen := self._silo_screen()) is not None:
+            screen.say(words)
+
+    def fail(self, words: str) -> None:
+        """Shows an error."""
+        self.notify(words, severity="error", timeout=12, markup=False)
+
+    def table_changed(self) -> None:
+        """Tells the screens."""
+        if self.has_session:
+            self.session.rows.refresh()
+        self._tell(lambda screen: screen.table_changed())
+
+    def status_changed(self) -> None:
+        """Tells the screens."""
+        self._tell(lambda screen: screen.status_changed())
+
+    # ------------------------------------------------------------------------------------------------- beginning
+
+    async def on_mount(self) -> None:
+        """A screen at once, the search behind it."""
+        loop = asyncio.get_running_loop()
+        if not self.is_headless:
+            terminal.end_on_signals(loop, self.exit, self.release)
+        if self._demo is not None:
+            self._wanted = self._demo.name
+        await self.push_screen(LoggersScreen(self._wanted if self._demo is None else ""))
+        self.set_interval(1 / self._rate_hz, self._poll)
+        self.set_interval(1.0, self._second)
+        self.run_worker(self._search(), group="search", exclusive=True)
+
+    async def _search(self) -> None:
+        """Looks for loggers until one is open."""
+        if self._demo is not None:
+            await asyncio.to_thread(self._demo.start)
+        first = True
+        while not self.has_session:
+            found, problem = Found(()), ""
+            try:
+                found = await asyncio.to_thread(self._finder.find)
+            except (SiloError, OSError) as error:
+                problem = str(error)
+            if self._demo is not None and (ended := self._demo.ended()):
+                problem = ended
+            chosen = self._choice(found.loggers, first=first)
+            if chosen is not None and not problem:
+                await self._open(chosen.name, chosen.pid)
+                return
+            screen = self.screen
+            if isinstance(screen, LoggersScreen):
+                lines = [LoggerLine(each.name, each.user, each.pid) for each in found.loggers]
+                screen.show(lines, found.advice, problem)
+            first = False
+            await asyncio.sleep(LOOK_S if self._demo is None else 0.1)
+
+    def _choice(self, loggers: Sequence[FoundLogger], *, first: bool) -> FoundLogger | None:
+        if self._demo is not None:
+            return next((each for each in loggers if self._demo.owns(each.pid)), None)
+        if self._wanted:
+            named = [each for each in loggers if each.name == self._wanted]
+            return named[0] if len(named) == 1 else None
+        return loggers[0] if len(loggers) == 1 else None
+
+    def open_logger(self, name: str, pid: int) -> None:
+        """Opens a logger from the list."""
+        self.workers.cancel_group(self, "search")
+        self.run_worker(self._open(name, pid), group="search", exclusive=True)
+
+    async def _open(self, name: str, pid: int) -> None:
+        if self._session is not None:
+            self._session.close()
+        session = self._session = Session(name)
+        screen = TableScreen(session, read_only=self._read_only)
+        while isinstance(self.screen, TableScreen) or len(self.screen_stack) > 2:
+            await self.pop_screen()
+        await self.switch_screen(screen)
+        try:
+            client = await asyncio.to_thread(self._finder.connect, name, pid)
+            await session.attach(Link(client, self.post_message, self._rate_hz))
+        except SiloError as error:
+            self._session = None
+            await self.switch_screen(LoggersScreen(name))
+            self.fail(str(error))
+            self.run_worker(self._search(), group="look")
+            return
+        self.table_changed()
+        self.status_changed()
+
+    # ---------------------------------------------------------------------------------------------------- timers
+
+    def _poll(self) -> None:
+        """Brings the newest values to the screen, unless the terminal doesn't keep up."""
+        session = self._session
+        if session is None or session.link is None or terminal.backed_up(self):
+            return
+        frame = session.poll()
+        if frame is None:
+            return
+        session.take_values(frame)
+        if frame.running != session.running and not session.dead:
+            self.run_worker(self._refresh_status(), group="status", exclusive=True)
+        if (screen := self._silo_screen()) is not None:
+            screen.live_changed(frame)
+
+    def _second(self) -> None:
+        if terminal.backed_up(self):
+            return
+        if (screen := self._silo_screen()) is not None:
+            screen.second_passed()
+        session = self._session
+        if session is not None and session.lost_since is not None:
+            self.run_worker(self._find_again(session), group="again", exclusive=True)
+
+    async def _refresh_status(self) -> None:
+        await self._quietly(self.session.refresh_status())
+        self.status_changed()
+
+    async def _find_again(self, session: Session) -> None:
+        """A logger of the same name in another process is the same robot program, started again."""
+        found = await asyncio.to_thread(self._finder.find)
+        named = [each for each in found.loggers if each.name == session.name]
+        if len(named) != 1 or named[0].pid == session.status.pid or session.lost_since is None:
+            return
+        old = session.link
+        client = await asyncio.to_thread(self._finder.connect, session.name, named[0].pid)
+        await session.attach(Link(client, self.post_message, self._rate_hz))
+        session.link.watch_again() if session.link is not None else None
+        if old is not None:
+            await asyncio.to_thread(old.close)
+        self.table_changed()
+        self.status_changed()
+        self._tell(lambda screen: screen.wish_again())
+        self.say("the robot program was started again")
+
+    # ------------------------------------------------------------------------------------------ what links report
+
+    async def on_link_changed(self, message: LinkChanged) -> None:
+        """Lost, or back."""
+        session = self._session
+        if session is None or message.link is not session.link:
+            return
+        if not message.connected:
+            session.lose()
+        else:
+            await self._quietly(session.regain())
+            self.table_changed()
+        self.status_changed()
+
+    async def on_logger_event(self, message: LoggerEvent) -> None:
+        """Somebody did something, or something happened."""
+        session = self._session
+        if session is None or message.link is not session.link:
+            return
+        event = message.event
+        await self._quietly(session.take_event(event))
+        if event.kind in {EventKind.CRASHED, EventKind.SAVE_FAILED}:
+            self.fail(event.text)
+        elif event.kind is not EventKind.SAVING and not self._flow_running:
+            self.say(event.text + (f" ({event.by})" if event.by else ""))
+        if event.kind is not EventKind.SAVING:
+            self.table_changed()
+            self.status_changed()
+
+    def on_view_failed(self, message: ViewFailed) -> None:
+        """No live values, and why; a lost link has its banner."""
+        session = self._session
+        if session is not None and session.connected and message.link is session.link:
+            self.say(f"no live values: {message.error}")
+
+    # ----------------------------------------------------------------------------------------------------- deeds
+
+    def run_flow(self, flow: Coroutine[Any, Any, None]) -> None:
+        """Runs a flow; one at a time."""
+        if self._flow_running:
+            flow.close()
+            self.say("still busy with the last command")
+            return
+        self._flow_running = True
+        self.run_worker(self._guarded(flow), group="flow")
+
+    async def _guarded(self, flow: Coroutine[Any, Any, None]) -> None:
+        try:
+            await flow
+        except RefusedError as error:
+            problems = getattr(error, "problems", None) or []
+            lines = [f"{problem.name}: {problem.field}: {problem.reason}" for problem in problems[:6]]
+            self.fail("\n".join([str(error), *(line for line in lines if line not in str(error))]))
+        except (SiloError, OSError) as error:
+            self.fail(str(error))
+        finally:
+            self._flow_running = False
+            self.table_changed()
+            self.status_changed()
+
+    async def _quietly(self, job: Coroutine[Any, Any, None]) -> None:
+        """Follows up on something that was reported; a link that breaks meanwhile has its banner."""
+        try:
+            await job
+        except (SiloError, OSError) as error:
+            if self.has_session and self.session.connected:
+                self.say(str(error))
+
+    def deed_start_stop(self) -> None:
+        self.run_flow(flows.start_stop(self))
+
+    def deed_restart(self) -> None:
+        self.run_flow(flows.restart(self))
+
+    def deed_apply(self) -> None:
+        self.run_flow(flows.apply(self))
+
+    def deed_load_script(self) -> None:
+        self.run_flow(flows.load_script(self))
+
+    def deed_save_script(self) -> None:
+        self.run_flow(flows.save_script(self))
+
+    def deed_save_data(self) -> None:
+        from silo_tui.screens.save_data import SaveDialog
+
+        self.push_screen(SaveDialog(self.session.status.folder))
+
+    def deed_quit(self) -> None:
+        self.run_flow(flows.leave(self))
+
+    def deed_quit_now(self) -> None:
+        self.exit()
+
+    def deed_help(self) -> None:
+        from silo_tui.screens.help import HelpScreen
+
+        scope = self.screen.scope if isinstance(self.screen, SiloScreen) else ""
+        self.push_screen(HelpScreen(scope))
+
+    def deed_palette(self) -> None:
+        if not isinstance(self.screen, CommandPalette):
+            self.push_screen(CommandPalette(id="--command-palette"))
+
+    def deed_loggers(self) -> None:
+        self.run_worker(self._list_loggers(), group="search", exclusive=True)
+
+    def deed_demo(self) -> None:
+        if self._demo is None:
+            self._demo = Demo()
+        self.run_worker(self._search(), group="search", exclusive=True)
+
+    def reload(self) -> None:
+        """Reads the table again."""
+        self.run_flow(self.session.reload())
+
+    async def _list_loggers(self) -> None:
+        screen = LoggersScreen()
+        await self.push_screen(screen)
+        while self.screen is screen:
+            found = await asyncio.to_thread(self._finder.find)
+            if self.screen is screen:
+                screen.show([LoggerLine(each.name, each.user, each.pid) for each in found.loggers], found.advice)
+            await asyncio.sleep(LOOK_S)
+
+    def back_to_table(self) -> None:
+        """From the list to the logger that is open, if one is."""
+        if self.has_session and len(self.screen_stack) > 2:
+            self.pop_screen()
+
+    def open_monitor(self, names: Sequence[str]) -> None:
+        """Plots of these elements."""
+        from silo_tui.screens.monitor import MonitorScreen
+
+        self.push_screen(MonitorScreen(self.session, self.source, names))
+
+    # ---------------------------------------------------------------------------------------------- command line
+
+    @property
+    def command_words(self) -> list[str]:
+        """What can be typed after `:`."""
+        return CommandRunner.words()
+
+    def command_arguments(self, line: str) -> Mapping[str, Sequence[str]]:
+        """What the command being typed takes."""
+        return CommandRunner(self).arguments(line)
+
+    def run_command(self, line: str) -> None:
+        """Carries out a command line."""
+        try:
+            CommandRunner(self).run(commands.read(line))
+        except (ValueError, SiloError) as error:
+            self.fail(str(error))
+
+    # ------------------------------------------------------------------------------------------------------ inside
+
+    def _silo_screen(self) -> SiloScreen | None:
+        """The uppermost full screen, below any dialog."""
+        return next((screen for screen in reversed(self.screen_stack) if isinstance(screen, SiloScreen)), None)
+
+    def _tell(self, news: Callable[[SiloScreen], None]) -> None:
+        for screen in self.screen_stack:
+            if isinstance(screen, SiloScreen) and screen.is_mounted:
+                news(screen)
+
+    def release(self) -> None:
+        """Ends what we started: the demo's process and the connection."""
+        if self._demo is not None:
+            self._demo.stop()
+        if self._session is not None:
+            self._session.close()

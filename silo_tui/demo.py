@@ -1,0 +1,66 @@
+"""`silo-tui --demo`: a simulated robot in a child process that ends with the screen."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+STOP_S = 3.0
+
+
+class Demo:
+    """`silo demo` as a child process, logging into `./silo-logs` where one can write, else into a temporary folder."""
+
+    name = ""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._output = Path()
+
+    def start(self) -> None:
+        """Starts the child; its output goes to a file, because the screen is ours."""
+        if self._process is not None and self._process.poll() is None:
+            return
+        folder = _folder()
+        self._output = folder / ".demo-output"
+        with self._output.open("wb") as output:
+            # a session of its own: Ctrl-C and a closed terminal reach us alone, and we end it in order
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "silo", "demo"], cwd=folder, stdin=subprocess.DEVNULL, stdout=output,
+                stderr=subprocess.STDOUT, start_new_session=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            )  # fmt: skip
+
+    def owns(self, pid: int) -> bool:
+        """Whether a logger is the one that we started."""
+        return self._process is not None and self._process.pid == pid
+
+    def ended(self) -> str:
+        """Why the child is gone; empty while it runs."""
+        if self._process is None or self._process.poll() is None:
+            return ""
+        said = self._output.read_text("utf-8", "replace").strip().splitlines()[-6:]
+        return f"The demo ended with exit code {self._process.returncode}:\n" + "\n".join(said)
+
+    def stop(self) -> None:
+        """Ends the child as Ctrl-C would, then harder."""
+        process = self._process
+        if process is None or process.poll() is not None:
+            return
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait(STOP_S)
+
+
+def _folder() -> Path:
+    wanted = Path("silo-logs").absolute()
+    with contextlib.suppress(OSError):
+        wanted.mkdir(exist_ok=True)
+    if os.access(wanted, os.W_OK):
+        return wanted
+    return Path(tempfile.mkdtemp(prefix="silo-demo-"))

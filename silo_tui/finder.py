@@ -1,0 +1,33 @@
+"""How the app finds loggers and connects to them; the real one stands in `silo_tui.connect`, tests bring their own."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from silo_tui.link import ClientLike
+
+
+@dataclass(frozen=True)
+class FoundLogger:
+    """A logger that answers on this computer."""
+
+    name: str
+    pid: int
+    user: str
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a look around gave; `advice` has a sentence per logger that we may not talk to."""
+
+    loggers: tuple[FoundLogger, ...]
+    advice: tuple[str, ...] = ()
+
+
+class Finder(Protocol):
+    """Looks for loggers. Calls block and are made in a thread."""
+
+    def find(self) -> Found:
+        """The loggers that run now."""
+
+    def connect(self, name: str, pid: int) -> ClientLike:
+        """A connection to one of them; ConnectionLostError says what to do when it doesn't answer."""

@@ -1,0 +1,202 @@
+# ruff: noqa: D102 - the calls of ClientLike are described where they are made, in silo.ipc.client
+"""The thread between the screen and a logger: it makes the blocking calls, the event loop only awaits them.
+
+`Link` keeps the latest wish for a view and hands out the latest frame, never a queue of either: a slow terminal sees
+fewer frames, not old ones. What the client reports by itself reaches the app as frozen messages.
+"""
+
+import asyncio
+import functools
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
+
+from textual.message import Message
+
+from silo.ipc.messages import (
+    Edit,
+    EditsApplied,
+    Event,
+    HelloReply,
+    SavedFile,
+    ScriptDiff,
+    Scripts,
+    ScriptText,
+    Status,
+    Table,
+)
+from silo.model import FileType
+from silo_tui.model.live import Frame
+from silo_tui.model.source import Column
+
+Result = TypeVar("Result")
+
+
+class ViewLike(Protocol):
+    """An open view."""
+
+    def frame(self) -> Frame | None:
+        """What came since the last call as one frame; None when nothing did."""
+
+    def close(self) -> None:
+        """Ends the view."""
+
+
+class ClientLike(Protocol):
+    """What the screen needs of a connection to a logger. Calls block; they raise the errors of `silo.errors`."""
+
+    @property
+    def connected(self) -> bool:
+        """Whether the helper process answers."""
+
+    def hello(self) -> HelloReply: ...
+    def status(self) -> Status: ...
+    def table(self) -> Table: ...
+    def scripts(self) -> Scripts: ...
+    def read_script(self, path: str = "") -> ScriptText: ...
+    def diff_script(self, path: str = "") -> ScriptDiff: ...
+    def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied: ...
+    def start(self) -> Status: ...
+    def stop(self) -> Status: ...
+    def restart(self) -> Status: ...
+    def load_script(self, path: str = "", revision: int = -1) -> EditsApplied: ...
+    def save_script(self, path: str = "", overwrite: bool = False) -> str: ...
+    def save(self, types: Sequence[FileType], name: str = "") -> int: ...
+    def wait_saved(
+        self, job: int, timeout_s: float, progress: Callable[[float], None] | None = None
+    ) -> list[SavedFile]: ...
+    def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column: ...
+    def view(self, values: Sequence[str], plots: Sequence[str], rate_hz: float, column_ns: int) -> ViewLike: ...
+    def on_event(self, callback: Callable[[Event], None]) -> None: ...
+    def on_link(self, callback: Callable[[bool], None]) -> None: ...
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a screen wants to see: one view per screen."""
+
+    values: tuple[str, ...] = ()
+    plots: tuple[str, ...] = ()
+    column_ns: int = 100_000_000
+
+
+@dataclass
+class LinkChanged(Message):
+    """The helper process answers again, or no longer."""
+
+    link: "Link"
+    connected: bool
+
+
+@dataclass
+class LoggerEvent(Message):
+    """Something happened in the logger."""
+
+    link: "Link"
+    event: Event
+
+
+@dataclass
+class ViewFailed(Message):
+    """The logger would not open the view that a screen wishes."""
+
+    link: "Link"
+    error: Exception
+
+
+class Link:
+    """One logger's connection as the event loop uses it. Make it in the event loop, close it when done."""
+
+    def __init__(self, client: ClientLike, post: Callable[[Message], Any], rate_hz: float) -> None:
+        self._client = client
+        self._post = post
+        self._rate_hz = rate_hz
+        # two threads: a save or an apply that takes long must not hold up the view of a screen that scrolls
+        self._control = ThreadPoolExecutor(1, "silo-tui control")
+        self._reading = ThreadPoolExecutor(1, "silo-tui reading")
+        self._lock = threading.Lock()
+        self._wish = Wish()
+        self._opened: Wish | None = None
+        self._view: ViewLike | None = None
+        self._opening = False
+        self._closed = False
+        client.on_event(lambda event: self._tell(LoggerEvent(self, event)))
+        client.on_link(lambda connected: self._tell(LinkChanged(self, connected)))
+
+    @property
+    def connected(self) -> bool:
+        """Whether the helper process answers."""
+        return self._client.connected
+
+    async def call(self, job: Callable[[ClientLike], Result]) -> Result:
+        """Runs a call that may change something, one after the other."""
+        return await asyncio.get_running_loop().run_in_executor(self._control, functools.partial(job, self._client))
+
+    async def read(self, job: Callable[[ClientLike], Result]) -> Result:
+        """Runs a call that only reads, beside those that change something."""
+        return await asyncio.get_running_loop().run_in_executor(self._reading, functools.partial(job, self._client))
+
+    def watch(self, wish: Wish) -> None:
+        """From now on frames are about this; several wishes in a row cost one request."""
+        with self._lock:
+            self._wish = wish
+            if self._opening or self._closed or wish == self._opened:
+                return
+            self._opening = True
+        self._reading.submit(self._open_wishes)
+
+    def watch_again(self) -> None:
+        """Opens the view anew, after the link came back or the logger was changed."""
+        with self._lock:
+            self._opened = None
+            wish = self._wish
+        self.watch(wish)
+
+    def frame(self) -> Frame | None:
+        """The newest frame of what was wished last; None when nothing new came."""
+        view = self._view
+        return view.frame() if view is not None else None
+
+    def close(self) -> None:
+        """Closes the connection without waiting for calls that are under way."""
+        with self._lock:
+            self._closed = True
+        self._control.shutdown(wait=False, cancel_futures=True)
+        self._reading.shutdown(wait=False, cancel_futures=True)
+        view, self._view = self._view, None
+        if view is not None and self._client.connected:
+            view.close()
+        self._client.close()
+
+    def _open_wishes(self) -> None:
+        while True:
+            with self._lock:
+                wish = self._wish
+                if self._closed or wish == self._opened:
+                    self._opening = False
+                    return
+            try:
+                self._replace_view(wish)
+            except Exception as error:  # noqa: BLE001 - told to the screen, which shows it
+                with self._lock:
+                    self._opening = False
+                self._tell(ViewFailed(self, error))
+                return
+            with self._lock:
+                self._opened = wish
+
+    def _replace_view(self, wish: Wish) -> None:
+        old = self._view
+        view = None
+        if wish.values or wish.plots:
+            view = self._client.view(wish.values, wish.plots, self._rate_hz, wish.column_ns)
+        self._view = view
+        if old is not None:
+            old.close()
+
+    def _tell(self, message: Message) -> None:
+        if not self._closed:
+            self._post(message)

@@ -1,0 +1,54 @@
+"""What all screens share: their keys come from the list of deeds, and a deed goes to the screen or else to the app."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, cast
+
+from textual.screen import Screen
+
+from silo_tui.actions import BY_ID
+from silo_tui.model.live import Frame
+
+if TYPE_CHECKING:
+    from silo_tui.app import SiloApp
+
+
+class SiloScreen(Screen[None]):
+    """A full screen of the app."""
+
+    scope = ""
+
+    @property
+    def silo(self) -> "SiloApp":
+        """The app, by its own type."""
+        return cast("SiloApp", self.app)
+
+    def action_deed(self, deed_id: str) -> None:
+        """Does what a key, a click, the palette or the command line asks for."""
+        deed = BY_ID[deed_id]
+        if deed.writes and not self.silo.may_write(deed.label):
+            return
+        handler: Callable[[], Any] | None = getattr(self, f"deed_{deed_id}", None) or getattr(
+            self.silo, f"deed_{deed_id}", None
+        )
+        if handler is not None:
+            handler()
+
+    # ------------------------------------------------------------------------------- what the app tells a screen
+
+    def table_changed(self) -> None:
+        """The table, its pending edits or the rows shown changed."""
+
+    def status_changed(self) -> None:
+        """The state of the logger or of the link changed."""
+
+    def live_changed(self, frame: Frame) -> None:
+        """New values came."""
+
+    def second_passed(self) -> None:
+        """What shows a time is to be painted again."""
+
+    def wish_again(self) -> None:
+        """Say again what this screen wants to see."""
+
+    def say(self, words: str) -> None:
+        """Shows the result of something that was done."""

@@ -1,0 +1,77 @@
+"""Help, made from the list of deeds; what the screen below can do comes first."""
+
+from typing import ClassVar
+
+from rich.table import Table as Grid
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import VerticalScroll
+from textual.screen import ModalScreen
+from textual.widgets import Static
+
+from silo_tui.actions import DEEDS, deeds_for
+
+NOTES = (
+    ("Signs", (
+        ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
+        (">", "marked: edits and the monitor are about all that is marked"),
+        ("save only", "kept for saving, not published: no live value; p changes that"),
+    )),
+    ("Filter", (
+        ("torque LF", "both words in the name"), ("/log/*/q", "globs"), ("-word", "not"),
+        ("unit:Nm on:no", "unit, logging"), ("div>1 size>=1000", "numbers"),
+        ("act:publish buf:loop", "what is done, which buffer"), ("dirty marked conflict live", "states"),
+    )),
+    ("Commands", (
+        (":load x.yaml", "load a script"), (":save x.yaml", "save the table as a script"),
+        (":set div=5 size=10s buf=loop act=both on=yes", "edit what is marked"), (":data silo csv bag NAME", "save data"),
+        (":goto NAME", "put the cursor there"), (":sort div", "order by a column"),
+    )),
+)  # fmt: skip
+
+
+class HelpScreen(ModalScreen[None]):
+    """Scrolls; Esc, q or ? leave."""
+
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
+        Binding("escape,q,question_mark", "dismiss", "Back", show=False),
+        Binding("j,down", "move(1)", show=False),
+        Binding("k,up", "move(-1)", show=False),
+        Binding("pagedown,ctrl+d,space", "move(15)", show=False),
+        Binding("pageup,ctrl+u", "move(-15)", show=False),
+    ]
+
+    def __init__(self, scope: str) -> None:
+        super().__init__()
+        self._scope = scope
+
+    def compose(self) -> ComposeResult:
+        """One long page."""
+        with VerticalScroll(classes="dialog wide", can_focus=False):
+            yield Static("Keys  (j k scroll, Esc leaves)", classes="dialog-title")
+            yield Static(self._page())
+
+    def action_move(self, lines: int) -> None:
+        """Scrolls."""
+        self.query_one(VerticalScroll).scroll_relative(y=lines, animate=False)
+
+    def _page(self) -> Grid:
+        grid = Grid.grid(padding=(0, 2))
+        grid.add_column(min_width=12)
+        grid.add_column()
+        here = {deed.id for deed in deeds_for(self._scope)}
+        groups = list(dict.fromkeys(deed.group for deed in DEEDS))
+        groups.sort(key=lambda group: not any(deed.group == group and deed.id in here for deed in DEEDS))
+        for group in groups:
+            grid.add_row(Text(group, style="bold underline"), "")
+            for deed in DEEDS:
+                if deed.group == group:
+                    grid.add_row(Text(f" {deed.key_text}", style="bold"), Text(deed.help))
+            grid.add_row("", "")
+        for title, lines in NOTES:
+            grid.add_row(Text(title, style="bold underline"), "")
+            for left, right in lines:
+                grid.add_row(Text(f" {left}", style="bold"), Text(right))
+            grid.add_row("", "")
+        return grid

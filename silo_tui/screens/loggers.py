@@ -1,0 +1,90 @@
+"""Which logger? Shown when there are several, and while there is none: then it says what to start."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Vertical
+from textual.widgets import OptionList, Static
+from textual.widgets.option_list import Option
+
+from silo_tui.actions import bindings_for
+from silo_tui.screens.base import SiloScreen
+from silo_tui.widgets.bars import KeyBar
+
+WAITING = """No logger is running for this user on this computer; looking again every second.
+
+Start one:
+    silo demo          a simulated legged robot
+    silo host          this computer: load, memory, temperatures
+    your own program   log.serve()
+
+or press D for the demo. q quits."""
+
+
+@dataclass(frozen=True)
+class LoggerLine:
+    """A logger in the list."""
+
+    name: str
+    user: str
+    pid: int
+
+
+class LoggersScreen(SiloScreen):
+    """A list, or what to do when it would be empty."""
+
+    scope = "loggers"
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("loggers")
+
+    def __init__(self, wanted: str = "") -> None:
+        super().__init__()
+        self._wanted = wanted
+        self._lines: tuple[LoggerLine, ...] | None = None
+
+    def compose(self) -> ComposeResult:
+        """Title, list, advice, keys."""
+        yield Static("silo", id="loggers-title")
+        with Vertical(id="loggers-body"):
+            yield OptionList(id="loggers-list")
+            yield Static("Looking for loggers …", id="loggers-advice", markup=False)
+        yield KeyBar("loggers")
+
+    def show(self, lines: Sequence[LoggerLine], forbidden: Sequence[str], problem: str = "") -> None:
+        """What was found."""
+        options = self.query_one(OptionList)
+        if tuple(lines) != self._lines:
+            kept = options.highlighted or 0
+            options.clear_options()
+            width = max((len(line.name) for line in lines), default=0)
+            for line in lines:
+                words = Text(f" {line.name:<{width}}  pid {line.pid}  {line.user}")
+                options.add_option(Option(words, id=f"{line.name}\n{line.pid}"))
+            self._lines = tuple(lines)
+            if lines:
+                options.highlighted = min(kept, len(lines) - 1)
+                options.focus()
+        options.display = bool(lines)
+        advice = "" if lines else WAITING
+        if lines and self._wanted:
+            advice = f"There is no logger called {self._wanted!r}; these run:"
+        elif self._wanted and not lines:
+            advice = f"Waiting for the logger {self._wanted!r}.\n\n{WAITING}"
+        notes = [note for note in (problem, *forbidden) if note]
+        self.query_one("#loggers-advice", Static).update("\n\n".join([advice, *notes]).strip())
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Opens it."""
+        name, _, pid = (event.option.id or "").partition("\n")
+        self.silo.open_logger(name, int(pid))
+
+    def deed_open_logger(self) -> None:
+        """Enter where the list has no focus."""
+        self.query_one(OptionList).action_select()
+
+    def deed_back(self) -> None:
+        """Nothing to go back to but the logger that is open."""
+        self.silo.back_to_table()

@@ -1,0 +1,123 @@
+"""The dialog that writes logged data to files: which types, which name, progress, and what came of it."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, cast
+
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Button, Checkbox, Input, ProgressBar, Static
+
+from silo.errors import SiloError
+from silo.ipc.messages import SavedFile
+from silo.model import FileType
+from silo_tui.model import text
+
+if TYPE_CHECKING:
+    from silo_tui.app import SiloApp
+
+TIMEOUT_S = 3600.0
+LABELS = {
+    FileType.SILO: "silo  binary; the readers of silo",
+    FileType.CSV: "csv   one column per signal",
+    FileType.BAG: "bag   rosbag2 with MCAP: ros2 bag, Foxglove",
+}
+
+
+class SaveDialog(ModalScreen[list[SavedFile] | None]):
+    """Asks what to save, saves, shows where it went. Saving takes place in the logger's helper process."""
+
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
+        Binding("escape", "leave", "Back", show=False),
+        Binding("down", "app.focus_next", show=False),
+        Binding("up", "app.focus_previous", show=False),
+    ]
+
+    def __init__(
+        self, folder: str, types: Sequence[FileType] = (FileType.SILO,), name: str = "", *, at_once: bool = False
+    ):
+        super().__init__()
+        self._folder, self._types, self._name, self._at_once = folder, tuple(types), name, at_once
+        self._saving = False
+        self._files: list[SavedFile] | None = None
+
+    def compose(self) -> ComposeResult:
+        """Types, name, buttons, progress, result."""
+        with Vertical(classes="dialog"):
+            yield Static("Save data", classes="dialog-title")
+            yield Static(
+                f"in {self._folder or 'the folder of the logger'}, on the robot", classes="quiet", markup=False
+            )
+            for kind, label in LABELS.items():
+                yield Checkbox(label, kind in self._types, id=f"type-{kind.name.lower()}", compact=True)
+            yield Input(self._name, placeholder="name (empty: date, time and run number)", id="save-name", compact=True)
+            with Horizontal(classes="dialog-buttons"):
+                yield Button("Save", id="save-go", compact=True, variant="primary")
+                yield Button("Cancel", id="save-no", compact=True)
+            yield ProgressBar(total=1.0, show_eta=False, id="save-progress")
+            yield Static("", id="save-result", markup=False)
+
+    def on_mount(self) -> None:
+        """The button has the focus: Enter saves what is chosen."""
+        self.query_one(ProgressBar).display = False
+        self.query_one("#save-go").focus()
+        if self._at_once:
+            self._begin()
+
+    def on_button_pressed(self, event: Button.Pressed) -> None:
+        """Save or leave."""
+        if event.button.id == "save-go" and self._files is None:
+            self._begin()
+        else:
+            self.action_leave()
+
+    def on_input_submitted(self) -> None:
+        """Enter in the name saves."""
+        self._begin()
+
+    def action_leave(self) -> None:
+        """Leaves; a save that is under way goes on in the helper process."""
+        self.dismiss(self._files)
+
+    def _begin(self) -> None:
+        types = [kind for kind in LABELS if self.query_one(f"#type-{kind.name.lower()}", Checkbox).value]
+        if self._saving:
+            return
+        if not types:
+            self._result("Choose at least one type.", failed=True)
+            return
+        self._saving = True
+        self.query_one(ProgressBar).display = True
+        self.query_one(ProgressBar).update(progress=0.0)
+        self._result("Saving …")
+        self.run_worker(self._save(types, self.query_one("#save-name", Input).value.strip()))
+
+    async def _save(self, types: list[FileType], name: str) -> None:
+        app = cast("SiloApp", self.app)
+        link = app.session.link
+        if link is None:
+            self._result("Not connected.", failed=True)
+            return
+        bar = self.query_one(ProgressBar)
+
+        def progress(share: float) -> None:
+            app.call_from_thread(bar.update, progress=share)
+
+        try:
+            job = await link.call(lambda client: client.save(types, name))
+            files = await link.read(lambda client: client.wait_saved(job, TIMEOUT_S, progress))
+        except SiloError as error:
+            self._result(f"{error}", failed=True)
+        else:
+            bar.update(progress=1.0)
+            self._files = files
+            self._result("\n".join(f"{file.path}\n  {text.size(file.size_bytes)}" for file in files))
+            self.query_one("#save-go", Button).label = "Close"
+            self.query_one("#save-no").display = False
+        self._saving = False
+
+    def _result(self, words: str, *, failed: bool = False) -> None:
+        result = self.query_one("#save-result", Static)
+        result.update(words)
+        result.set_class(failed, "failed")

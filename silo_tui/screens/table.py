@@ -1,0 +1,437 @@
+# ruff: noqa: D102 - what a deed does stands in actions.py, once
+"""The main screen: the element table with its live columns, and everything that edits it."""
+
+from typing import ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.timer import Timer
+from textual.widgets import Input, Static
+
+from silo.errors import SiloError
+from silo_tui.actions import bindings_for
+from silo_tui.link import Wish
+from silo_tui.model import commands, text
+from silo_tui.model import filter as filters
+from silo_tui.model.columns import ColumnStore
+from silo_tui.model.fields import Change, Field, next_value, parse_change, phrase_for
+from silo_tui.model.live import Frame
+from silo_tui.model.table import Rows
+from silo_tui.screens.base import SiloScreen
+from silo_tui.session import Session
+from silo_tui.widgets.bars import Banner, InfoLine, KeyBar, StatusBar
+from silo_tui.widgets.element_table import FIXED_WIDTH, ElementTable, TableHead
+from silo_tui.widgets.inputs import CellEditor, Line
+from silo_tui.widgets.inspector import Inspector
+from silo_tui.widgets.live_pane import TREND, LivePane
+
+WIDE = 110
+COLUMN_NS = 500_000_000
+COLUMNS = 120
+DEBOUNCE_S = 0.15
+NAME_ROOM = 24
+
+
+class TableScreen(SiloScreen):
+    """Elements, their options, their newest values."""
+
+    scope = "table"
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("table")
+
+    def __init__(self, session: Session, *, read_only: bool) -> None:
+        super().__init__()
+        self.session = session
+        self._read_only = read_only
+        self._inspector_wanted = True
+        self._wish_timer: Timer | None = None
+
+    def compose(self) -> ComposeResult:
+        """Status, banner, table with live columns and inspector, information, keys."""
+        session = self.session
+        self.table = ElementTable(session)
+        self.pane = LivePane(session, self.table)
+        self.inspector = Inspector(session)
+        self.status_bar = StatusBar(session, read_only=self._read_only)
+        self.banner = Banner(session)
+        self.info = InfoLine(session)
+        self.live_head = Static("", id="live-head", markup=False)
+        self.table_head = TableHead(self.table)
+        yield self.status_bar
+        yield self.banner
+        with Horizontal(id="body"):
+            with Vertical(id="left"):
+                with Horizontal(id="heads"):
+                    yield self.table_head
+                    yield self.live_head
+                with Horizontal(id="panes"):
+                    yield self.table
+                    yield self.pane
+            yield self.inspector
+        yield Static("", id="empty", markup=False)
+        yield self.info
+        yield Line(self._complete_filter, "words, globs, unit:Nm on:no div>1 dirty", "filter-line")
+        yield Line(self._complete_command, "load save set goto sort data start stop help quit", "command-line")
+        yield KeyBar("table", read_only=self._read_only)
+        yield CellEditor()
+
+    def on_mount(self) -> None:
+        """The table has the keys."""
+        self.table.focus()
+        self._lay_out(self.app.size.width)
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Wide terminals show more."""
+        self._lay_out(event.size.width)
+
+    def _lay_out(self, width: int) -> None:
+        inspector = self._inspector_wanted and width >= WIDE
+        pane_width = 34 if width < 140 else min(64, 34 + (width - 130) // 3)
+        self.inspector.display = inspector
+        self.inspector.styles.width = pane_width
+        self.pane.lay_out(wide=width >= WIDE, trend=False)
+        rest = width - (pane_width if inspector else 0) - self.pane.wanted_width - FIXED_WIDTH
+        self.pane.lay_out(wide=width >= WIDE, trend=width >= WIDE and rest - TREND - 1 >= NAME_ROOM)
+        self.live_head.update(self.pane.head)
+        self.live_head.styles.width = self.pane.wanted_width
+        self.table_head.refresh()
+        self.wish_soon()
+
+    # ------------------------------------------------------------------------------------ what the app tells us
+
+    def table_changed(self) -> None:
+        """Rows, edits or marks changed."""
+        self.table.rows_changed()
+        self.table_head.refresh()
+        self.pane.live_changed()
+        self.inspector.refresh()
+        self.info.refresh()
+        self._show_emptiness()
+        self.wish_soon()
+
+    def status_changed(self) -> None:
+        """State or link changed."""
+        self.status_bar.update()
+        self.banner.update()
+        self.info.refresh()
+        self.pane.live_changed()
+        self.table.refresh()
+        self.inspector.refresh()
+
+    def live_changed(self, frame: Frame) -> None:
+        """New values."""
+        self.pane.live_changed()
+        self.status_bar.update()
+        if self.inspector.display:
+            self.inspector.refresh()
+
+    def second_passed(self) -> None:
+        """Times go on."""
+        self.status_bar.update()
+        self.banner.update()
+
+    def say(self, words: str) -> None:
+        """The result of something."""
+        self.info.say(words)
+
+    def _show_emptiness(self) -> None:
+        empty = self.query_one("#empty", Static)
+        nothing = not len(self.session.rows.shown) and bool(len(self.session.table))
+        empty.display = nothing
+        if nothing:
+            empty.update(f"No element passes the filter {self.session.rows.filter.text!r}. Esc clears it.")
+
+    # ------------------------------------------------------------------------------------------------ the view
+
+    def on_element_table_moved(self) -> None:
+        """Cursor or scroll changed: other panes follow, the view soon."""
+        self.pane.live_changed()
+        if self.inspector.display:
+            self.inspector.refresh()
+        self.table_head.refresh()
+        self.info.refresh()
+        self.wish_soon()
+
+    def wish_soon(self) -> None:
+        """The view is opened anew when the rows on the screen have settled."""
+        if self._wish_timer is not None:
+            self._wish_timer.stop()
+        self._wish_timer = self.set_timer(DEBOUNCE_S, self.wish_again)
+
+    def wish_again(self) -> None:
+        """Says what is on the screen."""
+        if self.silo.screen is not self and not self.silo.screen.is_modal:
+            return
+        table = self.session.table
+        rows = [row for row in self.table.rows_on_screen() if table.server[Field.ENABLED, row]]
+        plots: list[str] = []
+        if self.pane.trend_width:
+            plots = [table.entry_names(row)[0] for row in rows if table.is_live(row) and table.elements[row].entries]
+        if self.inspector.display:
+            plots += [name for name in self.inspector.plot_names() if name not in plots]
+        row = self.session.rows.row
+        names = [table.names[each] for each in rows]
+        if row is not None and table.names[row] not in names and table.server[Field.ENABLED, row]:
+            names.append(table.names[row])
+        self.session.watch(Wish(tuple(names), tuple(plots), COLUMN_NS))
+        self._plan_columns(plots)
+
+    def _plan_columns(self, plots: list[str]) -> None:
+        old = self.session.columns
+        if old.names == tuple(plots) and old.column_ns == COLUMN_NS:
+            return
+        store = ColumnStore(plots, COLUMNS, COLUMN_NS)
+        store.adopt(old)
+        self.session.columns = store
+        known = set(old.names) if old.column_ns == COLUMN_NS else set()
+        missing = [name for name in plots if name not in known]
+        if missing and self.session.connected:
+            self.run_worker(self._fill(store, missing), group="history", exclusive=True)
+
+    async def _fill(self, store: ColumnStore, names: list[str]) -> None:
+        end = self.silo.source.end_ns
+        try:
+            past = await self.silo.source.history(names, end - COLUMNS * COLUMN_NS, end, COLUMN_NS)
+        except SiloError:
+            return  # trends then fill as time goes by; a lost link is told by the banner
+        store.merge(past.names, past.first, past.low, past.high)
+        self.pane.live_changed()
+        self.inspector.refresh()
+
+    # -------------------------------------------------------------------------------------------------- moving
+
+    def _move(self, position: int) -> None:
+        self.session.rows.move_to(position)
+        self.table.show_cursor()
+
+    def deed_down(self) -> None:
+        self._move(self.session.rows.position + 1)
+
+    def deed_up(self) -> None:
+        self._move(self.session.rows.position - 1)
+
+    def deed_top(self) -> None:
+        self._move(0)
+
+    def deed_bottom(self) -> None:
+        self._move(len(self.session.rows.shown) - 1)
+
+    def deed_half_down(self) -> None:
+        self._move(self.session.rows.position + max(1, self.table.size.height // 2))
+
+    def deed_half_up(self) -> None:
+        self._move(self.session.rows.position - max(1, self.table.size.height // 2))
+
+    def deed_left(self) -> None:
+        self._choose_field(self.table.field - 1)
+
+    def deed_right(self) -> None:
+        self._choose_field(self.table.field + 1)
+
+    def _choose_field(self, number: int) -> None:
+        self.table.field = Field(max(0, min(len(Field) - 1, number)))
+        self.table.redraw_cursor()
+        self.table_head.refresh()
+
+    # ---------------------------------------------------------------------------------------- filter and marks
+
+    def deed_filter(self) -> None:
+        self.query_one("#filter-line", Line).open(self.session.rows.filter.text)
+        self.info.display = False
+
+    def deed_mark(self) -> None:
+        self.session.rows.toggle_mark()
+        self.table.redraw_cursor()
+        self.deed_down()
+
+    def deed_mark_shown(self) -> None:
+        self.session.rows.mark_shown()
+        self._marks_changed()
+
+    def deed_range(self) -> None:
+        rows = self.session.rows
+        if rows.anchor is None:
+            rows.begin_range()
+        else:
+            self.say(f"range of {rows.end_range()} marked")
+        self._marks_changed()
+
+    def _marks_changed(self) -> None:
+        self.table.refresh()
+        self.info.refresh()
+
+    def deed_sort(self) -> None:
+        self.say(f"sorted by {self.session.rows.next_sort()}")
+        self.table_changed()
+
+    def deed_inspector(self) -> None:
+        self._inspector_wanted = not self._inspector_wanted
+        if self.app.size.width < WIDE:
+            self.say(f"the inspector needs {WIDE} columns; this terminal has {self.app.size.width}")
+        self._lay_out(self.app.size.width)
+
+    def deed_back(self) -> None:
+        """Range, then filter, then marks; never pending edits."""
+        rows = self.session.rows
+        if rows.anchor is not None:
+            rows.anchor = None
+        elif rows.filter.text:
+            rows.set_filter("")
+        elif rows.marked_count:
+            rows.clear_marks()
+        self.say("")
+        self.table_changed()
+
+    # ------------------------------------------------------------------------------------------------- editing
+
+    def deed_edit(self) -> None:
+        self.edit_field(self.table.field)
+
+    def on_element_table_picked(self, event: ElementTable.Picked) -> None:
+        """A click on the cursor's cell edits it."""
+        self.action_deed("edit")
+
+    def edit_field(self, field: Field) -> None:
+        """Steps a field on, or opens the editor over its cell."""
+        rows = self.session.rows
+        if rows.row is None:
+            return
+        self._choose_field(int(field))
+        if field.cycles:
+            self._set(field, next_value(field, int(self.session.table.values[field, rows.row])))
+        else:
+            value = str(int(self.session.table.values[field, rows.row]))
+            self._open_editor(value, select=True)
+
+    def _open_editor(self, value: str, *, select: bool) -> None:
+        field, count = self.table.field, len(self.session.rows.targets())
+        self.query_one(CellEditor).open(field, self.table.cell_region(), value, select=select)
+        examples = "1000  *2  10s" if field is Field.BUFFER_SIZE else "5  *2  50Hz"
+        if field.cycles:
+            examples = {Field.ENABLED: "on off", Field.ACTION: "save pub both"}.get(field, "loop fix grow")
+        self.say(f"{field.label} of {text.plural(count, 'element')}: {examples} · Enter takes it, Esc leaves")
+
+    def deed_toggle(self) -> None:
+        self.edit_field(Field.ENABLED)
+
+    def deed_edit_divider(self) -> None:
+        self.edit_field(Field.DIVIDER)
+
+    def deed_edit_size(self) -> None:
+        self.edit_field(Field.BUFFER_SIZE)
+
+    def deed_next_buffer(self) -> None:
+        self.edit_field(Field.BUFFER_TYPE)
+
+    def deed_next_action(self) -> None:
+        self.edit_field(Field.ACTION)
+
+    def deed_edit_all(self) -> None:
+        if self.session.rows.row is not None:
+            self._open_editor("=", select=False)
+
+    def on_cell_editor_left(self) -> None:
+        """Esc in the editor."""
+        self._close_editor("")
+
+    def _close_editor(self, words: str) -> None:
+        self.query_one(CellEditor).shut()
+        self.table.focus()
+        self.say(words)
+
+    def _set(self, field: Field, value: int) -> None:
+        targets = self.session.rows.targets()
+        changed = self.session.table.edit(targets, field, value)
+        self._edited(f"{field.label} {phrase_for(field, value)}: {changed} changed" if changed else "nothing to change")
+
+    def change(self, targets: Rows, field: Field, change: Change) -> int:
+        """Edits `targets` as typed. ValueError says what is out of range; nothing is changed then."""
+        table = self.session.table
+        values = table.values
+        new = change.on(field, values[field, targets], values[Field.DIVIDER, targets], self.session.status.frequency_hz)
+        return table.edit(targets, field, new)
+
+    def _edited(self, words: str) -> None:
+        if self.session.rows.filter.text or self.session.rows.sort not in {"name", "added"}:
+            self.session.rows.refresh()
+        self.say(words)
+        self.table_changed()
+
+    def deed_undo(self) -> None:
+        label = self.session.table.undo()
+        self._edited(f"undone: {label}" if label else "nothing to undo")
+
+    def deed_redo(self) -> None:
+        label = self.session.table.redo()
+        self._edited(f"done again: {label}" if label else "nothing to do again")
+
+    def deed_discard(self) -> None:
+        count = self.session.table.discard(self.session.rows.targets())
+        self._edited(
+            f"{text.plural(count, 'edit')} discarded; u brings them back" if count else "nothing is pending here"
+        )
+
+    def deed_monitor(self) -> None:
+        rows = self.session.rows
+        chosen = rows.targets()
+        if len(chosen):
+            self.silo.open_monitor([self.session.table.names[int(row)] for row in chosen])
+
+    def deed_refresh(self) -> None:
+        self.silo.reload()
+
+    # --------------------------------------------------------------------------------------------- typed lines
+
+    def deed_command(self) -> None:
+        self.query_one("#command-line", Line).open()
+        self.info.display = False
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """The filter works while it is typed."""
+        if event.input.id == "filter-line" and event.input.display:
+            self.session.rows.set_filter(event.value)
+            self.table_changed()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Enter in one of the lines."""
+        event.stop()
+        if event.input.id == "filter-line":
+            self._shut(self.query_one("#filter-line", Line))
+        elif event.input.id == "command-line":
+            self._shut(self.query_one("#command-line", Line))
+            if event.value.strip(": "):
+                self.silo.run_command(event.value)
+        else:
+            self._take_cell(event.value)
+
+    def _take_cell(self, value: str) -> None:
+        field = self.query_one(CellEditor).field
+        try:
+            changed = self.change(self.session.rows.targets(), field, parse_change(field, value))
+        except ValueError as error:
+            self.say(f"{error}")
+            return
+        self._close_editor("")
+        self._edited(f"{field.label}: {changed} changed" if changed else "nothing to change")
+
+    def on_line_left(self, event: Line.Left) -> None:
+        """Esc in a line; in the filter it clears the filter too."""
+        self._shut(event.line)
+        if event.line.id == "filter-line":
+            self.session.rows.set_filter("")
+            self.table_changed()
+
+    def _shut(self, line: Line) -> None:
+        line.shut()
+        self.info.display = True
+        self.info.refresh()
+        self.table.focus()
+
+    def _complete_filter(self, line: str) -> list[str]:
+        head, _, last = line.rpartition(" ")
+        units = sorted({element.unit for element in self.session.table.elements if element.unit != "-"})
+        return [f"{head} {term}".lstrip() for term in filters.completions(last, units)]
+
+    def _complete_command(self, line: str) -> list[str]:
+        return commands.complete(line, self.silo.command_words, self.silo.command_arguments(line))

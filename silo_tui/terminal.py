@@ -1,0 +1,51 @@
+"""What depends on the terminal that we run in: SSH, a stalled link, a terminal that went away."""
+
+import os
+import signal
+import threading
+from asyncio import AbstractEventLoop
+from collections.abc import Callable
+from typing import Any
+
+from textual.app import App
+
+# a frame is one or two writes; more of them waiting means that the terminal takes them slower than we paint
+BACKLOG_LIMIT = 2
+GRACE_S = 3.0
+
+
+def over_ssh() -> bool:
+    """Whether the terminal is at the other end of SSH; there the mouse stays off so that text can be selected."""
+    return any(name in os.environ for name in ("SSH_CONNECTION", "SSH_TTY", "SSH_CLIENT"))
+
+
+def backed_up(app: App[Any]) -> bool:
+    """Whether the terminal doesn't keep up: then live paints wait. With 30 writes queued Textual's event loop blocks.
+
+    The queue is private to Textual; this is the only place that looks at it.
+    """
+    driver = app._driver
+    writer = getattr(driver, "_writer_thread", None)
+    queue = getattr(writer, "_queue", None)
+    return queue is not None and queue.qsize() > BACKLOG_LIMIT
+
+
+def end_on_signals(loop: AbstractEventLoop, leave: Callable[[], None], last_words: Callable[[], None]) -> None:
+    """SIGHUP (the terminal is gone), SIGTERM and SIGINT end the app; if it can't, the process ends after a short grace.
+
+    When SSH dies, whatever writes to the terminal may hang or fail: without this an orphan burns a whole core.
+    """
+
+    def ended(number: int) -> None:
+        watchdog = threading.Timer(GRACE_S, _end_hard, (number, last_words))
+        watchdog.daemon = True
+        watchdog.start()
+        leave()
+
+    for number in (signal.SIGHUP, signal.SIGTERM):
+        loop.add_signal_handler(number, ended, number)
+
+
+def _end_hard(number: int, last_words: Callable[[], None]) -> None:
+    last_words()
+    os._exit(128 + number)

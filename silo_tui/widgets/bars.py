@@ -1,0 +1,204 @@
+"""The lines around the table: status on top, banner, information, keys at the bottom."""
+
+import time
+from collections.abc import Callable
+
+from rich.text import Text
+from textual.app import RenderResult
+from textual.widget import Widget
+
+from silo.ipc.messages import State
+from silo_tui.actions import Deed, footer_for
+from silo_tui.model import text
+from silo_tui.model.plots import PlotWindow
+from silo_tui.session import Session
+
+STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
+
+
+class StatusBar(Widget):
+    """The logger at a glance: who, what state, how long, how many, how fast, what was lost."""
+
+    DEFAULT_CSS = "StatusBar { height: 1; }"
+
+    def __init__(self, session: Session, *, read_only: bool) -> None:
+        super().__init__()
+        self.session = session
+        self._read_only = read_only
+        self._drawn = ""
+
+    def update(self) -> None:
+        """Paints anew if it reads differently."""
+        if self._line().plain != self._drawn:
+            self.refresh()
+
+    def render(self) -> RenderResult:
+        """The line."""
+        line = self._line()
+        self._drawn = line.plain
+        return line
+
+    def _line(self) -> Text:
+        session, status = self.session, self.session.status
+        line = Text(no_wrap=True, overflow="ellipsis")
+        variables = self.app.theme_variables
+        line.append("silo ", style="bold")
+        host = f"{status.host}/" if status.host and self.size.width >= 60 else ""
+        line.append(f"{host}{session.name}  ")
+        if not session.link or session.status.helper_pid == 0:
+            line.append("connecting …")
+            return line
+        name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
+        sign = STATE_SIGNS[status.state] if session.connected else "○ NO LINK"
+        line.append(sign, style=f"bold {color(variables, name if session.connected else 'error')}")
+        if status.started_ns:
+            line.append(f" {text.duration(session.run_seconds)}")
+        line.append(f"  {status.enabled}/{status.elements}")
+        if self.size.width >= 100:
+            line.append(" elements")
+        rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz
+        line.append(f"  {rate:.4g} Hz")
+        if self.size.width >= 100:
+            line.append(f"  {text.count(session.ticks)} ticks")
+        lost = session.lost_total
+        line.append(f"  lost {text.count(lost)}", style=f"bold {color(variables, 'error')}" if lost else "")
+        if not session.may_edit or self._read_only:
+            line.append("  read-only", style=color(variables, "warning"))
+        return line
+
+
+def color(variables: dict[str, str], name: str) -> str:
+    """A colour of the theme as Rich writes it (`ansi_red` is `red` there)."""
+    return variables.get(name, "").removeprefix("ansi_").replace("default", "") or "none"
+
+
+class Banner(Widget):
+    """What is wrong and what to do, in one or two lines over the table; hidden when all is well."""
+
+    DEFAULT_CSS = "Banner { height: auto; display: none; padding: 0 1; }"
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self.session = session
+        self._shown = ""
+
+    def update(self) -> None:
+        """Follows the state of the logger."""
+        words = self._words()
+        if words != self._shown:
+            self._shown = words
+            self.display = bool(words)
+            self.refresh(layout=True)
+
+    def render(self) -> RenderResult:
+        """The words."""
+        return Text(self._shown)
+
+    def _words(self) -> str:
+        session = self.session
+        if session.link is None:
+            return ""
+        if session.lost_since is not None:
+            age = text.duration(time.monotonic() - session.lost_since)
+            kept = " Pending edits are kept." if session.table.pending_count[0] else ""
+            return f"No link to {session.name} for {age}. Values are {age} old; trying again by itself.{kept}"
+        if session.dead:
+            return f"The robot program of {session.name} died. {session.status.reason}".strip()
+        if len(session.table) and not session.table.live.any() and session.running:
+            return "Nothing is published, so there are no live values: mark elements, press p, then a to apply."
+        return ""
+
+
+class InfoLine(Widget):
+    """Marks, pending edits, filter, and what was done last."""
+
+    DEFAULT_CSS = "InfoLine { height: 1; padding: 0 1; }"
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self.session = session
+        self._said = ""
+
+    def say(self, words: str) -> None:
+        """Shows a result until the next one."""
+        self._said = words
+        self.refresh()
+
+    def render(self) -> RenderResult:
+        """The line."""
+        session, rows = self.session, self.session.rows
+        parts: list[str] = []
+        if rows.anchor is not None:
+            parts.append(f"range of {len(rows.range_rows())} (V marks it)")
+        if rows.marked_count:
+            hidden = f", {rows.hidden_marked} not shown" if rows.hidden_marked else ""
+            parts.append(f"{rows.marked_count} marked{hidden}")
+        fields, elements = session.table.pending_count
+        if fields:
+            way = " (stop to apply)" if session.running else " (a to apply)"
+            parts.append(f"{fields} pending in {text.plural(elements, 'row')}{way}")
+        conflicts = int(session.table.conflicts.sum())
+        if conflicts:
+            parts.append(f"! {text.plural(conflicts, 'conflict')}")
+        if rows.filter.text:
+            parts.append(f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}")
+            parts += [f"? {problem}" for problem in rows.filter.problems[:1]]
+        if self._said:
+            parts.append(self._said)
+        if not parts and len(rows.shown):
+            parts.append(f"{rows.position + 1} of {len(rows.shown)}")
+        return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
+
+
+class MonitorLine(Widget):
+    """Span, pause, cursor and scale of the monitor."""
+
+    DEFAULT_CSS = "MonitorLine { height: 1; padding: 0 1; }"
+
+    def __init__(self, window: PlotWindow, words: Callable[[], str]) -> None:
+        super().__init__()
+        self._window = window
+        self._words = words
+
+    def render(self) -> RenderResult:
+        """The line."""
+        window = self._window
+        parts = [f"{text.span(window.span_s)} shown", "PAUSED" if window.paused else "live"]
+        parts.append("y held" if window.fixed_scale else "y follows")
+        words = self._words()
+        if words:
+            parts.append(words)
+        return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
+
+
+class KeyBar(Widget):
+    """The keys that matter here, as many as fit; a click does what the key does."""
+
+    DEFAULT_CSS = "KeyBar { height: 1; }"
+
+    def __init__(self, scope: str, *, read_only: bool = False) -> None:
+        super().__init__()
+        self._deeds = footer_for(scope, read_only=read_only)
+
+    def render(self) -> RenderResult:
+        """As many keys as fit, those wanted most first."""
+        fitting = self._fitting()
+        key_color = color(self.app.theme_variables, "primary")
+        line = Text(" ", no_wrap=True, overflow="ellipsis")
+        for deed in fitting:
+            style = f"bold {key_color}" if not self.app.no_color else "bold"
+            line.append(deed.key_text, style=style)
+            line.append(f" {deed.label}  ")
+            start = len(line) - len(deed.key_text) - len(deed.label) - 3
+            line.apply_meta({"@click": f"screen.deed('{deed.id}')"}, start, len(line) - 2)
+        return line
+
+    def _fitting(self) -> list[Deed]:
+        room = self.size.width - 1
+        found = []
+        for deed in self._deeds:
+            room -= len(deed.key_text) + len(deed.label) + 3
+            if room < -2:
+                break
+            found.append(deed)
+        return found

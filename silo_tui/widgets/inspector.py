@@ -1,0 +1,149 @@
+"""The pane on the right of a wide terminal: everything about the element under the cursor, with small plots."""
+
+from rich.text import Text
+from textual.app import RenderResult
+from textual.widget import Widget
+
+from silo.model import ElementInfo
+from silo_tui.model import braille, text
+from silo_tui.model.columns import hold
+from silo_tui.model.fields import Field, phrase_for
+from silo_tui.model.live import Reading, entry_text, fill_share
+from silo_tui.session import Session
+from silo_tui.widgets.bars import color
+
+MAX_PLOTS = 6
+MAX_VALUES = 16
+
+
+class Inspector(Widget):
+    """Name, options with what is pending, values of all entries, plots of the first few."""
+
+    DEFAULT_CSS = "Inspector { width: 40; padding: 0 1; }"
+
+    def __init__(self, session: Session) -> None:
+        super().__init__()
+        self.session = session
+
+    def plot_names(self) -> list[str]:
+        """The entries that the pane plots."""
+        row = self.session.rows.row
+        if row is None or not self.session.table.is_live(row):
+            return []
+        element = self.session.table.elements[row]
+        return [element.name + entry.suffix for entry in element.entries if entry.dtype[1:2] not in "SU"][:MAX_PLOTS]
+
+    def render(self) -> RenderResult:
+        """The pane."""
+        row = self.session.rows.row
+        if row is None:
+            return Text("")
+        element = self.session.table.elements[row]
+        reading = self.session.live.readings.get(element.name)
+        pane = Text(no_wrap=True, overflow="ellipsis")
+        width = self.content_size.width
+        name = self.session.short_name(element.name)
+        for start in range(0, len(name), max(8, width)):
+            pane.append(name[start : start + max(8, width)] + "\n", style="bold")
+        self._facts(pane, element, row, reading)
+        self._values(pane, element, row, reading)
+        self._plots(pane, width)
+        return pane
+
+    def _facts(self, pane: Text, element: ElementInfo, row: int, reading: Reading | None) -> None:
+        quiet = self._quiet
+        shape = " x ".join(str(side) for side in element.shape)
+        dtype = element.entries[0].dtype.lstrip("<>|=") if element.entries else ""
+        unit = "" if element.unit == "-" else f"  [{element.unit}]"
+        pane.append(f"{element.kind} {shape} {dtype}{unit}".replace("  ", " ") + "\n", style=quiet)
+        if element.description:
+            pane.append(element.description + "\n", style=quiet)
+        table = self.session.table
+        values, server, pending, conflicts = table.values, table.server, table.pending, table.conflicts
+        for field in Field:
+            pane.append(f"{field.label:<12} ", style=quiet)
+            if pending[field, row]:
+                pane.append(f"{phrase_for(field, int(server[field, row]))} → ")
+                pane.append(phrase_for(field, int(values[field, row])), style=f"underline {self._warning}")
+                pane.append(" ! changed by somebody else" if conflicts[field, row] else "")
+            else:
+                pane.append(phrase_for(field, int(values[field, row])))
+            pane.append("\n")
+        frequency = self.session.status.frequency_hz
+        if frequency:
+            divider, size = int(values[Field.DIVIDER, row]), int(values[Field.BUFFER_SIZE, row])
+            holds = text.span(size * divider / frequency)
+            pane.append(f"{'that is':<12} ", style=quiet)
+            pane.append(f"{frequency / divider:.4g} Hz, holds {holds}\n")
+        if reading is not None:
+            size = int(server[Field.BUFFER_SIZE, row])
+            share = fill_share(reading.held, size)
+            pane.append(f"{'held':<12} ", style=quiet)
+            pane.append(f"{text.count(reading.held)} ")
+            pane.append(text.bar(share, 8), style=self._plot)
+            pane.append(f" {share:.0%}\n")
+            if reading.lost:
+                pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._error)
+
+    def _values(self, pane: Text, element: ElementInfo, row: int, reading: Reading | None) -> None:
+        pane.append("\n")
+        if not self.session.table.server[Field.ENABLED, row]:
+            pane.append("not logged; t switches it on\n", style=self._quiet)
+            return
+        if not self.session.table.is_live(row):
+            pane.append("saved only, not published:\n", style=self._quiet)
+            pane.append("p changes its action\n", style=self._quiet)
+            return
+        if reading is None:
+            pane.append("no values yet\n" if self.session.running else "not running; S starts it\n", style=self._quiet)
+            return
+        style = "" if self.session.fresh and self.session.running else self._quiet
+        if len(element.entries) == 1:
+            entry = element.entries[0]
+            pane.append(entry_text(entry, float(reading.newest[0]), reading.texts.get(0), 30) + "\n", style=style)
+            return
+        for position, entry in enumerate(element.entries[:MAX_VALUES]):
+            word = entry_text(entry, float(reading.newest[position]), reading.texts.get(position), 16)
+            pane.append(f"{entry.suffix:<14} ", style=self._quiet)
+            pane.append(f"{word:>16}\n", style=style)
+        if len(element.entries) > MAX_VALUES:
+            pane.append(f"and {len(element.entries) - MAX_VALUES} more; m plots them\n", style=self._quiet)
+
+    def _plots(self, pane: Text, width: int) -> None:
+        names = self.plot_names()
+        columns = self.session.columns
+        names = [name for name in names if columns.row(name) is not None]
+        room = self.content_size.height - pane.plain.count("\n") - 1
+        if not names or columns.empty or room < 4:
+            return
+        names = names[: max(1, room // 4)]
+        height = max(2, min(7, room // len(names) - 1))
+        shown_columns = 2 * max(8, width)
+        for name in names:
+            low, high = columns.window(name, columns.end, shown_columns)
+            low, high = hold(low, high, 4)
+            found = braille.value_range(low, high)
+            scale = braille.nice_range(*found) if found else (-1.0, 1.0)
+            row = self.session.rows.row
+            prefix = self.session.table.elements[row].name if row is not None else ""
+            title = f"{name[len(prefix) :] or 'value'}  {text.compact(scale[0])} … {text.compact(scale[1])}"
+            span = text.span(min(columns.count, shown_columns) * columns.column_ns / 1e9)
+            pane.append(f"{title}  {span}\n", style=self._quiet)
+            for line in braille.rasterise(low, high, scale, max(8, width), height):
+                pane.append(line + "\n", style=self._plot if self.session.fresh else self._quiet)
+
+    @property
+    def _quiet(self) -> str:
+        return color(self.app.theme_variables, "quiet")
+
+    @property
+    def _warning(self) -> str:
+        return color(self.app.theme_variables, "warning")
+
+    @property
+    def _error(self) -> str:
+        return color(self.app.theme_variables, "error")
+
+    @property
+    def _plot(self) -> str:
+        return color(self.app.theme_variables, "plot")
