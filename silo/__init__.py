@@ -1,1 +1,97 @@
-"""silo: a signal logger for robots."""
+"""silo: a signal logger for robots.
+
+Public names are loaded at first use, so that commands that need none of them start fast.
+"""
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from silo.default import add, array, cleanup, close, collect, init, restart, save, serve, start, stop, update
+    from silo.errors import (
+        ConnectionLostError,
+        ElementError,
+        FileFormatError,
+        RefusedError,
+        SaveError,
+        ScriptError,
+        SegmentError,
+        SiloError,
+        SourceError,
+        StateError,
+    )
+    from silo.log import Log, Signal, open_log
+    from silo.logger import Logger
+    from silo.model import Action, BufferType, ElementInfo, ElementOptions, FileType, LoggerOptions, Storage
+    from silo.null import NullLogger
+    from silo.recording import Recording
+    from silo.traits import register, vector_at_position
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "silo.default": "add array cleanup close collect init restart save serve start stop update",
+    "silo.errors": (
+        "ConnectionLostError ElementError FileFormatError RefusedError SaveError ScriptError SegmentError SiloError "
+        "SourceError StateError"
+    ),
+    "silo.log": "Log Signal open_log",
+    "silo.logger": "Logger",
+    "silo.model": "Action BufferType ElementInfo ElementOptions FileType LoggerOptions Storage",
+    "silo.null": "NullLogger",
+    "silo.recording": "Recording",
+    "silo.traits": "register vector_at_position",
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
+
+__all__ = [
+    "Action",
+    "BufferType",
+    "ConnectionLostError",
+    "ElementError",
+    "ElementInfo",
+    "ElementOptions",
+    "FileFormatError",
+    "FileType",
+    "Log",
+    "Logger",
+    "LoggerOptions",
+    "NullLogger",
+    "Recording",
+    "RefusedError",
+    "SaveError",
+    "ScriptError",
+    "SegmentError",
+    "Signal",
+    "SiloError",
+    "SourceError",
+    "StateError",
+    "Storage",
+    "add",
+    "array",
+    "cleanup",
+    "close",
+    "collect",
+    "init",
+    "open_log",
+    "register",
+    "restart",
+    "save",
+    "serve",
+    "start",
+    "stop",
+    "update",
+    "vector_at_position",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'silo' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOME_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

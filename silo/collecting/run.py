@@ -32,6 +32,7 @@ class Run:
         elements: Sequence[Element],
         clock: Callable[[], int],
         on_stop: Callable[[StopReason], None],
+        after_end: Collect,
     ) -> None:
         """Lay out, allocate and touch the buffers. Raises SegmentError where there is no room for them."""
         plan = self._plan(options, elements, checked=options.checked)
@@ -44,7 +45,8 @@ class Run:
         self.segment = Segment(
             self._path(options), self._schema(options, plan), plan.first_rows, options.memory_limit_mb * 1_000_000
         )
-        self.collect: Collect = generate(plan, self.segment, clock, on_stop)
+        generated = generate(plan, self.segment, clock, on_stop, after_end)
+        self.collect, self._retire = generated.collect, generated.retire
         self._reader: SegmentReader | None = None
 
     @staticmethod
@@ -89,6 +91,11 @@ class Run:
         if self._reader is None:
             self._reader = SegmentReader(self.segment.path)
         return self._reader
+
+    def end(self, reason: StopReason) -> None:
+        """No more ticks; a `collect` that somebody kept goes to the logger's present one from now on."""
+        self._retire()
+        self.segment.stop(reason)
 
     def drop(self) -> None:
         """Delete the segment; readers that have it mapped keep it."""

@@ -11,6 +11,7 @@ Everything is little-endian and 8-byte aligned; each part begins on a page.
 """
 
 import enum
+import platform
 
 import msgspec
 
@@ -22,6 +23,9 @@ PAGE = 4096
 LINE_WORDS = 8
 STAMP_WORDS = 2  # tick and time stamp open each row
 TIME_RING = 0
+
+# x86 makes stores visible in program order; elsewhere `live`, written one row later, counts the rows surely whole
+ORDERED_STORES = platform.machine() in ("x86_64", "AMD64", "i686")
 
 
 class Header(enum.IntEnum):

@@ -77,7 +77,7 @@ class Scratch:
     def __init__(self) -> None:
         self._slots: list[Slot] = []
         self._by_source: dict[int, Slot] = {}
-        self.words: NDArray[np.uint64] = np.zeros(STAMP_WORDS, np.uint64)
+        self.words: NDArray[np.int64] = np.zeros(STAMP_WORDS, np.int64)
 
     def add(self, source: Source, divider: int, name: str) -> None:
         """Give a source a slot."""
@@ -92,7 +92,7 @@ class Scratch:
         for slot in self._slots:
             slot.offset = offset
             offset += -(-max(slot.view.nbytes, 1) // 8) * 8
-        self.words = np.zeros(offset // 8, np.uint64)
+        self.words = np.zeros(offset // 8, np.int64)
         for slot in self._slots:
             view: NDArray[Any] = np.ndarray(slot.view.shape, slot.view.dtype, self.words.data, slot.offset)
             slot.view = view

@@ -86,7 +86,7 @@ class Segment:
         mapped = mmap.mmap(self._fd, self._chunk_data)
         # a strided NumPy store touches every page without the GIL: no page fault is left for the control loop
         np.frombuffer(mapped, np.uint8)[::PAGE] = 0
-        self.words = memoryview(mapped).cast("L")
+        self.words = memoryview(mapped).cast("l")
         body = msgspec.json.encode(self.schema)
         mapped[PAGE : PAGE + len(body)] = body
         header = {
@@ -190,7 +190,7 @@ class Segment:
         self.words[self._directory // 8 + self._chunks] = ring + 1
         self._chunks += 1
         self._set(Control.CHUNKS, self._chunks)
-        return Chunk(memoryview(mapped).cast("L"), self._growing[ring].capacity)
+        return Chunk(memoryview(mapped).cast("l"), self._growing[ring].capacity)
 
     def _end_chunks(self) -> None:
         self._ended = True

@@ -4,7 +4,6 @@ No locks and no retries: rows are copied, then the head is read again and what w
 """
 
 import mmap
-import platform
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from silo.collecting.schema import (
     LAYOUT_VERSION,
     LINE_WORDS,
     MAGIC,
+    ORDERED_STORES,
     PAGE,
     STAMP_WORDS,
     STOP_TEXTS,
@@ -35,9 +35,6 @@ from silo.collecting.schema import (
 from silo.errors import SegmentError
 from silo.model import BufferType
 from silo.recording import RecordedElement, RecordedEntry, Recording
-
-# x86 makes stores visible in program order; elsewhere `live`, written one row later, counts the rows surely whole
-ORDERED_STORES = platform.machine() in ("x86_64", "AMD64", "i686")
 
 
 @dataclass(frozen=True)

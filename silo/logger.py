@@ -1,0 +1,501 @@
+"""The logger: registers variables, runs, saves. What a control program imports.
+
+`collect()` runs the closure that `start()` generated and nothing else. Everything that changes the table or the state
+takes one lock, which `collect()` never touches.
+"""
+
+import enum
+import functools
+import logging
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+from numpy.typing import DTypeLike, NDArray
+
+from silo import ending
+from silo.collecting.arena import Arena
+from silo.collecting.plan import Element
+from silo.collecting.run import Run
+from silo.collecting.schema import STOP_TEXTS, StopReason
+from silo.errors import ElementError, SegmentError, StateError
+from silo.ipc.messages import Edit, Problem, SavedFile, State
+from silo.model import Action, BufferType, ElementInfo, ElementOptions, FileType, Storage, join_name
+from silo.new_values import NewValues, NewValuesReader
+from silo.options import file_type, logger_options, name_of, nanosecond_clock
+from silo.recording import Recording
+from silo.table import Table, checked
+from silo.traits import describe, entry_of, kind_of, label_map, strides_of
+
+if TYPE_CHECKING:
+    from silo.serving import Serving
+
+log = logging.getLogger("silo")
+
+
+def _idle() -> None:
+    """`collect()` of a logger that isn't running."""
+
+
+class Logger:
+    """Logs variables of a control program, by reference, once per control tick.
+
+    frequency: control ticks per second (Hz). max_time: how long fixed and growing logs may become (s), 0 for no limit.
+    script: YAML file with the configuration; read by `update()` if it exists. prefix: start of all element names.
+    clock: returns the time stamp of a tick, as int nanoseconds or float seconds; the system clock if not given.
+    folder: where saved files go. storage: `"memory"`, or `"disk"` to survive a power cut. size_tiers: rings per divider
+    and buffer type; more of them cost time in each tick, fewer cost memory. memory_limit_mb: what growing buffers may
+    take together. checked: copy each variable by NumPy instead of by address, 10 times slower.
+    """
+
+    def __init__(
+        self,
+        name: str = "silo",
+        *,
+        frequency: float = 100.0,
+        max_time: float = 10.0,
+        script: str | os.PathLike[str] = "logger.yaml",
+        prefix: str = "/log",
+        clock: Callable[[], int | float] | None = None,
+        folder: str | os.PathLike[str] = ".",
+        storage: str | Storage = Storage.MEMORY,
+        size_tiers: int = 3,
+        memory_limit_mb: int = 1024,
+        checked: bool = False,
+    ) -> None:
+        self.options = logger_options(
+            name=name,
+            frequency=frequency,
+            max_time=max_time,
+            script=script,
+            prefix=prefix,
+            folder=folder,
+            storage=storage,
+            size_tiers=size_tiers,
+            memory_limit_mb=memory_limit_mb,
+            checked=checked,
+        )
+        self._clock = nanosecond_clock(clock)
+        self._lock = threading.RLock()
+        self._table = Table(self.options.prefix)
+        self._arena = Arena()
+        self._run: Run | None = None
+        self._collect: Callable[[], None] = _idle
+        self._run_number = 0
+        self._running = False
+        self._updated = False
+        self._closed = False
+        self._reason = ""
+        self._saved_ticks = 0
+        self._new_values = NewValuesReader()
+        self._serving: Serving | None = None
+        ending.watch(self)
+
+    # --------------------------------------------------------------------------------------------- registering
+
+    def add(
+        self,
+        source: object,
+        name: str | None = None,
+        *,
+        attr: str | None = None,
+        group: str = "",
+        unit: str = "-",
+        divider: int = 1,
+        action: Action = Action.SAVE,
+        buffer_type: BufferType = BufferType.LOOPING,
+        buffer_size: int | None = None,
+        enabled: bool = True,
+        kind: str = "",
+        labels: type[enum.Enum] | Mapping[int, str] | None = None,
+        description: str = "",
+        string_bytes: int | None = None,
+    ) -> None:
+        """Register a variable; it is part of the table after the next `update()`.
+
+        source: a NumPy array (any shape, strides and dtype), ctypes object, array.array, memoryview or mmap, read by
+        reference; an object with `attr` (a dotted path), read each due tick; a function without arguments; a dataclass,
+        a registered type, or a list, tuple or dict of such. kind: how numbers belong together (`quaternion`,
+        `quaternion_wxyz`, `angle_axis`, `pose`, `twist`, `vector_at_position(A, B)`, `array` for plain indices).
+        labels: names of an integer's values. string_bytes: room for a string. buffer_size: samples, `max_time` if not
+        given. Raises SourceError for what can't be logged, ElementError for names and values out of range.
+        """
+        self._check_open()
+        full = join_name(self.options.prefix, group, name or name_of(source, attr))
+        if buffer_size is None and isinstance(divider, int) and divider >= 1:
+            buffer_size = self.options.default_buffer_size(divider)
+        options = checked(full, ElementOptions(enabled, divider, action, buffer_type, buffer_size or 0))
+        parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=string_bytes)
+        entries = tuple(
+            entry_of(scalar, part.labels) for part in parts for scalar in part.scalars(strides_of(part.source))
+        )
+        first = parts[0].source
+        single = len(parts) == 1
+        info = ElementInfo(
+            name=full,
+            unit=unit or "-",
+            kind=kind_of(first.dtype, first.shape, kind) if single else "struct",
+            shape=first.shape if single else (),
+            entries=entries,
+            options=options,
+            description=description,
+        )
+        with self._lock:
+            self._table.add(Element(info, tuple(parts)))
+
+    def array(
+        self, name: str, shape: int | tuple[int, ...] = (), dtype: DTypeLike = float, **options: Any
+    ) -> NDArray[Any]:
+        """Make a variable in silo's own memory and register it; takes the keywords of `add`.
+
+        Returns zeros of this shape and type. The fastest way: all such variables are one memory copy per tick.
+        """
+        made = self._arena.array(shape, dtype)
+        self.add(made, name, **options)
+        return made
+
+    def update(self, *, read_script: bool = True) -> None:
+        """Make what was added part of the table, and read the script if it exists.
+
+        Raises StateError while running, ScriptError for a script with problems (nothing is changed then).
+        """
+        with self._lock:
+            self._check_stopped("update the table")
+            self._table.adopt()
+            self._updated = True
+            if read_script and Path(self.options.script).exists():
+                self.load_script()
+            self._tell()
+
+    # ------------------------------------------------------------------------------------------------ the loop
+
+    def collect(self) -> None:
+        """Log one tick. Does nothing while stopped. Call it from one thread only: a second one gets a StateError."""
+        # while the logger runs, the generated closure stands in the instance in place of this method: 40 ns less a tick
+        self._collect()
+
+    def _collect_now(self) -> None:
+        self._collect()
+
+    def _set_collect(self, collect: Callable[[], None]) -> None:
+        self._collect = collect
+        vars(self)["collect"] = collect
+        if collect is _idle:
+            del vars(self)["collect"]
+
+    def start(self) -> None:
+        """Clear all buffers and begin to log; calls `update()` first if that was never done.
+
+        Raises StateError if it runs already, SegmentError if there is no room for the buffers.
+        """
+        with self._lock:
+            self._check_open()
+            self._check_stopped("start")
+            if not self._updated:
+                self.update()
+            self._run = self._new_run()
+            self._saved_ticks = 0
+            self._new_values = NewValuesReader()
+            self._reason = ""
+            self._running = True
+            self._set_collect(self._run.collect)
+            self._tell()
+
+    def _new_run(self) -> Run:
+        previous, self._run = self._run, None
+        self._run_number += 1
+        stopped = functools.partial(self._stop_by_itself, self._run_number)
+        try:
+            run = Run(self.options, self._table.elements, self._clock, stopped, self._collect_now)
+        except SegmentError:
+            if previous is None:
+                raise
+            previous.drop()  # the old buffers may be what fills the memory
+            return Run(self.options, self._table.elements, self._clock, stopped, self._collect_now)
+        if previous is not None:
+            previous.drop()
+        return run
+
+    def stop(self) -> None:
+        """End logging; the data stays and can be saved. Stopping a stopped logger succeeds."""
+        with self._lock:
+            if self._running and self._run is not None:
+                self._running = False
+                self._set_collect(_idle)
+                self._run.end(StopReason.ASKED)
+                self._reason = STOP_TEXTS[StopReason.ASKED]
+                self._tell()
+
+    def restart(self) -> None:
+        """Stop and start: the buffers are cleared."""
+        with self._lock:
+            self.stop()
+            self.start()
+
+    def _stop_by_itself(self, run_number: int, reason: StopReason) -> None:
+        """Called by the tick that filled the time buffer: takes no lock."""
+        if run_number != self._run_number:
+            return  # a tick that was under way while another thread restarted
+        self._set_collect(_idle)
+        self._running = False
+        self._reason = STOP_TEXTS[reason]
+        if self._run is not None:
+            self._run.end(reason)
+        self._tell()
+
+    # ----------------------------------------------------------------------------------------------- the state
+
+    @property
+    def is_running(self) -> bool:
+        """Whether `collect()` logs."""
+        return self._running
+
+    @property
+    def ticks(self) -> int:
+        """Ticks logged since the last start."""
+        return self._run.segment.ticks if self._run else 0
+
+    @property
+    def lost(self) -> int:
+        """Rows that could not be kept since the last start."""
+        return self._run.reader.lost if self._run else 0
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the logger stopped, empty while it runs or before the first start."""
+        return self._reason
+
+    @property
+    def source_failures(self) -> dict[str, int]:
+        """How often attributes or functions could not be read since start, by element; only those that failed."""
+        return self._run.plan.scratch.failures if self._run else {}
+
+    @property
+    def elements(self) -> list[ElementInfo]:
+        """The element table, in the order of registration."""
+        return self._table.infos
+
+    @property
+    def revision(self) -> int:
+        """Grows with every change of the table."""
+        return self._table.revision
+
+    # ------------------------------------------------------------------------------------------------- options
+
+    def set(self, name: str = "/", **options: Any) -> int:
+        """Change options of an element or of a whole namespace, all or none; returns how many elements changed.
+
+        Options: enabled, divider, action, buffer_type, buffer_size. Raises StateError while running, ElementError for
+        unknown names and values out of range.
+        """
+        unknown = set(options) - set(ElementOptions.__struct_fields__)
+        if unknown:
+            known = ", ".join(ElementOptions.__struct_fields__)
+            raise ElementError(f"unknown option {', '.join(sorted(unknown))}; there are {known}")
+        with self._lock:
+            self._check_stopped("change elements")
+            changes = {
+                place: msgspec.structs.replace(self._table.elements[place].info.options, **options)
+                for place in self._table.select(name)
+            }
+            changed = self._table.change(changes)
+            self._tell()
+            return changed
+
+    def enable(self, name: str = "/") -> int:
+        """Log an element or a namespace."""
+        return self.set(name, enabled=True)
+
+    def disable(self, name: str = "/") -> int:
+        """Don't log an element or a namespace."""
+        return self.set(name, enabled=False)
+
+    def apply(self, edits: Sequence[Edit]) -> int:
+        """Edits as one transaction, all or none; returns how many elements changed. Raises like `set`."""
+        with self._lock:
+            self._check_stopped("change elements")
+            problems = self._table.problems(edits)
+            if problems:
+                lines = "; ".join(f"element '{problem.name}': {problem.reason}" for problem in problems)
+                raise ElementError(f"{lines}; nothing was changed")
+            changed = self._table.apply(edits)
+            self._tell()
+            return changed
+
+    def load_script(self, path: str | os.PathLike[str] | None = None) -> list[str]:
+        """Configure all elements by a script; returns the names in it that the table lacks.
+
+        Raises StateError while running, ScriptError with one line per problem (nothing is changed then).
+        """
+        from silo.script import apply_script, read_script
+
+        with self._lock:
+            self._check_stopped("load a script")
+            plan = apply_script(read_script(path or self.options.script), self._table.infos)
+            self._table.set_all(plan.options)
+            self._tell()
+        for unknown in plan.unknown:
+            log.warning("%s: %s", path or self.options.script, unknown)
+        return [unknown.name for unknown in plan.unknown]
+
+    def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
+        """Write the configuration of every element to a script, whole or not at all; returns its path."""
+        from silo.script import write_script
+
+        target = Path(path or self.options.script)
+        write_script(target, self.elements)
+        return target
+
+    # ---------------------------------------------------------------------------------------------------- data
+
+    def snapshot(self) -> Recording:
+        """What the buffers hold now, cut at one tick; collection goes on. Raises StateError before the first start."""
+        with self._lock:
+            if self._run is None:
+                raise StateError("nothing was logged yet: call start() and collect() first")
+            return self._run.reader.snapshot()
+
+    def read_new_values(self, name: str) -> NewValues:
+        """All samples of an element since the last such call, oldest first; `missed` counts those overwritten."""
+        with self._lock:
+            info = self._table.elements[self._table.place(name)].info
+            if self._run is None:
+                raise StateError("nothing was logged yet: call start() and collect() first")
+            return self._new_values.read(self._run.reader, info.name)
+
+    def save(
+        self, types: Iterable[FileType | str] | FileType | str = (FileType.SILO,), name: str | None = None
+    ) -> list[SavedFile]:
+        """Save what the buffers hold to files in the logger's folder; collection goes on and nothing is emptied.
+
+        types: `"silo"`, `"csv"`, `"bag"`. name: a file name without ending, instead of `<logger>_<date>_<run number>`.
+        Served loggers save in their helper process. Raises SaveError (nothing stands under the final name, the data is
+        still in memory), StateError before the first start.
+        """
+        chosen = [file_type(one) for one in ([types] if isinstance(types, FileType | str) else types)]
+        if self._run is None:
+            raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
+        ticks = self.ticks
+        if self._serving is not None and self._serving.alive:
+            saved = self._serving.save(chosen, name or "")
+        else:
+            from silo.files import write
+
+            saved = write(self.snapshot(), self.options.folder, self.options.name, chosen, name)
+        self._saved_ticks = max(self._saved_ticks, ticks)
+        self._run.segment.mark_saved(self._saved_ticks)
+        return saved
+
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether ticks were logged that stand in no file."""
+        return self.ticks > self._saved_ticks
+
+    # ------------------------------------------------------------------------------------------- serving, ending
+
+    def serve(self, *, group: str | None = None, config: str | os.PathLike[str] | None = None) -> "Serving":
+        """Start the helper process: from now on `silo` and `silo-tui` find this logger.
+
+        group: lets the members of a system group in too (off by default). config: a file with remote access settings
+        (see `config/`). Use it as a context manager, or call its `close()`.
+        """
+        from silo.serving import Serving
+
+        with self._lock:
+            self._check_open()
+            if self._serving is not None and self._serving.alive:
+                raise StateError(f"logger '{self.options.name}' is served already")
+            if not self._updated:
+                self.update()
+            self._serving = Serving(self, group=group, config=config)
+            return self._serving
+
+    def close(self) -> None:
+        """Stop, end the helper process and free the buffers. What was not saved is gone; closing twice is fine."""
+        with self._lock:
+            if self._closed:
+                return
+            self.stop()
+            self._closed = True
+        if self._serving is not None:
+            self._serving.close()
+        if self._run is not None:
+            self._run.drop()
+
+    cleanup = close
+
+    def __enter__(self) -> "Logger":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close; after an error, keep what was logged: the helper process saves it, or `silo recover` does."""
+        if kind is None or issubclass(kind, KeyboardInterrupt | SystemExit):
+            self.close()
+        else:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """End without `close()`: unsaved data is left for the helper process, else for `silo recover`."""
+        if self._closed:
+            return
+        if not self.has_unsaved:
+            self.close()
+            return
+        self.stop()
+        self._closed = True
+        if self._serving is not None and self._serving.alive:
+            self._serving.abandon()
+            return
+        print(
+            f"silo: logger '{self.options.name}' ended without save() or close(); {self.ticks} ticks are kept in "
+            f"{self._run.segment.path if self._run else ''}: run `silo recover` to save them",
+            file=sys.stderr,
+        )
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise StateError(f"logger '{self.options.name}' is closed; make a new one")
+
+    def _check_stopped(self, what: str) -> None:
+        if self._running:
+            raise StateError(
+                f"can't {what} while logger '{self.options.name}' runs: stop() it first; nothing was changed"
+            )
+
+    def _tell(self) -> None:
+        """Let the helper process know of a new state or table. Never waits."""
+        if self._serving is not None:
+            self._serving.state_changed()
+
+    def locked(self) -> "threading.RLock":
+        """The lock of table and state, for the serving thread; `collect()` never takes it."""
+        return self._lock
+
+    def problems(self, edits: Iterable[Edit]) -> list[Problem]:
+        """Why edits can't be applied, one per field; empty when they can."""
+        return self._table.problems(edits)
+
+    @property
+    def state(self) -> State:
+        """Running or stopped, as clients see it."""
+        return State.RUNNING if self._running else State.STOPPED
+
+    @property
+    def segment_path(self) -> str:
+        """The file of the current or last run, empty before the first start."""
+        return str(self._run.segment.path) if self._run else ""
+
+    def after_fork_in_child(self) -> None:
+        """A forked child must not write into its parent's buffers, nor delete them."""
+        self._set_collect(_idle)
+        self._running = False
+        self._closed = True
+        self._serving = None
+        self._run = None

@@ -1,0 +1,72 @@
+"""`read_new_values`: what came since the last call, per element."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.collecting.schema import ElementSchema
+from silo.collecting.segment_reader import Rows, SegmentReader
+from silo.errors import StateError
+from silo.model import BufferType
+
+
+@dataclass(frozen=True)
+class NewValues:
+    """Samples of one element, oldest first.
+
+    `time_ns` has shape `(n,)`. `values` has shape `(n, *shape)` where all entries have one type, else it is a
+    structured array of shape `(n,)` with a field per suffix. `missed` counts samples overwritten before they were read.
+    """
+
+    time_ns: NDArray[np.int64]
+    values: NDArray[Any]
+    missed: int
+
+
+class NewValuesReader:
+    """Remembers, for one run, up to where each element was read."""
+
+    def __init__(self) -> None:
+        self._next: dict[str, int] = {}
+        self._elements: dict[str, ElementSchema] = {}
+
+    def read(self, reader: SegmentReader, name: str) -> NewValues:
+        """Raises StateError for an element that isn't logged in this run."""
+        if not self._elements:
+            self._elements = {element.info.name: element for element in reader.schema.elements}
+        if name not in self._elements:
+            raise StateError(f"element '{name}' is not logged in this run: enable it and start again")
+        element = self._elements[name]
+        since = self._next.get(name, 0)
+        rows = reader.rows(element.ring, since)
+        end = rows.first + len(rows)
+        options = element.info.options
+        if options.buffer_type is BufferType.FIXED:
+            end = min(end, options.buffer_size)
+        begin = rows.first
+        if options.buffer_type is BufferType.LOOPING:
+            begin = max(begin, end - options.buffer_size)
+        begin, end = max(begin, since), max(end, since)
+        self._next[name] = end
+        kept = rows.part(begin, end)
+        return NewValues(kept.time_ns.copy(), _values(element, kept), begin - since)
+
+
+def _values(element: ElementSchema, rows: Rows) -> NDArray[Any]:
+    columns = [rows.column(entry) for entry in element.entries]
+    types = {column.dtype for column in columns}
+    if len(types) == 1:
+        stacked = np.stack(columns, axis=1) if columns else np.empty((len(rows), 0))
+        shape = element.info.shape
+        if int(np.prod(shape)) == len(columns):
+            return stacked.reshape(len(rows), *shape)
+        return stacked
+    fields = [
+        (entry.entry.suffix.lstrip("_"), column.dtype) for entry, column in zip(element.entries, columns, strict=True)
+    ]
+    out = np.empty(len(rows), fields)
+    for (field, _), column in zip(fields, columns, strict=True):
+        out[field] = column
+    return out

@@ -1,0 +1,141 @@
+"""The element table: what is registered, under which name, with which options. Its owner does the locking."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import msgspec
+
+from silo.collecting.plan import Element
+from silo.errors import ElementError
+from silo.ipc.messages import Edit, Problem
+from silo.model import (
+    MAX_BUFFER_SIZE,
+    MAX_DIVIDER,
+    Action,
+    BufferType,
+    ElementInfo,
+    ElementOptions,
+    join_name,
+)
+
+
+def option_problems(name: str, options: ElementOptions) -> list[Problem]:
+    """What is out of range in options that came from outside; empty when all is well."""
+    ranges = (("divider", options.divider, MAX_DIVIDER), ("buffer_size", options.buffer_size, MAX_BUFFER_SIZE))
+    problems = [
+        Problem(name, field, f"{field} must be a whole number from 1 to {limit}, got {value!r}")
+        for field, value, limit in ranges
+        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= limit
+    ]
+    if not isinstance(options.enabled, bool):
+        problems.append(Problem(name, "enabled", f"enabled must be true or false, got {options.enabled!r}"))
+    for field, value, kind in (("action", options.action, Action), ("buffer_type", options.buffer_type, BufferType)):
+        if not isinstance(value, kind):
+            choices = ", ".join(f"{member.name} {int(member)}" for member in kind)
+            problems.append(Problem(name, field, f"{field} must be one of {choices}, got {value!r}"))
+    return problems
+
+
+def checked(name: str, options: ElementOptions) -> ElementOptions:
+    """The options, or an ElementError that names the element, the field, the value and the range."""
+    problems = option_problems(name, options)
+    if problems:
+        reasons = "; ".join(problem.reason for problem in problems)
+        raise ElementError(f"element '{name}': {reasons}; nothing was changed")
+    return options
+
+
+class Table:
+    """Elements in the order of registration. What was added waits in `pending` until `adopt`."""
+
+    def __init__(self, prefix: str) -> None:
+        self.prefix = prefix
+        self.revision = 0
+        self.pending: list[Element] = []
+        self.elements: tuple[Element, ...] = ()
+        self._places: dict[str, int] = {}
+        self._names: set[str] = set()
+
+    def add(self, element: Element) -> None:
+        """Keep a new element for the next `adopt`. Raises ElementError if the name is taken."""
+        name = element.info.name
+        if name in self._names:
+            raise ElementError(f"element '{name}' is there already; give this one another name or group")
+        self._names.add(name)
+        self.pending.append(element)
+
+    def adopt(self) -> None:
+        """Make what was added part of the table."""
+        if self.pending:
+            self.elements += tuple(self.pending)
+            self.pending = []
+            self._places = {element.info.name: place for place, element in enumerate(self.elements)}
+            self.revision += 1
+
+    @property
+    def infos(self) -> list[ElementInfo]:
+        """The rows of the table."""
+        return [element.info for element in self.elements]
+
+    def place(self, name: str) -> int:
+        """Where an element stands, by its full name or the name after the prefix. Raises ElementError."""
+        for candidate in (name, join_name(self.prefix, "", name)):
+            if candidate in self._places:
+                return self._places[candidate]
+        raise ElementError(f"no element '{name}'{self._hint(name)}")
+
+    def select(self, name: str) -> list[int]:
+        """An element, or every element of a namespace; all of them for `/` or an empty name. Raises ElementError."""
+        if not name.strip("/"):
+            return list(range(len(self.elements)))
+        for full in (join_name("", "", name), join_name(self.prefix, "", name)):
+            if full in self._places:
+                return [self._places[full]]
+            inside = [place for other, place in self._places.items() if other.startswith(full + "/")]
+            if inside:
+                return inside
+        raise ElementError(f"no element or namespace '{name}'{self._hint(name)}")
+
+    def _hint(self, name: str) -> str:
+        if any(element.info.name.endswith(name) for element in self.pending):
+            return "; it was added after the last update(): call update() first"
+        from difflib import get_close_matches
+
+        near = get_close_matches(join_name(self.prefix, "", name), self._places, 1, 0.6)
+        return f"; did you mean '{near[0]}'?" if near else f"; the table has {len(self.elements)} elements"
+
+    def change(self, changes: Mapping[int, ElementOptions]) -> int:
+        """Give elements new options, all or none. Returns how many differ; the revision grows if any does."""
+        changed = {
+            place: checked(self.elements[place].info.name, options)
+            for place, options in changes.items()
+            if options != self.elements[place].info.options
+        }
+        if changed:
+            elements = list(self.elements)
+            for place, options in changed.items():
+                element = elements[place]
+                elements[place] = Element(msgspec.structs.replace(element.info, options=options), element.parts)
+            self.elements = tuple(elements)
+            self.revision += 1
+        return len(changed)
+
+    def set_all(self, options: Sequence[ElementOptions]) -> int:
+        """New options for the whole table, in its order."""
+        return self.change(dict(enumerate(options)))
+
+    def problems(self, edits: Iterable[Edit]) -> list[Problem]:
+        """Why edits from outside can't be applied, one per field; empty when they can."""
+        found: list[Problem] = []
+        seen: set[str] = set()
+        for edit in edits:
+            if edit.name not in self._places:
+                found.append(Problem(edit.name, "name", "the table has no such element"))
+            elif edit.name in seen:
+                found.append(Problem(edit.name, "name", "edited twice in one transaction"))
+            seen.add(edit.name)
+            found += option_problems(edit.name, edit.options)
+        return found
+
+    def apply(self, edits: Iterable[Edit]) -> int:
+        """Apply edits without `problems`. Returns how many elements changed."""
+        return self.change({self._places[edit.name]: edit.options for edit in edits})
