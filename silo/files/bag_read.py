@@ -20,7 +20,7 @@ from mcap.opcode import Opcode
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
-from silo.errors import FileFormatError
+from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
 from silo.files.bag_facts import (
     FACTS_ATTACHMENT,
@@ -45,7 +45,7 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
     """The recording in a bag that silo wrote: a rosbag2 folder or an `.mcap` file.
 
     A truncated file gives the samples that are whole; `Recording.warnings` says what is missing. Raises
-    `FileFormatError` for damaged files and for bags of others.
+    `LogNotFoundError` if it can't be opened, `FileFormatError` for damaged files and for bags of others.
     """
     file = _storage_file(Path(path))
     try:
@@ -55,7 +55,7 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
             # the map ends with its last view, whoever holds it
             data = memoryview(mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ))
     except OSError as error:
-        raise FileFormatError(f"{file}: can't be read: {reason(error)}") from error
+        raise LogNotFoundError(f"can't open '{file}': {reason(error)}") from error
     try:
         return _read(data)
     except (struct.error, ValueError, IndexError, OverflowError, TypeError, MemoryError) as error:
@@ -67,7 +67,7 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
 
 def _storage_file(path: Path) -> Path:
     if not path.exists():
-        raise FileFormatError(f"{path}: no such file or folder")
+        raise LogNotFoundError(f"there is no file or folder '{path}'")
     if not path.is_dir():
         return path
     files = sorted(path.glob("*.mcap"))

@@ -11,6 +11,9 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from silo.errors import SaveError
 from silo.recording import RecordedElement, RecordedEntry
 
@@ -186,7 +189,7 @@ def type_hashes(channels: Iterable[Channel]) -> dict[str, str]:
 def _wire_of(entry: RecordedEntry) -> _Wire:
     dtype = entry.values.dtype
     kind, size = dtype.kind, dtype.itemsize
-    if kind == "S" and _is_text(entry):
+    if kind == "S" and is_text(entry.values):
         return _Wire(STRING, STRING)
     if kind + str(size) in _WIRES:
         return _WIRES[kind + str(size)]
@@ -195,9 +198,10 @@ def _wire_of(entry: RecordedEntry) -> _Wire:
     raise SaveError(f"{entry.name}: values of type {dtype} can't be stored in a bag; leave the element out of it")
 
 
-def _is_text(entry: RecordedEntry) -> bool:
+def is_text(values: NDArray[np.bytes_]) -> bool:
+    """Whether all strings are UTF-8 without NUL inside, so that other programs can show them."""
     # readers decode strings as UTF-8 and end them at NUL: what is neither travels as bytes
-    joined = b"\n".join(entry.values.tolist())
+    joined = b"\n".join(values.tolist())
     try:
         joined.decode()
     except UnicodeDecodeError:

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
-from silo.errors import FileFormatError, SaveError
+from silo.errors import FileFormatError, LogNotFoundError, SaveError
 from silo.files import bag, mcap_write
 from silo.files.bag import write_bag
 from silo.files.bag_read import read_bag
@@ -262,5 +262,5 @@ def test_what_is_no_bag_says_so(content, reason, tmp_path):
 
 
 def test_a_bag_that_is_missing_says_so(tmp_path):
-    with pytest.raises(FileFormatError, match="no such file"):
+    with pytest.raises(LogNotFoundError, match=r"x\.mcap"):
         read_bag(tmp_path / "x.mcap")

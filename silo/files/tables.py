@@ -1,0 +1,134 @@
+"""A recording -> Parquet: one row per tick, one column per entry, null where an element has no sample at a tick.
+
+Types are kept (long double becomes float64); units, kinds, labels and dividers stand in the
+metadata of the columns. Written in row groups, so that memory stays bounded.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.files.convert import Progress
+from silo.files.extras import need, whole_file
+from silo.files.ros_types import is_text
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+# cells of a row group: 64 MB of doubles
+_GROUP_CELLS = 8_000_000
+_MAX_ROWS = 1 << 16
+
+
+def write_parquet(recording: Recording, path: Path, progress: Progress | None = None) -> None:
+    """Write `time_ns` (int64), `time` (UTC, nanoseconds) and one column per entry; complex ones are two columns.
+
+    Raises `SaveError`, and `SiloError` without pyarrow.
+    """
+    arrow = need("pyarrow", "convert", "Parquet files")
+    parquet = need("pyarrow.parquet", "convert", "Parquet files")
+    columns = list(_columns(recording))
+    names = _unique(["time_ns", "time", *(name for name, _, _ in columns)])
+    time_type = arrow.timestamp("ns", tz="UTC")
+    fields = [arrow.field(names[0], arrow.int64(), nullable=False), arrow.field(names[1], time_type, nullable=False)]
+    for name, (_, element, values) in zip(names[2:], columns, strict=True):
+        fields.append(arrow.field(name, _arrow_type(arrow, values), metadata=_about(element, values.dtype)))
+    schema = arrow.schema(fields, metadata=_about_log(recording))
+
+    total = len(recording.time_ns)
+    rows = max(1, min(_MAX_ROWS, _GROUP_CELLS // len(fields)))
+    with whole_file(path) as file, parquet.ParquetWriter(file, schema, compression="zstd") as writer:
+        for start in range(0, total, rows):
+            stop = min(start + rows, total)
+            stamps = recording.time_ns[start:stop]
+            arrays = [arrow.array(stamps), arrow.array(stamps).cast(time_type)]
+            arrays += [
+                _cells(arrow, field.type, element, values, (start, stop))
+                for field, (_, element, values) in zip(fields[2:], columns, strict=True)
+            ]
+            writer.write_table(arrow.Table.from_arrays(arrays, schema=schema))
+            if progress is not None:
+                progress(stop / total)
+
+
+def _columns(recording: Recording) -> Iterator[tuple[str, RecordedElement, NDArray[Any]]]:
+    for element in recording.elements:
+        for entry in element.entries:
+            for name, values in _real(entry):
+                yield name, element, values
+
+
+def _real(entry: RecordedEntry) -> list[tuple[str, NDArray[Any]]]:
+    if entry.values.dtype.kind == "c":
+        return [(f"{entry.name}_real", entry.values.real), (f"{entry.name}_imag", entry.values.imag)]
+    return [(entry.name, entry.values)]
+
+
+def _cells(arrow: Any, kind: Any, element: RecordedElement, values: NDArray[Any], window: tuple[int, int]) -> Any:
+    """The column's cells of the ticks from `start` to `stop`."""
+    start, stop = window
+    low = min(len(values), max(0, -(-(start - element.first) // element.divider)))
+    high = min(len(values), max(low, -(-(stop - element.first) // element.divider)))
+    samples = _plain(values[low:high])
+    bytes_first = arrow.binary() if samples.dtype.kind == "S" else kind
+    if high - low == stop - start:
+        return arrow.array(samples, type=bytes_first).cast(kind)
+    places = element.first + np.arange(low, high) * element.divider - start
+    cells = np.zeros(stop - start, dtype=samples.dtype)
+    missing = np.ones(stop - start, dtype=bool)
+    cells[places] = samples
+    missing[places] = False
+    return arrow.array(cells, type=bytes_first, mask=missing).cast(kind)
+
+
+def _arrow_type(arrow: Any, values: NDArray[Any]) -> Any:
+    dtype = values.dtype
+    if dtype.kind == "S":
+        return arrow.string() if is_text(values) else arrow.binary()
+    if dtype.kind == "U":
+        return arrow.string()
+    if dtype.kind == "V":
+        return arrow.binary(dtype.itemsize)
+    return arrow.from_numpy_dtype(_plain(np.empty(0, dtype=dtype)).dtype)
+
+
+def _plain(values: NDArray[Any]) -> NDArray[Any]:
+    """Values of a type that Arrow has: little-endian, at most 8 bytes per number, dates as fine as they were."""
+    dtype = values.dtype
+    if dtype.kind == "f" and dtype.itemsize > 8:
+        with np.errstate(over="ignore", invalid="ignore"):
+            return values.astype(np.float64)
+    if dtype.kind in "mM" and np.datetime_data(dtype)[0] not in ("s", "ms", "us", "ns"):
+        return values.astype(np.int64)
+    if dtype.kind == "V":
+        return np.array([bytes(value) for value in values.tolist()], dtype=object)
+    return np.ascontiguousarray(values.astype(dtype.newbyteorder("="), copy=False))
+
+
+def _about(element: RecordedElement, dtype: np.dtype[Any]) -> dict[str, str]:
+    about = {"unit": element.unit, "kind": element.kind, "element": element.name, "divider": str(element.divider)}
+    about |= {"buffer": element.buffer_type.name, "type": dtype.str}
+    if element.description:
+        about["description"] = element.description
+    labels = element.entries[0].entry.labels
+    if labels:
+        about["labels"] = msgspec.json.encode(labels).decode()
+    return about
+
+
+def _about_log(recording: Recording) -> dict[str, str]:
+    frequency = "" if recording.frequency_hz is None else str(recording.frequency_hz)
+    return {"logger": recording.logger, "frequency_hz": frequency, "started_ns": str(recording.started_ns)}
+
+
+def _unique(names: list[str]) -> list[str]:
+    taken: set[str] = set()
+    for index, name in enumerate(names):
+        candidate, number = name, 2
+        while candidate in taken:
+            candidate, number = f"{name}_{number}", number + 1
+        taken.add(candidate)
+        names[index] = candidate
+    return names
