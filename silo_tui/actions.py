@@ -30,8 +30,13 @@ class Deed:
 
     @property
     def key_text(self) -> str:
-        """The keys as people write them."""
-        return self.shown_key or " ".join(_KEY_TEXTS.get(key, key) for key in self.keys.split(","))
+        """All keys as people write them."""
+        return " ".join(_KEY_TEXTS.get(key, key) for key in self.keys.split(","))
+
+    @property
+    def footer_key(self) -> str:
+        """The one key that stands in the key bar."""
+        return self.shown_key or self.key_text.split(" ", 1)[0]
 
 
 _KEY_TEXTS = {

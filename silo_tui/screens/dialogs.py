@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rich.text import Text
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical, VerticalScroll
@@ -62,11 +63,12 @@ class Question(ModalScreen[str | None]):
         self.query_one(OptionList).focus()
         self.query_one(OptionList).highlighted = 0
 
-    def on_key(self, event: object) -> None:
-        """A choice by its key."""
-        pressed = getattr(event, "character", None)
+    def on_key(self, event: events.Key) -> None:
+        """A choice by its key; the screen below must not get it too."""
         for choice in self._choices:
-            if choice.key and pressed == choice.key:
+            if choice.key and event.character == choice.key:
+                event.stop()
+                event.prevent_default()
                 self.dismiss(choice.value)
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:

@@ -28,7 +28,7 @@ from silo_tui.widgets.inspector import Inspector
 from silo_tui.widgets.live_pane import TREND, LivePane
 
 WIDE = 110
-COLUMN_NS = 500_000_000
+COLUMN_NS = 200_000_000
 COLUMNS = 120
 DEBOUNCE_S = 0.15
 NAME_ROOM = 24

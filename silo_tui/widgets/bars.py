@@ -178,6 +178,7 @@ class KeyBar(Widget):
 
     def __init__(self, scope: str, *, read_only: bool = False) -> None:
         super().__init__()
+        self.auto_links = False
         self._deeds = footer_for(scope, read_only=read_only)
 
     def render(self) -> RenderResult:
@@ -187,9 +188,9 @@ class KeyBar(Widget):
         line = Text(" ", no_wrap=True, overflow="ellipsis")
         for deed in fitting:
             style = f"bold {key_color}" if not self.app.no_color else "bold"
-            line.append(deed.key_text, style=style)
+            line.append(deed.footer_key, style=style)
             line.append(f" {deed.label}  ")
-            start = len(line) - len(deed.key_text) - len(deed.label) - 3
+            start = len(line) - len(deed.footer_key) - len(deed.label) - 3
             line.apply_meta({"@click": f"screen.deed('{deed.id}')"}, start, len(line) - 2)
         return line
 
@@ -197,7 +198,7 @@ class KeyBar(Widget):
         room = self.size.width - 1
         found = []
         for deed in self._deeds:
-            room -= len(deed.key_text) + len(deed.label) + 3
+            room -= len(deed.footer_key) + len(deed.label) + 3
             if room < -2:
                 break
             found.append(deed)

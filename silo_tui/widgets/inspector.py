@@ -94,7 +94,7 @@ class Inspector(Widget):
             pane.append("saved only, not published:\n", style=self._quiet)
             pane.append("p changes its action\n", style=self._quiet)
             return
-        if reading is None:
+        if reading is None or not reading.held:
             pane.append("no values yet\n" if self.session.running else "not running; S starts it\n", style=self._quiet)
             return
         style = "" if self.session.fresh and self.session.running else self._quiet

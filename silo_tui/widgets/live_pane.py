@@ -12,6 +12,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from silo.ipc.messages import State
+from silo.model import BufferType
 from silo_tui.model import braille
 from silo_tui.model.columns import hold
 from silo_tui.model.fields import Field
@@ -128,7 +129,8 @@ class LivePane(Widget):
         else:
             share = fill_share(reading.held, size)
             word = f"{100 * share:.0f}%"
-            style = "live--lost" if reading.lost else ("live--quiet" if share < 1 else "live--full")
+            stopped = share >= 1 and int(session.table.server[Field.BUFFER_TYPE, row]) == BufferType.FIXED
+            style = "live--lost" if reading.lost else ("live--full" if stopped else "live--quiet")
             pieces.append((f"{word:<{FILL}}", style))
         words, style = self._value(row)
         pieces.append((f" {words[: self.value_width]:>{self.value_width}}", style))
@@ -144,7 +146,7 @@ class LivePane(Widget):
         if not session.table.is_live(row):
             return "save only", "live--quiet"
         reading = session.live.readings.get(element.name)
-        if reading is None:
+        if reading is None or not reading.held:
             waiting = "…" if session.running and session.fresh else "-"
             return waiting, "live--quiet"
         style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"

@@ -1,5 +1,7 @@
 """A logger that exists only here: it gives the same messages and arrays as the real client, from a clock that tests move."""
 
+import asyncio
+import inspect
 import math
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -43,8 +45,12 @@ def refused(why: RefusedWhy, text: str, problems: list[Problem] | None = None) -
     return error
 
 
-def scalar(name: str, unit: str = "-", dtype: str = "<f8", labels: dict[int, str] | None = None, **options: Any) -> ElementInfo:
-    return ElementInfo(name, unit, "scalar", (), (Entry("", dtype, labels),), ElementOptions(**{"buffer_size": 4000, **options}))
+def scalar(
+    name: str, unit: str = "-", dtype: str = "<f8", labels: dict[int, str] | None = None, **options: Any
+) -> ElementInfo:
+    return ElementInfo(
+        name, unit, "scalar", (), (Entry("", dtype, labels),), ElementOptions(**{"buffer_size": 4000, **options})
+    )
 
 
 def vector(name: str, unit: str, suffixes: str = "xyz", kind: str = "vector", **options: Any) -> ElementInfo:
@@ -257,7 +263,9 @@ class FakeClient:
         self.calls.append(("load_script", path))
         if self.state is State.RUNNING:
             raise refused(RefusedWhy.RUNNING, "the logger runs: stop it first")
-        self._replace("/log/imu/temperature", msgspec.structs.replace(self.info("/log/imu/temperature").options, divider=4))
+        self._replace(
+            "/log/imu/temperature", msgspec.structs.replace(self.info("/log/imu/temperature").options, divider=4)
+        )
         self.revision += 1
         return EditsApplied(revision=self.revision, changed=1, unknown=["/log/old/thing"])
 
@@ -272,7 +280,9 @@ class FakeClient:
         self.calls.append(("save", list(types), name))
         return 1
 
-    def wait_saved(self, job: int, timeout_s: float, progress: Callable[[float], None] | None = None) -> list[SavedFile]:
+    def wait_saved(
+        self, job: int, timeout_s: float, progress: Callable[[float], None] | None = None
+    ) -> list[SavedFile]:
         if progress is not None:
             progress(0.5)
         if self.save_error:
@@ -327,6 +337,16 @@ class FakeFinder:
         return next(client for client in self.clients if (client.name, client.pid) == (name, pid))
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Runs tests that are coroutines."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    wanted = pyfuncitem._fixtureinfo.argnames
+    asyncio.run(pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in wanted}))
+    return True
+
+
 @pytest.fixture
 def fake() -> FakeClient:
     return FakeClient()
@@ -346,7 +366,8 @@ def new_finder() -> type[FakeFinder]:
 def wide_table() -> Callable[[int], list[ElementInfo]]:
     """A table of any number of elements."""
     return lambda count: [
-        scalar(f"/log/group{each // 100:03}/signal{each:05}", "Nm", action=Action.SAVE_AND_PUBLISH) for each in range(count)
+        scalar(f"/log/group{each // 100:03}/signal{each:05}", "Nm", action=Action.SAVE_AND_PUBLISH)
+        for each in range(count)
     ]
 
 
@@ -394,7 +415,15 @@ class Screen:
         await self.pilot.pause()
 
     async def type(self, words: str) -> None:
-        names = {" ": "space", "/": "slash", ":": "colon", "=": "equals_sign", "*": "asterisk", ".": "full_stop", ">": "greater_than_sign"}
+        names = {
+            " ": "space",
+            "/": "slash",
+            ":": "colon",
+            "=": "equals_sign",
+            "*": "asterisk",
+            ".": "full_stop",
+            ">": "greater_than_sign",
+        }
         await self.press(*(names.get(char, char) for char in words))
 
 
@@ -404,7 +433,9 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     monkeypatch.setenv("TEXTUAL_THEME", "silo-dark")
 
     @asynccontextmanager
-    async def open_app(*fakes: FakeClient, size: tuple[int, int] = (80, 24), ready: bool = True, **options: Any) -> AsyncIterator[Screen]:
+    async def open_app(
+        *fakes: FakeClient, size: tuple[int, int] = (80, 24), ready: bool = True, **options: Any
+    ) -> AsyncIterator[Screen]:
         app = SiloApp(FakeFinder(*fakes), **options)
         async with app.run_test(size=size) as pilot:
             screen = Screen(app, pilot)
@@ -415,5 +446,3 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
             app.release()
 
     return open_app
-
-

@@ -1,0 +1,161 @@
+"""Pending edits: undo, rebase on what others changed, and what is sent."""
+
+import msgspec
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from silo.ipc.messages import Table
+from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry
+from silo_tui.model.fields import Field, values_of
+from silo_tui.model.table import TableState
+
+COUNT = 4
+option_values = {
+    Field.ENABLED: st.integers(0, 1),
+    Field.DIVIDER: st.integers(1, 4),
+    Field.ACTION: st.integers(0, 2),
+    Field.BUFFER_TYPE: st.integers(0, 2),
+    Field.BUFFER_SIZE: st.integers(1, 4),
+}
+options = st.builds(
+    ElementOptions,
+    enabled=st.booleans(),
+    divider=st.integers(1, 4),
+    action=st.sampled_from(Action),
+    buffer_type=st.sampled_from(BufferType),
+    buffer_size=st.integers(1, 4),
+)
+one_edit = st.sampled_from(Field).flatmap(
+    lambda field: st.tuples(st.lists(st.integers(0, COUNT - 1), unique=True), st.just(field), option_values[field])
+)
+
+
+def table(revision: int, *given: ElementOptions) -> Table:
+    elements = [
+        ElementInfo(f"/log/e{row}", "-", "scalar", (), (Entry("", "<f8"),), each) for row, each in enumerate(given)
+    ]
+    return Table(revision, elements)
+
+
+def fresh(*given: ElementOptions) -> TableState:
+    state = TableState()
+    state.load(table(1, *(given or [ElementOptions()] * COUNT)))
+    return state
+
+
+def picture(state: TableState) -> bytes:
+    return state.values.tobytes() + state.pending.tobytes()
+
+
+@given(st.lists(one_edit, max_size=12))
+def test_undoing_everything_gives_the_first_table(edits):
+    state = fresh()
+    before = picture(state)
+    for rows, field, value in edits:
+        state.edit(rows, field, value)
+    while state.undo():
+        pass
+    assert picture(state) == before
+
+
+@given(st.lists(one_edit, max_size=12), st.integers(0, 12))
+def test_redo_takes_every_undo_back(edits, steps):
+    state = fresh()
+    for rows, field, value in edits:
+        state.edit(rows, field, value)
+    before = picture(state)
+    undone = sum(state.undo() is not None for _ in range(steps))
+    for _ in range(undone):
+        assert state.redo()
+    assert picture(state) == before
+
+
+@given(st.lists(one_edit, max_size=8), st.lists(options, min_size=COUNT, max_size=COUNT))
+def test_rebase_keeps_every_wanted_value_and_every_other_value_is_the_loggers(edits, theirs):
+    state = fresh()
+    for rows, field, value in edits:
+        state.edit(rows, field, value)
+    wanted, pending = state.values, state.pending
+    state.load(table(2, *theirs))
+    server = np.array([values_of(each) for each in theirs]).T
+    assert np.array_equal(state.values, np.where(pending, wanted, server))
+    assert np.array_equal(state.pending, pending & (wanted != server))
+
+
+@given(st.lists(one_edit, max_size=8), st.lists(options, min_size=COUNT, max_size=COUNT))
+def test_a_conflict_is_a_pending_edit_whose_field_the_logger_has_otherwise_now(edits, theirs):
+    state = fresh()
+    for rows, field, value in edits:
+        state.edit(rows, field, value)
+    before = state.server.copy()
+    state.load(table(2, *theirs))
+    assert np.array_equal(state.conflicts, state.pending & (state.server != before))
+
+
+@given(st.lists(one_edit, max_size=8))
+def test_the_edits_that_are_sent_make_the_table_what_the_screen_shows(edits):
+    state = fresh()
+    for rows, field, value in edits:
+        state.edit(rows, field, value)
+    wanted = {edit.name: edit.options for edit in state.edits()}
+    applied = [wanted.get(info.name, info.options) for info in state.elements]
+    shown = state.values
+    state.load(table(2, *applied))
+    assert np.array_equal(state.values, shown)
+    assert state.pending_count == (0, 0)
+
+
+def test_a_bulk_edit_is_one_undo_step():
+    state = fresh()
+    state.edit([0, 1, 2], Field.DIVIDER, 5)
+    state.undo()
+    assert state.pending_count == (0, 0)
+
+
+def test_editing_back_to_the_loggers_value_is_not_pending():
+    state = fresh()
+    state.edit([0], Field.DIVIDER, 5)
+    state.edit([0], Field.DIVIDER, 1)
+    assert state.pending_count == (0, 0)
+
+
+def test_taking_theirs_drops_only_the_field_in_conflict():
+    state = fresh()
+    state.edit([0], Field.DIVIDER, 5)
+    state.edit([0], Field.BUFFER_SIZE, 7)
+    state.load(table(2, ElementOptions(divider=3), *[ElementOptions()] * 3))
+    state.resolve([0], keep_mine=False)
+    assert (int(state.values[Field.DIVIDER, 0]), int(state.values[Field.BUFFER_SIZE, 0])) == (3, 7)
+
+
+def test_keeping_mine_settles_the_conflict_and_stays_pending():
+    state = fresh()
+    state.edit([0], Field.DIVIDER, 5)
+    state.load(table(2, ElementOptions(divider=3), *[ElementOptions()] * 3))
+    state.resolve([0], keep_mine=True)
+    assert (bool(state.conflicts.any()), state.pending_count) == (False, (1, 1))
+
+
+def test_edits_follow_their_element_by_name_when_the_robot_program_was_started_again():
+    state = fresh()
+    state.edit([2], Field.DIVIDER, 5)
+    again = table(1, *[ElementOptions()] * COUNT)
+    state.load(msgspec.structs.replace(again, elements=again.elements[1:]))
+    assert [(change.name, change.new) for change in state.changes()] == [("/log/e2", "5")]
+
+
+def test_edits_of_elements_that_are_gone_are_dropped():
+    state = fresh()
+    state.edit([0], Field.DIVIDER, 5)
+    again = table(1, *[ElementOptions()] * COUNT)
+    state.load(msgspec.structs.replace(again, elements=again.elements[1:]))
+    assert state.pending_count == (0, 0)
+
+
+def test_a_change_reads_old_new_and_theirs():
+    state = fresh()
+    state.edit([1], Field.BUFFER_TYPE, int(BufferType.FIXED))
+    state.load(table(2, ElementOptions(), ElementOptions(buffer_type=BufferType.GROWING), *[ElementOptions()] * 2))
+    change = state.changes()[0]
+    assert (change.field, change.old, change.new, change.theirs) == ("buffer type", "looping", "fixed", "growing")

@@ -1,0 +1,162 @@
+"""The filter language, the order, the cursor and the marks."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from silo.ipc.messages import Table
+from silo.model import Action, BufferType
+from silo_tui.model import filter as filters
+from silo_tui.model.fields import Field, parse_change
+from silo_tui.model.rows import RowList
+from silo_tui.model.table import TableState
+
+
+@pytest.fixture
+def table(robot):
+    state = TableState()
+    state.load(Table(1, robot))
+    return state
+
+
+@pytest.fixture
+def rows(table):
+    found = RowList(table)
+    found.refresh()
+    return found
+
+
+def shown(rows, text):
+    rows.set_filter(text)
+    return [rows.table.names[row] for row in rows.shown]
+
+
+@given(st.text(max_size=40))
+def test_no_text_makes_the_filter_fail(text):
+    state = TableState()
+    assert filters.parse(text).mask(state, np.zeros(0, bool)).shape == (0,)
+
+
+@given(st.text(alphabet='abdisuvun:=<>!*?[]"-/ 159.', max_size=20))
+def test_filter_terms_are_total_on_a_table(text):
+    from silo.model import ElementInfo, ElementOptions, Entry
+
+    state = TableState()
+    state.load(Table(1, [ElementInfo("/log/a", "Nm", "scalar", (), (Entry("", "<f8"),), ElementOptions())]))
+    assert filters.parse(text).mask(state, np.zeros(1, bool)).shape == (1,)
+
+
+def test_words_must_all_be_in_the_name(rows):
+    assert shown(rows, "lf TORQUE") == [f"/log/legs/LF/{joint}/torque" for joint in ("HAA", "HFE", "KFE")]
+
+
+def test_a_minus_excludes(rows):
+    assert shown(rows, "torque LF -HAA -HFE") == ["/log/legs/LF/KFE/torque"]
+
+
+def test_a_glob_that_begins_with_a_slash_is_about_the_whole_name(rows):
+    assert shown(rows, "/log/*/H?A/torque") == [f"/log/legs/{leg}/HAA/torque" for leg in ("LF", "LH", "RF", "RH")]
+
+
+def test_a_glob_without_slash_is_about_the_end_of_the_name(rows):
+    assert shown(rows, "LF/*/torq*e") == [f"/log/legs/LF/{joint}/torque" for joint in ("HAA", "HFE", "KFE")]
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [
+        ("unit:Nm", 12), ("unit:nm", 12), ("div>1", 14), ("div>=40 size<1000", 14), ("buf:grow", 1), ("buf:fix", 12),
+        ("act:publish", 59), ("act:save", 72), ("act:both", 59), ("on:no", 0), ("kind:quat", 1), ("type:S16", 1),
+        ("live", 59), ("-live", 13), ("marked", 0), ("dirty", 0), ("unit!=Nm", 60), ("div:40", 14),
+    ],
+)  # fmt: skip
+def test_field_terms(rows, text, count):
+    assert (len(shown(rows, text)), rows.filter.problems) == (count, ())
+
+
+def test_dirty_shows_what_is_pending(rows):
+    rows.table.edit([3], Field.DIVIDER, 9)
+    assert shown(rows, "dirty") == [rows.table.names[3]]
+
+
+def test_a_term_that_makes_no_sense_is_reported_and_left_out(rows):
+    assert len(shown(rows, "div>many")) == len(rows.table)
+    assert "'many' is no number" in rows.filter.problems[0]
+
+
+@pytest.mark.parametrize("text", ["-", "div>", "unit:", "act:", '"'])
+def test_a_term_being_typed_hides_nothing(rows, text):
+    assert len(shown(rows, text)) == len(rows.table)
+
+
+def test_names_sort_as_people_count():
+    from silo_tui.model.rows import natural_key
+
+    assert sorted(["/j10", "/j2", "/J1"], key=natural_key) == ["/J1", "/j2", "/j10"]
+
+
+def test_the_cursor_stays_on_its_element_when_the_filter_changes(rows):
+    rows.move_to_row(rows.table.row("/log/legs/RF/KFE/torque"))
+    rows.set_filter("RF torque")
+    assert rows.table.names[rows.row] == "/log/legs/RF/KFE/torque"
+
+
+def test_marks_survive_a_filter_and_are_counted_as_hidden(rows):
+    rows.set_filter("torque")
+    rows.mark_shown()
+    rows.set_filter("velocity")
+    assert (rows.marked_count, rows.hidden_marked) == (12, 12)
+
+
+def test_marking_all_twice_unmarks(rows):
+    rows.mark_shown()
+    assert rows.mark_shown() == 0
+
+
+def test_edits_are_about_the_marks_or_else_the_cursor(rows):
+    assert list(rows.targets()) == [rows.row]
+    rows.set_filter("unit:Nm")
+    rows.mark_shown()
+    assert len(rows.targets()) == 12
+
+
+def test_a_range_marks_from_its_begin_to_the_cursor(rows):
+    rows.move_to(2)
+    rows.begin_range()
+    rows.move_to(5)
+    assert (len(rows.targets()), rows.end_range(), rows.marked_count) == (4, 4, 4)
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "old", "new"),
+    [
+        (Field.BUFFER_SIZE, "1000", 10, 1000), (Field.BUFFER_SIZE, "=1k", 10, 1000), (Field.BUFFER_SIZE, "*2", 10, 20),
+        (Field.BUFFER_SIZE, "/3", 10, 4), (Field.BUFFER_SIZE, "+5", 10, 15), (Field.BUFFER_SIZE, "10s", 10, 1000),
+        (Field.BUFFER_SIZE, "500ms", 10, 50), (Field.DIVIDER, "50Hz", 4, 8), (Field.DIVIDER, "5", 4, 5),
+        (Field.ACTION, "both", 1, Action.SAVE_AND_PUBLISH), (Field.BUFFER_TYPE, "=grow", 1, BufferType.GROWING),
+    ],
+)  # fmt: skip
+def test_what_may_be_typed_for_a_field(field, text, old, new):
+    change = parse_change(field, text)
+    assert (
+        list(change.on(field, np.array([old]), np.array([4]), 400.0)) == [new]
+        if not field.cycles
+        else change.amount == new
+    )
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "reason"),
+    [
+        (Field.DIVIDER, "0", "1 ... 2147483647, got 0"), (Field.DIVIDER, "x", "can't read 'x'"),
+        (Field.DIVIDER, "10s", "only sets the buffer size"), (Field.DIVIDER, "1.5", "whole number"),
+        (Field.BUFFER_SIZE, "*1e30", "1 ... 2147483647"), (Field.BUFFER_SIZE, "/0", "got inf"),
+        (Field.ACTION, "shout", "save, pub, both"), (Field.DIVIDER, "0Hz", "rate"),
+    ],
+)  # fmt: skip
+def test_what_may_not_be_typed_says_why(field, text, reason):
+    with pytest.raises(ValueError, match=re.escape(reason)):
+        parse_change(field, text).on(field, np.array([10]), np.array([4]), 400.0)

@@ -1,0 +1,246 @@
+"""The table screen, driven by keys."""
+
+import numpy as np
+
+from silo.ipc.messages import EventKind, State
+from silo_tui.model.fields import Field
+
+FIRST = "/log/base/orientation"
+
+
+async def test_a_single_logger_opens_by_itself(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        assert "● RUNNING" in screen.text
+        assert "/base/position" in screen.text
+
+
+async def test_live_values_come_to_the_screen(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.shows("-2.3896")  # the position of the first joint
+
+
+async def test_a_save_only_element_says_so_instead_of_a_value(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.type("/HAA/current")
+        await screen.shows("save only")
+
+
+async def test_the_filter_works_while_it_is_typed(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/unit:Nm LF")
+        assert len(screen.session.rows.shown) == 3
+        await screen.press("enter")
+        await screen.shows("3 of 72")
+
+
+async def test_escape_in_the_filter_clears_it(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque")
+        await screen.press("escape")
+        assert len(screen.session.rows.shown) == 72
+
+
+async def test_tab_completes_a_filter_term(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/unit:N")
+        await screen.press("tab")
+        assert screen.session.rows.filter.text == "unit:Nm"
+
+
+async def test_space_marks_and_moves_on(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("space", "space")
+        assert (screen.session.rows.marked_count, screen.session.rows.position) == (2, 2)
+        await screen.shows("2 marked")
+
+
+async def test_t_switches_logging_off_as_a_pending_edit(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("t")
+        assert screen.value(FIRST, Field.ENABLED) == "off"
+        await screen.shows("1 pending in 1 row (a to apply)")
+        assert fake.calls == []
+
+
+async def test_a_number_is_edited_in_place_for_all_marked(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("space", "space", "d", "5", "enter")
+        assert [screen.value(name, Field.DIVIDER) for name in (FIRST, "/log/base/position")] == ["5", "5"]
+
+
+async def test_a_size_may_be_a_time(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("s")
+        await screen.type("3s")
+        await screen.press("enter")
+        assert screen.value(FIRST, Field.BUFFER_SIZE) == "1200"
+
+
+async def test_a_size_may_be_multiplied(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("s")
+        await screen.type("*2")
+        await screen.press("enter")
+        assert screen.value(FIRST, Field.BUFFER_SIZE) == "8000"
+
+
+async def test_what_can_t_be_is_said_and_the_editor_stays(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("d", "0", "enter")
+        await screen.shows("divider must be 1 ...")
+        await screen.press("escape")
+        assert screen.session.table.pending_count == (0, 0)
+
+
+async def test_enter_steps_through_the_values_of_the_field_under_the_cursor(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("l", "l", "enter")
+        assert screen.value(FIRST, Field.ACTION) == "publish"
+
+
+async def test_undo_and_redo(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("asterisk", "t", "u")
+        assert screen.session.table.pending_count == (0, 0)
+        await screen.press("ctrl+r")
+        assert screen.session.table.pending_count == (72, 72)
+
+
+async def test_apply_shows_the_difference_and_sends_one_transaction(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("space", "space", "d", "5", "enter", "a")
+        await screen.shows("1 → 5")
+        await screen.press("enter")
+        await screen.until(lambda: fake.calls)
+        assert [(call[0], len(call[1])) for call in fake.calls] == [("apply", 2)]
+        await screen.shows("applied to 2 elements")
+        assert screen.session.table.pending_count == (0, 0)
+
+
+async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("t", "a")
+        await screen.shows("Stop, apply, start again")
+        await screen.press("enter")  # the first choice keeps them pending
+        assert fake.calls == []
+        assert screen.session.table.pending_count == (1, 1)
+        await screen.press("a")
+        await screen.shows("Stop, apply, start again")
+        await screen.press("s")
+        await screen.shows("logging again")
+        assert [call[0] for call in fake.calls] == ["stop", "apply", "start"]
+
+
+async def test_somebody_elses_edit_of_the_same_field_is_a_conflict(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("d", "5", "enter")
+        fake.somebody_edits(FIRST, divider=3)
+        await screen.shows("! 1 conflict")
+        await screen.press("a")
+        await screen.shows("was 1, theirs 3, yours 5")
+        await screen.press("t")
+        await screen.until(lambda: screen.session.table.pending_count == (0, 0))
+        assert screen.value(FIRST, Field.DIVIDER) == "3"
+
+
+async def test_an_edit_that_came_between_is_not_overwritten(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("d", "5", "enter", "a")
+        await screen.shows("1 → 5")
+        fake.connected = False  # the news of it doesn't reach us
+        fake.somebody_edits(FIRST, divider=3)
+        fake.connected = True
+        await screen.press("enter")
+        await screen.shows("was 1, theirs 3, yours 5")
+        assert fake.info(FIRST).options.divider == 3
+
+
+async def test_pending_edits_survive_a_lost_link_and_are_rebased(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("d", "5", "enter")
+        fake.cut()
+        await screen.shows("No link to robot")
+        await screen.shows("Pending edits are kept")
+        fake.somebody_edits("/log/base/position", divider=7)
+        fake.mend()
+        await screen.until(lambda: "No link" not in screen.text)
+        assert screen.value(FIRST, Field.DIVIDER) == "5"
+        assert screen.value("/log/base/position", Field.DIVIDER) == "7"
+
+
+async def test_a_dead_robot_is_told_with_where_the_data_is(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        fake.state, fake.reason = State.DEAD, "Its data was saved to /home/ann/logs/x.silo."
+        fake.tell(EventKind.CRASHED, "the robot program died")
+        await screen.shows("The robot program of robot died")
+        await screen.shows("/home/ann/logs/x.silo")
+
+
+async def test_start_needs_no_question_and_stop_does(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("S")
+        await screen.until(lambda: fake.calls == [("start",)])
+        await screen.shows("● RUNNING")
+        await screen.press("S")
+        await screen.shows("Stop logging?")
+        await screen.press("enter")  # No
+        assert fake.calls == [("start",)]
+        await screen.press("S")
+        await screen.shows("Stop logging?")
+        await screen.press("y")
+        await screen.shows("■ STOPPED")
+
+
+async def test_quit_asks_only_with_pending_edits(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("t", "q")
+        await screen.shows("Quit without applying?")
+        await screen.press("escape", "u", "q")
+        await screen.until(lambda: screen.app._exit)
+
+
+async def test_read_only_refuses_what_changes_the_logger(fake, opened):
+    async with opened(fake, read_only=True) as screen:
+        await screen.press("t")
+        await screen.shows("read-only")
+        assert screen.session.table.pending_count == (0, 0)
+
+
+async def test_a_logger_that_lets_us_only_watch_says_so(fake, opened):
+    fake.may_edit = False
+    async with opened(fake) as screen:
+        await screen.press("t")
+        await screen.shows("not change it")
+
+
+async def test_escape_backs_out_of_range_filter_and_marks_but_keeps_edits(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("t", "space", "V")
+        await screen.type("/base")
+        await screen.press("enter", "escape", "escape", "escape")
+        rows = screen.session.rows
+        assert (rows.anchor, rows.filter.text, rows.marked_count) == (None, "", 0)
+        assert screen.session.table.pending_count == (1, 1)
+
+
+async def test_one_view_is_about_what_is_on_the_screen(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.until(lambda: fake.views)
+        assert len(fake.views[-1].values) == 20
+        await screen.press("G")
+        await screen.until(lambda: "/log/state/solver_cost" in fake.views[-1].values)
+        assert fake.views[0].closed
+
+
+async def test_ten_thousand_elements_are_there_and_the_last_is_a_key_away(new_fake, wide_table, opened):
+    async with opened(new_fake(wide_table(10_000))) as screen:
+        await screen.press("G")
+        assert "signal09999" in screen.text
+        assert np.array_equal(screen.session.rows.shown[-1:], [9999])
