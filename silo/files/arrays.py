@@ -3,6 +3,7 @@
 An element's samples stand together with their time stamps, so that nobody has to know silo's rules of time.
 """
 
+import io
 import re
 import zipfile
 from collections.abc import Callable
@@ -56,7 +57,7 @@ def write_mat(recording: Recording, path: Path, progress: Progress | None = None
     Variables are the elements' names with what MATLAB forbids as `_`. Raises `SaveError` for more than 2 GB per
     element, which the format can't hold, and `SiloError` without scipy.
     """
-    io = need("scipy.io", "convert", ".mat files")
+    matlab = need("scipy.io", "convert", ".mat files")
     unique = _unique(lambda name: (re.sub("[^A-Za-z0-9]+", "_", name).strip("_") or "unnamed")[: _MATLAB_NAME - 6])
     start = int(recording.time_ns[0]) if len(recording.time_ns) else 0
     about = {
@@ -68,13 +69,13 @@ def write_mat(recording: Recording, path: Path, progress: Progress | None = None
     }
     total = max(1, len(recording.elements))
     with whole_file(path) as file:
-        io.savemat(file, {unique("silo"): about}, do_compression=True, long_field_names=True, oned_as="column")
+        matlab.savemat(file, {unique("silo"): about}, do_compression=True, long_field_names=True, oned_as="column")
         for done, element in enumerate(recording.elements, start=1):
             struct = _matlab_struct(recording, element, start)
             name = unique(element.name)
             if name[0].isdigit() or name[0] == "_":
                 name = f"x{name}"
-            io.savemat(file, {name: struct}, do_compression=True, long_field_names=True, oned_as="column")
+            matlab.savemat(file, {name: struct}, do_compression=True, long_field_names=True, oned_as="column")
             _tell(progress, done / total)
 
 
@@ -131,25 +132,33 @@ def write_hdf5(recording: Recording, path: Path, progress: Progress | None = Non
     """Write one group per element, at the element's name: `values` and `time_ns`, and attributes (unit, kind ...).
 
     `values` has shape (samples,) + the element's shape; an element of several types has one dataset per entry. Equal
-    time stamps are stored once. Raises `SaveError`, and `SiloError` without h5py.
+    time stamps are stored once. Needs as much memory as the file is long. Raises `SaveError`, and `SiloError` without
+    h5py.
     """
     h5py = need("h5py", "convert", "HDF5 files")
+    # made in memory: the HDF5 library ends the process with a segmentation fault when a disk is full
+    memory = io.BytesIO()
+    with whole_file(path) as file:
+        with h5py.File(memory, "w") as store:
+            _fill_store(h5py, store, recording, progress)
+        file.write(memory.getbuffer())
+
+
+def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress | None) -> None:
     total = max(1, len(recording.elements))
-    # HDF5 opens files by name only; `file.path` is the hidden one that gets its final name when it is complete
-    with whole_file(path) as file, h5py.File(file.path, "w") as store:
-        store.attrs["logger"] = recording.logger
-        store.attrs["frequency_hz"] = np.nan if recording.frequency_hz is None else recording.frequency_hz
-        store.attrs["started_ns"] = recording.started_ns
-        shared = {(0, 1, len(recording.time_ns)): store.create_dataset("time_ns", data=recording.time_ns)}
-        for done, element in enumerate(recording.elements, start=1):
-            group = _group(store, element.name)
-            when = (element.first, element.divider, element.count)
-            if when not in shared:
-                shared[when] = group.create_dataset(_free(group, "time_ns"), data=_times(recording, element))
-            else:
-                group[_free(group, "time_ns")] = shared[when]
-            _fill_group(h5py, group, element)
-            _tell(progress, done / total)
+    store.attrs["logger"] = recording.logger
+    store.attrs["frequency_hz"] = np.nan if recording.frequency_hz is None else recording.frequency_hz
+    store.attrs["started_ns"] = recording.started_ns
+    shared = {(0, 1, len(recording.time_ns)): store.create_dataset("time_ns", data=recording.time_ns)}
+    for done, element in enumerate(recording.elements, start=1):
+        group = _group(store, element.name)
+        when = (element.first, element.divider, element.count)
+        if when not in shared:
+            shared[when] = group.create_dataset(_free(group, "time_ns"), data=_times(recording, element))
+        else:
+            group[_free(group, "time_ns")] = shared[when]
+        _fill_group(h5py, group, element)
+        _tell(progress, done / total)
 
 
 def _group(store: Any, name: str) -> Any:

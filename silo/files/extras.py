@@ -5,7 +5,7 @@ import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from silo.errors import SaveError, SiloError
 from silo.files.atomic import atomic_file
@@ -23,7 +23,7 @@ def need(module: str, extra: str, purpose: str) -> Any:
 @contextmanager
 def whole_file(path: Path) -> Iterator["WholeFile"]:
     """Like `atomic_file`, for libraries that don't look at how much a `write` took, and complain in their own ways."""
-    with atomic_file(path) as raw, WholeFile(raw) as file:
+    with atomic_file(path) as raw, WholeFile(raw.fileno(), "wb", closefd=False) as file:
         try:
             yield file
         except SiloError:
@@ -33,14 +33,7 @@ def whole_file(path: Path) -> Iterator["WholeFile"]:
 
 
 class WholeFile(io.FileIO):
-    """An unbuffered file whose `write` takes everything or raises: the plain one may take a part of it.
-
-    `path` is its name on the disk while it is being written.
-    """
-
-    def __init__(self, file: BinaryIO) -> None:
-        super().__init__(file.fileno(), "wb", closefd=False)
-        self.path = str(file.name)
+    """An unbuffered file whose `write` takes everything or raises: the plain one may take a part of it."""
 
     def write(self, data: Any, /) -> int:
         """Write all of `data`; raises `OSError`, for a full disk too."""

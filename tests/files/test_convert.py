@@ -1,0 +1,309 @@
+"""Logs converted by the endings of their names, read back with the tools that people have."""
+
+import json
+import resource
+import sys
+
+import h5py
+import numpy as np
+import pandas as pd
+import polars as pl
+import pyarrow.parquet as pq
+import pytest
+import scipy.io
+
+from silo.errors import FileFormatError, LogNotFoundError, SaveError, SiloError
+from silo.files.bag import write_bag
+from silo.files.convert import convert, read_recording
+from silo.files.silo_file import write_silo
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+TICKS = 20
+TIMES = 1_700_000_000_000_000_001 + 2_500_001 * np.arange(TICKS, dtype=np.int64)
+ENDINGS = [".silo", ".csv", ".mcap", ".bag", "", ".parquet", ".mat", ".npz", ".h5"]
+FOREIGN = [".parquet", ".mat", ".npz", ".h5"]
+
+
+def element(name, columns, suffixes=("",), kind="scalar", shape=(), divider=1, first=0, labels=None):
+    entries = tuple(
+        RecordedEntry(name + suffix, Entry(suffix, column.dtype.str, labels), column)
+        for suffix, column in zip(suffixes, columns, strict=True)
+    )
+    return RecordedElement(name, "Nm", kind, shape, divider, BufferType.LOOPING, first, entries, "what it is")
+
+
+NAN_FIRST = np.array([np.nan, *range(1, TICKS)])
+MODE = np.array([0, 1, 2, 1] * 5, dtype="i1")
+
+
+@pytest.fixture
+def log() -> Recording:
+    table = [
+        element("/log/x", [NAN_FIRST]),
+        element("/log/slow", [np.array([10.5, 11.5, 12.5])], divider=8, first=1),
+        element("/log/mode", [MODE], labels={0: "stand", 1: "walk"}),
+        element("/log/text", [np.array([b"a", "Ω".encode(), b"", b"long one"] * 5)]),
+        element("/log/on", [MODE == 1]),
+        element("/log/v", [np.arange(TICKS) * 1.0 + i for i in range(3)], ("_x", "_y", "_z"), "vector", (3,)),
+        element(
+            "/log/m", [np.full(TICKS, i, "<i4") for i in range(4)], ("_0_0", "_0_1", "_1_0", "_1_1"), "matrix", (2, 2)
+        ),
+        element("/log/foot", [np.arange(TICKS) * 1.0, MODE == 0], ("_force", "_contact"), "struct"),
+        element("/log/z", [np.arange(TICKS) * 1j]),
+        element("/log/long", [np.arange(TICKS, dtype=np.longdouble)]),
+        element("/log/half", [np.arange(TICKS, dtype=np.float16)]),
+        element("/log/never", [np.zeros(0)]),
+    ]
+    return Recording("robot", TIMES, TICKS, table, frequency_hz=400.0, started_ns=5)
+
+
+@pytest.fixture
+def source(log, tmp_path):
+    path = tmp_path / "in.mcap"
+    write_bag(log, path)
+    return path
+
+
+class TestParquet:
+    @pytest.fixture
+    def path(self, source, tmp_path):
+        convert(source, tmp_path / "out.parquet")
+        return tmp_path / "out.parquet"
+
+    def test_pandas_has_time_stamps_to_the_nanosecond(self, path):
+        frame = pd.read_parquet(path)
+        assert frame["time_ns"].tolist() == TIMES.tolist()
+        assert frame["time"].dt.as_unit("ns").astype("int64").tolist() == TIMES.tolist()
+
+    def test_a_tick_without_sample_is_null_and_nan_stays_nan(self, path):
+        table = pq.read_table(path)
+        assert table["/log/slow"].to_pylist() == [None, 10.5, *[None] * 7, 11.5, *[None] * 7, 12.5, None, None]
+        assert np.isnan(table["/log/x"][0].as_py())
+        assert table["/log/x"].null_count == 0
+        assert table["/log/never"].null_count == TICKS
+
+    def test_polars_has_strings_and_types(self, path):
+        frame = pl.read_parquet(path)
+        assert frame["/log/text"].to_list()[:4] == ["a", "Ω", "", "long one"]
+        assert (frame["/log/mode"].dtype, frame["/log/on"].dtype) == (pl.Int8, pl.Boolean)
+
+    def test_units_and_labels_are_metadata_of_the_columns(self, path):
+        about = pq.read_schema(path).field("/log/mode").metadata
+        assert about[b"unit"] == b"Nm"
+        assert json.loads(about[b"labels"]) == {"0": "stand", "1": "walk"}
+
+    def test_a_complex_number_is_two_columns(self, path):
+        assert pq.read_table(path)["/log/z_imag"].to_pylist() == list(range(TICKS))
+
+    def test_row_groups_bound_the_memory(self, source, tmp_path, monkeypatch):
+        monkeypatch.setattr("silo.files.tables._MAX_ROWS", 7)
+        convert(source, tmp_path / "out.parquet")
+        assert pq.ParquetFile(tmp_path / "out.parquet").num_row_groups == 3
+        assert pq.read_table(tmp_path / "out.parquet")["/log/slow"].to_pylist()[9] == 11.5
+
+
+class TestMatlab:
+    @pytest.fixture
+    def variables(self, source, tmp_path):
+        convert(source, tmp_path / "out.mat")
+        return scipy.io.loadmat(tmp_path / "out.mat", simplify_cells=True)
+
+    def test_an_element_is_a_struct_with_its_times(self, variables):
+        slow = variables["log_slow"]
+        assert (slow["name"], slow["unit"], slow["divider"]) == ("/log/slow", "Nm", 8)
+        assert slow["data"].tolist() == [10.5, 11.5, 12.5]
+        assert slow["time_ns"].tolist() == TIMES[1::8].tolist()
+        assert slow["time"].tolist() == pytest.approx(((TIMES[1::8] - TIMES[0]) / 1e9).tolist())
+
+    def test_a_vector_is_one_matrix(self, variables):
+        assert variables["log_v"]["data"].shape == (TICKS, 3)
+        assert list(variables["log_v"]["entries"]) == ["/log/v_x", "/log/v_y", "/log/v_z"]
+
+    def test_mixed_types_are_a_struct_of_columns(self, variables):
+        assert sorted(variables["log_foot"]["data"]) == ["contact", "force"]
+
+    def test_strings_are_text_and_labels_have_names(self, variables):
+        assert list(variables["log_text"]["data"][:2]) == ["a", "Ω"]
+        assert list(variables["log_mode"]["label_names"]) == ["stand", "walk"]
+
+    def test_names_that_matlab_would_cut_or_mix_up_stay_apart(self, tmp_path):
+        names = ["/log/" + "long" * 20 + end for end in ("a", "b")] + ["/log/p q", "/log/p_q", "silo", "1st"]
+        table = [element(name, [np.zeros(TICKS)]) for name in names]
+        write_silo(Recording("robot", TIMES, TICKS, table), tmp_path / "in.silo")
+        convert(tmp_path / "in.silo", tmp_path / "out.mat")
+        found = [name for name in scipy.io.loadmat(tmp_path / "out.mat") if not name.startswith("__")]
+        assert len(found) == 7
+        assert all(name.isidentifier() and len(name) <= 63 for name in found)
+
+
+class TestNumpy:
+    @pytest.fixture
+    def arrays(self, source, tmp_path):
+        convert(source, tmp_path / "out.npz")
+        return np.load(tmp_path / "out.npz")
+
+    def test_every_entry_keeps_its_type_and_bits(self, arrays, log):
+        for recorded in log.elements:
+            for entry in recorded.entries:
+                stored = arrays[entry.name.lstrip("/")]
+                assert stored.dtype == entry.values.dtype
+                assert stored.tobytes() == entry.values.tobytes()
+
+    def test_an_element_that_is_not_due_at_each_tick_has_times_of_its_own(self, arrays):
+        assert arrays["time_ns"].tolist() == TIMES.tolist()
+        assert arrays["log/slow.time_ns"].tolist() == TIMES[1::8].tolist()
+        assert "log/x.time_ns" not in arrays
+
+    def test_what_arrays_cannot_say_is_json(self, arrays):
+        facts = json.loads(str(arrays["silo.json"]))
+        assert facts["elements"][1]["divider"] == 8
+        assert facts["elements"][2]["entries"][0]["labels"] == {"0": "stand", "1": "walk"}
+
+
+class TestHdf5:
+    @pytest.fixture
+    def store(self, source, tmp_path):
+        convert(source, tmp_path / "out.h5")
+        with h5py.File(tmp_path / "out.h5") as opened:
+            yield opened
+
+    def test_values_stand_with_their_times_under_the_name(self, store):
+        assert store["log/slow/values"][:].tolist() == [10.5, 11.5, 12.5]
+        assert store["log/slow/time_ns"][:].tolist() == TIMES[1::8].tolist()
+
+    def test_a_matrix_has_its_shape(self, store):
+        assert store["log/m/values"].shape == (TICKS, 2, 2)
+        assert store["log/m/values"][0].tolist() == [[0, 1], [2, 3]]
+
+    def test_equal_times_are_stored_once(self, store):
+        assert store["log/x/time_ns"] == store["time_ns"]
+
+    def test_attributes_say_what_it_is(self, store):
+        about = store["log/mode"].attrs
+        assert (about["unit"], about["description"], list(about["entries"])) == ("Nm", "what it is", ["/log/mode"])
+
+    def test_names_that_are_also_groups_stay_apart(self, tmp_path):
+        names = ["/log/a", "/log/a/values", "/log/a/time_ns", "/log/a/values/b"]
+        table = [element(name, [np.full(TICKS, i)]) for i, name in enumerate(names)]
+        write_silo(Recording("robot", TIMES, TICKS, table), tmp_path / "in.silo")
+        convert(tmp_path / "in.silo", tmp_path / "out.h5")
+        found = {}
+        with h5py.File(tmp_path / "out.h5") as opened:
+            opened.visititems(
+                lambda _, item: found.update({item.attrs["name"]: item}) if "name" in item.attrs else None
+            )
+            first = {
+                name: [d[0] for d in item.values() if isinstance(d, h5py.Dataset) and d.dtype != TIMES.dtype][:1]
+                for name, item in found.items()
+            }
+        assert sorted(first) == sorted(names)
+
+
+def test_a_bag_becomes_silo_and_a_bag_again_with_every_value(log, source, tmp_path):
+    convert(source, tmp_path / "a.silo")
+    convert(tmp_path / "a.silo", tmp_path / "b.bag")
+    read = read_recording(tmp_path / "b.bag")
+    assert read.time_ns.tolist() == TIMES.tolist()
+    by_name = {e.name: e for recorded in read.elements for e in recorded.entries}
+    for name in ("/log/x", "/log/slow", "/log/v_y", "/log/mode"):
+        wanted = next(e.values for recorded in log.elements for e in recorded.entries if e.name == name)
+        assert by_name[name].values.tobytes() == wanted.tobytes()
+
+
+def test_csv_becomes_silo(source, tmp_path):
+    convert(source, tmp_path / "a.csv")
+    convert(tmp_path / "a.csv", tmp_path / "b.silo")
+    names = {e.name: e.values for recorded in read_recording(tmp_path / "b.silo").elements for e in recorded.entries}
+    assert names["/log/slow"].tolist() == [10.5, 11.5, 12.5]
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_progress_ends_at_one(ending, source, tmp_path):
+    seen = []
+    convert(source, tmp_path / f"out{ending}", seen.append)
+    assert seen[-1] == 1.0
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_an_empty_log_converts_too(ending, tmp_path):
+    write_silo(Recording("robot", np.zeros(0, dtype=np.int64), 0, []), tmp_path / "in.silo")
+    convert(tmp_path / "in.silo", tmp_path / f"out{ending}")
+    assert (tmp_path / f"out{ending}").exists()
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_an_existing_target_is_kept_without_force_and_replaced_with_it(ending, source, tmp_path):
+    target = tmp_path / f"out{ending}"
+    convert(source, target)
+    with pytest.raises(SaveError, match="--force"):
+        convert(source, target)
+    before = target.stat().st_ino
+    convert(source, target, force=True)
+    assert target.stat().st_ino != before
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["in.mcap", target.name])
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_ctrl_c_leaves_no_half_file_and_the_old_one_in_place(ending, source, tmp_path):
+    target = tmp_path / f"out{ending}"
+    convert(source, target)
+    size = target.stat().st_size
+
+    def interrupt(_fraction):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        convert(source, target, interrupt, force=True)
+    assert target.stat().st_size == size
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["in.mcap", target.name])
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_disk_that_is_full_is_a_save_error_and_leaves_nothing(ending, source, tmp_path):
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (600, before[1]))
+    try:
+        with pytest.raises(SaveError, match="out"):
+            convert(source, tmp_path / f"out{ending}")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
+
+
+def test_a_folder_that_is_no_bag_is_never_replaced(source, tmp_path):
+    precious = tmp_path / "thesis"
+    precious.mkdir()
+    (precious / "chapter1").write_text("…")
+    with pytest.raises(SaveError, match="not of a bag"):
+        convert(source, precious, force=True)
+    assert (precious / "chapter1").exists()
+
+
+def test_an_unknown_ending_lists_those_that_work(source, tmp_path):
+    with pytest.raises(SaveError, match=r"can't write \.xls.*\.parquet"):
+        convert(source, tmp_path / "out.xls")
+
+
+def test_a_source_that_silo_does_not_read_says_which_it_does(tmp_path):
+    (tmp_path / "in.xls").write_text("")
+    with pytest.raises(FileFormatError, match=r"doesn't read \.xls.*\.silo"):
+        convert(tmp_path / "in.xls", tmp_path / "out.csv")
+
+
+def test_a_folder_without_a_bag_is_no_source(tmp_path):
+    with pytest.raises(FileFormatError, match="without a bag"):
+        convert(tmp_path, tmp_path / "out.csv")
+
+
+def test_a_missing_source_says_so(tmp_path):
+    with pytest.raises(LogNotFoundError, match=r"no\.silo"):
+        convert(tmp_path / "no.silo", tmp_path / "out.csv")
+
+
+@pytest.mark.parametrize(("ending", "module"), [(".parquet", "pyarrow"), (".mat", "scipy.io"), (".h5", "h5py")])
+def test_a_missing_library_says_what_to_install(ending, module, source, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(SiloError, match=r'pip install "silo-logger\[convert\]"'):
+        convert(source, tmp_path / f"out{ending}")
+    assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
