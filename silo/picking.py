@@ -1,0 +1,154 @@
+"""Signals of a recording by name, as curves: for `silo plot`, `silo stats` and `silo diff`.
+
+Pure functions on a `Recording`; enumerations and strings become numbers with names, so that they can be drawn.
+"""
+
+import difflib
+import fnmatch
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.errors import ElementError
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+Floats = NDArray[np.float64]
+_MOST_NAMES = 50
+
+
+@dataclass(frozen=True)
+class Picked:
+    """One scalar signal with its time stamps: `time_ns` and `values` have the same length."""
+
+    name: str
+    unit: str
+    time_ns: NDArray[np.int64]
+    values: NDArray[Any]
+    labels: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def is_text(self) -> bool:
+        """Whether the values are strings."""
+        return self.values.dtype.kind in "SU"
+
+    def as_numbers(self) -> tuple[Floats, Mapping[int, str]]:
+        """The values as float64, and names of values: labels of an enumeration, or a number per distinct string.
+
+        Complex numbers become magnitudes, dates seconds since 1970, opaque bytes NaN.
+        """
+        values = self.values
+        kind = values.dtype.kind
+        if self.is_text:
+            distinct, codes = np.unique(values, return_inverse=True)
+            names = [text_of(value) for value in distinct[:_MOST_NAMES].tolist()]
+            return codes.astype(np.float64), dict(enumerate(names))
+        if kind == "c":
+            return np.abs(values).astype(np.float64), {}
+        if kind in "mM":
+            return _seconds(values), {}
+        if kind not in "biuf":
+            return np.full(len(values), np.nan), {}
+        with np.errstate(over="ignore", invalid="ignore"):
+            return values.astype(np.float64), self.labels
+
+
+def pick(recording: Recording, patterns: Sequence[str]) -> list[Picked]:
+    """The signals that the patterns name, each once, in the order of the patterns.
+
+    A pattern is the name of an entry or of an element (all its entries), a glob (`*/torque`), or a part of a name.
+    Raises `ElementError` for a pattern that names nothing, with names that are close.
+    """
+    chosen: dict[str, Picked] = {}
+    for pattern in patterns:
+        found = [(element, entry) for element in recording.elements for entry in _matches(element, pattern)]
+        if not found:
+            raise ElementError(f"no signal matches '{pattern}'{_hint(recording, pattern)}")
+        for element, entry in found:
+            chosen.setdefault(entry.name, picked(recording, element, entry))
+    return list(chosen.values())
+
+
+def pick_all(recording: Recording) -> list[Picked]:
+    """Every signal, in the table's order."""
+    return [picked(recording, element, entry) for element in recording.elements for entry in element.entries]
+
+
+def picked(recording: Recording, element: RecordedElement, entry: RecordedEntry) -> Picked:
+    """One entry with its time stamps, by the rule of `RecordedElement`."""
+    stop = element.first + element.count * element.divider
+    times = recording.time_ns[element.first : stop : element.divider]
+    return Picked(entry.name, element.unit, times, entry.values, entry.entry.labels or {})
+
+
+def window(signal: Picked, start_ns: float, stop_ns: float) -> Picked:
+    """The samples with stamps from `start_ns` to `stop_ns`, both included."""
+    inside = (signal.time_ns >= start_ns) & (signal.time_ns <= stop_ns)
+    return replace(signal, time_ns=signal.time_ns[inside], values=signal.values[inside])
+
+
+def derivative(times: Floats, values: Floats) -> Floats:
+    """Change per second, by central differences; NaN where a neighbour is missing or time stands still."""
+    if len(times) < 2:
+        return np.full(len(times), np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        steps = np.diff(values) / np.where(np.diff(times) > 0, np.diff(times), np.nan)
+        inner = (values[2:] - values[:-2]) / np.where(times[2:] > times[:-2], times[2:] - times[:-2], np.nan)
+    return np.concatenate([steps[:1], inner, steps[-1:]])
+
+
+def spectrum(times: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Frequencies in Hz, and the amplitude of the sine at each (Hann window, mean taken out).
+
+    Samples are put on an even grid first; what is not finite is left out. Fewer than 4 samples have no spectrum.
+    """
+    good = np.isfinite(values)
+    times, values = times[good], values[good]
+    order = np.argsort(times, kind="stable")
+    times, values = times[order], values[order]
+    count = len(times)
+    if count < 4 or times[-1] <= times[0]:
+        return np.zeros(0), np.zeros(0)
+    even = np.linspace(times[0], times[-1], count)
+    samples = np.interp(even, times, values)
+    shape = np.hanning(count)
+    with np.errstate(over="ignore", invalid="ignore"):
+        amplitudes = np.abs(np.fft.rfft((samples - samples.mean()) * shape)) * 2 / shape.sum()
+    return np.fft.rfftfreq(count, even[1] - even[0]), amplitudes
+
+
+def text_of(value: bytes | str) -> str:
+    """A logged string as text; bytes that are no UTF-8 are shown as escapes."""
+    text = value if isinstance(value, str) else value.decode("utf-8", "backslashreplace")
+    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
+
+
+def _matches(element: RecordedElement, pattern: str) -> Sequence[RecordedEntry]:
+    if element.name == pattern:
+        return element.entries
+    exact = [entry for entry in element.entries if entry.name == pattern]
+    if exact:
+        return exact
+    is_glob = any(letter in pattern for letter in "*?[")
+    wanted = pattern if pattern.startswith(("/", "*")) else f"*{pattern}"
+    wanted = wanted if is_glob else f"{wanted}*"
+    if is_glob and fnmatch.fnmatchcase(element.name, wanted):
+        return element.entries
+    return [entry for entry in element.entries if fnmatch.fnmatchcase(entry.name, wanted)]
+
+
+def _hint(recording: Recording, pattern: str) -> str:
+    names = [entry.name for element in recording.elements for entry in element.entries]
+    if not names:
+        return ": the log holds no signals"
+    close = difflib.get_close_matches(pattern, names[:2000], n=3, cutoff=0.4) or names[:3]
+    return f"; there are {len(names)} signals, such as {', '.join(close)}"
+
+
+def _seconds(values: NDArray[Any]) -> Floats:
+    fine = values.astype("M8[ns]" if values.dtype.kind == "M" else "m8[ns]")
+    seconds = fine.view(np.int64) / 1e9
+    seconds[np.isnat(fine)] = np.nan
+    return np.asarray(seconds)
