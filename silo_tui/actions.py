@@ -13,7 +13,7 @@ from textual.binding import Binding
 class Deed:
     """One thing that can be done.
 
-    `scopes` are the screens where its keys count (`any`: all of them). `footer` is its place in the key bar, 0 for none.
+    `scopes` are the screens where its keys count (`any`: all of them). `footer` is its place in the key bar, 0: none.
     `writes` deeds change the logger or its table: they are refused with `--read-only`.
     """
 
@@ -40,7 +40,8 @@ class Deed:
 
 
 _KEY_TEXTS = {
-    "slash": "/", "asterisk": "*", "question_mark": "?", "colon": ":", "equals_sign": "=", "escape": "Esc", "enter": "Enter",
+    "slash": "/", "asterisk": "*", "question_mark": "?", "colon": ":", "equals_sign": "=",
+    "escape": "Esc", "enter": "Enter",
     "space": "space", "up": "↑", "down": "↓", "left": "←", "right": "→", "plus": "+", "minus": "-", "underscore": "_",
     "pageup": "PgUp", "pagedown": "PgDn", "home": "Home", "end": "End", "full_stop": ".", "tab": "Tab",
     "shift+left": "⇧←", "shift+right": "⇧→", "ctrl+r": "^r", "ctrl+p": "^p", "ctrl+d": "^d", "ctrl+u": "^u",

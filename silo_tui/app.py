@@ -369,6 +369,14 @@ class SiloApp(App[None]):
         if self.has_session and len(self.screen_stack) > 2:
             self.pop_screen()
 
+    def leave_screen(self) -> None:
+        """Back to the screen below, which says again what it wants to see."""
+        self.pop_screen()
+        if (screen := self._silo_screen()) is not None:
+            screen.table_changed()
+            screen.status_changed()
+            screen.wish_again()
+
     def open_monitor(self, names: Sequence[str]) -> None:
         """Plots of these elements."""
         from silo_tui.screens.monitor import MonitorScreen

@@ -168,7 +168,8 @@ async def load_script(app: "SiloApp", path: str = "") -> None:
             return
     fields, elements = session.table.pending_count
     if fields:
-        body = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')} stay pending on top of the script."
+        edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
+        body = f"{edits} stay pending on top of the script."
         if not await _confirmed(app, "Load over pending edits?", body, "Load"):
             return
     around = session.running
@@ -222,7 +223,8 @@ async def leave(app: "SiloApp") -> None:
     """Ends the app; asks only when edits are pending."""
     fields, elements = app.session.table.pending_count if app.has_session else (0, 0)
     if fields:
-        body = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')} would be lost. The logger goes on either way."
+        edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
+        body = f"{edits} would be lost. The logger goes on either way."
         if not await _confirmed(app, "Quit without applying?", body, "Quit"):
             return
     app.exit()

@@ -155,7 +155,8 @@ class Session:
         self.frame_at = time.monotonic()
         self.frame_time_ns, self.ticks = frame.time_ns, frame.tick
         self.measured_hz, self.lost_total = frame.measured_hz, frame.lost_total
-        self.columns.merge(frame.plots, frame.first, frame.low, frame.high)
+        if frame.column_ns == self.columns.column_ns:  # else it is of the view before
+            self.columns.merge(frame.plots, frame.first, frame.low, frame.high)
         return frame
 
     def take_values(self, frame: Frame) -> list[str]:

@@ -13,7 +13,8 @@ from silo_tui.model.columns import Floats
 
 # value of each dot by (row, column) inside a cell
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint32)
-BLANK = chr(0x2800)
+# not U+2800: some fonts draw its dots, and a space is one byte instead of three
+BLANK = " "
 
 
 def rasterise(low: Floats, high: Floats, scale: tuple[float, float], width: int, height: int) -> list[str]:
@@ -39,6 +40,7 @@ def rasterise(low: Floats, high: Floats, scale: tuple[float, float], width: int,
     at = np.arange(rows)[:, None]
     dots = (at >= upper) & (at <= lower)
     cells = (dots.reshape(height, 4, width, 2) * _DOTS[None, :, None, :]).sum(axis=(1, 3)).astype(np.uint32) + 0x2800
+    cells[cells == 0x2800] = ord(BLANK)
     return [line.tobytes().decode("utf-32-le") for line in cells.astype("<u4")]
 
 

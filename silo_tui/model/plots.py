@@ -1,26 +1,53 @@
-"""The time window of the monitor: which span it shows, whether it stands still, its cursor, how y is scaled."""
+"""The time window of the monitor, shared by all its plots: span, pause, cursor, y scale; and what a plot is of."""
 
+import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from silo.model import ElementInfo, Entry
 from silo_tui.model import braille
-from silo_tui.model.columns import Floats
+from silo_tui.model.columns import ColumnStore, Floats, hold
 
 SPANS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
 MAX_COLUMNS = 4096
 SECOND_NS = 1_000_000_000
 
 
-def column_for(span_s: float, columns: int, shortest_ns: int = 1) -> int:
-    """Width of a column so that `columns` of them cover `span_s`, in ns. Not below the sample period of the source."""
-    return max(shortest_ns, 1, round(span_s * SECOND_NS / max(1, min(columns, MAX_COLUMNS))))
+@dataclass(frozen=True)
+class Plotted:
+    """One plot: an entry of an element."""
+
+    element: ElementInfo
+    position: int
+
+    @property
+    def entry(self) -> Entry:
+        """The entry that is plotted."""
+        return self.element.entries[self.position]
+
+    @property
+    def name(self) -> str:
+        """Full name of the entry."""
+        return self.element.name + self.entry.suffix
+
+    @property
+    def numeric(self) -> bool:
+        """Whether there is a curve to draw."""
+        return self.entry.dtype[1:2] not in "SU"
+
+
+def plots_of(elements: list[ElementInfo]) -> list[Plotted]:
+    """Every entry of every element, in their order."""
+    return [Plotted(element, position) for element in elements for position in range(len(element.entries))]
 
 
 @dataclass
 class PlotWindow:
-    """State of the time axis, shared by all plots of a screen. Widths are in columns (two per cell)."""
+    """State of the time axis. Widths are in columns, two per cell."""
 
     span_s: float = 10.0
-    paused_end: int | None = None  # absolute column after the newest shown while paused
+    paused_end_ns: int | None = None  # right edge while the picture stands still
     cursor: int | None = None  # columns from the right edge
     fixed_scale: bool = False
     scales: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -28,7 +55,16 @@ class PlotWindow:
     @property
     def paused(self) -> bool:
         """Whether the picture stands still while the data goes on."""
-        return self.paused_end is not None
+        return self.paused_end_ns is not None
+
+    @property
+    def span_ns(self) -> int:
+        """The span in nanoseconds."""
+        return round(self.span_s * SECOND_NS)
+
+    def column_ns(self, columns: int) -> int:
+        """Width of a column so that `columns` of them cover the span."""
+        return max(1, math.ceil(self.span_ns / max(1, min(columns, MAX_COLUMNS))))
 
     def zoom(self, *, closer: bool) -> bool:
         """The next shorter or longer span; False at the end of the list."""
@@ -38,18 +74,50 @@ class PlotWindow:
         self.span_s = SPANS_S[place]
         return True
 
-    def move_cursor(self, columns: int, width: int) -> None:
-        """Moves the cursor by cells to the right (positive) or left; it appears in the middle."""
-        if self.cursor is None:
-            self.cursor = width // 2
-            return
-        self.cursor = max(0, min(width - 1, self.cursor - columns))
+    def move_cursor(self, cells: int, columns: int) -> int:
+        """Moves the cursor to the right (positive) or left by cells; it appears in the middle.
 
-    def scale(self, name: str, low: Floats, high: Floats) -> tuple[float, float]:
-        """Bottom and top of a plot: of what is in the window, or as it was when the scale was fixed."""
+        Returns the columns by which it would have left the window: negative to the left.
+        """
+        if self.cursor is None:
+            self.cursor = columns // 4 * 2
+            return 0
+        wanted = self.cursor - 2 * cells
+        self.cursor = max(0, min(columns - 2, wanted))
+        return self.cursor - wanted
+
+    def follow_scale(self, name: str, low: Floats, high: Floats) -> tuple[float, float]:
+        """Bottom and top of a plot: of what is in the window, or as it was when the scale was held."""
         if self.fixed_scale and name in self.scales:
             return self.scales[name]
         found = braille.value_range(low, high)
         scale = braille.nice_range(*found) if found else self.scales.get(name, (-1.0, 1.0))
         self.scales[name] = scale
         return scale
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One plot, ready to be drawn: braille lines, the ends of its scale, and what stands at the cursor."""
+
+    lines: tuple[str, ...]
+    scale: tuple[float, float]
+    smallest: float
+    largest: float
+    at_cursor: tuple[float, float] | None
+
+
+def draw(store: ColumnStore, window: PlotWindow, plotted: Plotted, width: int, height: int, period_ns: int) -> Picture:
+    """Draws a plot of `width` x `height` cells from the newest columns of a store."""
+    columns = 2 * width
+    low, high = store.window(plotted.name, store.end, columns)
+    low, high = hold(low, high, max(2, 2 * period_ns // max(1, store.column_ns) + 1))
+    scale = window.follow_scale(plotted.name, low, high)
+    found = braille.value_range(low, high) or (math.nan, math.nan)
+    at_cursor = None
+    if window.cursor is not None:
+        last = columns - 1 - window.cursor
+        piece_low, piece_high = low[max(0, last - 1) : last + 1], high[max(0, last - 1) : last + 1]
+        if not np.isnan(piece_low).all():
+            at_cursor = float(np.nanmin(piece_low)), float(np.nanmax(piece_high))
+    return Picture(tuple(braille.rasterise(low, high, scale, width, height)), scale, *found, at_cursor)

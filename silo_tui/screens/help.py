@@ -25,7 +25,7 @@ NOTES = (
     )),
     ("Commands", (
         (":load x.yaml", "load a script"), (":save x.yaml", "save the table as a script"),
-        (":set div=5 size=10s buf=loop act=both on=yes", "edit what is marked"), (":data silo csv bag NAME", "save data"),
+        (":set div=5 size=10s", "edit what is marked; also buf= act= on="), (":data silo csv bag NAME", "save data"),
         (":goto NAME", "put the cursor there"), (":sort div", "order by a column"),
     )),
 )  # fmt: skip

@@ -161,7 +161,7 @@ class TableScreen(SiloScreen):
 
     def wish_again(self) -> None:
         """Says what is on the screen."""
-        if self.silo.screen is not self and not self.silo.screen.is_modal:
+        if not self.is_current and not self.silo.screen.is_modal:
             return
         table = self.session.table
         rows = [row for row in self.table.rows_on_screen() if table.server[Field.ENABLED, row]]

@@ -1,5 +1,7 @@
-"""The live columns beside the table: fill, value, trend. A widget of its own, because a terminal library resends all that
-is left of a change on its line: drawn together, a frame was 11 - 20 kB; apart, it is 3 kB.
+"""The live columns beside the table: fill, value, trend.
+
+They are a widget of their own, because Textual resends all that is left of a change on its line: drawn together, a
+frame was 11 - 20 kB; apart, it is 3 kB.
 """
 
 from typing import ClassVar
@@ -164,4 +166,4 @@ class LivePane(Widget):
             return " " * self.trend_width
         floor = max(abs(found[0]), abs(found[1])) * 1e-6
         scale = found if found[1] - found[0] > floor else (found[0] - 1, found[1] + 1)
-        return braille.rasterise(low, high, scale, self.trend_width, 1)[0].replace(braille.BLANK, " ")
+        return braille.rasterise(low, high, scale, self.trend_width, 1)[0]

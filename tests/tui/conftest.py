@@ -1,4 +1,4 @@
-"""A logger that exists only here: it gives the same messages and arrays as the real client, from a clock that tests move."""
+"""A logger that exists only here: the same messages and arrays as the real client, from a clock that tests move."""
 
 import asyncio
 import inspect

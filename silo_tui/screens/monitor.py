@@ -1,0 +1,284 @@
+# ruff: noqa: D102 - what a deed does stands in actions.py, once
+"""The monitor: stacked plots of some elements, live or standing still, with a cursor that reads values.
+
+What it shows comes from a `PlotSource`, so that a recording can stand in for a live logger.
+"""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.timer import Timer
+
+from silo.errors import SiloError
+from silo_tui.actions import bindings_for
+from silo_tui.link import Wish
+from silo_tui.model import text
+from silo_tui.model.columns import ColumnStore
+from silo_tui.model.fields import Field
+from silo_tui.model.live import Frame
+from silo_tui.model.plots import PlotWindow, plots_of
+from silo_tui.model.source import PlotSource
+from silo_tui.screens.base import SiloScreen
+from silo_tui.session import Session
+from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
+from silo_tui.widgets.plot_stack import PlotStack
+
+DEBOUNCE_S = 0.1
+FAR = 10
+
+
+class MonitorScreen(SiloScreen):
+    """Plots of the elements that were marked when it was opened."""
+
+    scope = "monitor"
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("monitor")
+
+    def __init__(self, session: Session, source: PlotSource, names: Sequence[str]) -> None:
+        super().__init__()
+        self.session = session
+        self.source = source
+        elements = [element for name in names if (element := source.element(name)) is not None]
+        self.window = PlotWindow()
+        self.stack = PlotStack(plots_of(elements), self.window, source)
+        self.stack.prefix = session.status.prefix.rstrip("/")
+        self._said = ""
+        self._timer: Timer | None = None
+
+    def compose(self) -> ComposeResult:
+        """Status, banner, plots, line of facts, keys."""
+        self.status_bar = StatusBar(self.session, read_only=False)
+        self.banner = Banner(self.session)
+        self.line = MonitorLine(self.window, self._words)
+        yield self.status_bar
+        yield self.banner
+        yield self.stack
+        yield self.line
+        yield KeyBar("monitor")
+
+    def on_mount(self) -> None:
+        """History fills the plots at once."""
+        self.banner.update()
+        if not self.source.live:
+            self.window.paused_end_ns = self.source.end_ns
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Another width, other columns."""
+        self.call_after_refresh(self._sized)
+
+    def _sized(self) -> None:
+        self.stack.choose(self.stack.chosen)
+        self.fill_soon()
+
+    # ---------------------------------------------------------------------------------------------------- data
+
+    def fill_soon(self) -> None:
+        """The view and the history anew, when what is wanted has settled."""
+        if self._timer is not None:
+            self._timer.stop()
+        self._timer = self.set_timer(DEBOUNCE_S, self.wish_again)
+
+    def wish_again(self) -> None:
+        """Says what is on the screen and fetches its past."""
+        if not self.is_current and not self.silo.screen.is_modal:
+            return
+        plots = [plotted for plotted in self.stack.on_screen() if self.source.is_live(plotted.element.name)]
+        names = [plotted.name for plotted in plots if plotted.numeric]
+        columns = self.stack.columns
+        store = ColumnStore(names, columns, self.window.column_ns(columns))
+        store.adopt(self.stack.store)
+        if self.window.paused:
+            self.session.columns = ColumnStore((), 1, 1)
+        else:
+            elements = dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())
+            self.session.columns = store
+            self.session.watch(Wish(tuple(elements), tuple(names), store.column_ns))
+        self.run_worker(self._fill(store, names), group="history", exclusive=True)
+
+    async def _fill(self, store: ColumnStore, names: list[str]) -> None:
+        end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
+        try:
+            past = await self.source.history(names, end - self.window.span_ns, end, store.column_ns)
+            store.advance_to(end // store.column_ns + 1)
+            store.merge(past.names, past.first, past.low, past.high)
+        except SiloError as error:
+            self.say(f"no history: {error}")
+        self.stack.store = store
+        self.stack.redraw()
+        self.line.refresh()
+
+    # ------------------------------------------------------------------------------------ what the app tells us
+
+    def live_changed(self, frame: Frame) -> None:
+        """New columns and values."""
+        self.status_bar.update()
+        self.stack.readings = self.session.live.readings
+        if not self.window.paused:
+            if self.session.running and not self.stack.store.empty:
+                self.stack.store.advance_to(frame.time_ns // self.stack.store.column_ns + 1)
+            self.stack.advance()
+
+    def status_changed(self) -> None:
+        """State or link changed."""
+        self.status_bar.update()
+        self.banner.update()
+        if self.stack.fresh != self.session.fresh:
+            self.stack.fresh = self.session.fresh
+            self.stack.redraw()
+
+    def table_changed(self) -> None:
+        """Somebody may have published or enabled what is plotted."""
+        elements = dict.fromkeys(plotted.element.name for plotted in self.stack.plots)
+        found = [element for name in elements if (element := self.source.element(name)) is not None]
+        wanted = {plotted.name for plotted in self.stack.plots}
+        plots = [plotted for plotted in plots_of(found) if plotted.name in wanted]
+        if plots != self.stack.plots:
+            self.stack.plots = plots
+            self.stack.choose(self.stack.chosen)
+            self.fill_soon()
+
+    def second_passed(self) -> None:
+        """Times go on."""
+        self.status_bar.update()
+        self.banner.update()
+
+    def say(self, words: str) -> None:
+        """The result of something."""
+        self._said = words
+        self.line.refresh()
+
+    def _words(self) -> str:
+        words = []
+        if self.window.cursor is not None:
+            back = self.window.cursor * self.stack.store.column_ns / 1e9
+            words.append(f"cursor at -{text.span(back)}" if back else "cursor at 0 s")
+        total, fitting = len(self.stack.plots), self.stack.fitting
+        if total > fitting:
+            words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
+        if self._said:
+            words.append(self._said)
+        return " │ ".join(words)
+
+    # --------------------------------------------------------------------------------------------------- deeds
+
+    def _choose(self, index: int) -> None:
+        if self.stack.choose(index):
+            self.fill_soon()
+        self.line.refresh()
+
+    def deed_plot_down(self) -> None:
+        self._choose(self.stack.chosen + 1)
+
+    def deed_plot_up(self) -> None:
+        self._choose(self.stack.chosen - 1)
+
+    def deed_plot_top(self) -> None:
+        self._choose(0)
+
+    def deed_plot_bottom(self) -> None:
+        self._choose(len(self.stack.plots) - 1)
+
+    def deed_pause(self) -> None:
+        if not self.source.live:
+            return
+        if self.window.paused:
+            self.window.paused_end_ns = None
+            self.window.cursor = None
+        else:
+            store = self.stack.store
+            self.window.paused_end_ns = store.end * store.column_ns - 1 if not store.empty else self.source.end_ns
+        self.wish_again()
+        self.line.refresh()
+
+    def deed_closer(self) -> None:
+        self._zoom(closer=True)
+
+    def deed_wider(self) -> None:
+        self._zoom(closer=False)
+
+    def _zoom(self, *, closer: bool) -> None:
+        """Around the cursor when the picture stands still, else at its right end."""
+        cursor = self.window.cursor
+        before = self.window.span_ns
+        if not self.window.zoom(closer=closer):
+            self.say("that is the shortest span" if closer else "that is the longest span")
+            return
+        if self.window.paused_end_ns is not None and cursor is not None:
+            back = cursor * self.stack.store.column_ns
+            self.window.paused_end_ns -= back - round(back * self.window.span_ns / before)
+        self.say("")
+        self.wish_again()
+
+    def deed_cursor_left(self) -> None:
+        self._move_cursor(-1)
+
+    def deed_cursor_right(self) -> None:
+        self._move_cursor(1)
+
+    def deed_cursor_far_left(self) -> None:
+        self._move_cursor(-FAR)
+
+    def deed_cursor_far_right(self) -> None:
+        self._move_cursor(FAR)
+
+    def _move_cursor(self, cells: int) -> None:
+        beyond = self.window.move_cursor(cells, self.stack.columns)
+        if beyond and self.window.paused_end_ns is not None:
+            # the window itself moves on by a quarter, so that one can walk through a recording
+            step = self.window.span_ns // 4 if beyond > 0 else -self.window.span_ns // 4
+            self.window.paused_end_ns = min(self.source.end_ns, self.window.paused_end_ns + step)
+            self.wish_again()
+        self.stack.redraw()
+        self.line.refresh()
+
+    def deed_scale(self) -> None:
+        self.window.fixed_scale = not self.window.fixed_scale
+        self.stack.redraw()
+        self.line.refresh()
+
+    def deed_drop_plot(self) -> None:
+        if len(self.stack.plots) > 1:
+            del self.stack.plots[self.stack.chosen]
+            self.stack.choose(self.stack.chosen)
+            self.fill_soon()
+        else:
+            self.deed_back()
+
+    def deed_publish(self) -> None:
+        """A pending edit; applying it is for the table."""
+        plotted = self.stack.plots[self.stack.chosen]
+        row = self.session.table.row(plotted.element.name)
+        if row is None or self.source.is_live(plotted.element.name):
+            self.say("it is published already")
+            return
+        self.session.table.edit([row], Field.ACTION, 0)
+        self.session.table.edit([row], Field.ENABLED, 1)
+        self.say("prepared: Esc, then a applies it")
+        self.silo.table_changed()
+
+    def deed_detail(self) -> None:
+        from silo_tui.screens.detail import DetailScreen
+
+        if not self.stack.plots:
+            return
+        chosen = self.stack.plots[self.stack.chosen]
+        plots = [chosen, *(plotted for plotted in self.stack.plots if plotted is not chosen)]
+        plots = [plotted for plotted in plots if plotted.numeric and self.source.is_live(plotted.element.name)]
+        if not plots:
+            self.say("nothing published to plot")
+            return
+        end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
+        self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s))
+
+    def deed_back(self) -> None:
+        """Cursor, pause, then the table."""
+        if self.window.cursor is not None:
+            self.window.cursor = None
+            self.stack.redraw()
+            self.line.refresh()
+        elif self.window.paused and self.source.live:
+            self.deed_pause()
+        else:
+            self.silo.leave_screen()
