@@ -112,6 +112,8 @@ def _x_label(transform: str, over: Picked | None) -> str:
 
 
 def _label(signals: Sequence[Picked], transform: str) -> str:
+    if not signals:
+        return ""
     units = {signal.unit for signal in signals if signal.unit not in ("", "-")}
     unit = units.pop() if len(units) == 1 else ""
     if transform == "derivative":

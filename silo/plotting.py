@@ -28,6 +28,9 @@ _SHAPES = "•×+o#*%@"
 _FINE = "braille"
 # of points that can't be thinned out by column, as in an x-y plot
 _MAX_POINTS = 4000
+_FLAT = 1e-12
+# beyond, differences overflow; below, they vanish
+_HUGE, _TINY = 1e300, 1e-300
 
 
 @dataclass(frozen=True)
@@ -121,12 +124,10 @@ def thin_out(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats]:
 
 def nice_ticks(low: float, high: float, count: int) -> list[float]:
     """About `count` round numbers from `low` to `high`: 1, 2 or 5 times a power of ten apart."""
-    if not (math.isfinite(low) and math.isfinite(high)) or high <= low or not math.isfinite(high - low):
-        return []
     rough = (high - low) / max(count, 1)
-    power = 10.0 ** math.floor(math.log10(rough)) if rough > 1e-300 else 0.0
-    if power == 0.0:
+    if not math.isfinite(rough) or rough < _TINY:
         return []
+    power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * factor for factor in (1, 2, 5, 10) if power * factor >= rough * (1 - 1e-9))
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     ticks = [number * step for number in range(first, last + 1)]
@@ -144,7 +145,7 @@ def _draw(chart: Chart, marks: Sequence[str], width: int, height: int, color: bo
     figure.theme("simple")
     limits: dict[object, list[float]] = {}
     for index, (curve, mark) in enumerate(zip(chart.curves, marks, strict=True)):
-        x, y = thin_out(curve.x, curve.y, 2 * width)
+        x, y = thin_out(curve.x, np.where(np.isfinite(curve.y), np.clip(curve.y, -_HUGE, _HUGE), np.nan), 2 * width)
         x, y, connected = _segments(x, y)
         side = "right" if curve.right else "left"
         pixel = _COLORS[index % len(_COLORS)][0] if color else None
@@ -178,14 +179,13 @@ def _set_ruler(ruler: Any, values: Sequence[float] | None, count: int, names: Ma
         shown = {number: name for number, name in sorted(names.items()) if low <= number <= high}
         ruler.ticks(list(shown), [shorten(name, 14) for name in shown.values()])
         return
-    if low == high:
-        # a flat line runs through the middle
-        room = abs(low) * 0.1 or 1.0
+    if high - low <= max(_FLAT * max(abs(low), abs(high)), _TINY):
+        # a flat line runs through the middle; rounding errors are not blown up to the height of the screen
+        room = abs(low) * 0.1 if abs(low) > _TINY else 1.0
         low, high = low - room, high + room
-    ticks = nice_ticks(low, high, max(count, 2))
-    if ticks:
-        ruler.lim(low, high)
-        ruler.ticks(ticks, tick_texts(ticks))
+    ticks = nice_ticks(low, high, max(count, 2)) or [low, high]
+    ruler.lim(low, high)
+    ruler.ticks(ticks, tick_texts(ticks))
 
 
 def tick_texts(ticks: Sequence[float]) -> list[str]:
@@ -193,10 +193,14 @@ def tick_texts(ticks: Sequence[float]) -> list[str]:
     size = max(abs(tick) for tick in ticks)
     step = min((b - a for a, b in pairwise(ticks)), default=size or 1.0)
     if size >= 1e6 or (0 < size < 1e-3):
-        digits = max(0, math.ceil(math.log10(size / step) - 1e-9)) if step else 3
+        digits = max(0, _exponent(size) - _exponent(step)) if step else 3
         return [f"{tick:.{digits}e}" if tick else "0" for tick in ticks]
-    digits = max(0, -math.floor(math.log10(step) + 1e-9)) if step else 3
+    digits = max(0, -_exponent(step)) if step else 3
     return [f"{tick:.{digits}f}" for tick in ticks]
+
+
+def _exponent(number: float) -> int:
+    return math.floor(math.log10(number) + 1e-9)
 
 
 def _segments(x: Floats, y: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
@@ -219,7 +223,10 @@ def _legend(chart: Chart, marks: Sequence[str], width: int, color: bool) -> list
             stroke = f"\x1b[{_COLORS[index % len(_COLORS)][1]}m{stroke}\x1b[0m"
         side = (" (right)" if curve.right else " (left)") if two_sides else ""
         good = curve.y[np.isfinite(curve.y)]
-        span = f"  {good.min():.6g} ... {good.max():.6g}" if len(good) else "  no finite value"
+        span = f"  {good.min() + 0.0:.6g} ... {good.max() + 0.0:.6g}" if len(good) else "  no finite value"
+        # where there is no room for a name and the range, the name is worth more
+        if width - 3 - len(side) - len(span) < 8:
+            span = ""
         label = shorten(curve.label, width - 3 - len(side) - len(span))
         lines.append(f"{stroke} {label}{side}{span}")
     return lines

@@ -1,0 +1,211 @@
+"""The commands on saved logs, as somebody types them."""
+
+import json
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from silo.cli_files import convert_command, diff_command, plot_command, print_file_info, stats_command
+from silo.errors import LogNotFoundError
+from silo.files.bag import write_bag
+from silo.files.silo_file import write_silo
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+COMMANDS = [convert_command, diff_command, plot_command, stats_command]
+TICKS = 100
+
+
+def element(name, values, unit="-", labels=None, divider=1, lost=0):
+    entry = RecordedEntry(name, Entry("", values.dtype.str, labels), values)
+    return RecordedElement(name, unit, "scalar", (), divider, BufferType.LOOPING, 0, (entry,), lost=lost)
+
+
+def recording(*more, x=None):
+    time_ns = 1_700_000_000_000_000_000 + np.arange(TICKS, dtype=np.int64) * 10_000_000
+    table = [
+        element("/log/x", np.arange(TICKS) * 1.0 if x is None else x, "rad"),
+        element("/log/nan", np.full(TICKS, np.nan)),
+        element("/log/mode", (np.arange(TICKS) // 60).astype("i1"), labels={0: "STAND", 1: "WALK"}),
+        element("/log/text", np.array([b"on", b"on", b"on", b"off"] * 25)),
+        element("/log/slow", np.arange(10.0), "degC", divider=10, lost=3),
+        *more,
+    ]
+    return Recording("robot", time_ns, TICKS, table, frequency_hz=100.0)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("LINES", "24")
+    write_silo(recording(), tmp_path / "run.silo")
+    return tmp_path
+
+
+def run(command, *arguments):
+    return CliRunner().invoke(command, list(arguments))
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_help_shows_an_example(command):
+    result = run(command, "--help")
+    assert result.exit_code == 0
+    assert f"  silo {command.name} run" in result.output
+    assert max(map(len, result.output.split("\n"))) <= 80
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_a_log_that_is_not_there_is_one_line_on_stderr(command, folder):
+    result = run(command, "nothing.silo", "x")
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert result.stderr.startswith("Error: ")
+    assert "nothing.silo" in result.stderr
+    assert len(result.stderr.strip().split("\n")) == 1
+
+
+class TestConvert:
+    def test_it_says_what_it_wrote(self, folder):
+        result = run(convert_command, "run.silo", "run.mcap")
+        size = (folder / "run.mcap").stat().st_size
+        assert result.stdout == f"run.mcap  {size} bytes, 5 signals, 100 ticks\n"
+
+    def test_it_keeps_what_exists_without_force(self, folder):
+        before = (folder / "run.silo").read_bytes()
+        result = run(convert_command, "run.silo", "run.silo")
+        assert result.exit_code == 1
+        assert "--force" in result.stderr
+        assert (folder / "run.silo").read_bytes() == before
+
+    def test_the_start_of_a_name_is_enough(self, folder):
+        assert run(convert_command, "ru", "out.csv").exit_code == 0
+
+    def test_warnings_of_a_damaged_source_are_shown(self, folder):
+        data = (folder / "run.silo").read_bytes()
+        (folder / "cut.silo").write_bytes(data[:-7])
+        result = run(convert_command, "cut.silo", "out.mcap")
+        assert result.exit_code == 0
+        assert "warning: " in result.stderr
+
+
+class TestStats:
+    def test_numbers_strings_and_enumerations(self, folder):
+        rows = {row["name"]: row for row in json.loads(run(stats_command, "run.silo", "--json").stdout)}
+        assert (rows["/log/x"]["minimum"], rows["/log/x"]["maximum"], rows["/log/x"]["mean"]) == (0, 99, 49.5)
+        assert rows["/log/x"]["rms"] == pytest.approx(np.sqrt(np.mean(np.arange(100.0) ** 2)))
+        assert (rows["/log/nan"]["not_finite"], rows["/log/nan"]["mean"]) == (100, None)
+        assert rows["/log/mode"]["most_common"] == ["STAND 60x", "WALK 40x"]
+        assert rows["/log/text"]["most_common"] == ["'on' 75x", "'off' 25x"]
+
+    def test_a_window(self, folder):
+        rows = json.loads(run(stats_command, "run.silo", "/log/x", "--from", "0.1", "--to", "0.2", "--json").stdout)
+        assert (rows[0]["minimum"], rows[0]["maximum"], rows[0]["samples"]) == (10, 20, 11)
+
+    def test_the_table_fits_80_columns(self, folder):
+        result = run(stats_command, "run.silo")
+        assert result.exit_code == 0
+        assert max(map(len, result.stdout.split("\n"))) <= 80
+
+
+class TestDiff:
+    def test_the_same_log_in_two_formats_is_equal(self, folder):
+        write_bag(recording(), folder / "run.mcap")
+        result = run(diff_command, "run.silo", "run.mcap")
+        assert (result.exit_code, result.stdout) == (0, "equal: 5 signals, 100 ticks\n")
+
+    def test_values_elements_and_facts_that_differ_are_listed(self, folder):
+        changed = np.arange(TICKS) * 1.0
+        changed[50:53] += 0.25
+        write_silo(recording(element("/log/new", np.zeros(TICKS)), x=changed), folder / "other.silo")
+        result = run(diff_command, "run.silo", "other.silo")
+        assert result.exit_code == 2
+        lines = [line.split(maxsplit=1) for line in result.stdout.strip().split("\n")]
+        assert lines == [
+            ["/log/new", "only in the second log"],
+            ["/log/x", "3 of 100 samples differ, by at most 0.25, first at 0.5 s"],
+        ]
+
+    def test_a_tolerance_lets_small_differences_pass(self, folder):
+        write_silo(recording(x=np.arange(TICKS) + 1e-9), folder / "other.silo")
+        assert run(diff_command, "run.silo", "other.silo").exit_code == 2
+        assert run(diff_command, "run.silo", "other.silo", "--tolerance", "1e-8").exit_code == 0
+
+    def test_integers_beyond_what_floats_hold_are_told_apart(self, folder):
+        for name, value in (("a", 2**60), ("b", 2**60 + 1)):
+            write_silo(recording(element("/log/big", np.full(TICKS, value))), folder / f"{name}.silo")
+        assert run(diff_command, "a.silo", "b.silo").exit_code == 2
+
+
+class TestPlot:
+    def test_it_fits_the_terminal_without_escapes_into_a_pipe(self, folder):
+        result = run(plot_command, "run.silo", "/log/x", "slow")
+        rows = result.stdout.rstrip("\n").split("\n")
+        assert result.exit_code == 0, result.output
+        assert "\x1b" not in result.stdout
+        assert len(rows) <= 22
+        assert max(map(len, rows)) <= 80
+
+    @pytest.mark.parametrize(
+        "options", [["-d"], ["-s"], ["-x", "slow"], ["-r", "slow"], ["--from", ".2", "--to", ".5"]]
+    )
+    def test_every_way_of_looking_works(self, folder, options):
+        assert run(plot_command, "run.silo", "/log/x", "text", "nan", "mode", *options).exit_code == 0
+
+    def test_a_png(self, folder):
+        result = run(plot_command, "run.silo", "/log/x", "slow", "mode", "--png", "x.png")
+        assert result.stdout == "x.png\n"
+        assert (folder / "x.png").stat().st_size > 1000
+
+    def test_a_png_into_a_missing_folder_is_one_line(self, folder):
+        result = run(plot_command, "run.silo", "/log/x", "--png", "no/x.png")
+        assert result.exit_code == 1
+        assert "no/x.png" in result.stderr
+
+    def test_options_that_exclude_each_other_say_so(self, folder):
+        result = run(plot_command, "run.silo", "/log/x", "-d", "-s")
+        assert result.exit_code == 2
+        assert "--derivative and --spectrum" in result.stderr
+
+    def test_a_pattern_without_a_signal_suggests_names(self, folder):
+        result = run(plot_command, "run.silo", "sloww")
+        assert result.exit_code == 1
+        assert "/log/slow" in result.stderr
+
+
+class TestInfo:
+    def info(self, path, as_json=False):
+        @click.command()
+        def command():
+            print_file_info(path, as_json)
+
+        return CliRunner().invoke(command, [], catch_exceptions=False).stdout
+
+    def test_the_table_has_every_element_and_fits(self, folder):
+        text = self.info(folder / "run.silo")
+        assert [line.split()[0] for line in text.split("\n") if line.startswith("/log/")] == [
+            "/log/x",
+            "/log/nan",
+            "/log/mode",
+            "/log/text",
+            "/log/slow",
+        ]
+        assert "5 elements, 100 ticks, 0.99 s, 100 Hz, lost 3" in text
+        assert max(len(line) for line in text.split("\n")[1:]) <= 80
+
+    def test_json_is_for_machines(self, folder):
+        facts = json.loads(self.info(folder / "run.silo", as_json=True))
+        slow = facts["elements"][4]
+        assert (slow["samples"], slow["rate_hz"], slow["lost"], slow["divider"]) == (10, pytest.approx(10), 3, 10)
+        assert facts["elements"][2]["labels"] == {"0": "STAND", "1": "WALK"}
+
+    def test_a_bag_has_the_same_table(self, folder):
+        write_bag(recording(), folder / "run.bag")
+        table = [self.info(folder / name).split("\n", 1)[1] for name in ("run.silo", "run.bag")]
+        assert table[0] == table[1]
+
+    def test_a_missing_file_is_an_error_of_silo(self, folder):
+        with pytest.raises(LogNotFoundError):
+            print_file_info(folder / "no.silo", as_json=False)

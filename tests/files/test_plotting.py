@@ -1,0 +1,274 @@
+"""Charts as text and as PNG, and how they are made from what the user asked for."""
+
+import itertools
+import re
+import struct
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from silo.charts import Wish, make_chart
+from silo.errors import ElementError, SiloError
+from silo.model import BufferType, Entry
+from silo.picking import derivative, pick, spectrum
+from silo.plotting import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+TICKS = 400
+SECONDS = np.arange(TICKS) / 100
+ESCAPE = re.compile("\x1b\\[[0-9;]*m")
+
+
+def element(name, columns, suffixes=("",), unit="-", kind="scalar", divider=1, first=0, labels=None):
+    entries = tuple(
+        RecordedEntry(name + suffix, Entry(suffix, column.dtype.str, labels), column)
+        for suffix, column in zip(suffixes, columns, strict=True)
+    )
+    return RecordedElement(name, unit, kind, (), divider, BufferType.FIXED, first, entries)
+
+
+@pytest.fixture
+def log() -> Recording:
+    mode = (np.arange(TICKS) // 100).astype("i1")
+    table = [
+        element("/log/LF/torque", [10 * np.sin(SECONDS)], unit="Nm"),
+        element("/log/RF/torque", [10 * np.cos(SECONDS)], unit="Nm"),
+        element("/log/LF/position", [SECONDS**2], unit="rad"),
+        element("/log/mode", [mode], labels={0: "STAND", 1: "WALK", 2: "TROT", 3: "FALL"}),
+        element("/log/text", [np.array([b"on", b"off"] * 200)]),
+        element("/log/base", [np.cos(SECONDS), np.sin(SECONDS)], ("_x", "_y"), unit="m", kind="vector"),
+        element("/log/slow", [np.arange(4.0)], unit="degC", divider=100, first=50),
+        element("/log/gap", [np.where(SECONDS > 2, np.nan, 1.0)]),
+    ]
+    return Recording("robot", 1_000_000_000 + np.arange(TICKS, dtype=np.int64) * 10_000_000, TICKS, table)
+
+
+def line(values=None, **more):
+    values = np.sin(SECONDS * 5) if values is None else values
+    return Chart([Curve("/log/x [rad]", SECONDS[: len(values)], values)], x_label="time [s]", **more)
+
+
+class TestText:
+    def test_without_colour_there_is_no_escape_sequence(self):
+        assert "\x1b" not in draw_text(line(), color=False)
+
+    def test_with_colour_the_text_is_the_same_size(self):
+        plain, colored = draw_text(line(), color=False), draw_text(line(), color=True)
+        assert "\x1b" in colored
+        assert len(ESCAPE.sub("", colored).split("\n")) == len(plain.split("\n"))
+
+    @settings(deadline=None, max_examples=60)
+    @given(
+        width=st.integers(1, 200),
+        height=st.integers(1, 60),
+        count=st.integers(1, 40),
+        values=st.lists(st.floats(width=64), max_size=50),
+        color=st.booleans(),
+    )
+    def test_any_values_fit_any_terminal(self, width, height, count, values, color):
+        y = np.array(values, dtype=np.float64)
+        curves = [Curve("/log/" + "long" * i, np.arange(len(y)) * 0.1, y, right=bool(i % 2)) for i in range(count)]
+        chart = Chart(curves, "title" * 20, "time [s]", "rad" * 20, "Nm")
+        rows = ESCAPE.sub("", draw_text(chart, width, height, color=color)).split("\n")
+        assert len(rows) <= max(height, 8)
+        assert max(map(len, rows)) <= max(width, 30)
+
+    def test_a_spike_of_one_sample_among_a_million_shows(self):
+        values = np.zeros(1_000_000)
+        values[123_456] = 1.0
+        chart = Chart([Curve("x", np.arange(1e6), values)])
+        flat = Chart([Curve("x", np.arange(1e6), np.where(values, 0.0, values))])
+        rows = draw_text(chart, 60, 12, color=False).split("\n")
+        assert draw_text(flat, 60, 12, color=False).split("\n")[1:9] != rows[1:9]
+        assert sum("⡇" in row or "⢸" in row for row in rows) >= 4
+
+    def test_several_curves_without_colour_differ_by_their_marks(self):
+        chart = Chart([Curve("a", SECONDS, SECONDS), Curve("b", SECONDS, -SECONDS)])
+        text = draw_text(chart, color=False)
+        assert "•• a" in text
+        assert "×× b" in text
+
+    def test_the_legend_has_range_and_side(self):
+        chart = Chart([Curve("a", SECONDS, SECONDS), Curve("b", SECONDS, -SECONDS, right=True)])
+        assert "a (left)  0 ... 3.99" in draw_text(chart, color=False)
+        assert "b (right)  -3.99 ... 0" in draw_text(chart, color=False)
+
+    def test_nothing_but_nan_says_so(self):
+        assert "no finite value" in draw_text(line(np.full(TICKS, np.nan)), color=False)
+
+    def test_names_of_values_stand_at_the_axis(self):
+        text = draw_text(line(np.arange(TICKS) % 2 * 1.0, left_ticks={0: "STAND", 1: "WALK"}), color=False)
+        assert "STAND┤" in text
+        assert "WALK┤" in text
+
+    def test_rounding_errors_of_a_constant_are_a_flat_line(self):
+        text = draw_text(line(40 + np.arange(TICKS) % 2 * 1e-14), 60, 12, color=False)
+        assert sum("⠤" in row or "⠒" in row or "⠉" in row for row in text.split("\n")[:-1]) == 1
+
+
+class TestPng:
+    def test_it_is_a_picture_of_the_size_asked_for(self, tmp_path):
+        chart = replace(line(), curves=[*line().curves, Curve("b", SECONDS, -SECONDS, right=True)])
+        draw_png(chart, tmp_path / "a.png", 640, 400)
+        data = (tmp_path / "a.png").read_bytes()
+        assert data[:8] == b"\x89PNG\r\n\x1a\n"
+        assert struct.unpack(">II", data[16:24]) == (640, 400)
+        assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+
+    def test_without_matplotlib_it_says_what_to_install(self, tmp_path, monkeypatch):
+        monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+        with pytest.raises(SiloError, match=r'pip install "silo-logger\[plot\]"'):
+            draw_png(line(), tmp_path / "a.png")
+
+
+class TestThinningOut:
+    def test_minimum_and_maximum_of_each_column_survive(self):
+        values = np.random.default_rng(1).normal(size=10_000)
+        x, y = thin_out(np.arange(10_000.0), values, 50)
+        assert len(x) == len(y) == 100
+        assert (y.min(), y.max()) == (values.min(), values.max())
+
+    def test_a_column_without_a_value_is_a_gap(self):
+        values = np.ones(10_000)
+        values[2000:4000] = np.nan
+        _, y = thin_out(np.arange(10_000.0), values, 50)
+        assert np.isnan(y).sum() == 20
+
+    def test_few_points_stay_as_they_are(self):
+        x, y = thin_out(SECONDS, SECONDS, 500)
+        assert (x is not None and len(x) == TICKS) and y.tolist() == SECONDS.tolist()
+
+
+class TestTicks:
+    @given(low=st.floats(-1e12, 1e12), span=st.floats(1e-9, 1e12), count=st.integers(2, 12))
+    def test_they_are_few_rising_and_inside(self, low, span, count):
+        high = low + span
+        ticks = nice_ticks(low, high, count)
+        assert len(ticks) <= count + 2
+        assert all(a < b for a, b in itertools.pairwise(ticks))
+        slack = 1e-6 * span + 1e-6 * max(abs(low), abs(high)) * 1e-6
+        assert all(low - slack <= tick <= high + slack for tick in ticks)
+
+    def test_they_are_round(self):
+        assert nice_ticks(0.13, 9.9, 5) == [2, 4, 6, 8]
+
+    @pytest.mark.parametrize(
+        ("ticks", "texts"),
+        [
+            ([0, 0.5, 1], ["0.0", "0.5", "1.0"]),
+            ([0, 20, 40], ["0", "20", "40"]),
+            ([1e9, 2e9], ["1e+09", "2e+09"]),
+            ([1.00001e9, 1.00002e9], ["1.00001e+09", "1.00002e+09"]),
+            ([0, 2e-5], ["0", "2e-05"]),
+        ],
+    )
+    def test_their_texts_tell_them_apart(self, ticks, texts):
+        assert tick_texts(ticks) == texts
+
+
+class TestPicking:
+    @pytest.mark.parametrize(
+        ("pattern", "names"),
+        [
+            ("/log/LF/torque", ["/log/LF/torque"]),
+            ("torque", ["/log/LF/torque", "/log/RF/torque"]),
+            ("*/LF/*", ["/log/LF/torque", "/log/LF/position"]),
+            ("/log/base", ["/log/base_x", "/log/base_y"]),
+            ("base_y", ["/log/base_y"]),
+            ("/log/*/torque", ["/log/LF/torque", "/log/RF/torque"]),
+        ],
+    )
+    def test_a_pattern_is_a_name_a_glob_or_a_part(self, log, pattern, names):
+        assert [signal.name for signal in pick(log, [pattern])] == names
+
+    def test_a_pattern_without_a_signal_names_close_ones(self, log):
+        with pytest.raises(ElementError, match=r"'torqeu'.*/log/LF/torque"):
+            pick(log, ["torqeu"])
+
+    def test_a_signal_comes_once_however_often_it_matches(self, log):
+        assert len(pick(log, ["LF/torque", "torque", "*"])) == 9
+
+    def test_a_divided_signal_has_the_stamps_of_its_ticks(self, log):
+        assert pick(log, ["slow"])[0].time_ns.tolist() == log.time_ns[50::100].tolist()
+
+
+class TestCharts:
+    def test_two_units_take_two_axes(self, log):
+        chart, _ = make_chart(log, Wish(["torque", "LF/position"]))
+        assert [curve.right for curve in chart.curves] == [False, False, True]
+        assert (chart.left_label, chart.right_label) == ("Nm", "rad")
+
+    def test_the_right_axis_takes_what_was_asked_for(self, log):
+        chart, _ = make_chart(log, Wish(["torque"], right=["RF/torque"]))
+        assert [(curve.label, curve.right) for curve in chart.curves] == [
+            ("/log/LF/torque [Nm]", False),
+            ("/log/RF/torque [Nm]", True),
+        ]
+
+    def test_time_is_seconds_from_the_start_of_the_log(self, log):
+        chart, _ = make_chart(log, Wish(["slow"]))
+        assert chart.curves[0].x.tolist() == [0.5, 1.5, 2.5, 3.5]
+
+    def test_a_window_cuts_in_seconds(self, log):
+        chart, _ = make_chart(log, Wish(["LF/torque"], start=1.0, stop=1.05))
+        assert chart.curves[0].x.tolist() == pytest.approx([1.0, 1.01, 1.02, 1.03, 1.04, 1.05])
+
+    def test_an_empty_window_says_how_long_the_log_is(self, log):
+        with pytest.raises(ElementError, match=r"0 to 3\.99 s"):
+            make_chart(log, Wish(["LF/torque"], start=77))
+
+    def test_an_enumeration_has_its_names_at_the_axis(self, log):
+        chart, _ = make_chart(log, Wish(["mode"]))
+        assert chart.left_ticks == {0: "STAND", 1: "WALK", 2: "TROT", 3: "FALL"}
+
+    def test_strings_become_levels_with_their_text(self, log):
+        chart, _ = make_chart(log, Wish(["text"]))
+        assert chart.left_ticks == {0: "off", 1: "on"}
+        assert chart.curves[0].y[:2].tolist() == [1, 0]
+
+    def test_x_y_takes_the_value_that_held(self, log):
+        chart, _ = make_chart(log, Wish(["base_y"], x="slow"))
+        assert np.isnan(chart.curves[0].x[:50]).all()
+        assert chart.curves[0].x[[50, 149, 150, 399]].tolist() == [0, 0, 1, 3]
+        assert chart.x_label == "/log/slow [degC]"
+
+    def test_x_must_be_one_signal(self, log):
+        with pytest.raises(ElementError, match=r"'torque' must be one signal.*matches 2"):
+            make_chart(log, Wish(["base_y"], x="torque"))
+
+    def test_too_many_signals_are_counted(self, log):
+        chart, left_out = make_chart(log, Wish(["*"], most=5))
+        assert (len(chart.curves), left_out) == (5, 4)
+
+    def test_a_derivative_is_per_second(self, log):
+        chart, _ = make_chart(log, Wish(["LF/position"], transform="derivative"))
+        assert chart.curves[0].y[1:-1] == pytest.approx(2 * SECONDS[1:-1])
+        assert chart.left_label == "rad/s"
+
+    def test_a_spectrum_is_over_frequency(self, log):
+        chart, _ = make_chart(log, Wish(["LF/torque"], transform="spectrum"))
+        assert chart.x_label == "frequency [Hz]"
+        assert chart.curves[0].x[-1] == pytest.approx(50)
+
+
+def test_a_sine_has_its_amplitude_in_the_spectrum_at_its_frequency():
+    times = np.arange(1000) / 500
+    frequencies, amplitudes = spectrum(times, 3 * np.sin(2 * np.pi * 60 * times) + 7)
+    assert frequencies[np.argmax(amplitudes)] == pytest.approx(60, abs=0.3)
+    assert amplitudes.max() == pytest.approx(3, rel=0.02)
+
+
+def test_a_derivative_beside_a_gap_is_a_gap():
+    slope = derivative(np.arange(5.0), np.array([0.0, 1.0, np.nan, 3.0, 4.0]))
+    assert np.isnan(slope).tolist() == [False, True, False, True, False]
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+def test_few_samples_have_neither_slope_nor_spectrum_but_no_error(count):
+    times = np.arange(count) * 1.0
+    assert len(derivative(times, times)) == count
+    assert len(spectrum(times, times)[0]) == 0
