@@ -123,7 +123,8 @@ def addresses_work(plan: Plan) -> bool:
 def _same_bytes(view: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> bool:
     address = view.__array_interface__["data"][0]
     last = address + sum((size - 1) * step for size, step in zip(view.shape, view.strides, strict=True))
-    ends = ((address, view[(0,) * view.ndim]), (last, view[(-1,) * view.ndim]))
+    # arrays of one item, not scalars: those have the byte order of the machine, and cut strings at their zeros
+    ends = ((address, view[(..., *[slice(0, 1)] * view.ndim)]), (last, view[(..., *[slice(-1, None)] * view.ndim)]))
     return all(_read_words(begin, item.nbytes) == item.tobytes() for begin, item in ends)
 
 

@@ -61,7 +61,7 @@ class Rows:
     def column(self, entry: EntrySchema) -> NDArray[Any]:
         """Shape `(n,)`: one entry, as a strided view in the entry's own type."""
         dtype = np.dtype(entry.entry.dtype)
-        if dtype.itemsize == 0:
+        if dtype.itemsize == 0 or not len(self.words):
             return np.zeros(len(self.words), dtype)
         stored = dtype.newbyteorder(">") if entry.swapped else dtype
         shape, strides = (len(self.words),), (8 * self.words.shape[1],)
