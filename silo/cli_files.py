@@ -5,6 +5,7 @@ a run number.
 """
 
 import functools
+import math
 import os
 import shutil
 import sys
@@ -15,14 +16,13 @@ from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 import click
 import msgspec
-import numpy as np
 
 from silo.errors import SiloError
-from silo.files.naming import find_log
-from silo.recording import Recording
 
 if TYPE_CHECKING:
+    # NumPy takes 150 ms, which commands without a log don't have to wait
     from silo.picking import Picked
+    from silo.recording import Recording
 
 _Params = ParamSpec("_Params")
 _Result = TypeVar("_Result")
@@ -71,7 +71,7 @@ def convert_command(source: str, target: Path, force: bool) -> None:
     """
     from silo.files.convert import convert
 
-    path = find_log(source)
+    path = _find(source)
     with _progress_bar(f"{target.name}") as progress:
         recording = convert(path, target, progress, force)
     _warn(recording)
@@ -96,7 +96,7 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
     from silo.picking import pick, pick_all
     from silo.reports import format_statistics, statistics
 
-    recording = _read(find_log(file))
+    recording = _read(_find(file))
     signals = pick(recording, patterns) if patterns else pick_all(recording)
     signals = _windowed(recording, signals, start, stop)
     rows = [statistics(signal) for signal in signals]
@@ -122,7 +122,7 @@ def diff_command(first: str, second: str, tolerance: float, as_json: bool) -> No
     """
     from silo.reports import differences
 
-    a, b = _read(find_log(first)), _read(find_log(second))
+    a, b = _read(_find(first)), _read(_find(second))
     found = differences(a, b, tolerance)
     if as_json:
         click.echo(msgspec.json.encode(found).decode())
@@ -182,7 +182,7 @@ def plot_command(
         raise click.UsageError("choose one of --derivative and --spectrum")
     if x_pattern and (derivative or spectrum):
         raise click.UsageError("--x draws values over values: leave out --derivative and --spectrum")
-    path = find_log(file)
+    path = _find(file)
     recording = _read(path)
     transform = "derivative" if derivative else "spectrum" if spectrum else ""
     wish = Wish(patterns, right, x_pattern, transform, start, stop, _MOST_CURVES)
@@ -199,20 +199,26 @@ def plot_command(
     _warn(recording)
 
 
-def _read(path: Path) -> Recording:
+def _find(which: str) -> Path:
+    from silo.files.naming import find_log
+
+    return find_log(which)
+
+
+def _read(path: Path) -> "Recording":
     from silo.files.convert import read_recording
 
     return read_recording(path)
 
 
 def _windowed(
-    recording: Recording, signals: "Sequence[Picked]", start: float | None, stop: float | None
+    recording: "Recording", signals: "Sequence[Picked]", start: float | None, stop: float | None
 ) -> "list[Picked]":
     from silo.picking import window
 
     zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
-    low = -np.inf if start is None else zero + start * 1e9
-    high = np.inf if stop is None else zero + stop * 1e9
+    low = -math.inf if start is None else zero + start * 1e9
+    high = math.inf if stop is None else zero + stop * 1e9
     return [window(signal, low, high) for signal in signals]
 
 
@@ -236,7 +242,7 @@ def _progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
         yield show
 
 
-def _warn(recording: Recording) -> None:
+def _warn(recording: "Recording") -> None:
     for warning in recording.warnings:
         click.echo(f"warning: {warning}", err=True)
 

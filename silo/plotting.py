@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.errors import SiloError
-from silo.files.atomic import atomic_file
+from silo.files.extras import whole_file
 
 Floats = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def draw_png(chart: Chart, path: str | os.PathLike[str], width: int = 1200, heig
         right.set_ylabel(chart.right_label)
         _name_ticks(right, chart.right_ticks)
     figure.legend(loc="outside lower center", ncols=3)
-    with atomic_file(Path(path)) as file:
+    with whole_file(Path(path)) as file:
         canvas.print_png(file)
 
 

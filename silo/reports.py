@@ -195,10 +195,11 @@ def _compare_values(a: Picked, b: Picked, tolerance: float) -> str:
     shared, ours, theirs = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     if not len(shared):
         ours = theirs = np.arange(min(len(a.values), len(b.values)))
-    if a.is_text or b.is_text:
-        texts = [[text_of(v) for v in s.values[k].tolist()] if s.is_text else [] for s, k in ((a, ours), (b, theirs))]
-        if len(texts[0]) != len(texts[1]):
-            return "one is text, the other is not"
+    opaque = [signal.values.dtype.kind in "SUV" for signal in (a, b)]
+    if opaque[0] != opaque[1]:
+        return "one is text or bytes, the other is a number"
+    if opaque[0]:
+        texts = [[text_of(v) for v in s.values[k].tolist()] for s, k in ((a, ours), (b, theirs))]
         different = np.array([first != second for first, second in zip(*texts, strict=True)], dtype=bool)
         size = ""
     else:

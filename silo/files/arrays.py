@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from silo.errors import SaveError
 from silo.files.convert import Progress
 from silo.files.extras import need, whole_file
+from silo.files.texts import presentable
 from silo.recording import RecordedElement, Recording
 
 # MATLAB cuts longer names
@@ -30,7 +31,8 @@ def write_npz(recording: Recording, path: Path, progress: Progress | None = None
     An element that has not exactly one sample per tick has its own `<element>.time_ns`. What arrays can't say (units,
     labels, dividers) stands in `silo.json`, a 0-d string. Raises `SaveError`.
     """
-    unique = _unique(lambda name: name.lstrip("/") or "unnamed")
+    recording = presentable(recording)
+    unique = _unique(lambda name: name.lstrip("/").replace("\0", "_") or "unnamed")
     total = max(1, len(recording.elements))
     with whole_file(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         _add(archive, unique("time_ns"), recording.time_ns)
@@ -57,6 +59,7 @@ def write_mat(recording: Recording, path: Path, progress: Progress | None = None
     Variables are the elements' names with what MATLAB forbids as `_`. Raises `SaveError` for more than 2 GB per
     element, which the format can't hold, and `SiloError` without scipy.
     """
+    recording = presentable(recording)
     matlab = need("scipy.io", "convert", ".mat files")
     unique = _unique(lambda name: (re.sub("[^A-Za-z0-9]+", "_", name).strip("_") or "unnamed")[: _MATLAB_NAME - 6])
     start = int(recording.time_ns[0]) if len(recording.time_ns) else 0
@@ -135,6 +138,7 @@ def write_hdf5(recording: Recording, path: Path, progress: Progress | None = Non
     time stamps are stored once. Needs as much memory as the file is long. Raises `SaveError`, and `SiloError` without
     h5py.
     """
+    recording = presentable(recording)
     h5py = need("h5py", "convert", "HDF5 files")
     # made in memory: the HDF5 library ends the process with a segmentation fault when a disk is full
     memory = io.BytesIO()
@@ -183,14 +187,15 @@ def _child(group: Any, part: str, fresh: bool) -> Any:
 
 def _fill_group(h5py: Any, group: Any, element: RecordedElement) -> None:
     group.attrs["name"] = element.name.replace("\0", "_")
-    group.attrs["unit"] = element.unit
+    group.attrs["unit"] = element.unit.replace("\0", "_")
     group.attrs["kind"] = element.kind
     group.attrs["divider"] = element.divider
     group.attrs["buffer"] = element.buffer_type.name
     group.attrs["lost"] = element.lost
     if element.description:
         group.attrs["description"] = element.description.replace("\0", "_")
-    group.attrs.create("entries", [entry.name for entry in element.entries], dtype=h5py.string_dtype())
+    names = [entry.name.replace("\0", "_") for entry in element.entries]
+    group.attrs.create("entries", names, dtype=h5py.string_dtype())
     labels = element.entries[0].entry.labels if element.entries else None
     if labels:
         group.attrs["labels"] = msgspec.json.encode(labels).decode()

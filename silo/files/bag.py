@@ -32,6 +32,7 @@ from silo.files.bag_facts import (
 from silo.files.bag_groups import MessageGroup, group_channels
 from silo.files.mcap_write import McapFile
 from silo.files.ros_types import Channel, channels_of, type_hashes
+from silo.files.texts import presentable
 from silo.recording import RecordedElement, Recording
 
 Progress = Callable[[float], None]
@@ -51,6 +52,7 @@ def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Prog
     beyond the recording. Raises `SaveError` when stamps, types or the number of elements don't fit ROS, and when the
     file can't be written; then nothing stands under the final name. An existing folder is an error, a file is replaced.
     """
+    recording = presentable(recording)
     final = Path(path)
     _check_times(recording)
     channels = channels_of(recording.elements)

@@ -23,6 +23,7 @@ ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR version 1, little-endian
 HEADER_END = 17
 STRING = "string"
 
+_STRINGS_AT_ONCE = 65536
 _NESTED = 1
 _ARRAY = 48
 _TYPE_IDS = {
@@ -201,12 +202,15 @@ def _wire_of(entry: RecordedEntry) -> _Wire:
 def is_text(values: NDArray[np.bytes_]) -> bool:
     """Whether all strings are UTF-8 without NUL inside, so that other programs can show them."""
     # readers decode strings as UTF-8 and end them at NUL: what is neither travels as bytes
-    joined = b"\n".join(values.tolist())
-    try:
-        joined.decode()
-    except UnicodeDecodeError:
-        return False
-    return b"\0" not in joined
+    for start in range(0, len(values), _STRINGS_AT_ONCE):
+        joined = b"\n".join(values[start : start + _STRINGS_AT_ONCE].tolist())
+        try:
+            joined.decode()
+        except UnicodeDecodeError:
+            return False
+        if b"\0" in joined:
+            return False
+    return True
 
 
 def _message(element: RecordedElement, indices: list[int], wires: list[_Wire]) -> Channel:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from silo.files.convert import Progress
 from silo.files.extras import need, whole_file
 from silo.files.ros_types import is_text
+from silo.files.texts import presentable
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 # cells of a row group: 64 MB of doubles
@@ -27,6 +28,7 @@ def write_parquet(recording: Recording, path: Path, progress: Progress | None = 
 
     Raises `SaveError`, and `SiloError` without pyarrow.
     """
+    recording = presentable(recording)
     arrow = need("pyarrow", "convert", "Parquet files")
     parquet = need("pyarrow.parquet", "convert", "Parquet files")
     columns = list(_columns(recording))

@@ -1,6 +1,8 @@
 """The commands on saved logs, as somebody types them."""
 
 import json
+import subprocess
+import sys
 
 import click
 import numpy as np
@@ -65,6 +67,13 @@ def test_a_log_that_is_not_there_is_one_line_on_stderr(command, folder):
     assert result.stderr.startswith("Error: ")
     assert "nothing.silo" in result.stderr
     assert len(result.stderr.strip().split("\n")) == 1
+
+
+def test_the_commands_load_no_heavy_library_until_they_run():
+    heavy = "{'numpy', 'plotext', 'matplotlib', 'pyarrow', 'zstandard', 'textual'}"
+    code = f"import sys, silo.cli_files; sys.exit(sorted({heavy} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.strip() in ("", "[]")
 
 
 class TestConvert:

@@ -3,6 +3,7 @@
 import json
 import resource
 import sys
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -14,7 +15,7 @@ import scipy.io
 
 from silo.errors import FileFormatError, LogNotFoundError, SaveError, SiloError
 from silo.files.bag import write_bag
-from silo.files.convert import convert, read_recording
+from silo.files.convert import convert, read_recording, writer_for
 from silo.files.silo_file import write_silo
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
@@ -229,6 +230,13 @@ def test_progress_ends_at_one(ending, source, tmp_path):
 def test_an_empty_log_converts_too(ending, tmp_path):
     write_silo(Recording("robot", np.zeros(0, dtype=np.int64), 0, []), tmp_path / "in.silo")
     convert(tmp_path / "in.silo", tmp_path / f"out{ending}")
+    assert (tmp_path / f"out{ending}").exists()
+
+
+@pytest.mark.parametrize("ending", [ending for ending in ENDINGS if ending not in (".silo", ".csv")])
+def test_a_name_that_is_no_unicode_is_escaped(ending, tmp_path):
+    odd = replace(element("/log/\udcff", [np.zeros(TICKS)], labels={0: "\ud800"}), unit="\udc80", description="\0")
+    writer_for(tmp_path / f"out{ending}")(Recording("\udcff", TIMES, TICKS, [odd]), tmp_path / f"out{ending}", None)
     assert (tmp_path / f"out{ending}").exists()
 
 

@@ -1,0 +1,54 @@
+"""Names and descriptions that every format can hold.
+
+Python texts may hold lone surrogates (`os.fsdecode` makes them of bytes that are no UTF-8), which no file format takes.
+"""
+
+from dataclasses import replace
+
+import msgspec
+
+from silo.files.silo_format import plain_text
+from silo.model import Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+
+def presentable(recording: Recording) -> Recording:
+    """The recording with all texts in proper Unicode, lone surrogates escaped: mostly it is the same object."""
+    elements = [_element(element) for element in recording.elements]
+    same = all(new is old for new, old in zip(elements, recording.elements, strict=True))
+    texts = (recording.logger, recording.prefix, *recording.warnings)
+    if same and all(map(_is_proper, texts)):
+        return recording
+    return replace(
+        recording,
+        logger=plain_text(recording.logger),
+        prefix=plain_text(recording.prefix),
+        warnings=tuple(map(plain_text, recording.warnings)),
+        elements=elements,
+    )
+
+
+def _element(element: RecordedElement) -> RecordedElement:
+    names = [text for entry in element.entries for text in (entry.name, entry.entry.suffix)]
+    labels = [label for entry in element.entries for label in (entry.entry.labels or {}).values()]
+    if all(map(_is_proper, (element.name, element.unit, element.kind, element.description, *names, *labels))):
+        return element
+    return replace(
+        element,
+        name=plain_text(element.name),
+        unit=plain_text(element.unit),
+        kind=plain_text(element.kind),
+        description=plain_text(element.description),
+        entries=tuple(
+            RecordedEntry(plain_text(entry.name), _entry(entry.entry), entry.values) for entry in element.entries
+        ),
+    )
+
+
+def _entry(entry: Entry) -> Entry:
+    labels = None if entry.labels is None else {number: plain_text(label) for number, label in entry.labels.items()}
+    return msgspec.structs.replace(entry, suffix=plain_text(entry.suffix), labels=labels)
+
+
+def _is_proper(text: str) -> bool:
+    return text.isascii() or not any("\ud800" <= letter <= "\udfff" for letter in text)
