@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 import click
 import msgspec
+from click.shell_completion import CompletionItem
 
 from silo.errors import SiloError
 
@@ -39,6 +40,21 @@ def print_file_info(path: Path, as_json: bool) -> None:
     click.echo(msgspec.json.encode(facts).decode() if as_json else format_report(facts, _columns()))
 
 
+def _complete_file(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Let the shell offer files."""
+    return [CompletionItem(incomplete, type="file")]
+
+
+def _complete_signal(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Names of signals in the log that was typed before."""
+    try:
+        recording = _read(_find(ctx.params.get("file") or ""))
+    except SiloError:
+        return []
+    names = (entry.name for element in recording.elements for entry in element.entries)
+    return [CompletionItem(name) for name in names if incomplete in name][:200]
+
+
 def _clean_errors(command: Callable[_Params, _Result]) -> Callable[_Params, _Result]:
     """Show errors of silo as one line on stderr, exit code 1."""
 
@@ -53,7 +69,7 @@ def _clean_errors(command: Callable[_Params, _Result]) -> Callable[_Params, _Res
 
 
 @click.command("convert")
-@click.argument("source", metavar="IN")
+@click.argument("source", metavar="IN", shell_complete=_complete_file)
 @click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
 @click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
 @_clean_errors
@@ -79,8 +95,8 @@ def convert_command(source: str, target: Path, force: bool) -> None:
 
 
 @click.command("stats")
-@click.argument("file")
-@click.argument("patterns", metavar="[PATTERN]...", nargs=-1)
+@click.argument("file", shell_complete=_complete_file)
+@click.argument("patterns", metavar="[PATTERN]...", nargs=-1, shell_complete=_complete_signal)
 @click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log.")
 @click.option("--to", "stop", type=float, help="End of the window, s.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
@@ -98,15 +114,15 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
 
     recording = _read(_find(file))
     signals = pick(recording, patterns) if patterns else pick_all(recording)
-    signals = _windowed(recording, signals, start, stop)
-    rows = [statistics(signal) for signal in signals]
+    # one after the other: a window copies the signal
+    rows = [statistics(signal) for signal in _windowed(recording, signals, start, stop)]
     click.echo(msgspec.json.encode(rows).decode() if as_json else format_statistics(rows, _columns()))
     _warn(recording)
 
 
 @click.command("diff")
-@click.argument("first", metavar="A")
-@click.argument("second", metavar="B")
+@click.argument("first", metavar="A", shell_complete=_complete_file)
+@click.argument("second", metavar="B", shell_complete=_complete_file)
 @click.option("--tolerance", type=float, default=0.0, help="Numbers may differ by this much.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
 @_clean_errors
@@ -139,8 +155,8 @@ def diff_command(first: str, second: str, tolerance: float, as_json: bool) -> No
 
 
 @click.command("plot")
-@click.argument("file")
-@click.argument("patterns", metavar="PATTERN...", nargs=-1, required=True)
+@click.argument("file", shell_complete=_complete_file)
+@click.argument("patterns", metavar="PATTERN...", nargs=-1, required=True, shell_complete=_complete_signal)
 @click.option("-r", "--right", multiple=True, metavar="PATTERN", help="Draw this on the right axis (may be repeated).")
 @click.option("-x", "--x", "x_pattern", metavar="PATTERN", help="Draw over this signal instead of time (x-y plot).")
 @click.option("-d", "--derivative", is_flag=True, help="Draw the change per second.")
@@ -213,13 +229,17 @@ def _read(path: Path) -> "Recording":
 
 def _windowed(
     recording: "Recording", signals: "Sequence[Picked]", start: float | None, stop: float | None
-) -> "list[Picked]":
+) -> "Iterator[Picked]":
     from silo.picking import window
 
+    if start is None and stop is None:
+        yield from signals
+        return
     zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
     low = -math.inf if start is None else zero + start * 1e9
     high = math.inf if stop is None else zero + stop * 1e9
-    return [window(signal, low, high) for signal in signals]
+    for signal in signals:
+        yield window(signal, low, high)
 
 
 @contextmanager

@@ -192,9 +192,11 @@ def _compare(
 
 def _compare_values(a: Picked, b: Picked, tolerance: float) -> str:
     """Compare at the stamps that both have; two runs, which have none in common, are compared sample by sample."""
-    shared, ours, theirs = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
-    if not len(shared):
-        ours = theirs = np.arange(min(len(a.values), len(b.values)))
+    ours = theirs = np.arange(min(len(a.values), len(b.values)))
+    if not np.array_equal(a.time_ns, b.time_ns):
+        shared, first_at, second_at = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
+        if len(shared):
+            ours, theirs = first_at, second_at
     opaque = [signal.values.dtype.kind in "SUV" for signal in (a, b)]
     if opaque[0] != opaque[1]:
         return "one is text or bytes, the other is a number"

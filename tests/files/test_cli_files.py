@@ -7,6 +7,7 @@ import sys
 import click
 import numpy as np
 import pytest
+from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 
 from silo.cli_files import convert_command, diff_command, plot_command, print_file_info, stats_command
@@ -67,6 +68,17 @@ def test_a_log_that_is_not_there_is_one_line_on_stderr(command, folder):
     assert result.stderr.startswith("Error: ")
     assert "nothing.silo" in result.stderr
     assert len(result.stderr.strip().split("\n")) == 1
+
+
+def test_names_of_signals_are_completed_from_the_log(folder):
+    complete = ShellComplete(plot_command, {}, "silo plot", "_SILO_COMPLETE")
+    assert [item.value for item in complete.get_completions(["run.silo"], "slo")] == ["/log/slow"]
+    assert complete.get_completions(["no.silo"], "slo") == []
+
+
+def test_logs_are_completed_as_files(folder):
+    complete = ShellComplete(plot_command, {}, "silo plot", "_SILO_COMPLETE")
+    assert [item.type for item in complete.get_completions([], "ru")] == ["file"]
 
 
 def test_the_commands_load_no_heavy_library_until_they_run():
