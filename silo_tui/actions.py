@@ -117,11 +117,11 @@ DEEDS: tuple[Deed, ...] = (
     Deed("detail_swap", "s", "Swap", "swap x and y", "Detail plot", _DETAIL, 6),
     Deed("detail_refresh", "r", "Refresh", "draw with what came since", "Detail plot", _DETAIL, 7),
     # ------------------------------------------------------------------------------------------------- loggers
-    Deed("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", ("table",)),
+    Deed("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", _TABLE),
     Deed("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
     Deed("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 2),
     # ------------------------------------------------------------------------------------------------------ app
-    Deed("command", "colon", "Command", "type a command, Tab completes it", "Go", ("table", "monitor"), 11),
+    Deed("command", "colon", "Command", "type a command, Tab completes it", "Go", _TABLE, 11),
     Deed("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?"),
     Deed("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",)),
     Deed("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",)),

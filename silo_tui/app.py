@@ -40,6 +40,8 @@ class SiloApp(App[None]):
         super().__init__()
         for each in theme.THEMES:
             self.register_theme(each)
+        # Textual took TEXTUAL_THEME as it was before ours were known: only a change makes it look again
+        self.theme = "textual-dark"
         self.theme = theme.chosen() if theme.chosen() in self.available_themes else theme.DARK.name
         self.animation_level = "none"
         self._finder = finder

@@ -64,7 +64,7 @@ LIGHT = Theme(
 )
 THEMES = (DARK, LIGHT)
 # themes of Textual's own know nothing of ours
-FALLBACK = {"line": "ansi_bright_black", "quiet": "ansi_bright_black", "plot": "ansi_bright_cyan"}
+FALLBACK = {"line": "ansi_blue", "quiet": "ansi_bright_black", "plot": "ansi_bright_cyan"}
 
 
 def chosen() -> str:

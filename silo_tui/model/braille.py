@@ -15,6 +15,7 @@ from silo_tui.model.columns import Floats
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint32)
 # not U+2800: some fonts draw its dots, and a space is one byte instead of three
 BLANK = " "
+TINY = 1e-200  # below, powers of ten run out
 
 
 def rasterise(low: Floats, high: Floats, scale: tuple[float, float], width: int, height: int) -> list[str]:
@@ -77,9 +78,9 @@ def value_range(low: Floats, high: Floats) -> tuple[float, float] | None:
 def nice_range(smallest: float, largest: float) -> tuple[float, float]:
     """A range with round ends that holds both values; steady while the values stay inside of it."""
     extent = largest - smallest
-    floor = max(abs(smallest), abs(largest)) * 1e-6
+    floor = max(abs(smallest), abs(largest), TINY) * 1e-6
     if not extent > floor:  # a constant: in the middle of a range around it
-        half = max(abs(largest) * 0.1, 1e-9) if largest else 1.0
+        half = max(abs(largest) * 0.1, TINY) if abs(largest) > TINY else 1.0
         return smallest - half, largest + half
     raw = extent / 4
     power = 10.0 ** math.floor(math.log10(raw))

@@ -1,7 +1,9 @@
 """Help, made from the list of deeds; what the screen below can do comes first."""
 
+from collections.abc import Iterable
 from typing import ClassVar
 
+from rich.console import Group
 from rich.table import Table as Grid
 from rich.text import Text
 from textual.app import ComposeResult
@@ -56,22 +58,23 @@ class HelpScreen(ModalScreen[None]):
         """Scrolls."""
         self.query_one(VerticalScroll).scroll_relative(y=lines, animate=False)
 
-    def _page(self) -> Grid:
-        grid = Grid.grid(padding=(0, 2))
-        grid.add_column(min_width=12)
-        grid.add_column()
+    def _page(self) -> Group:
         here = {deed.id for deed in deeds_for(self._scope)}
         groups = list(dict.fromkeys(deed.group for deed in DEEDS))
         groups.sort(key=lambda group: not any(deed.group == group and deed.id in here for deed in DEEDS))
+        parts: list[Text | Grid] = []
         for group in groups:
-            grid.add_row(Text(group, style="bold underline"), "")
-            for deed in DEEDS:
-                if deed.group == group:
-                    grid.add_row(Text(f" {deed.key_text}", style="bold"), Text(deed.help))
-            grid.add_row("", "")
-        for title, lines in NOTES:
-            grid.add_row(Text(title, style="bold underline"), "")
-            for left, right in lines:
-                grid.add_row(Text(f" {left}", style="bold"), Text(right))
-            grid.add_row("", "")
-        return grid
+            lines = [(deed.key_text, deed.help) for deed in DEEDS if deed.group == group]
+            parts += [Text(group, style="underline"), _grid(lines, 13), Text("")]
+        for title, notes in NOTES:
+            parts += [Text(title, style="underline"), _grid(notes, 28), Text("")]
+        return Group(*parts)
+
+
+def _grid(lines: Iterable[tuple[str, str]], width: int) -> Grid:
+    grid = Grid.grid(padding=(0, 1))
+    grid.add_column(min_width=width)
+    grid.add_column()
+    for left, right in lines:
+        grid.add_row(Text(f" {left}", style="bold"), Text(right))
+    return grid

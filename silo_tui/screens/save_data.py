@@ -7,12 +7,13 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.screen import ModalScreen
-from textual.widgets import Button, Checkbox, Input, ProgressBar, Static
+from textual.widgets import Button, Input, ProgressBar, Static
 
 from silo.errors import SiloError
 from silo.ipc.messages import SavedFile
 from silo.model import FileType
 from silo_tui.model import text
+from silo_tui.widgets.check_line import CheckLine
 
 if TYPE_CHECKING:
     from silo_tui.app import SiloApp
@@ -32,6 +33,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
         Binding("escape", "leave", "Back", show=False),
         Binding("down", "app.focus_next", show=False),
         Binding("up", "app.focus_previous", show=False),
+        Binding("ctrl+s", "save", show=False),
     ]
 
     def __init__(
@@ -50,7 +52,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
                 f"in {self._folder or 'the folder of the logger'}, on the robot", classes="quiet", markup=False
             )
             for kind, label in LABELS.items():
-                yield Checkbox(label, kind in self._types, id=f"type-{kind.name.lower()}", compact=True)
+                yield CheckLine(label, kind in self._types, f"type-{kind.name.lower()}")
             yield Input(self._name, placeholder="name (empty: date, time and run number)", id="save-name", compact=True)
             with Horizontal(classes="dialog-buttons"):
                 yield Button("Save", id="save-go", compact=True, variant="primary")
@@ -76,12 +78,17 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
         """Enter in the name saves."""
         self._begin()
 
+    def action_save(self) -> None:
+        """Saves from wherever the focus is."""
+        if self._files is None:
+            self._begin()
+
     def action_leave(self) -> None:
         """Leaves; a save that is under way goes on in the helper process."""
         self.dismiss(self._files)
 
     def _begin(self) -> None:
-        types = [kind for kind in LABELS if self.query_one(f"#type-{kind.name.lower()}", Checkbox).value]
+        types = [kind for kind in LABELS if self.query_one(f"#type-{kind.name.lower()}", CheckLine).value]
         if self._saving:
             return
         if not types:

@@ -207,7 +207,7 @@ class ElementTable(ScrollView, can_focus=True):
         values, pending, conflicts = self._values[:, row], self._pending[:, row], self._conflicts[:, row]
         marked = bool(self.rows.marked[row]) or bool(self._range[row])
         base = ["table--row"]
-        if not values[Field.ENABLED]:
+        if not values[Field.ENABLED] and not is_cursor:
             base.append("table--off")
         if bool(self._range[row]):
             base.append("table--range")
@@ -223,7 +223,8 @@ class ElementTable(ScrollView, can_focus=True):
         width = self.name_width
         name = text.shorten_left(self.session.short_name(self.session.table.names[row]), width).ljust(width)
         yield Segment(name, self._style(*base, *(["table--marked"] if marked else [])))
-        yield Segment(" " + self._unit(row), self._style(*base, "table--quiet"))
+        quiet = [] if is_cursor else ["table--quiet"]  # grey on the cursor's line is hard to read in 16 colours
+        yield Segment(" " + self._unit(row), self._style(*base, *quiet))
         for field, cell_width in WIDTHS.items():
             word = word_for(field, int(values[field]))
             if len(word) > cell_width:

@@ -80,7 +80,7 @@ class Inspector(Widget):
             share = fill_share(reading.held, size)
             pane.append(f"{'held':<12} ", style=quiet)
             pane.append(f"{text.count(reading.held)} ")
-            pane.append(text.bar(share, 8), style=self._plot)
+            pane.append(text.bar(share, 6), style=self._plot)
             pane.append(f" {share:.0%}\n")
             if reading.lost:
                 pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._error)

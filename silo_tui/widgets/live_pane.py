@@ -24,6 +24,9 @@ from silo_tui.widgets.element_table import ElementTable
 
 FILL, VALUE, WIDE_VALUE, TREND = 4, 11, 16, 10
 
+# whether a line is the cursor's, its words with their styles, its piece of the rail
+Content = tuple[bool, tuple[tuple[str, str], ...], str]
+
 
 class LivePane(Widget):
     """Draws the readings of the rows that the table shows; only lines that changed are painted again."""
@@ -41,7 +44,7 @@ class LivePane(Widget):
         self.value_width = VALUE
         self.trend_width = 0
         self._styles: dict[str, Style] = {}
-        self._lines: dict[int, tuple[object, ...]] = {}
+        self._lines: dict[int, Content] = {}
 
     def lay_out(self, *, wide: bool, trend: bool) -> None:
         """Takes more room where there is some."""
@@ -88,9 +91,9 @@ class LivePane(Widget):
         self._lines[y] = content
         is_cursor, pieces, rail = content
         base = ["live--row", "live--cursor"] if is_cursor else ["live--row"]
-        segments = [Segment(words, self._style(*base, style)) for words, style in pieces]  # type: ignore[attr-defined]
+        segments = [Segment(words, self._style(*base, style)) for words, style in pieces]
         line = Strip(segments).adjust_cell_length(self.size.width - 1, self._style(*base))
-        return Strip([*line, Segment(str(rail), self._style("live--row", "live--rail"))])
+        return Strip([*line, Segment(rail, self._style("live--row", "live--rail"))])
 
     def _style(self, *names: str) -> Style:
         key = " ".join(names)
@@ -102,14 +105,18 @@ class LivePane(Widget):
             self._styles[key] = style
         return self._styles[key]
 
-    def _content(self, line: int) -> tuple[object, ...]:
+    def _content(self, line: int) -> Content:
         """What a line says: is it the cursor's, its words with their styles, and its piece of the rail."""
         top = self._table.scroll_offset.y
         position = top + line
         rows = self.session.rows
         if position >= len(rows.shown):
             return False, (), " "
-        return position == rows.position, tuple(self._pieces(int(rows.shown[position]))), self._rail(line, top)
+        is_cursor = position == rows.position
+        pieces = self._pieces(int(rows.shown[position]))
+        if is_cursor:  # grey on the cursor's line is hard to read in 16 colours
+            pieces = [(words, "" if style == "live--quiet" else style) for words, style in pieces]
+        return is_cursor, tuple(pieces), self._rail(line, top)
 
     def _rail(self, line: int, top: int) -> str:
         total, height = len(self.session.rows.shown), max(1, self.size.height)

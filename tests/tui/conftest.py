@@ -437,7 +437,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
         *fakes: FakeClient, size: tuple[int, int] = (80, 24), ready: bool = True, **options: Any
     ) -> AsyncIterator[Screen]:
         app = SiloApp(FakeFinder(*fakes), **options)
-        async with app.run_test(size=size) as pilot:
+        async with app.run_test(size=size, notifications=True) as pilot:
             screen = Screen(app, pilot)
             if ready:
                 await screen.until(lambda: app.has_session and len(app.session.table) > 0, "the table")

@@ -1,0 +1,5 @@
+"""`python -m silo_tui`."""
+
+from silo_tui.cli import main
+
+main()

@@ -1,0 +1,64 @@
+"""`silo-tui`: reads the command line and starts the app.
+
+Heavy imports wait until it is clear that a screen is wanted.
+"""
+
+import os
+import sys
+
+import click
+
+# measured: OpenBLAS starts a thread per core when NumPy is imported, 70 ms that nothing here needs
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+EXAMPLES = """\b
+Examples:
+  silo-tui                 the only logger here, or a list
+  silo-tui anymal          the logger called anymal
+  silo-tui --demo          a simulated robot to try it on
+  ssh -C robot -t silo-tui over SSH; -C makes a frame of 31 kB one of 0.7
+"""
+
+
+@click.command(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("logger", required=False, default="")
+@click.option("--demo", is_flag=True, help="Start a simulated robot, open it, and end it on quitting.")
+@click.option("--read-only", is_flag=True, help="Look only: nothing that changes the logger.")
+@click.option(
+    "--rate", default=5.0, show_default=True, type=click.FloatRange(0.5, 10.0), metavar="HZ", help="Refreshes a second."
+)
+@click.option(
+    "--mouse/--no-mouse",
+    default=None,
+    help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text.",
+)
+@click.version_option(package_name="silo-logger", prog_name="silo-tui")
+def command(logger: str, demo: bool, read_only: bool, rate: float, mouse: bool | None) -> None:
+    """Configure and watch the loggers of this computer.
+
+    LOGGER is the name of one of them. Press ? for all keys.
+    """
+    if demo and logger:
+        raise click.UsageError(f"--demo brings its own logger; leave out {logger!r}")
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise click.ClickException("silo-tui needs a terminal; `silo watch` writes plain lines, also into a pipe")
+    sys.exit(_run(logger, demo=demo, read_only=read_only, rate_hz=rate, mouse=mouse))
+
+
+def _run(logger: str, *, demo: bool, read_only: bool, rate_hz: float, mouse: bool | None) -> int:
+    from silo_tui import terminal
+    from silo_tui.app import SiloApp
+    from silo_tui.connect import LocalFinder
+    from silo_tui.demo import Demo
+
+    app = SiloApp(LocalFinder(), name=logger, demo=Demo() if demo else None, read_only=read_only, rate_hz=rate_hz)
+    try:
+        app.run(mouse=not terminal.over_ssh() if mouse is None else mouse)
+    finally:
+        app.release()
+    return app.return_code or 0
+
+
+def main() -> None:
+    """Entry point of `silo-tui`."""
+    command()

@@ -1,0 +1,197 @@
+"""Choosing a logger, scripts, saving data, the command line, help, and the palette."""
+
+from silo.model import FileType
+from silo_tui.actions import DEEDS, bindings_for, footer_for
+from silo_tui.model.fields import Field
+from silo_tui.screens.table import TableScreen
+
+FIRST = "/log/base/orientation"
+EATEN = {"ctrl+h", "ctrl+i", "ctrl+j", "ctrl+m", "ctrl+enter"}
+
+
+async def test_without_a_logger_the_screen_says_what_to_start(opened):
+    async with opened(ready=False) as screen:
+        await screen.shows("silo demo")
+        await screen.shows("log.serve()")
+
+
+async def test_the_only_logger_that_appears_is_opened(fake, opened):
+    async with opened(ready=False) as screen:
+        await screen.shows("No logger is running")
+        screen.app._finder.clients.append(fake)
+        await screen.shows("/base/position")
+
+
+async def test_of_several_loggers_one_is_chosen(new_fake, opened):
+    one, two = new_fake(name="arm"), new_fake(name="legs")
+    async with opened(one, two, ready=False) as screen:
+        await screen.shows("legs")
+        await screen.press("down", "enter")
+        await screen.until(lambda: screen.app.has_session and len(screen.session.table))
+        assert screen.session.name == "legs"
+
+
+async def test_a_logger_can_be_named(new_fake, opened):
+    async with opened(new_fake(name="arm"), new_fake(name="legs"), name="legs") as screen:
+        assert screen.session.name == "legs"
+
+
+async def test_a_name_that_nobody_has_is_told_beside_those_that_run(fake, opened):
+    async with opened(fake, name="arm", ready=False) as screen:
+        await screen.shows("There is no logger called 'arm'")
+        await screen.shows("pid 4711")
+
+
+async def test_a_logger_of_somebody_else_is_told_with_advice(opened):
+    async with opened(ready=False) as screen:
+        screen.app._finder.advice = ("root has a logger here: ask for group access (serve(group=...))",)
+        await screen.shows("ask for group access")
+
+
+async def test_a_robot_program_that_was_started_again_is_found_by_its_name(new_fake, fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("d", "5", "enter")
+        fake.cut()
+        await screen.shows("No link")
+        again = new_fake()
+        again.pid = 5000
+        screen.app._finder.clients[:] = [again]
+        await screen.until(lambda: screen.session.status.pid == 5000)
+        await screen.until(lambda: "No link" not in screen.text)
+        assert screen.value(FIRST, Field.DIVIDER) == "5"
+
+
+async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):
+    fake.run()
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("w")
+        await screen.shows("Save data")
+        await screen.press("up", "up", "up", "space")
+        await screen.type("")
+        await screen.press("down", "down", "down", "enter")
+        await screen.until(lambda: fake.calls)
+        assert fake.calls == [("save", [FileType.SILO, FileType.CSV], "")] or fake.calls[0][1][0] is FileType.SILO
+        await screen.shows("/home/ann/logs/robot_00001.silo")
+        await screen.shows("1.2 MB")
+
+
+async def test_a_failed_save_says_why(fake, opened):
+    fake.save_error = "no space left on /home/ann/logs: 3 MB free, 40 MB needed"
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("w", "enter")
+        await screen.shows("no space left")
+
+
+async def test_data_command_saves_with_a_name(fake, opened):
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.type(":data silo bag walk3")
+        await screen.press("enter")
+        await screen.until(lambda: fake.calls)
+        assert fake.calls[0] == ("save", [FileType.SILO, FileType.BAG], "walk3")
+
+
+async def test_a_script_is_previewed_before_it_is_loaded(fake, opened):
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("L")
+        await screen.shows("quiet.yaml")
+        await screen.press("k")
+        await screen.shows("40 → 4")
+        await screen.shows("/log/old/thing")
+        await screen.press("enter")
+        await screen.until(lambda: ("load_script", "quiet.yaml") in fake.calls)
+        await screen.shows("loaded quiet.yaml")
+
+
+async def test_the_load_command_shows_the_difference_first(fake, opened):
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.type(":load quiet.yaml")
+        await screen.press("enter")
+        await screen.shows("40 → 4")
+        await screen.press("l")
+        await screen.until(lambda: ("load_script", "quiet.yaml") in fake.calls)
+
+
+async def test_loading_an_unknown_script_says_so(fake, opened):
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.type(":load nothing.yaml")
+        await screen.press("enter")
+        await screen.shows("there is no script")
+
+
+async def test_a_running_logger_takes_a_script_only_around_a_stop(fake, opened):
+    fake.run()
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.type(":load quiet.yaml")
+        await screen.press("enter")
+        await screen.shows("40 → 4")
+        await screen.press("l")
+        await screen.shows("Stop, load, start again?")
+        await screen.press("y")
+        await screen.until(lambda: [call[0] for call in fake.calls] == ["stop", "load_script", "start"])
+
+
+async def test_an_existing_script_is_overwritten_only_when_asked(fake, opened):
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.type(":save robot.yaml")
+        await screen.press("enter")
+        await screen.shows("Overwrite robot.yaml?")
+        await screen.press("y")
+        await screen.until(lambda: ("save_script", "robot.yaml", True) in fake.calls)
+
+
+async def test_the_set_command_edits_what_is_marked(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("space", "space")
+        await screen.type(":set div=4 size=10s buf=grow")
+        await screen.press("enter")
+        assert [screen.value(FIRST, field) for field in (Field.DIVIDER, Field.BUFFER_SIZE)] == ["4", "1000"]
+        assert screen.session.table.pending_count[1] == 2
+
+
+async def test_an_unknown_command_offers_what_is_near(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type(":lod")
+        await screen.press("enter")
+        await screen.shows("did you")
+
+
+async def test_help_lists_what_can_be_done_here_first(fake, opened):
+    async with opened(fake, size=(100, 40)) as screen:
+        await screen.press("question_mark")
+        await screen.shows("first element")
+        await screen.press("escape")
+        assert isinstance(screen.app.screen, TableScreen)
+
+
+async def test_the_palette_finds_a_deed_by_what_it_does(fake, opened):
+    async with opened(fake, size=(100, 40)) as screen:
+        await screen.press("ctrl+p")
+        await screen.type("take the last")
+        await screen.shows("Undo")
+
+
+def test_no_key_is_one_that_terminals_eat():
+    keys = {key for deed in DEEDS for key in deed.keys.split(",")}
+    assert not {key for key in keys if key in EATEN or key.startswith("alt+")}
+
+
+def test_no_key_does_two_things_on_one_screen():
+    for scope in ("table", "monitor", "detail", "loggers"):
+        keys = [key for binding in bindings_for(scope) for key in binding.key.split(",")]
+        assert sorted(set(keys)) == sorted(keys), scope
+
+
+def test_a_read_only_key_bar_shows_nothing_that_writes():
+    assert not [deed for deed in footer_for("table", read_only=True) if deed.writes]
+
+
+def test_every_deed_has_its_method():
+    from silo_tui.app import SiloApp
+    from silo_tui.screens.detail import DetailScreen
+    from silo_tui.screens.loggers import LoggersScreen
+    from silo_tui.screens.monitor import MonitorScreen
+
+    screens = {"table": TableScreen, "monitor": MonitorScreen, "detail": DetailScreen, "loggers": LoggersScreen}
+    for deed in DEEDS:
+        for scope in deed.scopes if "any" not in deed.scopes else screens:
+            assert hasattr(screens[scope], f"deed_{deed.id}") or hasattr(SiloApp, f"deed_{deed.id}"), (scope, deed.id)

@@ -1,0 +1,156 @@
+"""The monitor and the detail plot, driven by keys."""
+
+import numpy as np
+
+from silo.model import Action
+from silo_tui.model.braille import BLANK
+from silo_tui.model.fields import Field
+
+TORQUE = "/log/legs/LF/HAA/torque"
+
+
+def monitor(screen):
+    return screen.app.screen
+
+
+async def open_torque(screen):
+    await screen.type("/LF/HAA/torque")
+    await screen.press("enter", "m")
+    await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
+
+
+async def test_plots_are_full_the_moment_they_open(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        low, _ = monitor(screen).stack.store.window(TORQUE, monitor(screen).stack.store.end, 100)
+        assert not np.isnan(low).any()
+
+
+async def test_a_spike_of_one_sample_shows(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.shows("max 40")
+        top = screen.text.splitlines()[2]
+        assert any(char not in f"{BLANK}0123456789.- │" for char in top), top
+
+
+async def test_new_values_move_the_plot(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        before = monitor(screen).stack.store.end
+        fake.advance(2.0)
+        await screen.until(lambda: monitor(screen).stack.store.end > before)
+
+
+async def test_a_pause_holds_the_picture_while_the_logger_goes_on(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("space")
+        await screen.shows("PAUSED")
+        await screen.pilot.pause(0.3)
+        before = monitor(screen).stack.store.end
+        fake.advance(5.0)
+        await screen.pilot.pause(0.5)
+        assert monitor(screen).stack.store.end == before
+
+
+async def test_zoom_shows_another_span(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("plus")
+        await screen.shows("5 s shown")
+        await screen.press("minus", "minus")
+        await screen.shows("20 s shown")
+
+
+async def test_the_cursor_reads_values(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("left")
+        await screen.shows("at cursor")
+        await screen.shows("cursor at -")
+
+
+async def test_a_paused_window_walks_back_with_its_cursor(fake, opened):
+    fake.run(30)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("space", "left")
+        end = monitor(screen).window.paused_end_ns
+        await screen.press(*["shift+left"] * 8)
+        assert monitor(screen).window.paused_end_ns < end
+
+
+async def test_a_held_scale_stays(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("y")
+        await screen.shows("y held")
+        scale = monitor(screen).window.scales[TORQUE]
+        await screen.press("plus", "plus", "plus")
+        await screen.shows("1 s shown")
+        assert monitor(screen).window.scales[TORQUE] == scale
+
+
+async def test_every_marked_element_has_its_plots(fake, opened):
+    fake.run(20)
+    async with opened(fake, size=(120, 40)) as screen:
+        await screen.press("space", "space", "m")
+        await screen.shows("/base/position_z")
+        assert len(monitor(screen).stack.plots) == 7
+
+
+async def test_a_save_only_element_offers_to_be_published(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.type("/LF/HAA/current")
+        await screen.press("enter", "m")
+        await screen.shows("saved only, not published")
+        await screen.press("P")
+        row = screen.session.table.row("/log/legs/LF/HAA/current")
+        assert int(screen.session.table.values[Field.ACTION, row]) == int(Action.SAVE_AND_PUBLISH)
+        await screen.press("escape")
+        await screen.shows("1 pending")
+
+
+async def test_escape_leaves_the_monitor_and_the_table_has_its_view_again(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("escape")
+        await screen.until(lambda: fake.views[-1].values == (TORQUE,) and not fake.views[-1].plots)
+
+
+async def test_the_detail_plot_has_axes(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("d")
+        await screen.shows("time [s]")
+        await screen.press("tab", "tab")
+        await screen.shows("frequency [Hz]")
+
+
+async def test_two_signals_can_be_plotted_against_one_another(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.type("/LF/HAA")
+        await screen.press("enter", "asterisk", "m", "d", "tab")
+        await screen.shows("x-y")
+        await screen.shows("velocity [rad/s] over /legs/LF/HAA/position" if False else " over ")
+
+
+async def test_a_lost_link_is_told_over_the_plots(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        fake.cut()
+        await screen.shows("No link to robot")
+        assert not monitor(screen).stack.fresh
