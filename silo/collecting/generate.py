@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.plan import Plan, RingPlan
-from silo.collecting.schema import ORDERED_STORES, STAMP_WORDS, RingControl, RingSchema, StopReason
+from silo.collecting.schema import ORDERED_STORES, STAMP_WORDS, TIME_RING, RingControl, RingSchema, StopReason
 from silo.collecting.scratch import Slot, packer
-from silo.collecting.segment import Segment
+from silo.collecting.segment import Chunk, Segment
 from silo.collecting.sources import Expression
 from silo.errors import StateError
 from silo.model import BufferType
@@ -137,6 +137,7 @@ class _Writer:
         self._plan, self._segment, self._names = plan, segment, names
         self._memory, self._base = memory, base
         self._state: list[str] = []  # assignments that open `make`, of the names that collect() changes
+        self._undo: list[str] = []  # what takes back a tick that was interrupted
         self._changed: list[str] = ["tick"]
 
     def source(self) -> str:
@@ -146,7 +147,7 @@ class _Writer:
             groups[ring.schema.divider].append(ring)
         slots = self._plan.scratch.by_divider()
         body = list(self._groups(groups, slots))
-        body += self._ring(self._plan.rings[0], "n")
+        body += [*self._ring(self._plan.rings[0], "n"), "tick = n"]
         if self._plan.time.buffer_type is BufferType.FIXED:
             body += [f"if n >= {self._plan.time.size}:", "    on_stop(FULL)"]
         enter, leave = self._guard()
@@ -154,7 +155,14 @@ class _Writer:
         lines += [f"        nonlocal {', '.join(self._changed)}", *_indent(enter, 2)]
         lines += ["        try:", "            n = tick + 1", "            t = clock()"]
         lines += ["            stamp[0] = tick", "            stamp[1] = t", *_indent(body, 3)]
-        lines += ["            tick = n", "        finally:", f"            {leave}"]
+        # Ctrl-C may come within a tick: all of it is logged, or nothing
+        lines += [
+            "        except BaseException:",
+            "            if tick != n:",
+            *_indent(self._undo, 4),
+            "            raise",
+        ]
+        lines += ["        finally:", f"            {leave}"]
         lines += ["    def retire():", "        nonlocal busy, retired", "        busy = retired = True"]
         lines += ["    return collect, retire"]
         return "\n".join(lines)
@@ -188,6 +196,7 @@ class _Writer:
         many = len(slow) > INLINE_DIVIDERS
         if many:
             self._state.append("due = 0")
+            self._undo.append("due = tick")
             self._changed.append("due")
             yield "if tick == due:"
             yield f"    due = min([{', '.join(f'tick - tick % {d} + {d}' for d in slow)}])"
@@ -250,6 +259,18 @@ class _Writer:
         end = begin + schema.capacity * schema.row_words
         self._state.append(f"{offset} = {begin}")
         store = self._store(ring, schema, count, offset, "w")
+        head = f"w[{self._segment.ring_control(schema.ring) + RingControl.HEAD}]"
+        before = f"-(-tick // {schema.divider})"
+        if schema.buffer_type is BufferType.LOOPING:
+            self._undo += [
+                f"{head} = {before}",
+                f"{offset} = {begin} + {head} % {schema.capacity} * {schema.row_words}",
+            ]
+        else:
+            self._undo += [
+                f"{head} = min({before}, {schema.capacity})",
+                f"{offset} = {begin} + {head} * {schema.row_words}",
+            ]
         if schema.buffer_type is BufferType.LOOPING:
             return [*store, f"if {offset} == {end}: {offset} = {begin}"]
         return [f"if {offset} != {end}:", *_indent(store, 1)]
@@ -260,14 +281,21 @@ class _Writer:
         self._changed += [memory, end]
         chunks = _Chunks(self._segment, schema)
         more = self._names.give("more", chunks.more)
-        self._state.append(f"{memory}, {offset}, {end} = {more}()")
-        lost = self._segment.ring_control(number) + RingControl.LOST
+        self._state.append(f"{memory}, {offset}, {end} = {more}(0)")
+        control = self._segment.ring_control(number)
+        head, lost = f"w[{control + RingControl.HEAD}]", control + RingControl.LOST
+        self._undo += [
+            f"if {end} > 0:",
+            f"    {head} = -(-tick // {schema.divider})",
+            f"    {memory}, {offset}, {end} = {more}({head} // {schema.capacity})",
+            f"    {offset} = {head} % {schema.capacity} * {schema.row_words}",
+        ]
         gone = [f"w[{lost}] += 1"]
-        if number == 0:
+        if number == TIME_RING:
             gone += ["on_stop(LIMIT)", "return"]
         store = self._store(ring, schema, count, offset, memory)
         return [
-            f"if {offset} == {end}: {memory}, {offset}, {end} = {more}()",
+            f"if {offset} == {end}: {memory}, {offset}, {end} = {more}(({count} - 1) // {schema.capacity})",
             f"if {end} > 0:",
             *_indent(store, 1),
             "else:",
@@ -276,7 +304,8 @@ class _Writer:
 
     def _store(self, ring: RingPlan, schema: RingSchema, count: str, offset: str, memory: str) -> list[str]:
         control = self._segment.ring_control(schema.ring)
-        lines = [] if ORDERED_STORES else [f"w[{control + RingControl.LIVE}] = {count} - 1"]
+        live = schema.ring == TIME_RING and not ORDERED_STORES
+        lines = [f"w[{control + RingControl.LIVE}] = {count} - 1"] if live else []
         for piece in self._pieces(ring):
             begin = f"{offset} + {piece.begin}" if piece.begin else offset
             if piece.end == STAMP_WORDS:  # nothing to gather with the stamp: two stores are cheaper than a slice
@@ -325,11 +354,20 @@ class _Chunks:
 
     def __init__(self, segment: Segment, schema: RingSchema) -> None:
         self._segment, self._schema = segment, schema
-        self._ready = list(segment.first_chunks(schema.ring))
+        self._chunks: list[Chunk | None] = list(segment.first_chunks(schema.ring))
+        self._given = 0  # chunks before this one are full and no more wanted
 
-    def more(self) -> tuple[memoryview | None, int, int]:
-        """Memory, position and end of the next chunk; end -1 at the memory limit."""
-        chunk = self._ready.pop(0) if self._ready else self._segment.next_chunk(self._schema.ring)
+    def more(self, number: int) -> tuple[memoryview | None, int, int]:
+        """Memory, position and end of the ring's chunk `number`; end -1 at the memory limit.
+
+        The newest chunk can be asked for again: the tick that got it may have been interrupted.
+        """
+        if number == len(self._chunks):
+            self._chunks.append(self._segment.next_chunk(self._schema.ring))
+        for full in range(self._given, number - 1):
+            self._chunks[full] = None
+        self._given = max(self._given, number - 1)
+        chunk = self._chunks[number]
         if chunk is None:
             return None, 0, -1
         return chunk.words, 0, chunk.rows * self._schema.row_words

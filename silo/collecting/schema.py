@@ -24,7 +24,8 @@ LINE_WORDS = 8
 STAMP_WORDS = 2  # tick and time stamp open each row
 TIME_RING = 0
 
-# x86 makes stores visible in program order; elsewhere `live`, written one row later, counts the rows surely whole
+# x86 makes stores visible in program order; elsewhere `live` of the time ring, written a tick later, counts the ticks
+# that are surely whole
 ORDERED_STORES = platform.machine() in ("x86_64", "AMD64", "i686")
 
 
@@ -51,7 +52,10 @@ class Control(enum.IntEnum):
 
 
 class RingControl(enum.IntEnum):
-    """Words of a ring's control line: rows ever committed, the same one row earlier, rows that could not be kept."""
+    """Words of a ring's control line: rows ever committed, rows that could not be kept.
+
+    `live`, on the time ring alone: ticks whose rows are surely visible, where the machine may reorder stores.
+    """
 
     HEAD = 0
     LIVE = 1

@@ -36,6 +36,9 @@ from silo.errors import SegmentError
 from silo.model import BufferType
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
+# the writer may be filling the row after the head, whose slot holds an old row; elsewhere than on x86 one row further
+UNSAFE_ROWS = 1 if ORDERED_STORES else 2
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -97,6 +100,7 @@ class SegmentReader:
         self._check_layout()
         self._growing: dict[int, list[int]] = {}  # the places of the chunks of each growing ring, in order
         self._chunks_seen = 0
+        self._writer_gone = False
 
     def _remap(self) -> None:
         self._size_bytes = self._file.seek(0, 2)
@@ -181,12 +185,17 @@ class SegmentReader:
     def alive(self) -> bool:
         """Whether the writing process still exists."""
         schema = self.schema
-        return schema.boot_id == boot_id() and process_start(schema.pid) == schema.pid_start
+        alive = schema.boot_id == boot_id() and process_start(schema.pid) == schema.pid_start
+        self._writer_gone = not alive
+        return alive
 
     def head(self, ring: int) -> int:
         """Rows ever committed to a ring."""
-        word = RingControl.HEAD if ORDERED_STORES or not self.running else RingControl.LIVE
-        return self._ring_word(ring, word)
+        head = self._ring_word(ring, RingControl.HEAD)
+        if ORDERED_STORES or self._writer_gone or not self.running:
+            return head
+        whole_ticks = self._ring_word(TIME_RING, RingControl.LIVE)
+        return min(head, -(-whole_ticks // self.schema.rings[ring].divider))
 
     def ring_lost(self, ring: int) -> int:
         """Rows of a ring that could not be kept."""
@@ -214,12 +223,11 @@ class SegmentReader:
         head = self.head(ring)
         begin = max(since, 0)
         if layout.buffer_type is BufferType.LOOPING:
-            begin = max(begin, head - layout.capacity + 1)
+            begin = max(begin, head - layout.capacity + UNSAFE_ROWS)
         end = max(head if limit is None else min(head, begin + limit), begin)
         words = self._copy(layout, begin, end)
         if layout.buffer_type is BufferType.LOOPING:
-            # the writer may be filling the row after the head: that slot's old row is not to be trusted either
-            safe = self._ring_word(ring, RingControl.HEAD) - layout.capacity + 1
+            safe = self._ring_word(ring, RingControl.HEAD) - layout.capacity + UNSAFE_ROWS
             if safe > begin:
                 cut = min(safe, end) - begin
                 return Rows(layout, begin + cut, words[cut:])
@@ -271,6 +279,8 @@ class SegmentReader:
         Takes a copy of the rings that are needed; entry values are strided views of it.
         """
         schema = self.schema
+        if not ORDERED_STORES:
+            self.alive()  # of a writer that was killed, the newest row counts too
         ticks = self.ticks
         stamps = self._time_stamps(ticks)
         first_tick = ticks - len(stamps)

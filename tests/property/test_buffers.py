@@ -47,7 +47,7 @@ def specs(sizes=st.integers(1, 40)):
         dtype=st.sampled_from(SIMPLE),
         shape=st.sampled_from(SHAPES),
         layout=st.sampled_from(["plain", "arena", "reversed", "strided", "unaligned", "transposed", "broadcast"]),
-        divider=st.sampled_from([1, 1, 1, 2, 3, 4, 5, 7, 11]),
+        divider=st.sampled_from([1, 1, 1, 1, 3, 3, 3, 2, 4, 5, 7, 11]),
         buffer_type=st.sampled_from(list(BufferType)),
         size=sizes,
         action=st.sampled_from(list(Action)),
@@ -228,12 +228,13 @@ steps = st.lists(st.tuples(st.integers(0, 60), st.booleans()), min_size=1, max_s
     steps=steps,
     frequency=st.sampled_from([10.0, 30.0, 100.0]),
     max_time=st.sampled_from([0.0, 0.0, 0.1, 1.0, 5.0]),
-    tiers=st.integers(1, 4),
+    tiers=st.sampled_from([1, 1, 2, 3, 4]),
     checked=st.sampled_from([False, False, False, True]),
     seed=st.integers(0, 2**32),
 )
 @example([Spec(buffer_type=GROWING), Spec(divider=3)], [(100, True)], 100.0, 0.0, 3, False, 1)
 @example([Spec(buffer_type=FIXED, size=3), Spec(buffer_type=FIXED, size=5)], [(100, True)], 100.0, 0.0, 1, False, 1)
+@example([Spec(size=9), Spec(size=4), Spec(size=6), Spec(buffer_type=GROWING)], [(30, True)], 100.0, 0.0, 1, False, 1)
 @example([Spec(size=1, divider=7), Spec(size=40)], [(90, True)], 100.0, 0.0, 3, False, 1)
 @example([Spec(divider=d) for d in (1, 2, 3, 4, 5, 7, 11)], [(60, True), (31, False)], 100.0, 0.0, 3, False, 1)
 def test_the_buffers_hold_what_the_rules_of_the_original_say(table, steps, frequency, max_time, tiers, checked, seed):
