@@ -5,7 +5,7 @@ Pure functions on a `Recording`; enumerations and strings become numbers with na
 
 import difflib
 import fnmatch
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -58,12 +58,12 @@ class Picked:
 def pick(recording: Recording, patterns: Sequence[str]) -> list[Picked]:
     """The signals that the patterns name, each once, in the order of the patterns.
 
-    A pattern is the name of an entry or of an element (all its entries), a glob (`*/torque`), or a part of a name.
-    Raises `ElementError` for a pattern that names nothing, with names that are close.
+    A pattern is, in this order: a name of an entry or of an element (all its entries), the end of a name after a `/`,
+    a glob (`*/torque`), a part of a name. Raises `ElementError` for a pattern that names nothing, with close names.
     """
     chosen: dict[str, Picked] = {}
     for pattern in patterns:
-        found = [(element, entry) for element in recording.elements for entry in _matches(element, pattern)]
+        found = _find(recording, pattern)
         if not found:
             raise ElementError(f"no signal matches '{pattern}'{_hint(recording, pattern)}")
         for element, entry in found:
@@ -125,18 +125,22 @@ def text_of(value: bytes | str) -> str:
     return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
 
 
-def _matches(element: RecordedElement, pattern: str) -> Sequence[RecordedEntry]:
-    if element.name == pattern:
-        return element.entries
-    exact = [entry for entry in element.entries if entry.name == pattern]
-    if exact:
-        return exact
-    is_glob = any(letter in pattern for letter in "*?[")
-    wanted = pattern if pattern.startswith(("/", "*")) else f"*{pattern}"
-    wanted = wanted if is_glob else f"{wanted}*"
-    if is_glob and fnmatch.fnmatchcase(element.name, wanted):
-        return element.entries
-    return [entry for entry in element.entries if fnmatch.fnmatchcase(entry.name, wanted)]
+def _find(recording: Recording, pattern: str) -> list[tuple[RecordedElement, RecordedEntry]]:
+    if any(letter in pattern for letter in "*?["):
+        glob = pattern if pattern.startswith(("/", "*")) else f"*{pattern}"
+        rules: list[Callable[[str], bool]] = [pattern.__eq__, lambda name: fnmatch.fnmatchcase(name, glob)]
+    else:
+        end = f"/{pattern.lstrip('/')}"
+        rules = [pattern.__eq__, lambda name: name.endswith(end), lambda name: pattern in name]
+    for matches in rules:
+        found = [
+            (element, entry)
+            for element in recording.elements
+            for entry in (element.entries if matches(element.name) else [e for e in element.entries if matches(e.name)])
+        ]
+        if found:
+            return found
+    return []
 
 
 def _hint(recording: Recording, pattern: str) -> str:

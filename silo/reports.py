@@ -119,7 +119,7 @@ def _type(element: RecordedElement) -> str:
 
 
 def _type_name(dtype: np.dtype[np.generic]) -> str:
-    return f"string{dtype.itemsize}" if dtype.kind == "S" else dtype.name
+    return "string" if dtype.kind in "SU" else dtype.name
 
 
 def statistics(signal: Picked) -> SignalStats:

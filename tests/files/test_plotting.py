@@ -42,6 +42,7 @@ def log() -> Recording:
         element("/log/text", [np.array([b"on", b"off"] * 200)]),
         element("/log/base", [np.cos(SECONDS), np.sin(SECONDS)], ("_x", "_y"), unit="m", kind="vector"),
         element("/log/slow", [np.arange(4.0)], unit="degC", divider=100, first=50),
+        element("/log/x", [SECONDS]),
         element("/log/gap", [np.where(SECONDS > 2, np.nan, 1.0)]),
     ]
     return Recording("robot", 1_000_000_000 + np.arange(TICKS, dtype=np.int64) * 10_000_000, TICKS, table)
@@ -179,6 +180,9 @@ class TestPicking:
             ("*/LF/*", ["/log/LF/torque", "/log/LF/position"]),
             ("/log/base", ["/log/base_x", "/log/base_y"]),
             ("base_y", ["/log/base_y"]),
+            ("x", ["/log/x"]),
+            ("LF/pos", ["/log/LF/position"]),
+            ("LF", ["/log/LF/torque", "/log/LF/position"]),
             ("/log/*/torque", ["/log/LF/torque", "/log/RF/torque"]),
         ],
     )
@@ -190,7 +194,7 @@ class TestPicking:
             pick(log, ["torqeu"])
 
     def test_a_signal_comes_once_however_often_it_matches(self, log):
-        assert len(pick(log, ["LF/torque", "torque", "*"])) == 9
+        assert len(pick(log, ["LF/torque", "torque", "*"])) == 10
 
     def test_a_divided_signal_has_the_stamps_of_its_ticks(self, log):
         assert pick(log, ["slow"])[0].time_ns.tolist() == log.time_ns[50::100].tolist()
@@ -242,7 +246,7 @@ class TestCharts:
 
     def test_too_many_signals_are_counted(self, log):
         chart, left_out = make_chart(log, Wish(["*"], most=5))
-        assert (len(chart.curves), left_out) == (5, 4)
+        assert (len(chart.curves), left_out) == (5, 5)
 
     def test_a_derivative_is_per_second(self, log):
         chart, _ = make_chart(log, Wish(["LF/position"], transform="derivative"))
