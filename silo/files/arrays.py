@@ -54,7 +54,8 @@ def _add(archive: zipfile.ZipFile, name: str, values: NDArray[Any]) -> None:
 
 def write_mat(recording: Recording, path: Path, progress: Progress | None = None) -> None:
     """Write one struct per element: `name`, `unit`, `kind`, `divider`, `looping`, `time` (s from the first stamp),
-    `time_ns` and `data` (samples x entries; a struct of columns where types differ), and a struct `silo` of the log.
+    `first` and `data` (samples x entries; a struct of columns where types differ), and a struct `silo` of the log with
+    all stamps: those of an element in ns are `silo.time_ns(first : divider : first + divider * (numel(time) - 1))`.
 
     Variables are the elements' names with what MATLAB forbids as `_`. Raises `SaveError` for more than 2 GB per
     element, which the format can't hold, and `SiloError` without scipy.
@@ -105,8 +106,8 @@ def _matlab_struct(recording: Recording, element: RecordedElement, start: int) -
         "divider": float(element.divider),
         "looping": bool(element.buffer_type.name == "LOOPING"),
         "entries": np.array([entry.name for entry in element.entries], dtype=object),
+        "first": float(element.first + 1),
         "time": _seconds(times, start),
-        "time_ns": times,
         "data": data,
     }
     labels = element.entries[0].entry.labels if element.entries else None

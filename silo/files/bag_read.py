@@ -10,6 +10,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,6 @@ import msgspec
 import numpy as np
 import zstandard
 from mcap.opcode import Opcode
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from silo.errors import FileFormatError, LogNotFoundError
@@ -191,6 +191,24 @@ class _ChannelReader:
     def aim(self, entry: EntryFacts, values: _Values, index: int) -> None:
         self._targets.append((entry, values, index))
 
+    @cached_property
+    def _layout(self) -> np.dtype[np.void]:
+        """A message record, of which only the values have names: their number in the list of targets."""
+        entries = [entry for entry, _, _ in self._targets]
+        formats: list[Any] = [e.wire if e.wire_count == 1 else (e.wire, (e.wire_count,)) for e in entries]
+        return np.dtype(
+            {
+                "names": [str(k) for k in range(len(entries))],
+                "formats": formats,
+                "offsets": [RECORD_HEAD + entry.offset for entry in entries],
+                "itemsize": self._size,
+            }
+        )
+
+    @cached_property
+    def _columns(self) -> list[tuple[str, np.dtype[Any], _Values, int]]:
+        return [(str(k), _dtype(entry), values, index) for k, (entry, values, index) in enumerate(self._targets)]
+
     def add(self, chunk: bytes, offsets: NDArray[np.uint64]) -> None:
         if len(offsets) == 0:
             return
@@ -200,23 +218,9 @@ class _ChannelReader:
         if self._targets[0][0].wire == STRING:
             self._add_strings(chunk, places)
             return
-        for (entry, values, index), rows in zip(self._targets, self._load(chunk, places), strict=True):
-            values.add(index, from_wire(rows, _dtype(entry)))
-
-    def _load(self, chunk: bytes, places: NDArray[np.int64]) -> Iterator[NDArray[Any]]:
-        layout = np.dtype(
-            {
-                "names": [str(k) for k in range(len(self._targets))],
-                "formats": [
-                    entry.wire if entry.wire_count == 1 else (entry.wire, (entry.wire_count,))
-                    for entry, _, _ in self._targets
-                ],
-                "offsets": [RECORD_HEAD + entry.offset for entry, _, _ in self._targets],
-                "itemsize": self._size,
-            }
-        )
-        rows = _overlapping(chunk, layout)[places]
-        return (rows[str(k)] for k in range(len(self._targets)))
+        rows = _overlapping(chunk, self._layout)[places]
+        for name, dtype, values, index in self._columns:
+            values.add(index, from_wire(rows[name], dtype))
 
     def _add_strings(self, chunk: bytes, places: NDArray[np.int64]) -> None:
         entry, values, index = self._targets[0]
@@ -230,8 +234,9 @@ def _overlapping(chunk: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Items of `dtype` that start at every byte of the chunk; an index too far is an `IndexError`."""
     if len(chunk) < dtype.itemsize:
         raise ValueError("a message is cut off at the end of its chunk")
-    first = np.frombuffer(chunk, dtype=dtype, count=1)
-    return as_strided(first, shape=(len(chunk) - dtype.itemsize + 1,), strides=(1,), writeable=False)
+    # as_strided does the same in three times as long
+    items: NDArray[Any] = np.ndarray((len(chunk) - dtype.itemsize + 1,), dtype, chunk, 0, (1,))
+    return items
 
 
 def _channel_readers(facts: RecordingFacts, elements: list[_Values]) -> dict[int, _ChannelReader]:

@@ -114,8 +114,11 @@ class TestMatlab:
         slow = variables["log_slow"]
         assert (slow["name"], slow["unit"], slow["divider"]) == ("/log/slow", "Nm", 8)
         assert slow["data"].tolist() == [10.5, 11.5, 12.5]
-        assert slow["time_ns"].tolist() == TIMES[1::8].tolist()
         assert slow["time"].tolist() == pytest.approx(((TIMES[1::8] - TIMES[0]) / 1e9).tolist())
+
+    def test_the_stamps_of_an_element_follow_from_its_first_one_counted_from_1(self, variables):
+        slow, stamps = variables["log_slow"], variables["silo"]["time_ns"]
+        assert stamps[int(slow["first"]) - 1 :: int(slow["divider"])][:3].tolist() == TIMES[1::8].tolist()
 
     def test_a_vector_is_one_matrix(self, variables):
         assert variables["log_v"]["data"].shape == (TICKS, 3)
