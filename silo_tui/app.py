@@ -262,7 +262,7 @@ class SiloApp(App[None]):
             return
         event = message.event
         await self._quietly(session.take_event(event))
-        if event.kind in {EventKind.CRASHED, EventKind.SAVE_FAILED}:
+        if event.kind is EventKind.CRASHED or (event.kind is EventKind.SAVE_FAILED and not self.screen.is_modal):
             self.fail(event.text)
         elif event.kind is not EventKind.SAVING and not self._flow_running:
             self.say(event.text + (f" ({event.by})" if event.by else ""))

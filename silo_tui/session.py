@@ -43,6 +43,7 @@ class Session:
         self.frame_time_ns = 0
         self.frame_at = 0.0  # monotonic, of the newest frame
         self.lost_since: float | None = None  # monotonic, when the link was lost
+        self.saves: dict[int, Event] = {}  # the newest event of each save
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
     # ------------------------------------------------------------------------------------------------ what is
@@ -180,9 +181,11 @@ class Session:
 
     async def take_event(self, event: Event) -> None:
         """Follows what happened in the logger."""
+        if event.job:
+            self.saves[event.job] = event
         if event.status is not None:
             self.take_status(event.status)
-        elif event.kind not in {EventKind.SAVING, EventKind.SCRIPT_SAVED}:
+        elif event.kind not in {EventKind.SAVING, EventKind.SCRIPT_SAVED, EventKind.SAVE_FAILED}:
             await self.refresh_status()
         if event.kind in {EventKind.EDITED, EventKind.SCRIPT_LOADED} or self.status.revision != self.table.revision:
             await self.reload()

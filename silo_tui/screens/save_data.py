@@ -1,5 +1,6 @@
 """The dialog that writes logged data to files: which types, which name, progress, and what came of it."""
 
+import asyncio
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar, cast
 
@@ -10,7 +11,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Input, ProgressBar, Static
 
 from silo.errors import SiloError
-from silo.ipc.messages import SavedFile
+from silo.ipc.messages import Event, EventKind, SavedFile
 from silo.model import FileType
 from silo_tui.model import text
 from silo_tui.widgets.check_line import CheckLine
@@ -18,7 +19,7 @@ from silo_tui.widgets.check_line import CheckLine
 if TYPE_CHECKING:
     from silo_tui.app import SiloApp
 
-TIMEOUT_S = 3600.0
+FOLLOW_S = 0.05
 LABELS = {
     FileType.SILO: "silo  binary; the readers of silo",
     FileType.CSV: "csv   one column per signal",
@@ -102,27 +103,37 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
 
     async def _save(self, types: list[FileType], name: str) -> None:
         app = cast("SiloApp", self.app)
-        link = app.session.link
-        if link is None:
-            self._result("Not connected.", failed=True)
-            return
-        bar = self.query_one(ProgressBar)
-
-        def progress(share: float) -> None:
-            app.call_from_thread(bar.update, progress=share)
-
         try:
-            job = await link.call(lambda client: client.save(types, name))
-            files = await link.read(lambda client: client.wait_saved(job, TIMEOUT_S, progress))
+            job = await app.link.call(lambda client: client.save(types, name))
         except SiloError as error:
-            self._result(f"{error}", failed=True)
-        else:
+            self._saving = False
+            self._result(str(error), failed=True)
+            return
+        while self._saving:
+            self._follow(app.session.saves.get(job), lost=not app.session.connected)
+            await asyncio.sleep(FOLLOW_S)
+
+    def _follow(self, event: Event | None, *, lost: bool) -> None:
+        """Shows how far the save is; what is said of it comes as events."""
+        bar = self.query_one(ProgressBar)
+        if lost:
+            self._saving = False
+            self._result("The link is lost; the save goes on without us. Look into the folder.", failed=True)
+        elif event is None:
+            return
+        elif event.kind is EventKind.SAVED:
+            self._saving = False
             bar.update(progress=1.0)
-            self._files = files
-            self._result("\n".join(f"{file.path}\n  {text.size(file.size_bytes)}" for file in files))
+            self._files = event.files
+            self._result("\n".join(f"{file.path}\n  {text.size(file.size_bytes)}" for file in event.files))
             self.query_one("#save-go", Button).label = "Close"
             self.query_one("#save-no").display = False
-        self._saving = False
+        elif event.kind is EventKind.SAVE_FAILED:
+            self._saving = False
+            bar.display = False
+            self._result(event.text, failed=True)
+        else:
+            bar.update(progress=event.progress)
 
     def _result(self, words: str, *, failed: bool = False) -> None:
         result = self.query_one("#save-result", Static)

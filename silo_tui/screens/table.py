@@ -31,7 +31,7 @@ WIDE = 110
 COLUMN_NS = 200_000_000
 COLUMNS = 120
 DEBOUNCE_S = 0.15
-NAME_ROOM = 24
+NAME_ROOM = 20
 
 
 class TableScreen(SiloScreen):
@@ -87,7 +87,7 @@ class TableScreen(SiloScreen):
 
     def _lay_out(self, width: int) -> None:
         inspector = self._inspector_wanted and width >= WIDE
-        pane_width = 34 if width < 140 else min(64, 34 + (width - 130) // 3)
+        pane_width = 32 if width < 140 else min(64, 34 + (width - 130) // 3)
         self.inspector.display = inspector
         self.inspector.styles.width = pane_width
         self.pane.lay_out(wide=width >= WIDE, trend=False)

@@ -172,7 +172,6 @@ class ElementTable(ScrollView, can_focus=True):
         key = (
             row, width, is_cursor and int(self.field), bool(self.rows.marked[row]), bool(self._range[row]),
             self._values[:, row].tobytes(), self._pending[:, row].tobytes(), self._conflicts[:, row].tobytes(),
-            bool(self._live[row]), self.session.connected,
         )  # fmt: skip
         strip = self._strips.get(key)
         if strip is None:

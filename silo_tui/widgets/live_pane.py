@@ -22,7 +22,7 @@ from silo_tui.model.live import fill_share, value_text
 from silo_tui.session import Session
 from silo_tui.widgets.element_table import ElementTable
 
-FILL, VALUE, WIDE_VALUE, TREND = 4, 11, 16, 10
+FILL, VALUE, WIDE_VALUE, TREND = 4, 11, 14, 10
 
 # whether a line is the cursor's, its words with their styles, its piece of the rail
 Content = tuple[bool, tuple[tuple[str, str], ...], str]

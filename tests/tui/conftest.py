@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from silo.errors import ConnectionLostError, RefusedError, SaveError
+from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.messages import (
     EditsApplied,
     Event,
@@ -182,9 +182,9 @@ class FakeClient:
         if self.connected:
             self.tell(EventKind.EDITED, f"{name} edited", by="bob@lab")
 
-    def tell(self, kind: EventKind, text: str, by: str = "", status: bool = True) -> None:
+    def tell(self, kind: EventKind, text: str, by: str = "", **more: Any) -> None:
         self._events += 1
-        self._event(Event(self._events, self.now_ns, kind, text, by, self.status() if status else None))
+        self._event(Event(self._events, self.now_ns, kind, text, by, self.status(), **more))
 
     def info(self, name: str) -> ElementInfo:
         return next(info for info in self.elements if info.name == name)
@@ -278,18 +278,14 @@ class FakeClient:
 
     def save(self, types: Sequence[FileType], name: str = "") -> int:
         self.calls.append(("save", list(types), name))
-        return 1
-
-    def wait_saved(
-        self, job: int, timeout_s: float, progress: Callable[[float], None] | None = None
-    ) -> list[SavedFile]:
-        if progress is not None:
-            progress(0.5)
+        self.tell(EventKind.SAVING, "saving", job=1, progress=0.5)
         if self.save_error:
-            raise SaveError(self.save_error)
-        types = next(call[1] for call in reversed(self.calls) if call[0] == "save")
-        self.saved = True
-        return [SavedFile(f"/home/ann/logs/robot_00001.{kind.name.lower()}", kind, 1_234_567) for kind in types]
+            self.tell(EventKind.SAVE_FAILED, self.save_error, job=1)
+        else:
+            files = [SavedFile(f"/home/ann/logs/robot_00001.{kind.name.lower()}", kind, 1_234_567) for kind in types]
+            self.saved = True
+            self.tell(EventKind.SAVED, f"saved {files[0].path}", job=1, files=files)
+        return 1
 
     def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
         self._ask()

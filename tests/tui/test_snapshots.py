@@ -1,0 +1,64 @@
+"""Pictures of the main screens; the facts on them are pinned elsewhere, these guard the look.
+
+They belong to one version of Textual, which draws a little differently in each.
+"""
+
+from importlib.metadata import version
+
+import pytest
+
+from silo_tui.app import SiloApp
+
+RECORDED_WITH = "8.2.8"
+pytestmark = pytest.mark.skipif(version("textual") != RECORDED_WITH, reason=f"pictures are of Textual {RECORDED_WITH}")
+
+
+async def settle(pilot, ready):
+    for _ in range(500):
+        await pilot.pause(0.02)
+        if ready(pilot.app):
+            break
+    await pilot.pause(0.3)
+
+
+def table_is_live(app):
+    return app.has_session and bool(app.session.live.readings) and not app.session.columns.empty
+
+
+def readings_are_there(app):
+    return app.has_session and bool(app.session.live.readings)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 40), (160, 50)], ids="{0[0]}x{0[1]}".format)
+def test_the_table(fake, new_finder, snap_compare, size):
+    fake.run()
+
+    async def steps(pilot):
+        await settle(pilot, table_is_live if size[0] > 80 else readings_are_there)
+        await pilot.press("j", "space", "t", "j", "d", "5", "enter")
+        await pilot.pause(0.4)
+
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=size, run_before=steps)
+
+
+def test_the_table_without_colours(fake, new_finder, snap_compare, monkeypatch):
+    monkeypatch.setenv("NO_COLOR", "1")
+    fake.run()
+
+    async def steps(pilot):
+        await settle(pilot, readings_are_there)
+        await pilot.press("j", "space", "t", "j", "d", "5", "enter")
+        await pilot.pause(0.4)
+
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
+
+
+def test_the_monitor(fake, new_finder, snap_compare):
+    fake.run(20)
+
+    async def steps(pilot):
+        await settle(pilot, readings_are_there)
+        await pilot.press("slash", "L", "F", "space", *"torque", "enter", "asterisk", "m")
+        await settle(pilot, lambda app: not app.screen.stack.store.empty)
+
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(120, 40), run_before=steps)
