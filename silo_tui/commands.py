@@ -1,6 +1,8 @@
 """What the commands of the `:` line do."""
 
+import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from silo_tui import flows
@@ -14,7 +16,22 @@ DEED_WORDS = {
     "start": "start_stop", "stop": "start_stop", "restart": "restart", "apply": "apply", "undo": "undo", "redo": "redo",
     "monitor": "monitor", "help": "help", "refresh": "refresh", "loggers": "loggers", "discard": "discard",
 }  # fmt: skip
-OWN_WORDS = ("load", "save", "data", "set", "filter", "goto", "sort", "mark", "unmark", "theme", "quit", "q", "q!")
+OWN_WORDS = (
+    "load",
+    "save",
+    "data",
+    "set",
+    "filter",
+    "goto",
+    "sort",
+    "mark",
+    "unmark",
+    "theme",
+    "picture",
+    "quit",
+    "q",
+    "q!",
+)
 SETTINGS = ("on=yes", "on=no", "div=", "size=", "act=save", "act=both", "act=pub", "buf=loop", "buf=fix", "buf=grow")
 
 
@@ -49,6 +66,7 @@ class CommandRunner:
         handler = {
             "load": self._load, "save": self._save, "data": self._data, "set": self._set, "filter": self._filter,
             "goto": self._goto, "sort": self._sort, "mark": self._mark, "unmark": self._unmark, "theme": self._theme,
+            "picture": self._picture,
             "quit": self._quit, "q": self._quit, "q!": self._quit_now,
         }.get(word)  # fmt: skip
         if handler is None:
@@ -136,8 +154,26 @@ class CommandRunner:
             raise ValueError(f"themes: {', '.join(sorted(self._app.available_themes))}")
         self._app.theme = arguments[0]
 
+    def _picture(self, arguments: Sequence[str]) -> None:
+        path = Path(arguments[0] if arguments else "silo-tui.svg").expanduser()
+        try:
+            path.write_text(picture(self._app), "utf-8")
+        except OSError as error:
+            raise ValueError(f"can't write the picture: {error}") from error
+        self._app.say(f"picture of the screen: {path.absolute()}")
+
     def _quit(self, arguments: Sequence[str]) -> None:
         self._app.run_flow(flows.leave(self._app))
 
     def _quit_now(self, arguments: Sequence[str]) -> None:
         self._app.exit()
+
+
+def picture(app: "SiloApp") -> str:
+    """The screen as SVG. Blanks between braille dots become blank braille, which is as wide as they are."""
+
+    def widen(match: re.Match[str]) -> str:
+        has_dots = any("\u2800" < char <= "\u28ff" for char in match[0])
+        return match[0].replace("&#160;", "\u2800") if has_dots else match[0]
+
+    return re.sub(r">[^<>]+</text>", widen, app.export_screenshot(title="silo-tui"))

@@ -82,7 +82,7 @@ def nice_range(smallest: float, largest: float) -> tuple[float, float]:
     if not extent > floor:  # a constant: in the middle of a range around it
         half = max(abs(largest) * 0.1, TINY) if abs(largest) > TINY else 1.0
         return smallest - half, largest + half
-    raw = extent / 4
+    raw = extent / 8
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(factor * power for factor in (1, 2, 2.5, 5, 10) if factor * power >= raw * 0.999)
     return math.floor(smallest / step + 1e-9) * step, math.ceil(largest / step - 1e-9) * step

@@ -29,6 +29,7 @@ NOTES = (
         (":load x.yaml", "load a script"), (":save x.yaml", "save the table as a script"),
         (":set div=5 size=10s", "edit what is marked; also buf= act= on="), (":data silo csv bag NAME", "save data"),
         (":goto NAME", "put the cursor there"), (":sort div", "order by a column"),
+        (":picture FILE.svg", "the screen as a picture"),
     )),
 )  # fmt: skip
 
