@@ -167,9 +167,9 @@ class Logger:
         with self._lock:
             self._check_stopped("update the table")
             self._table.adopt()
-            self._updated = True
             if read_script and Path(self.options.script).exists():
                 self.load_script()
+            self._updated = True
             self._tell()
 
     # ------------------------------------------------------------------------------------------------ the loop
@@ -186,7 +186,7 @@ class Logger:
         self._collect = collect
         vars(self)["collect"] = collect
         if collect is _idle:
-            del vars(self)["collect"]
+            vars(self).pop("collect", None)
 
     def start(self) -> None:
         """Clear all buffers and begin to log; calls `update()` first if that was never done.
@@ -198,6 +198,7 @@ class Logger:
             self._check_stopped("start")
             if not self._updated:
                 self.update()
+            self._warn_of_pending()
             self._run = self._new_run()
             self._saved_ticks = 0
             self._new_values = NewValuesReader()
@@ -206,8 +207,13 @@ class Logger:
             self._set_collect(self._run.collect)
             self._tell()
 
+    def _warn_of_pending(self) -> None:
+        if self._table.pending:
+            names = ", ".join(element.info.name for element in self._table.pending)
+            log.warning("%s: added after the last update(), so not logged: call update() before start()", names)
+
     def _new_run(self) -> Run:
-        previous, self._run = self._run, None
+        previous = self._run
         self._run_number += 1
         stopped = functools.partial(self._stop_by_itself, self._run_number)
         try:
@@ -215,6 +221,7 @@ class Logger:
         except SegmentError:
             if previous is None:
                 raise
+            self._run = None
             previous.drop()  # the old buffers may be what fills the memory
             return Run(self.options, self._table.elements, self._clock, stopped, self._collect_now)
         if previous is not None:
@@ -263,7 +270,7 @@ class Logger:
     @property
     def lost(self) -> int:
         """Rows that could not be kept since the last start."""
-        return self._run.reader.lost if self._run else 0
+        return self._run.segment.lost if self._run else 0
 
     @property
     def stop_reason(self) -> str:
@@ -356,6 +363,7 @@ class Logger:
     def snapshot(self) -> Recording:
         """What the buffers hold now, cut at one tick; collection goes on. Raises StateError before the first start."""
         with self._lock:
+            self._check_open()
             if self._run is None:
                 raise StateError("nothing was logged yet: call start() and collect() first")
             return self._run.reader.snapshot()
@@ -363,6 +371,7 @@ class Logger:
     def read_new_values(self, name: str) -> NewValues:
         """All samples of an element since the last such call, oldest first; `missed` counts those overwritten."""
         with self._lock:
+            self._check_open()
             info = self._table.elements[self._table.place(name)].info
             if self._run is None:
                 raise StateError("nothing was logged yet: call start() and collect() first")
@@ -378,17 +387,21 @@ class Logger:
         still in memory), StateError before the first start.
         """
         chosen = [file_type(one) for one in ([types] if isinstance(types, FileType | str) else types)]
-        if self._run is None:
+        self._check_open()
+        run = self._run
+        if run is None:
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
-        ticks = self.ticks
+        ticks = run.segment.ticks
         if self._serving is not None and self._serving.alive:
             saved = self._serving.save(chosen, name or "")
         else:
             from silo.files import write
 
             saved = write(self.snapshot(), self.options.folder, self.options.name, chosen, name)
-        self._saved_ticks = max(self._saved_ticks, ticks)
-        self._run.segment.mark_saved(self._saved_ticks)
+        with self._lock:
+            if run is self._run:  # else it was started anew meanwhile
+                self._saved_ticks = max(self._saved_ticks, ticks)
+                run.segment.mark_saved(self._saved_ticks)
         return saved
 
     @property
@@ -494,6 +507,9 @@ class Logger:
 
     def after_fork_in_child(self) -> None:
         """A forked child must not write into its parent's buffers, nor delete them."""
+        self._lock = threading.RLock()  # the parent may hold it
+        if self._run is not None:
+            self._run.forget()
         self._set_collect(_idle)
         self._running = False
         self._closed = True

@@ -64,7 +64,8 @@ def _values(element: ElementSchema, rows: Rows) -> NDArray[Any]:
             return stacked.reshape(len(rows), *shape)
         return stacked
     fields = [
-        (entry.entry.suffix.lstrip("_"), column.dtype) for entry, column in zip(element.entries, columns, strict=True)
+        (entry.entry.suffix.removeprefix("_"), column.dtype)
+        for entry, column in zip(element.entries, columns, strict=True)
     ]
     out = np.empty(len(rows), fields)
     for (field, _), column in zip(fields, columns, strict=True):

@@ -1,5 +1,6 @@
 """What the arguments of `Logger` and of its methods may be, and what they become."""
 
+import functools
 import os
 import re
 import time
@@ -8,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from silo.errors import ElementError
+from silo.errors import ElementError, StateError
 from silo.model import FileType, LoggerOptions, Storage, join_name
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
@@ -60,8 +61,18 @@ def nanosecond_clock(clock: Callable[[], int | float] | None) -> Callable[[], in
     if isinstance(now, float | np.floating):
         return lambda: int(clock() * 1e9)
     if isinstance(now, int | np.integer) and not isinstance(now, bool):
-        return clock  # type: ignore[return-value]  # it returns int, as was just seen
+        return functools.partial(_whole_nanoseconds, clock)
     raise ElementError(f"clock must return int nanoseconds or float seconds, got {now!r}")
+
+
+def _whole_nanoseconds(clock: Callable[[], int | float]) -> int:
+    now = clock()
+    if isinstance(now, float):
+        raise StateError(
+            f"clock returned the float {now!r}, but an int (nanoseconds) when the logger was made; "
+            "a clock of seconds must return floats from the start: 0.0, not 0"
+        )
+    return now
 
 
 def name_of(source: object, attr: str | None) -> str:

@@ -54,13 +54,21 @@ class Table:
         self.elements: tuple[Element, ...] = ()
         self._places: dict[str, int] = {}
         self._names: set[str] = set()
+        self._entry_names: set[str] = set()
 
     def add(self, element: Element) -> None:
         """Keep a new element for the next `adopt`. Raises ElementError if the name is taken."""
         name = element.info.name
+        if not name.isprintable() or name == "/":
+            raise ElementError(f"element name {name!r}: write a name of printable characters, without line breaks")
         if name in self._names:
             raise ElementError(f"element '{name}' is there already; give this one another name or group")
+        entries = {name + entry.suffix for entry in element.info.entries}
+        if not self._entry_names.isdisjoint(entries):
+            twice = min(self._entry_names & entries)
+            raise ElementError(f"element '{name}': another element has a value named '{twice}' already; rename one")
         self._names.add(name)
+        self._entry_names |= entries
         self.pending.append(element)
 
     def adopt(self) -> None:

@@ -7,6 +7,8 @@ lists and other registered types without a further word.
 import dataclasses
 import enum
 import itertools
+import keyword
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -188,7 +190,7 @@ def register(
 
 
 def _check_path(path: str) -> None:
-    if not path or not all(piece.isidentifier() for piece in path.split(".")):
+    if not all(piece.isidentifier() and not keyword.iskeyword(piece) for piece in path.split(".")):
         raise ElementError(f"attribute {path!r}: write the name of an attribute, or a dotted path like 'arm.q'")
 
 
@@ -213,8 +215,7 @@ def describe(
             parts = _describe(value, (Step(call=True),), "", name, kind, string_bytes)
         else:
             parts = _describe(value, (), "", name, kind, string_bytes)
-        for part in parts:
-            part.scalars((0,) * len(part.source.shape))
+        _check_suffixes([scalar.suffix for part in parts for scalar in part.scalars((0,) * len(part.source.shape))])
     except ElementError as error:
         raise ElementError(f"element '{name}': {error}") from None
     if labels:
@@ -222,6 +223,14 @@ def describe(
     if not parts:
         raise SourceError(f"{name}: {type(value).__name__} has no values to log")
     return parts
+
+
+def _check_suffixes(suffixes: list[str]) -> None:
+    for suffix, count in Counter(suffixes).items():
+        if count > 1:
+            raise ElementError(f"{count} of its values are named '...{suffix}' all alike; rename a field or key")
+        if not suffix.isprintable():
+            raise ElementError(f"the name of a value, {suffix!r}, holds a control character; rename the key")
 
 
 def _describe(
@@ -289,6 +298,10 @@ def _is_plain(items: list[object] | tuple[object, ...]) -> bool:
 def label_map(labels: type[enum.Enum] | Mapping[int, str] | None) -> Mapping[int, str] | None:
     """Names of the values of an integer element, from an enumeration or a mapping."""
     if isinstance(labels, type) and issubclass(labels, enum.Enum):
+        if not all(isinstance(member.value, int) for member in labels):
+            raise ElementError(
+                f"labels={labels.__name__}: the values of its members aren't integers; give a dict: {{0: 'name', ...}}"
+            )
         return {int(member.value): member.name for member in labels}
     return labels
 

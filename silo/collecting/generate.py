@@ -103,7 +103,7 @@ def generate(
         "stamp": stamp,
         "scratch": plan.scratch.words.data.cast("B"),
     }
-    names.objects |= {"clock": clock, "on_stop": on_stop}
+    names.objects |= {"clock": clock, "on_stop": on_stop, "copyto": np.copyto}
     names.objects |= {
         "two_writers": _two_writers,
         "after_end": after_end,
@@ -227,8 +227,11 @@ class _Writer:
             pack = self._names.give("pack", packer(packed).pack_into)
             yield f"    {pack}(scratch, {packed[0].offset}, {', '.join(self._expression(slot) for slot in packed)})"
         for slot in slots:
-            if slot.pack_format is None:
-                yield f"    {self._names.give('v', slot.view)}[...] = {self._expression(slot)}"
+            view = self._names.give("v", slot.view)
+            if slot.pack_format is None and slot.view.dtype.kind in "iu":  # a plain store would cut floats
+                yield f"    copyto({view}, {self._expression(slot)})"
+            elif slot.pack_format is None:
+                yield f"    {view}[...] = {self._expression(slot)}"
         yield "except Exception:"
         yield f"    {failed}()"
 

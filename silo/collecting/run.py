@@ -17,6 +17,8 @@ from silo.collecting.runtime import SEGMENT_SUFFIX, boot_id, process_start, runt
 from silo.collecting.schema import SegmentSchema, StopReason
 from silo.collecting.segment import Segment
 from silo.collecting.segment_reader import SegmentReader
+from silo.collecting.sources import Reference, abandoned
+from silo.errors import SegmentError
 from silo.model import LoggerOptions, Storage
 
 logger = logging.getLogger("silo")
@@ -42,6 +44,7 @@ class Run:
             )
             plan = self._plan(options, elements, checked=True)
         self.plan = plan
+        _warn_of_abandoned(elements)
         self.segment = Segment(
             self._path(options), self._schema(options, plan), plan.first_rows, options.memory_limit_mb * 1_000_000
         )
@@ -58,7 +61,10 @@ class Run:
         name = f"{options.name}.{os.getpid()}.{next(_numbers)}{SEGMENT_SUFFIX}"
         if options.storage is Storage.DISK:
             folder = Path(options.folder)
-            folder.mkdir(parents=True, exist_ok=True)
+            try:
+                folder.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise SegmentError(f"{folder}: can't make the folder for logs ({error.strerror})") from error
             return folder / f".{name}"
         return runtime_dir() / name
 
@@ -97,11 +103,27 @@ class Run:
         self._retire()
         self.segment.stop(reason)
 
+    def forget(self) -> None:
+        """No more ticks in this process, a forked child; the segment goes on being its parent's."""
+        self._retire()
+
     def drop(self) -> None:
         """Delete the segment; readers that have it mapped keep it."""
         self.segment.unlink()
         if self._reader is not None:
             self._reader.close()
+
+
+def _warn_of_abandoned(elements: Sequence[Element]) -> None:
+    for element in elements:
+        sources = [part.source for part in element.parts]
+        if element.info.options.enabled and any(isinstance(one, Reference) and abandoned(one) for one in sources):
+            logger.warning(
+                "%s: only the logger refers to this array any more, its values won't change: it was assigned anew "
+                "(x = x + 1) since it was added; change it in place (x[:] = x + 1), or log the attribute "
+                "(log.add(owner, attr=...)), which follows assignments",
+                element.info.name,
+            )
 
 
 def user_name() -> str:

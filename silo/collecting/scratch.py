@@ -46,7 +46,7 @@ class Slot:
     def store_slowly(self) -> None:
         """Read and store this one source; a failure is counted and said once, the control loop goes on."""
         try:
-            self.view[...] = self._value()
+            self.view[...] = self._checked(self._value())
         except Exception as error:  # noqa: BLE001  # whatever a user's attribute or function raises
             self._fail(error)
 
@@ -55,6 +55,11 @@ class Slot:
             return self.source.view
         value = self.source.read()
         return value if self.source.convert is None else self.source.convert(value)
+
+    def _checked(self, value: Any) -> Any:
+        if self.view.dtype.kind in "iu" and np.asarray(value).dtype.kind not in "iub":
+            raise TypeError(f"{value!r} would be cut to an integer, which it was when it was added: write 0.0, not 0")
+        return value
 
     def _fail(self, error: Exception) -> None:
         self.failed += 1

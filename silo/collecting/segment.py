@@ -21,6 +21,7 @@ from silo.collecting.schema import (
     TIME_RING,
     Control,
     Header,
+    RingControl,
     RingSchema,
     SegmentSchema,
     SegmentState,
@@ -69,7 +70,10 @@ class Segment:
         self._wanted = threading.Event()
         self._ended = False
         temporary = path.with_name(f".{path.name}.new")
-        self._fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+        try:
+            self._fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+        except OSError as error:
+            raise SegmentError(f"{path.parent}: can't make a segment there ({error.strerror})") from error
         try:
             self._fill()
             self._first = {ring: self._append_rows(ring, first_rows.get(ring, 1)) for ring in self._growing}
@@ -124,7 +128,12 @@ class Segment:
     @property
     def ticks(self) -> int:
         """Ticks collected since start."""
-        return int(self.words[self.ring_control(TIME_RING)])
+        return self.words[self.ring_control(TIME_RING)]
+
+    @property
+    def lost(self) -> int:
+        """Rows that could not be kept, all rings together."""
+        return sum(self.words[self.ring_control(ring.ring) + RingControl.LOST] for ring in self.schema.rings)
 
     def stop(self, reason: StopReason) -> None:
         """Mark that no more rows will come."""
@@ -169,7 +178,7 @@ class Segment:
             return None
         try:
             return self._append(ring)
-        except SegmentError:  # the memory is full before the limit is reached: the caller counts what it can't keep
+        except (SegmentError, OSError):  # no memory before the limit is reached: the caller counts what it can't keep
             return None
 
     def _append_rows(self, ring: int, rows: int) -> list[Chunk]:

@@ -303,7 +303,7 @@ class SegmentReader:
             frequency_hz=schema.frequency_hz,
             started_ns=schema.started_ns,
             time_looping=schema.time_buffer_type is BufferType.LOOPING,
-            warnings=self._warnings(),
+            warnings=self._warnings(elements, ticks),
         )
 
     def _oldest_wanted(self, ring: int, due: int) -> int:
@@ -343,6 +343,17 @@ class SegmentReader:
             lost=self.element_lost(element),
         )
 
-    def _warnings(self) -> tuple[str, ...]:
-        lost = self.lost
-        return (f"{lost} rows could not be kept: the memory limit was reached",) if lost else ()
+    def _warnings(self, elements: list[RecordedElement], ticks: int) -> tuple[str, ...]:
+        warnings = []
+        if self.lost:
+            warnings.append(f"{self.lost} rows could not be kept: the memory limit was reached")
+        sizes = {element.info.name: element.info.options.buffer_size for element in self.schema.elements}
+        short = [
+            element.name
+            for element in elements
+            if element.buffer_type is BufferType.LOOPING
+            and element.count < min(sizes[element.name], -(-ticks // element.divider))
+        ]
+        if short:
+            warnings.append(f"the oldest samples of {', '.join(short)} were overwritten while the snapshot was taken")
+        return tuple(warnings)

@@ -8,6 +8,7 @@ import ctypes
 import datetime
 import enum
 import mmap
+import sys
 import weakref
 from array import array
 from collections.abc import Callable, Mapping
@@ -154,6 +155,27 @@ def _holds(value: object, view: NDArray[Any]) -> tuple[object, ...]:
     return tuple(holds)
 
 
+def abandoned(reference: Reference) -> bool:
+    """Whether nobody but silo refers to the array any more, so that it can't change: it was assigned anew.
+
+    Told only of arrays whose memory is NumPy's own; False where others may write to it by address.
+    """
+    arrays = tuple({id(held): held for held in reference.holds if isinstance(held, np.ndarray)}.values())
+    if any(array.base is not None and not isinstance(array.base, np.ndarray) for array in arrays):
+        return False
+    ours = (*arrays, *reference.holds, reference.view, *[array.base for array in arrays])
+    owed = [sum(one is array for one in ours) for array in arrays]
+    del ours
+    return all(count <= own for count, own in zip(_reference_counts(arrays), owed, strict=True))
+
+
+def _reference_counts(objects: tuple[object, ...]) -> list[int]:
+    """How often each is referred to, by the tuple too. The count of a fresh object is what the counting itself adds."""
+    fresh = (object(),)
+    (added,) = [sys.getrefcount(one) - 1 for one in fresh]
+    return [sys.getrefcount(one) - added for one in objects]
+
+
 def _cant_refer(value: object, name: str) -> str:
     short = name.rsplit("/", 1)[-1]
     if isinstance(value, np.ndarray):
@@ -200,7 +222,7 @@ def _stored_as(value: object, string_bytes: int | None) -> _Stored | None:
     if isinstance(value, enum.Enum):
         convert, labels = enum_codes(type(value))
         return np.dtype(np.int64), (), convert, labels
-    if isinstance(value, np.ndarray | np.generic):
+    if isinstance(value, np.ndarray | np.generic) and not isinstance(value, str | bytes):
         return None if value.dtype.hasobject or value.size == 0 else (value.dtype, value.shape, None, None)
     for kind, dtype in ((bool, np.bool_), (int, np.int64), (float, np.float64), (complex, np.complex128)):
         if isinstance(value, kind):

@@ -94,19 +94,45 @@ def test_every_byte_of_a_wide_row_belongs_to_one_tick(tmp_path):
 
 
 def test_a_snapshot_taken_during_collection_is_cut_at_one_tick(tmp_path):
-    with writing("correlated", tmp_path) as writer:
+    with writing("honest", tmp_path) as writer:
         reader = SegmentReader(writer.segment)
         wait_for_ticks(reader, 2000)
-        for _ in range(200):
+        for _ in range(100):
             recording = reader.snapshot()
             assert recording.time_ns[-1] == (recording.offset - 1) * 7
             for element in recording.elements:
                 newest = (recording.offset - 1) // element.divider * element.divider
                 times = recording.time_ns[element.stamp_indices]
-                if element.count:
-                    assert times[-1] == newest * 7
+                assert times[-1] == newest * 7
                 if element.name in ("/log/wide", "/log/slow"):
                     assert np.array_equal(element.entries[0].values * 7, times)
+
+
+def test_a_snapshot_taken_during_collection_lacks_no_sample(tmp_path):
+    with writing("honest", tmp_path) as writer:
+        reader = SegmentReader(writer.segment)
+        wait_for_ticks(reader, 2000)
+        recording = reader.snapshot()
+        counts = {element.name: element.count for element in recording.elements}
+        assert (counts["/log/s0"], counts["/log/wide"], counts["/log/slow"]) == (300, 400, 100)
+        assert recording.warnings == ()
+
+
+def test_a_snapshot_that_was_overtaken_by_its_writer_says_so(tmp_path, monkeypatch):
+    with writing("correlated", tmp_path) as writer:
+        reader = SegmentReader(writer.segment)
+        wait_for_ticks(reader, 2000)
+        rows = reader.rows
+
+        def slow_rows(ring, since):
+            wait_for_ticks(reader, reader.ticks + 300)
+            return rows(ring, since)
+
+        monkeypatch.setattr(reader, "rows", slow_rows)
+        recording = reader.snapshot()
+        assert "were overwritten while the snapshot was taken" in recording.warnings[0]
+        for element in recording.elements:
+            assert element.first >= 0
 
 
 def test_an_element_that_is_only_published_is_in_no_snapshot(tmp_path):
