@@ -20,6 +20,7 @@ from silo.files import silo_format as form
 from silo.files.atomic import reason
 from silo.files.grouping import regroup
 from silo.files.silo_header import Header, parse_header
+from silo.files.wide import from_wire
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
@@ -319,7 +320,7 @@ def _entry(data: memoryview, header: Header, column: _Column, entry: Entry, name
         values = _values(data, column)
         if stored.kind == "S":
             return np.char.rstrip(values, b"-")
-        return values.astype(logged) if logged.str == "<f2" else values.view(logged)
+        return from_wire(values, logged) if logged.str == "<f2" else values.view(logged)
 
     return FileEntry(name, Entry(entry.suffix, shown, entry.labels), load)
 

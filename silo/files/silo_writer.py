@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from silo.errors import SaveError
 from silo.files import silo_format as form
 from silo.files.atomic import atomic_file, write_all
+from silo.files.wide import to_wire
 from silo.recording import RecordedEntry, Recording
 
 Progress = Callable[[float], None]
@@ -103,6 +104,10 @@ def _numbers(values: NDArray[Any], dtype: np.dtype[Any]) -> Callable[[int, int, 
         values = values.view(np.dtype("i8").newbyteorder(values.dtype.byteorder))
     elif values.dtype.kind == "b":
         values = values.view(np.uint8)
+
+    if dtype.itemsize != values.dtype.itemsize:
+        # the processor would make quiet NaNs of signalling ones
+        return lambda start, stop, out: np.copyto(out.view(dtype), to_wire(values[start:stop], dtype.str))
 
     def fill(start: int, stop: int, out: NDArray[np.uint8]) -> None:
         out.view(dtype)[:] = values[start:stop]

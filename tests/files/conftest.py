@@ -124,13 +124,11 @@ def recordings(draw, types=NUMBER_TYPES + ODD_TYPES, kinds=tuple(LAYOUTS), names
 
 
 def bits(values):
-    """What must survive: every bit, but of strings the text and of float16 NaNs only that they are."""
+    """What must survive: every bit, of strings the text."""
     if values.dtype.kind == "U":
         values = np.char.encode(values, "utf-8")
     if values.dtype.kind == "S":
         return values.tolist()
-    if values.dtype.str == "<f2":
-        return [repr(float(value)) for value in values]
     return np.ascontiguousarray(values).tobytes()
 
 

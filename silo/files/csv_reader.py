@@ -1,0 +1,273 @@
+"""CSV -> a recording: both layouts that we write, the original's rows, and tables that other tools wrote.
+
+CSV says neither types, units nor dividers. Types follow from the texts (quoted: string), the divider of an entry from
+the ticks at which its cells are filled. Vectors are put together again by their suffixes.
+"""
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.errors import FileFormatError, LogNotFoundError
+from silo.files.atomic import reason
+from silo.files.grouping import regroup
+from silo.files.silo_format import decode_text, first_stamp
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+_SECOND = 1_000_000_000
+_LINES_AT_ONCE = 4096
+_CELL = re.compile(rb'(?:"((?:[^"]|"")*)"[^,]*|([^,]*))(?:,|$)')
+_DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
+_MOST_OFFSETS = 1_000_000
+# A quoted cell keeps its first quote: so an empty string is not an empty cell.
+_QUOTE = b'"'
+
+
+class _Samples(NamedTuple):
+    """What a column holds: sample i at time stamp `first + i * divider`."""
+
+    values: NDArray[Any]
+    first: int
+    divider: int
+
+
+def read_csv(path: str | os.PathLike[str]) -> Recording:
+    """Read a CSV file, of one column per entry (first column: time in seconds) or one row per entry.
+
+    What can't be understood is left out, with a warning of the recording. Raises `LogNotFoundError` if the file can't
+    be opened, `FileFormatError` if it is empty or its first column (or rows) holds no time.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError as error:
+        raise LogNotFoundError(f"there is no file '{os.fspath(path)}'") from error
+    except OSError as error:
+        raise LogNotFoundError(f"can't open '{os.fspath(path)}': {reason(error)}") from error
+    try:
+        return _parsed(data, Path(path).stem)
+    except FileFormatError as error:
+        raise FileFormatError(f"'{os.fspath(path)}' can't be read as a log: {error}") from None
+
+
+def _parsed(data: bytes, stem: str) -> Recording:
+    warnings: list[str] = []
+    records = _records(data)
+    head = next(records, None)
+    if head is None:
+        raise FileFormatError("it is empty")
+    if _text(head[0]).endswith("time_s") and len(head) > 1 and re.fullmatch(rb"-?\d*", head[1]):
+        names, columns, time_ns = _from_rows(head, records, warnings)
+        prefix = _text(head[0]).removesuffix("time_s").removesuffix("/")
+    else:
+        names, columns, time_ns = _from_columns(head, records, warnings)
+        prefix = "/log"
+    return _recording(stem, prefix, time_ns, names, columns, warnings)
+
+
+# ---------------------------------------------------------------------------------------------------- text to columns
+
+
+def _records(data: bytes) -> Iterator[list[bytes]]:
+    """The cells of each line; a quoted cell may hold line breaks."""
+    pending: list[bytes] = []
+    for line in data.removeprefix(b"\xef\xbb\xbf").split(b"\n"):
+        if pending or line.count(_QUOTE) % 2:
+            pending.append(line)
+            if len(pending) > 1 and line.count(_QUOTE) % 2:
+                yield _split(b"\n".join(pending))
+                pending = []
+        elif line.strip():
+            yield _split(line)
+    if pending:
+        yield _split(b"\n".join(pending))
+
+
+def _split(record: bytes) -> list[bytes]:
+    record = record.removesuffix(b"\r")
+    if _QUOTE not in record:
+        return record.split(b",")
+    cells: list[bytes] = []
+    position = 0
+    while position <= len(record):
+        match = _CELL.match(record, position)
+        if match is None:
+            # an opening quote without its end: the file was cut here
+            cells.append(record[position:])
+            break
+        quoted = match[1]
+        cells.append(match[2] if quoted is None else _QUOTE + quoted.replace(b'""', _QUOTE))
+        if not match[0].endswith(b","):
+            break
+        position = match.end()
+    return cells
+
+
+def _text(cell: bytes) -> str:
+    return decode_text(cell.removeprefix(_QUOTE))
+
+
+def _from_columns(
+    head: list[bytes], records: Iterator[list[bytes]], warnings: list[str]
+) -> tuple[list[str], list[NDArray[np.bytes_]], NDArray[np.int64]]:
+    width = len(head)
+    chunks: list[list[NDArray[np.bytes_]]] = [[] for _ in head]
+    block: list[list[bytes]] = []
+    for number, cells in enumerate(records, start=2):
+        if len(cells) != width:
+            warnings.append(f"record {number} has {len(cells)} cells where the header has {width}; it is left out")
+            continue
+        block.append(cells)
+        if len(block) == _LINES_AT_ONCE:
+            _append(chunks, block)
+            block = []
+    _append(chunks, block)
+    columns = [np.concatenate(column) if column else np.empty(0, "S1") for column in chunks]
+    return [_text(cell) for cell in head[1:]], columns[1:], _time(_text(head[0]), columns[0])
+
+
+def _append(chunks: list[list[NDArray[np.bytes_]]], block: list[list[bytes]]) -> None:
+    for column, cells in zip(chunks, zip(*block, strict=True), strict=False):
+        column.append(np.array(cells, "S"))
+
+
+def _from_rows(
+    head: list[bytes], records: Iterator[list[bytes]], warnings: list[str]
+) -> tuple[list[str], list[NDArray[np.bytes_]], NDArray[np.int64]]:
+    second = next(records, [b""])
+    if not _text(second[0]).endswith("time_ns"):
+        raise FileFormatError("after the row 'time_s' comes no row 'time_ns'")
+    seconds, nanoseconds = _numbers(_cells_of(head)), _numbers(_cells_of(second))
+    if seconds is None or nanoseconds is None or "f" in seconds.dtype.kind + nanoseconds.dtype.kind:
+        raise FileFormatError("the rows 'time_s' and 'time_ns' must hold whole numbers")
+    stamps = min(len(seconds), len(nanoseconds))
+    time_ns = seconds[:stamps].astype(np.int64) * _SECOND + nanoseconds[:stamps].astype(np.int64)
+    names: list[str] = []
+    columns: list[NDArray[np.bytes_]] = []
+    for number, record in enumerate(records, start=3):
+        cells = _cells_of(record)
+        if len(cells) > stamps:
+            warnings.append(f"row {number} has {len(cells)} cells for {stamps} ticks; it is left out")
+            continue
+        names.append(_text(record[0]))
+        columns.append(np.array([*cells, *[b""] * (stamps - len(cells))], "S"))
+    return names, columns, time_ns
+
+
+def _cells_of(row: list[bytes]) -> list[bytes]:
+    """The cells behind the name; each is followed by a comma, so that the last one is empty."""
+    return row[1:-1] if len(row) > 1 and not row[-1] else row[1:]
+
+
+# --------------------------------------------------------------------------------------------------- columns to values
+
+
+def _time(name: str, cells: NDArray[np.bytes_]) -> NDArray[np.int64]:
+    """Nanoseconds of a time column: exact for decimal texts; dates and counts of ns (`..._ns`) are understood, too."""
+    texts: list[bytes] = np.char.lstrip(cells, _QUOTE).tolist()
+    if name.endswith("_ns"):
+        whole = _numbers(texts)
+        if whole is not None and whole.dtype == np.int64:
+            return whole
+    matches = [_DECIMAL.fullmatch(text) for text in texts]
+    if all(matches):
+        return np.array([_nanoseconds(match) for match in matches if match], np.int64)
+    numbers = _numbers(texts)
+    if numbers is not None:
+        return np.round(numbers.astype(np.float64) * 1e9).astype(np.int64)
+    try:
+        return np.array([decode_text(text) for text in texts], "M8[ns]").view(np.int64)
+    except ValueError:
+        raise FileFormatError(f"its first column ('{name}') holds no time in seconds") from None
+
+
+def _nanoseconds(match: re.Match[bytes]) -> int:
+    stamp = int(match[2]) * _SECOND + int((match[3] or b"").ljust(9, b"0")[:9])
+    return -stamp if match[1] == b"-" else stamp
+
+
+def _numbers(texts: Sequence[bytes] | NDArray[np.bytes_]) -> NDArray[Any] | None:
+    """The values if all texts are numbers: int64, else uint64, else float64."""
+    if not len(texts):
+        return np.empty(0, np.int64)
+    cells = np.asarray(texts, "S")
+    for dtype in (np.int64, np.uint64, np.float64):
+        values = _converted(cells, np.dtype(dtype))
+        if values is not None:
+            return values
+    return None
+
+
+def _converted(cells: NDArray[np.bytes_], dtype: np.dtype[Any]) -> NDArray[Any] | None:
+    try:
+        return cells.astype(dtype)
+    except (ValueError, OverflowError):
+        return None
+
+
+def _samples(cells: NDArray[np.bytes_]) -> _Samples | None:
+    """What a column holds, None if it is empty."""
+    places = np.flatnonzero(np.char.str_len(cells))
+    if not len(places):
+        return None
+    filled = cells[places]
+    quoted = np.char.startswith(filled, _QUOTE)
+    values = None if quoted.any() else _numbers(filled)
+    if values is None:
+        values = np.array([cell.removeprefix(_QUOTE) for cell in filled.tolist()], "S")
+    steps = np.diff(places)
+    divider = int(steps[0]) if len(steps) else 1
+    if (steps == divider).all():
+        return _Samples(values, int(places[0]), divider)
+    # gaps without a pattern, as other tools leave them for NaN
+    dense = np.full(len(cells), np.nan) if values.dtype.kind in "iuf" else np.zeros(len(cells), values.dtype)
+    dense[places] = values
+    return _Samples(dense, 0, 1)
+
+
+def _recording(
+    stem: str,
+    prefix: str,
+    time_ns: NDArray[np.int64],
+    names: Sequence[str],
+    columns: Sequence[NDArray[np.bytes_]],
+    warnings: list[str],
+) -> Recording:
+    found = [(name, samples) for name, cells in zip(names, columns, strict=True) if (samples := _samples(cells))]
+    stamps = len(time_ns)
+    likeness = [(s.first, s.divider, len(s.values), s.values.dtype.kind) for _, s in found]
+    elements: list[RecordedElement] = []
+    for group in regroup([name for name, _ in found], likeness):
+        members = found[group.start : group.start + len(group.suffixes)]
+        entries = tuple(
+            RecordedEntry(name, Entry(suffix, samples.values.dtype.str), samples.values)
+            for (name, samples), suffix in zip(members, group.suffixes, strict=True)
+        )
+        samples = members[0][1]
+        newest = samples.first > 0 and stamps - 1 - (samples.first + (len(samples.values) - 1) * samples.divider) < (
+            samples.divider
+        )
+        buffer_type = BufferType.LOOPING if newest else BufferType.GROWING
+        elements.append(
+            RecordedElement(
+                group.name, "-", group.kind, group.shape, samples.divider, buffer_type, samples.first, entries
+            )
+        )
+    looping = bool(elements) and all(element.buffer_type is BufferType.LOOPING for element in elements)
+    offset = _likely_offset(elements, stamps)
+    return Recording(stem, time_ns, offset, elements, prefix, time_looping=looping, warnings=tuple(warnings))
+
+
+def _likely_offset(elements: Sequence[RecordedElement], stamps: int) -> int:
+    """The smallest count of ticks that explains which ticks the looping elements have; `stamps` if none does."""
+    looping = [element for element in elements if element.buffer_type is BufferType.LOOPING]
+    offsets = np.arange(stamps, stamps + _MOST_OFFSETS if looping else stamps)
+    for divider, last in {(e.divider, e.first + (e.count - 1) * e.divider) for e in looping}:
+        offsets = offsets[(offsets - 1) % divider == stamps - 1 - last]
+    fits = [first_stamp(True, stamps, e.count, e.divider, int(offsets[0])) == e.first for e in looping if len(offsets)]
+    return int(offsets[0]) if fits and all(fits) else stamps

@@ -1,0 +1,233 @@
+"""CSV in both layouts: every value in full, what other tools read, and back."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from silo.errors import FileFormatError, LogNotFoundError, SaveError
+from silo.files import csv_file
+from silo.files.csv_file import read_csv, write_csv
+from silo.model import BufferType
+
+QUICK = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+NUMBERS = ("<f8", "<f4", "<f2", "|i1", "<i2", "<i4", "<i8", "|u1", "<u2", "<u4", "<u8", "|b1", "<M8[ns]", "|S5", "<U4")
+
+
+@pytest.fixture(params=["polars", "plain"])
+def way(request, monkeypatch):
+    if request.param == "plain":
+        monkeypatch.setattr(csv_file, "find_spec", lambda name: None)
+    else:
+        pytest.importorskip("polars")
+    return request.param
+
+
+def entries_of(recording):
+    return {entry.name: (element, entry) for element in recording.elements for entry in element.entries}
+
+
+def same_values(before, after, bits_of):
+    if before.dtype.kind in "SU":
+        return bits_of(before) == after.tolist()
+    if before.dtype.kind in "mM":
+        before = before.view("<i8")
+    if before.dtype.kind == "f":
+        # a NaN has no bits in a text, and a float is written in its own precision
+        return np.array_equal(before, after.astype(before.dtype), equal_nan=True) and np.array_equal(
+            np.signbit(before)[~np.isnan(before)], np.signbit(after.astype(before.dtype))[~np.isnan(before)]
+        )
+    return after.tolist() == before.astype("<u8" if before.dtype == np.dtype("<u8") else "<i8").tolist()
+
+
+@pytest.mark.parametrize("layout", ["columns", "rows"])
+@pytest.mark.parametrize("plain", [True, False])
+@QUICK
+@given(data=st.data())
+def test_everything_that_csv_can_hold_survives_a_round_trip(
+    data, layout, plain, any_recording, bits_of, tmp_path_factory
+):
+    recording = data.draw(any_recording(types=NUMBERS, names=st.text("ab c\"',#\n/é", max_size=8)))
+    path = tmp_path_factory.mktemp("csv") / "x.csv"
+    with pytest.MonkeyPatch.context() as patch:
+        if plain:
+            patch.setattr(csv_file, "find_spec", lambda name: None)
+        write_csv(recording, path, layout)
+    again = read_csv(path)
+    np.testing.assert_array_equal(again.time_ns, recording.time_ns)
+    before, after = entries_of(recording), entries_of(again)
+    assert list(after) == [name for name, (element, _) in before.items() if element.count]
+    assert again.warnings == ()
+    for name, (element, entry) in after.items():
+        assert same_values(before[name][1].values, entry.values, bits_of), name
+        assert element.stamp_indices.tolist() == before[name][0].stamp_indices.tolist()
+
+
+def test_the_first_column_is_the_exact_time(plan, recorded, tmp_path, way):
+    write_csv(recorded([plan("/log/a")], 2), tmp_path / "x.csv")
+    lines = (tmp_path / "x.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines] == ["time", "1700000000.123456789", "1700000000.125456789"]
+
+
+def test_ticks_without_a_sample_are_empty_cells(plan, recorded, tmp_path, way):
+    plans = [plan("/log/a", "<i4", divider=3, size=2, buffer_type=BufferType.FIXED), plan("/log/b", "|S4", divider=2)]
+    recording = recorded(plans, 6)
+    recording.elements[1].entries[0].values[:] = [b"x", b"", b"y"]
+    write_csv(recording, tmp_path / "x.csv")
+    rows = [line.split(",")[1:] for line in (tmp_path / "x.csv").read_text().splitlines()[1:]]
+    assert [cells[0] != "" for cells in rows] == [True, False, False, True, False, False]
+    assert [cells[1] for cells in rows] == ['"x"', "", '""', "", '"y"', ""]
+
+
+def test_both_ways_of_writing_give_the_same_values(plan, recorded, tmp_path, monkeypatch):
+    pytest.importorskip("polars")
+    plans = [plan(f"/log/{i}", dtype, divider=1 + i % 3) for i, dtype in enumerate(NUMBERS)]
+    recording = recorded(plans, 30)
+    write_csv(recording, tmp_path / "polars.csv")
+    monkeypatch.setattr(csv_file, "find_spec", lambda name: None)
+    write_csv(recording, tmp_path / "plain.csv")
+    tables = [list(csv.reader((tmp_path / f"{way}.csv").open(newline=""))) for way in ("polars", "plain")]
+    assert tables[0][0] == tables[1][0]
+    for one, other in zip(*tables, strict=True):
+        for left, right in zip(one, other, strict=True):
+            assert left == right or repr(float(left)) == repr(float(right))
+
+
+def test_a_log_longer_than_a_chunk_has_no_seam(plan, recorded, tmp_path, way, monkeypatch):
+    monkeypatch.setattr(csv_file, "CHUNK_CELLS", 20)
+    recording = recorded([plan("/log/a", size=90), plan("/log/b", "<i4", divider=7, size=12)], 100)
+    write_csv(recording, tmp_path / "x.csv")
+    entries = entries_of(read_csv(tmp_path / "x.csv"))
+    for name, (element, entry) in entries_of(recording).items():
+        np.testing.assert_array_equal(entries[name][1].values, entry.values)
+        assert entries[name][0].first == element.first
+
+
+def test_pandas_reads_it(plan, recorded, tmp_path, way):
+    pandas = pytest.importorskip("pandas")
+    recording = recorded([plan('/log/a,"b"', "<i4"), plan("/log/s", "|S4", divider=2)], 6)
+    recording.elements[1].entries[0].values[:] = [b"x,y", b'"', b"12"]
+    write_csv(recording, tmp_path / "x.csv")
+    frame = pandas.read_csv(tmp_path / "x.csv")
+    assert frame['/log/a,"b"'].tolist() == recording.elements[0].entries[0].values.tolist()
+    assert frame["/log/s"].dropna().tolist() == ["x,y", '"', "12"]
+
+
+def test_polars_reads_it(plan, recorded, tmp_path, way):
+    polars = pytest.importorskip("polars")
+    recording = recorded([plan("/log/a", "<f8"), plan("/log/u", "<u8", divider=2)], 6)
+    write_csv(recording, tmp_path / "x.csv")
+    frame = polars.read_csv(tmp_path / "x.csv", schema_overrides={"/log/u": polars.UInt64})
+    np.testing.assert_array_equal(frame["/log/a"].to_numpy(), recording.elements[0].entries[0].values)
+    assert frame["/log/u"].drop_nulls().to_list() == recording.elements[1].entries[0].values.tolist()
+
+
+def test_rows_have_the_shape_of_the_original(plan, recorded, tmp_path):
+    recording = recorded([plan("/log/a", "|u1", size=2), plan("/log/b", "<i2", divider=2, size=2)], 8)
+    write_csv(recording, tmp_path / "x.csv", "rows")
+    rows = list(csv.reader(io.StringIO((tmp_path / "x.csv").read_text())))
+    assert [row[0] for row in rows] == ["/log/time_s", "/log/time_ns", "/log/a", "/log/b"]
+    # LOOPING rows are padded at the front, and every cell is followed by a comma
+    assert {len(row) for row in rows} == {6}
+    a, b = (element.entries[0].values.tolist() for element in recording.elements)
+    assert rows[2][1:] == ["", "", str(a[0]), str(a[1]), ""]
+    assert rows[3][1:] == [str(b[0]), "", str(b[1]), "", ""]
+
+
+def test_a_fixed_buffer_that_filled_early_gives_a_full_row(plan, recorded, tmp_path):
+    plans = [plan("/log/a", "<i4", buffer_type=BufferType.FIXED, size=2)]
+    write_csv(recorded(plans, 9), tmp_path / "x.csv", "rows")
+    rows = (tmp_path / "x.csv").read_text().splitlines()
+    assert rows[2].count(",") == rows[0].count(",")
+
+
+def test_an_unknown_layout_is_refused(plan, recorded, tmp_path):
+    with pytest.raises(SaveError, match="choose 'columns' or 'rows'"):
+        write_csv(recorded([plan("/log/a")], 1), tmp_path / "x.csv", "diagonal")
+
+
+def test_long_double_keeps_its_precision(plan, recorded, tmp_path):
+    recording = recorded([plan("/log/a", "<f16")], 4)
+    write_csv(recording, tmp_path / "x.csv")
+    texts = [line.split(",")[1] for line in (tmp_path / "x.csv").read_text().splitlines()[1:]]
+    assert [np.longdouble(text) for text in texts] == recording.elements[0].entries[0].values.tolist()
+
+
+def test_progress_rises_to_one(plan, recorded, tmp_path, monkeypatch):
+    monkeypatch.setattr(csv_file, "CHUNK_CELLS", 20)
+    for layout in ("columns", "rows"):
+        fractions = []
+        write_csv(recorded([plan("/log/a", size=90)], 100), tmp_path / "x.csv", layout, fractions.append)
+        assert fractions == sorted(fractions)
+        assert (fractions[0], fractions[-1]) == (0.0, 1.0)
+
+
+def test_a_table_of_another_tool_is_read(tmp_path):
+    (tmp_path / "x.csv").write_text("\ufefft,x,label\r\n0.5,1,on\r\n1.0,,off\r\n1.5,2.5,\r\n2.5,3,x\r\n")
+    recording = read_csv(tmp_path / "x.csv")
+    assert recording.time_ns.tolist() == [500_000_000, 1_000_000_000, 1_500_000_000, 2_500_000_000]
+    x, label = (element.entries[0].values.tolist() for element in recording.elements)
+    assert repr(x) == "[1.0, nan, 2.5, 3.0]"
+    assert label == [b"on", b"off", b"", b"x"]
+
+
+def test_dates_in_the_first_column_are_times(tmp_path):
+    (tmp_path / "x.csv").write_text("date,x\n2023-11-14 22:13:20.5,1\n2023-11-14 22:13:21,2\n")
+    assert read_csv(tmp_path / "x.csv").time_ns.tolist() == [1_700_000_000_500_000_000, 1_700_000_001_000_000_000]
+
+
+def test_a_line_that_is_cut_off_is_told_and_left_out(plan, recorded, tmp_path):
+    write_csv(recorded([plan("/log/a", "<i8"), plan("/log/b", "<i8")], 5), tmp_path / "x.csv")
+    text = (tmp_path / "x.csv").read_text()
+    (tmp_path / "x.csv").write_text(text[: text.rindex(",")])
+    recording = read_csv(tmp_path / "x.csv")
+    assert len(recording.time_ns) == 4
+    assert "record 6 has 2 cells" in recording.warnings[0]
+
+
+def test_cut_at_any_length_it_never_crashes(plan, recorded, tmp_path):
+    recording = recorded([plan("/log/a"), plan('/log/"q"', "|S4"), plan("/log/v", "<f4", "vector", divider=2)], 6)
+    for layout in ("columns", "rows"):
+        write_csv(recording, tmp_path / "x.csv", layout)
+        data = (tmp_path / "x.csv").read_bytes()
+        for length in range(len(data)):
+            (tmp_path / "cut.csv").write_bytes(data[:length])
+            try:
+                again = read_csv(tmp_path / "cut.csv")
+            except FileFormatError as error:
+                assert "cut.csv" in str(error)
+            else:
+                assert len(again.time_ns) <= len(recording.time_ns)
+
+
+@pytest.mark.parametrize("name", ["all_types", "looping_wrapped", "mixed_dividers", "time_buffer_full"])
+def test_numbers_in_files_of_the_original_are_read(name, fixtures_folder):
+    from silo.files.silo_file import read_silo
+
+    truth = read_silo(fixtures_folder / f"{name}.silo")
+    entries = entries_of(read_csv(fixtures_folder / f"{name}.csv"))
+    checked = 0
+    for entry_name, (element, entry) in entries_of(truth).items():
+        # 8-bit values are raw characters there, and the largest double is rounded to infinity
+        numeric = entry.values.dtype.kind in "iuf" and entry.values.dtype.itemsize > 1
+        if not numeric or entry_name.endswith("special"):
+            continue
+        again = entries[entry_name][1].values.astype(float)
+        np.testing.assert_allclose(again, entry.values.astype(float), rtol=1e-4)
+        assert entries[entry_name][0].first == element.first
+        checked += 1
+    assert checked > 15
+
+
+def test_what_is_no_table_is_an_error_that_names_the_file(tmp_path):
+    (tmp_path / "x.csv").write_text("a,b\nx,1\n")
+    with pytest.raises(FileFormatError, match=r"x\.csv.*first column \('a'\) holds no time"):
+        read_csv(tmp_path / "x.csv")
+    (tmp_path / "x.csv").write_text("")
+    with pytest.raises(FileFormatError, match="it is empty"):
+        read_csv(tmp_path / "x.csv")
+    with pytest.raises(LogNotFoundError, match="no file"):
+        read_csv(tmp_path / "none.csv")

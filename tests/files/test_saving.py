@@ -1,0 +1,268 @@
+"""One save: names, run numbers, several formats, and nothing half-done."""
+
+import errno
+import os
+import subprocess
+import sys
+import threading
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+from silo.errors import LogNotFoundError, SaveError
+from silo.files import PartlySavedError, silo_writer, write
+from silo.files.atomic import atomic_file, atomic_folder
+from silo.files.naming import check_name, find_log, log_path, next_run_number
+from silo.files.silo_file import read_silo
+from silo.model import FileType
+
+
+@pytest.fixture
+def recording(plan, recorded):
+    return recorded([plan("/log/a")], 5)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_run_numbers_count_from_one(tmp_path):
+    assert [next_run_number(tmp_path, "robot") for _ in range(3)] == [1, 2, 3]
+    assert (tmp_path / ".robot_fileNumber").read_text().strip() == "3"
+
+
+def test_each_logger_has_its_own_run_numbers(tmp_path):
+    assert [next_run_number(tmp_path, name) for name in ("a", "b", "a")] == [1, 1, 2]
+
+
+def test_the_number_of_the_original_is_taken_on(tmp_path):
+    (tmp_path / ".robot_fileNumber").write_text("99999")
+    assert next_run_number(tmp_path, "robot") == 100_000
+    path = log_path(tmp_path, "robot", 100_000, datetime(2026, 3, 4, 5, 6, 7), ".silo")
+    assert path.name == "robot_20260304_05-06-07_100000.silo"
+
+
+TAKE_NUMBERS = """
+import sys
+from silo.files.naming import next_run_number
+print(*[next_run_number(sys.argv[1], "robot") for _ in range(200)])
+"""
+
+
+def test_processes_that_save_at_once_get_different_numbers(tmp_path):
+    command = [sys.executable, "-c", TAKE_NUMBERS, str(tmp_path)]
+    workers = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    numbers = [int(number) for worker in workers for number in worker.communicate(timeout=60)[0].split()]
+    assert sorted(numbers) == list(range(1, 601))
+
+
+def test_threads_that_save_at_once_get_different_numbers(tmp_path):
+    numbers = []
+    threads = [
+        threading.Thread(target=lambda: numbers.extend(next_run_number(tmp_path, "robot") for _ in range(100)))
+        for _ in range(4)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(numbers) == list(range(1, 401))
+
+
+@pytest.mark.parametrize("content", ["", "x", "-4", "\0\0"])
+def test_a_damaged_counter_goes_on_after_the_newest_log(content, recording, tmp_path):
+    (tmp_path / ".robot_fileNumber").write_text("41")
+    write(recording, tmp_path, "robot", ["silo"])
+    (tmp_path / ".robot_fileNumber").write_text(content)
+    assert next_run_number(tmp_path, "robot") == 43
+
+
+def test_all_formats_of_a_save_share_one_name(recording, tmp_path):
+    saved = write(recording, tmp_path, "robot", [FileType.SILO, "csv", "silo"])
+    assert [file.type for file in saved] == [FileType.SILO, FileType.CSV]
+    stems = {str(Path(file.path).with_suffix("")) for file in saved}
+    assert len(stems) == 1
+    assert stems.pop().endswith("_00001")
+    assert all(Path(file.path).stat().st_size == file.size_bytes for file in saved)
+
+
+def test_a_bag_is_a_folder_with_the_size_of_its_files(recording, tmp_path):
+    (saved,) = write(recording, tmp_path, "robot", ["bag"])
+    assert Path(saved.path).is_dir()
+    assert saved.size_bytes == sum(path.stat().st_size for path in Path(saved.path).iterdir())
+
+
+def test_a_custom_name_takes_the_ending_of_the_format(recording, tmp_path):
+    assert [Path(file.path).name for file in write(recording, tmp_path, "r", ["silo", "csv"], "my run.silo")] == [
+        "my run.silo",
+        "my run.csv",
+    ]
+
+
+def test_a_custom_name_that_is_taken_is_refused_before_anything_is_written(recording, tmp_path):
+    (tmp_path / "x.csv").write_text("precious")
+    with pytest.raises(SaveError, match=r"x\.csv' exists already"):
+        write(recording, tmp_path, "robot", ["silo", "csv"], "x")
+    assert names(tmp_path) == ["x.csv"]
+
+
+@pytest.mark.parametrize("name", ["a/b", "../a", ".hidden", "", "  ", "a\nb", "a\0b", "x" * 300, "é" * 150, ".silo"])
+def test_names_that_are_no_plain_file_names_are_refused(name, recording, tmp_path):
+    with pytest.raises(SaveError, match="can't be the name of a log"):
+        write(recording, tmp_path, "robot", ["silo"], name)
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["a b", "Ω", "run-1", "x" * 200, "a.b"])
+def test_other_names_are_taken(name):
+    assert check_name(name) == name
+
+
+def test_an_unknown_type_is_refused(recording, tmp_path):
+    with pytest.raises(SaveError, match="unknown file type 'xls': choose from silo, csv, bag"):
+        write(recording, tmp_path, "robot", ["xls"])
+    with pytest.raises(SaveError, match="no file type"):
+        write(recording, tmp_path, "robot", [])
+
+
+def test_a_missing_folder_is_made(recording, tmp_path):
+    write(recording, tmp_path / "a" / "b", "robot", ["silo"])
+    assert len(names(tmp_path / "a" / "b")) == 2
+
+
+def test_a_folder_that_can_not_be_made_is_an_error(recording, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(SaveError, match="can't make the folder"):
+        write(recording, tmp_path / "file", "robot", ["silo"])
+
+
+def fail_writing(monkeypatch, error):
+    def refuse(*_arguments):
+        raise error
+
+    monkeypatch.setattr(silo_writer, "write_all", refuse)
+
+
+def test_a_full_disk_is_told_and_leaves_nothing(recording, tmp_path, monkeypatch):
+    fail_writing(monkeypatch, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    with pytest.raises(SaveError, match=r"x\.silo': No space left on device; nothing was left"):
+        silo_writer.write_silo(recording, tmp_path / "x.silo")
+    assert names(tmp_path) == []
+
+
+def test_ctrl_c_leaves_nothing(recording, tmp_path, monkeypatch):
+    fail_writing(monkeypatch, KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        silo_writer.write_silo(recording, tmp_path / "x.silo")
+    assert names(tmp_path) == []
+
+
+def test_a_failed_save_leaves_what_stood_under_the_name(recording, tmp_path, monkeypatch):
+    (tmp_path / "x.silo").write_text("old")
+    fail_writing(monkeypatch, OSError(errno.EIO, "broken"))
+    with pytest.raises(SaveError):
+        silo_writer.write_silo(recording, tmp_path / "x.silo")
+    assert (tmp_path / "x.silo").read_text() == "old"
+    assert names(tmp_path) == ["x.silo"]
+
+
+def test_if_one_format_fails_the_others_are_written_and_the_error_names_both(recording, tmp_path, monkeypatch):
+    fail_writing(monkeypatch, OSError(errno.ENOSPC, "No space left on device"))
+    with pytest.raises(PartlySavedError, match=r"x\.silo': No space.*; saved: .*x\.csv") as caught:
+        write(recording, tmp_path, "robot", ["silo", "csv"], "x")
+    assert [file.type for file in caught.value.saved] == [FileType.CSV]
+    assert names(tmp_path) == ["x.csv"]
+
+
+def test_progress_of_a_save_runs_over_all_formats(recording, tmp_path):
+    fractions = []
+    write(recording, tmp_path, "robot", ["silo", "csv"], progress=fractions.append)
+    assert fractions == sorted(fractions)
+    assert (fractions[0], fractions[-1]) == (0.0, 1.0)
+    assert 0.5 in fractions
+
+
+def test_a_file_stands_under_its_name_only_when_it_is_whole(tmp_path):
+    with atomic_file(tmp_path / "x") as file:
+        file.write(b"1")
+        assert not (tmp_path / "x").exists()
+    assert (tmp_path / "x").read_bytes() == b"1"
+    assert names(tmp_path) == ["x"]
+
+
+def test_a_folder_stands_under_its_name_only_when_it_is_whole(tmp_path):
+    with atomic_folder(tmp_path / "x") as folder:
+        (folder / "a").write_text("1")
+        assert not (tmp_path / "x").exists()
+    assert names(tmp_path / "x") == ["a"]
+    with pytest.raises(SaveError, match="exists already"), atomic_folder(tmp_path / "x"):
+        pass
+    with pytest.raises(KeyboardInterrupt), atomic_folder(tmp_path / "y") as folder:
+        (folder / "a").write_text("1")
+        raise KeyboardInterrupt
+    assert names(tmp_path) == ["x"]
+
+
+def test_a_missing_folder_is_an_error_of_the_save(recording, tmp_path):
+    with pytest.raises(SaveError, match="No such file or directory"):
+        silo_writer.write_silo(recording, tmp_path / "none" / "x.silo")
+
+
+@pytest.fixture
+def folder(recording, tmp_path):
+    """Logs of two loggers, of two days, one of them also as CSV, and one with a name of its own."""
+    for name in (
+        "robot_20260301_10-00-00_00001.silo",
+        "robot_20260302_10-00-00_00002.csv",
+        "robot_20260302_10-00-00_00002.silo",
+        "arm_20260303_10-00-00_00001.silo",
+        "arm_20260303_10-00-01_100000.silo",
+        "my run.silo",
+        "notes.txt",
+    ):
+        (tmp_path / name).write_text("x")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("which", "name"),
+    [
+        ("robot_20260301_10-00-00_00001.silo", "robot_20260301_10-00-00_00001.silo"),
+        ("robot", "robot_20260302_10-00-00_00002.silo"),
+        ("robot_20260301", "robot_20260301_10-00-00_00001.silo"),
+        ("arm_", "arm_20260303_10-00-01_100000.silo"),
+        ("my", "my run.silo"),
+        (2, "robot_20260302_10-00-00_00002.silo"),
+        (100_000, "arm_20260303_10-00-01_100000.silo"),
+        ("2", "robot_20260302_10-00-00_00002.silo"),
+    ],
+)
+def test_logs_are_found_by_path_start_and_run_number(which, name, folder):
+    assert find_log(which, folder) == folder / name
+
+
+def test_a_path_is_found_from_anywhere(folder, tmp_path_factory):
+    path = folder / "my run.silo"
+    assert find_log(path, tmp_path_factory.mktemp("else")) == path
+    assert find_log(str(path)[:-7]) == path
+
+
+def test_a_run_number_of_two_loggers_is_ambiguous(folder):
+    with pytest.raises(LogNotFoundError, match=r"several loggers \(arm, robot\); say which .* like 'arm_'"):
+        find_log(1, folder)
+
+
+def test_what_is_there_is_told_when_nothing_is_found(folder, tmp_path):
+    with pytest.raises(LogNotFoundError, match=r"no log 'leg' in .*; there are: .* and \d more"):
+        find_log("leg", folder)
+    with pytest.raises(LogNotFoundError, match="no log of run 7"):
+        find_log(7, folder)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(LogNotFoundError, match="the folder holds no log"):
+        find_log("x", tmp_path / "empty")
+
+
+def test_what_was_written_is_found_and_read(recording, tmp_path):
+    write(recording, tmp_path, "robot", ["silo"])
+    assert read_silo(find_log(1, tmp_path)).elements[0].name == "/log/a"
