@@ -18,7 +18,7 @@ from silo_tui.link import Link, LinkChanged, LoggerEvent, ViewFailed
 from silo_tui.model import commands
 from silo_tui.palette import DeedProvider
 from silo_tui.screens.base import SiloScreen
-from silo_tui.screens.loggers import LoggerLine, LoggersScreen
+from silo_tui.screens.loggers import LoggersScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.session import LiveSource, Session
 
@@ -153,12 +153,11 @@ class SiloApp(App[None]):
                 problem = ended
             chosen = self._choice(found.loggers, first=first)
             if chosen is not None and not problem:
-                await self._open(chosen.name, chosen.pid)
+                await self._open(chosen)
                 return
             screen = self.screen
             if isinstance(screen, LoggersScreen):
-                lines = [LoggerLine(each.name, each.user, each.pid) for each in found.loggers]
-                screen.show(lines, found.advice, problem)
+                screen.show(found.loggers, found.advice, problem)
             first = False
             await asyncio.sleep(LOOK_S if self._demo is None else 0.1)
 
@@ -170,25 +169,25 @@ class SiloApp(App[None]):
             return named[0] if len(named) == 1 else None
         return loggers[0] if len(loggers) == 1 else None
 
-    def open_logger(self, name: str, pid: int) -> None:
+    def open_logger(self, logger: FoundLogger) -> None:
         """Opens a logger from the list."""
         self.workers.cancel_group(self, "search")
-        self.run_worker(self._open(name, pid), group="search", exclusive=True)
+        self.run_worker(self._open(logger), group="search", exclusive=True)
 
-    async def _open(self, name: str, pid: int) -> None:
+    async def _open(self, logger: FoundLogger) -> None:
         if self._session is not None:
             self._session.close()
-        session = self._session = Session(name)
+        session = self._session = Session(logger.name)
         screen = TableScreen(session, read_only=self._read_only)
         while isinstance(self.screen, TableScreen) or len(self.screen_stack) > 2:
             await self.pop_screen()
         await self.switch_screen(screen)
         try:
-            client = await asyncio.to_thread(self._finder.connect, name, pid)
+            client = await asyncio.to_thread(self._finder.connect, logger)
             await session.attach(Link(client, self.post_message, self._rate_hz))
         except SiloError as error:
             self._session = None
-            await self.switch_screen(LoggersScreen(name))
+            await self.switch_screen(LoggersScreen(logger.name))
             self.fail(str(error))
             self.run_worker(self._search(), group="look")
             return
@@ -231,7 +230,7 @@ class SiloApp(App[None]):
         if len(named) != 1 or named[0].pid == session.status.pid or session.lost_since is None:
             return
         old = session.link
-        client = await asyncio.to_thread(self._finder.connect, session.name, named[0].pid)
+        client = await asyncio.to_thread(self._finder.connect, named[0])
         await session.attach(Link(client, self.post_message, self._rate_hz))
         session.link.watch_again() if session.link is not None else None
         if old is not None:
@@ -363,7 +362,7 @@ class SiloApp(App[None]):
         while self.screen is screen:
             found = await asyncio.to_thread(self._finder.find)
             if self.screen is screen:
-                screen.show([LoggerLine(each.name, each.user, each.pid) for each in found.loggers], found.advice)
+                screen.show(found.loggers, found.advice)
             await asyncio.sleep(LOOK_S)
 
     def back_to_table(self) -> None:
@@ -386,6 +385,14 @@ class SiloApp(App[None]):
         self.push_screen(MonitorScreen(self.session, self.source, names))
 
     # ---------------------------------------------------------------------------------------------- command line
+
+    def learn_scripts(self) -> None:
+        """Asks for the names of the scripts, for completion."""
+        self.run_worker(self._quietly(self._learn_scripts()), group="scripts", exclusive=True)
+
+    async def _learn_scripts(self) -> None:
+        scripts = await self.link.read(lambda client: client.scripts())
+        self.script_names = tuple(scripts.names)
 
     @property
     def command_words(self) -> list[str]:

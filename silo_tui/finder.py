@@ -13,6 +13,7 @@ class FoundLogger:
     name: str
     pid: int
     user: str
+    key: str  # tells loggers apart, also two of one name
 
 
 @dataclass(frozen=True)
@@ -29,5 +30,5 @@ class Finder(Protocol):
     def find(self) -> Found:
         """The loggers that run now."""
 
-    def connect(self, name: str, pid: int) -> ClientLike:
+    def connect(self, logger: FoundLogger) -> ClientLike:
         """A connection to one of them; ConnectionLostError says what to do when it doesn't answer."""

@@ -90,15 +90,29 @@ def entry_text(entry: Entry, value: float, word: str | None, width: int) -> str:
     """One value as its type wants to be read: labels for enumerations, words for bool, text for strings."""
     kind = entry.dtype[1:2]
     if kind in "SU":
-        return "" if word is None else (word if len(word) <= width else word[: width - 1] + "…")
+        return _fit(word or "", width)
     if np.isnan(value):
         return "nan" if kind in "fc" else "-"
     if entry.labels:
         label = entry.labels.get(int(value))
-        return (label if len(label) <= width else label[: width - 1] + "…") if label else f"{int(value)}?"
+        return _fit(label, width) if label else f"{int(value)}?"
     if kind == "b":
         return "true" if value else "false"
+    if kind == "M":
+        return _fit(_moment(entry.dtype, value), width)
     return text.number(value, width, integer=kind in "iumM")
+
+
+def _fit(words: str, width: int) -> str:
+    words = text.clean(words)
+    return words if len(words) <= width else words[: width - 1] + "…"
+
+
+def _moment(dtype: str, value: float) -> str:
+    """A date and time, the time first where there is little room: its type says in which unit it counts."""
+    stamp = np.array([int(value)], "i8").view(dtype)[0]
+    day, _, hours = str(stamp.astype("datetime64[ms]")).partition("T")
+    return f"{hours} {day}"
 
 
 def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str:

@@ -14,16 +14,20 @@ def number(value: float, width: int = 11, *, integer: bool = False) -> str:
         return "inf" if value > 0 else "-inf"
     if integer:
         text = str(int(value))
-        return text if len(text) <= width else f"{value:.{max(0, width - 7)}e}"
+        return text if len(text) <= width else _scientific(value, width)
     size = abs(value)
     if value != 0 and (size >= 1e6 or size < 1e-4):
-        return f"{value:.{max(0, min(4, width - 7))}e}"
+        return _scientific(value, width)
     decimals = 4 if size < 1000 else 2
     text = f"{value:.{decimals}f}"
     while len(text) > width and decimals:
         decimals -= 1
         text = f"{value:.{decimals}f}"
-    return text if len(text) <= width else f"{value:.0e}"
+    return text if len(text) <= width else _scientific(value, width)
+
+
+def _scientific(value: float, width: int) -> str:
+    return next((text for digits in (4, 3, 2, 1, 0) if len(text := f"{value:.{digits}e}") <= width), f"{value:.0e}")
 
 
 def compact(value: float) -> str:
@@ -78,6 +82,11 @@ def bar(share: float, width: int) -> str:
     eighths = round(max(0.0, min(1.0, share)) * width * 8)
     full, part = divmod(eighths, 8)
     return ("█" * full + (BARS[part - 1] if part else "")).ljust(width)
+
+
+def clean(words: str) -> str:
+    """Without what would move the terminal's cursor or ring its bell: a logged string may hold anything."""
+    return words if words.isprintable() else "".join(char if char.isprintable() else "·" for char in words)
 
 
 def shorten_left(text: str, width: int) -> str:

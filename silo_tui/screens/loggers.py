@@ -1,7 +1,6 @@
 """Which logger? Shown when there are several, and while there is none: then it says what to start."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from rich.text import Text
@@ -12,6 +11,7 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo_tui.actions import bindings_for
+from silo_tui.finder import FoundLogger
 from silo_tui.screens.base import SiloScreen
 from silo_tui.widgets.bars import KeyBar
 
@@ -25,15 +25,6 @@ Start one:
 or press D for the demo. q quits."""
 
 
-@dataclass(frozen=True)
-class LoggerLine:
-    """A logger in the list."""
-
-    name: str
-    user: str
-    pid: int
-
-
 class LoggersScreen(SiloScreen):
     """A list, or what to do when it would be empty."""
 
@@ -43,7 +34,7 @@ class LoggersScreen(SiloScreen):
     def __init__(self, wanted: str = "") -> None:
         super().__init__()
         self._wanted = wanted
-        self._lines: tuple[LoggerLine, ...] | None = None
+        self._lines: tuple[FoundLogger, ...] | None = None
 
     def compose(self) -> ComposeResult:
         """Title, list, advice, keys."""
@@ -53,7 +44,7 @@ class LoggersScreen(SiloScreen):
             yield Static("Looking for loggers …", id="loggers-advice", markup=False)
         yield KeyBar("loggers")
 
-    def show(self, lines: Sequence[LoggerLine], forbidden: Sequence[str], problem: str = "") -> None:
+    def show(self, lines: Sequence[FoundLogger], forbidden: Sequence[str], problem: str = "") -> None:
         """What was found."""
         options = self.query_one(OptionList)
         if tuple(lines) != self._lines:
@@ -62,7 +53,7 @@ class LoggersScreen(SiloScreen):
             width = max((len(line.name) for line in lines), default=0)
             for line in lines:
                 words = Text(f" {line.name:<{width}}  pid {line.pid}  {line.user}")
-                options.add_option(Option(words, id=f"{line.name}\n{line.pid}"))
+                options.add_option(Option(words, id=line.key))
             self._lines = tuple(lines)
             if lines:
                 options.highlighted = min(kept, len(lines) - 1)
@@ -78,8 +69,9 @@ class LoggersScreen(SiloScreen):
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Opens it."""
-        name, _, pid = (event.option.id or "").partition("\n")
-        self.silo.open_logger(name, int(pid))
+        for line in self._lines or ():
+            if line.key == event.option.id:
+                self.silo.open_logger(line)
 
     def deed_open_logger(self) -> None:
         """Enter where the list has no focus."""

@@ -384,6 +384,7 @@ class TableScreen(SiloScreen):
     # --------------------------------------------------------------------------------------------- typed lines
 
     def deed_command(self) -> None:
+        self.silo.learn_scripts()
         self.query_one("#command-line", Line).open()
         self.info.display = False
 

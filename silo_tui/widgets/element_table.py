@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from rich.cells import set_cell_size
 from rich.segment import Segment
 from rich.style import Style
 from textual import events
@@ -146,11 +147,17 @@ class ElementTable(ScrollView, can_focus=True):
         self._styles.clear()
 
     def on_click(self, event: events.Click) -> None:
-        """A click puts the cursor there; a click on the cursor edits."""
+        """A click puts the cursor there, on the cursor it edits, in front of a name it marks."""
         position = event.y + self.scroll_offset.y
         if position >= len(self.rows.shown):
             return
         field = self.field_at(event.x)
+        if event.x < FLAGS:
+            self.rows.move_to(position)
+            self.rows.toggle_mark()
+            self.refresh()
+            self.show_cursor()
+            return
         again = position == self.rows.position and (field is None or field is self.field)
         self.rows.move_to(position)
         self.field = field if field is not None else self.field
@@ -220,7 +227,7 @@ class ElementTable(ScrollView, can_focus=True):
         yield Segment(flag, self._style(*base, flag_style))
         yield Segment(">" if marked else " ", self._style(*base, "table--marked"))
         width = self.name_width
-        name = text.shorten_left(self.session.short_name(self.session.table.names[row]), width).ljust(width)
+        name = self._fitted(text.shorten_left(self.session.short_name(self.session.table.names[row]), width), width)
         yield Segment(name, self._style(*base, *(["table--marked"] if marked else [])))
         quiet = [] if is_cursor else ["table--quiet"]  # grey on the cursor's line is hard to read in 16 colours
         yield Segment(" " + self._unit(row), self._style(*base, *quiet))
@@ -253,8 +260,12 @@ class ElementTable(ScrollView, can_focus=True):
 
     def _unit(self, row: int) -> str:
         unit = self.session.table.elements[row].unit
-        unit = "" if unit == "-" else unit
-        return unit[:UNIT].ljust(UNIT)
+        return self._fitted("" if unit == "-" else unit, UNIT)
+
+    def _fitted(self, words: str, width: int) -> str:
+        """Exactly `width` cells; some letters take two."""
+        words = text.clean(words)
+        return words[:width].ljust(width) if words.isascii() else set_cell_size(words, width)
 
 
 class TableHead(ScrollView):

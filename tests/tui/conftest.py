@@ -327,10 +327,15 @@ class FakeFinder:
         self.advice: tuple[str, ...] = ()
 
     def find(self) -> Found:
-        return Found(tuple(FoundLogger(client.name, client.pid, "ann") for client in self.clients), self.advice)
+        return Found(
+            tuple(
+                FoundLogger(client.name, client.pid, "ann", f"{client.name}.{client.pid}") for client in self.clients
+            ),
+            self.advice,
+        )
 
-    def connect(self, name: str, pid: int) -> FakeClient:
-        return next(client for client in self.clients if (client.name, client.pid) == (name, pid))
+    def connect(self, logger: FoundLogger) -> FakeClient:
+        return next(client for client in self.clients if client.pid == logger.pid and client.name == logger.name)
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -1,6 +1,8 @@
 """The table screen, driven by keys."""
 
+import msgspec
 import numpy as np
+from rich.cells import cell_len
 
 from silo.ipc.messages import EventKind, State
 from silo_tui.model.fields import Field
@@ -244,3 +246,31 @@ async def test_ten_thousand_elements_are_there_and_the_last_is_a_key_away(new_fa
         await screen.press("G")
         assert "signal09999" in screen.text
         assert np.array_equal(screen.session.rows.shown[-1:], [9999])
+
+
+async def test_a_click_puts_the_cursor_there_and_marks_in_front_of_a_name(fake, opened):
+    async with opened(fake) as screen:
+        await screen.pilot.click("ElementTable", offset=(10, 3))
+        assert screen.session.rows.position == 3
+        await screen.pilot.click("ElementTable", offset=(0, 5))
+        assert list(np.flatnonzero(screen.session.rows.marked)) == [screen.session.rows.shown[5]]
+
+
+async def test_a_click_in_the_key_bar_does_what_the_key_does(fake, opened):
+    async with opened(fake) as screen:
+        await screen.pilot.click("KeyBar", offset=(3, 0))
+        assert screen.session.rows.marked_count == 1
+
+
+async def test_nothing_published_is_told(new_fake, robot, opened):
+    fake = new_fake([info for info in robot if not info.options.action.publishes])
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.shows("Nothing is published")
+
+
+async def test_letters_of_two_cells_don_t_move_the_columns(new_fake, robot, opened):
+    odd = msgspec.structs.replace(robot[0], name="/log/関節/角度")
+    async with opened(new_fake([odd, *robot[1:3]])) as screen:
+        lines = [line for line in screen.text.splitlines() if "[x]" in line]
+        assert {cell_len(line[: line.index("[x]")]) for line in lines} == {36}

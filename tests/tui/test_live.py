@@ -1,0 +1,60 @@
+"""How newest values read in a cell."""
+
+import numpy as np
+import pytest
+
+from silo.model import ElementInfo, ElementOptions, Entry
+from silo_tui.model import text
+from silo_tui.model.live import Reading, entry_text, value_text
+
+
+@pytest.mark.parametrize(
+    ("dtype", "value", "word", "shown"),
+    [
+        ("<f8", -0.7568, None, "-0.7568"), ("<f8", 1234.5678, None, "1234.57"), ("<f8", 1.5e7, None, "1.5000e+07"),
+        ("<f8", 2.5e-6, None, "2.5000e-06"), ("<f8", float("nan"), None, "nan"), ("<f8", float("-inf"), None, "-inf"),
+        ("<i4", -42.0, None, "-42"), ("|b1", 1.0, None, "true"), ("|S8", float("nan"), "hello", "hello"),
+        ("|S80", float("nan"), "a much longer text", "a much lon…"), ("<i8", 2.0**40, None, "1099511627776"[:13]),
+        ("<M8[ms]", 1_790_000_000_123.0, None, "14:13:20.1…"),
+    ],
+)  # fmt: skip
+def test_a_value_reads_as_its_type_wants(dtype, value, word, shown):
+    width = 13 if dtype == "<i8" else 11
+    assert entry_text(Entry("", dtype), value, word, width) == shown
+
+
+def test_an_enumeration_reads_as_its_label():
+    entry = Entry("", "<i4", {2: "trot"})
+    assert [entry_text(entry, value, None, 11) for value in (2.0, 7.0)] == ["trot", "7?"]
+
+
+def test_escape_sequences_in_a_logged_string_don_t_reach_the_terminal():
+    assert entry_text(Entry("", "|S16"), float("nan"), "\x1b[2Jboom\n", 16) == "·[2Jboom·"
+
+
+def test_a_vector_reads_as_a_list_cut_where_it_must():
+    element = ElementInfo("/v", "m", "vector", (3,), tuple(Entry(f"_{c}", "<f8") for c in "xyz"), ElementOptions())
+    reading = Reading(np.array([1.0, -2.5, 0.001]), {}, 1, 0, 0)
+    assert (value_text(element, reading, 20), value_text(element, reading, 8)) == ("1 -2.5 0.001", "1 -2.5 …")
+
+
+@pytest.mark.parametrize("width", [8, 11, 16])
+@pytest.mark.parametrize("value", [0.0, 1.0, -99999.123, 123456.0, -1e300, 4.9e-324, 1e15, 999999.99999])
+def test_no_number_is_wider_than_its_cell(value, width):
+    assert len(text.number(value, width)) <= width
+
+
+@pytest.mark.parametrize(
+    ("seconds", "shown"), [(0, "00:00"), (75, "01:15"), (3723, "1:02:03"), (90000, "1 d 01:00"), (-3, "00:00")]
+)
+def test_durations(seconds, shown):
+    assert text.duration(seconds) == shown
+
+
+@pytest.mark.parametrize(("seconds", "shown"), [(2e-5, "20 us"), (0.002, "2 ms"), (10, "10 s"), (300, "5 min")])
+def test_spans(seconds, shown):
+    assert text.span(seconds) == shown
+
+
+def test_a_name_is_shortened_at_its_beginning():
+    assert text.shorten_left("/log/legs/LF/joint002/torque", 20) == "…/LF/joint002/torque"
