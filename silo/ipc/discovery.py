@@ -1,0 +1,119 @@
+"""Finding loggers: a scan of the folders, no daemon, no broadcast. `survey` asks all of them for their status."""
+
+import re
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from silo.errors import ConnectionLostError, SiloError
+from silo.ipc import keys
+from silo.ipc.exchange import ask_once
+from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders, user_name
+from silo.ipc.messages import GetStatus, Status, StatusReply
+from silo.ipc.session import SOCKET_SUFFIX, close, open_client, owner_is_gone
+
+_SOCKET = re.compile(r"(?P<name>.+)\.(?P<pid>[0-9]+)(?:-[0-9]+)?\.sock")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A logger that listens. `pid` is the robot program's; `socket` is empty for one that is reached by `config`."""
+
+    name: str
+    pid: int
+    socket: str
+    user: str
+    config: str = ""
+    host: str = ""
+
+    @property
+    def label(self) -> str:
+        """The name with the process id, which tells loggers of one name apart: `anymal.4711`."""
+        return f"{self.name}.{self.pid}" if self.pid else self.name
+
+
+@dataclass(frozen=True)
+class Discovery:
+    """What was found, by name, and which folders are closed to us."""
+
+    loggers: list[Found]
+    forbidden: list[ForbiddenFolder]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a logger said of itself: its status, or why there is none."""
+
+    found: Found
+    status: Status | None
+    error: str = ""
+
+
+def discover(timeout_s: float = 1.0, config: str = "") -> Discovery:
+    """Loggers of this host that this user may talk to; with `config` those that this Zenoh configuration reaches.
+
+    A scan of folders takes about a millisecond; only `config` can take up to `timeout_s`. Raises ConnectionLostError
+    where `config` reaches nobody.
+    """
+    if config:
+        return Discovery(_remote(config, timeout_s), [])
+    loggers = [found for folder in usable_folders() for found in _scan(folder)]
+    return Discovery(sorted(loggers, key=lambda found: (found.name, found.pid)), forbidden_folders())
+
+
+def _scan(folder: Path) -> list[Found]:
+    loggers = []
+    for path in folder.glob(f"*{SOCKET_SUFFIX}"):
+        match = _SOCKET.fullmatch(path.name)
+        if match is None or owner_is_gone(path):
+            continue
+        try:
+            owner = user_name(path.lstat().st_uid)
+        except FileNotFoundError:
+            continue
+        loggers.append(Found(match["name"], int(match["pid"]), str(path), owner))
+    return loggers
+
+
+def _remote(config: str, timeout_s: float) -> list[Found]:
+    session = open_client(None, config)
+    try:
+        replies = list(session.liveliness().get(keys.ANY_ALIVE, timeout=timeout_s))
+    finally:
+        close(session)
+    roots = {keys.root_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+    return [Found(root.logger, 0, "", "", config, root.host) for root in sorted(roots)]
+
+
+def survey(loggers: list[Found], timeout_s: float = 1.0) -> list[Answer]:
+    """The status of each logger, asked in parallel: one that is frozen costs `timeout_s`, not the sum of them."""
+    answers: dict[int, Answer] = {}
+
+    def ask(place: int, found: Found) -> None:
+        try:
+            reply = ask_once(found.socket, found.config, GetStatus(), timeout_s, found.host, found.name)
+            if not isinstance(reply, StatusReply):
+                raise ConnectionLostError(f"answered with {type(reply).__name__}")
+            answers[place] = Answer(found, reply.status)
+        except SiloError as error:
+            answers[place] = Answer(found, None, str(error))
+
+    threads = [threading.Thread(target=ask, args=item, name="silo-survey") for item in enumerate(loggers)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return [answers[place] for place in range(len(loggers))]
+
+
+def not_found_text(name: str, discovery: Discovery) -> str:
+    """Why a logger can't be reached, and what to do."""
+    wanted = f"no logger '{name}'" if name else "no logger"
+    if discovery.loggers:
+        others = ", ".join(found.label for found in discovery.loggers)
+        return f"{wanted} on this host; there are: {others}"
+    text = f"{wanted} is running on this host; start your robot program (it must call serve()), or try `silo demo`"
+    for folder in discovery.forbidden:
+        names = ", ".join(folder.loggers)
+        text += f"\nuser {folder.owner} runs {names} in {folder.path}, which is closed to you: {folder.advice}"
+    return text

@@ -1,0 +1,102 @@
+"""One request, one reply: encoding, waiting, and turning silence into words. Used by everything that asks a helper."""
+
+import os
+import socket
+import sys
+from pathlib import Path
+
+import msgspec
+import zenoh
+
+from silo.errors import ConnectionLostError, RefusedError
+from silo.ipc import keys
+from silo.ipc.folders import user_name
+from silo.ipc.messages import (
+    AnyAsk,
+    AnyDo,
+    AnyReply,
+    ApplyEdits,
+    LoadScript,
+    Problem,
+    Refused,
+    RefusedWhy,
+    Restart,
+    Save,
+    SaveScript,
+    Start,
+    Stop,
+)
+from silo.ipc.session import close, open_client
+
+DO_REQUESTS = (ApplyEdits, Start, Stop, Restart, Save, LoadScript, SaveScript)
+
+encoder = msgspec.msgpack.Encoder()
+_reply_decoder = msgspec.msgpack.Decoder(AnyReply)
+
+
+class RequestRefusedError(RefusedError):
+    """The helper process won't do this: `why` to act on, `problems` with one line per rejected field."""
+
+    def __init__(self, refused: Refused) -> None:
+        super().__init__(refused.text)
+        self.why: RefusedWhy = refused.why
+        self.problems: list[Problem] = refused.problems
+
+
+def client_name() -> str:
+    """Who asks, for events: `alice@laptop silo-tui 4711`."""
+    program = Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "python"
+    return f"{user_name(os.getuid())}@{socket.gethostname()} {program} {os.getpid()}"
+
+
+def key_of(request: AnyAsk | AnyDo, root: keys.Root | None) -> str:
+    """The key that a request goes to; without a root, whoever is at the other end of the session."""
+    kind = "do" if isinstance(request, DO_REQUESTS) else "ask"
+    return root.key(kind) if root is not None else f"silo/*/*/{kind}"
+
+
+def exchange(
+    session: zenoh.Session, key: str, request: AnyAsk | AnyDo, timeout_s: float, who: str
+) -> tuple[AnyReply, keys.Root]:
+    """Sends a request and waits for its reply, and says who replied. Raises ConnectionLostError, never a refusal."""
+    try:
+        replies = list(session.get(key, payload=encoder.encode(request), timeout=timeout_s))
+    except zenoh.ZError as error:
+        raise ConnectionLostError(f"lost the connection to {who}: {error}") from error
+    for reply in replies:
+        if reply.ok is not None:
+            return decode_reply(reply.ok.payload.to_bytes(), who), keys.root_of(str(reply.ok.key_expr))
+    if replies:
+        raise ConnectionLostError(
+            f"{who} did not answer within {timeout_s:g} s: its helper process is frozen or overloaded; try again"
+        )
+    raise ConnectionLostError(
+        f"{who} gave no answer: its helper process has ended, or access rules don't let this user ask"
+    )
+
+
+def decode_reply(payload: bytes, who: str) -> AnyReply:
+    """A reply. Raises ConnectionLostError for one that can't be understood."""
+    try:
+        reply: AnyReply = _reply_decoder.decode(payload)
+    except msgspec.MsgspecError as error:
+        raise ConnectionLostError(
+            f"{who} answers in words that this version of silo doesn't know ({error}): "
+            "install the same version of silo on both sides"
+        ) from error
+    return reply
+
+
+def ask_once(
+    socket_path: str, config: str, request: AnyAsk | AnyDo, timeout_s: float, host: str = "", logger: str = ""
+) -> AnyReply:
+    """Opens a session, asks, closes it. Raises ConnectionLostError, or RequestRefusedError."""
+    session = open_client(Path(socket_path) if socket_path else None, config or None)
+    try:
+        root = keys.Root(host, logger) if host else None
+        reply, _ = exchange(session, key_of(request, root), request, timeout_s, f"logger '{logger}'")
+    finally:
+        close(session)
+    if isinstance(reply, Refused):
+        raise RequestRefusedError(reply)
+    return reply

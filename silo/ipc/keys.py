@@ -1,0 +1,62 @@
+"""The keys under which a logger is reached: all begin with `silo/<host>/<logger>`.
+
+    ask, do          queries: those that read, those that change something
+    event            events
+    alive            liveliness token of the helper process
+    client/<id>      liveliness token of a client; its views are called `<id>-<number>`
+    view/<id>        frames of a view
+    topic/<element>  samples of a published element
+"""
+
+import re
+from typing import NamedTuple
+from urllib.parse import unquote
+
+# Zenoh reserves these, a leading `@` hides a key from wildcards, and `%` is our own escape
+_RESERVED = re.compile(r"[%*$?#@\x00-\x20\x7f]")
+VIEW_ID = re.compile(r"[A-Za-z0-9]{1,32}-[0-9]{1,9}")
+
+ANY_ASK = "silo/*/*/ask"
+ANY_ALIVE = "silo/*/*/alive"
+
+
+class Root(NamedTuple):
+    """Whose keys these are."""
+
+    host: str
+    logger: str
+
+    def __str__(self) -> str:
+        return f"silo/{escape(self.host)}/{escape(self.logger)}"
+
+    def key(self, *parts: str) -> str:
+        """A key of this logger: `root.key("view", "x1-2")`."""
+        return "/".join((str(self), *parts))
+
+    def topic(self, element: str) -> str:
+        """Where the samples of an element are published."""
+        return f"{self}/topic/{escape(element.strip('/'))}"
+
+
+def escape(name: str) -> str:
+    """A name as part of a key; slashes stay, reserved characters become `%XX`, empty chunks `%`."""
+    escaped = _RESERVED.sub(lambda found: f"%{ord(found[0]):02X}", name)
+    return "/".join(chunk or "%" for chunk in escaped.split("/"))
+
+
+def unescape(key: str) -> str:
+    """The name that `escape` made this of."""
+    return "/".join("" if chunk == "%" else unquote(chunk) for chunk in key.split("/"))
+
+
+def root_of(key: str) -> Root:
+    """The logger that a key belongs to. Raises ValueError for a key that isn't silo's."""
+    chunks = key.split("/", 3)
+    if len(chunks) < 3 or chunks[0] != "silo":
+        raise ValueError(f"{key!r} is not a key of silo")
+    return Root(unescape(chunks[1]), unescape(chunks[2]))
+
+
+def client_of_view(view: str) -> str:
+    """The id of the client that made a view id."""
+    return view.rsplit("-", 1)[0]

@@ -1,0 +1,191 @@
+"""Opening Zenoh sessions: what a helper process listens on, how a client connects. Nothing else configures Zenoh.
+
+Without a configuration file there is no network: one Unix socket per logger in a folder that only its user may enter.
+The default `zenoh.Config()` listens on all interfaces and scouts by multicast; it is never used as it stands.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from silo.errors import ConnectionLostError
+
+SOCKET_SUFFIX = ".sock"
+MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL
+MAX_MESSAGE_BYTES = 8 * 2**20  # about 60,000 edits; a larger message is dropped before it is put together
+OPEN_TRIES = 5
+
+_COMMON: dict[str, Any] = {
+    "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+    "transport": {
+        # every restart of a publisher would leave 17 MB locked in its clients
+        "shared_memory": {"enabled": False},
+        "unicast": {"open_timeout": 1000, "accept_timeout": 1000},
+        "link": {
+            "tx": {
+                "lease": 2000,
+                "keep_alive": 4,
+                "queue": {"congestion_control": {"block": {"wait_before_close": 200_000}}},
+            }
+        },
+    },
+}
+
+
+def socket_path(folder: Path, logger: str, pid: int, copy: int = 0) -> Path:
+    """Where logger `logger` of process `pid` listens; `copy` tells loggers of one name in one process apart.
+
+    Raises ConnectionLostError for a path that is too long for a socket.
+    """
+    path = folder / f"{logger}.{pid}{f'-{copy}' if copy else ''}{SOCKET_SUFFIX}"
+    if len(os.fsencode(path)) > MAX_SOCKET_PATH:
+        raise ConnectionLostError(
+            f"{path}: {len(os.fsencode(path))} bytes are too long for a socket (at most {MAX_SOCKET_PATH}); "
+            "shorten the logger's name or set SILO_RUNTIME_DIR to a shorter path"
+        )
+    return path
+
+
+def owner_is_gone(path: Path) -> bool:
+    """Whether the process that listened on a socket has ended; while it listens, Zenoh locks `<socket>.lock`."""
+    try:
+        descriptor = os.open(f"{path}.lock", os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        return not path.exists()
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    finally:
+        os.close(descriptor)
+    return True
+
+
+def sweep(folder: Path) -> None:
+    """Removes the sockets of processes that ended, from a folder of this user."""
+    for lock in folder.glob(f"*{SOCKET_SUFFIX}.lock"):
+        path = lock.with_suffix("")
+        if owner_is_gone(path):
+            remove_socket(path)
+
+
+def remove_socket(path: Path) -> None:
+    """Removes a socket and its lock."""
+    for stale in (path, Path(f"{path}.lock")):
+        with contextlib.suppress(FileNotFoundError):
+            stale.unlink()
+
+
+def open_server(folder: Path, logger: str, pid: int, config: str | None = None) -> tuple[zenoh.Session, Path]:
+    """A session that listens on a Unix socket in `folder`, and on what the file `config` adds to it.
+
+    Raises ConnectionLostError with the reason. A client that sweeps at this very moment holds the lock for some
+    microseconds: hence several tries.
+    """
+    sweep(folder)
+    error: Exception | None = None
+    for attempt in range(OPEN_TRIES):
+        copy = 0
+        path = socket_path(folder, logger, pid)
+        while path.exists() and not owner_is_gone(path):
+            copy += 1
+            path = socket_path(folder, logger, pid, copy)
+        remove_socket(path)
+        settings = _server_config(path, config)
+        old_mask = os.umask(0o077)
+        try:
+            return zenoh.open(settings), path
+        except zenoh.ZError as failure:
+            error = failure
+            time.sleep(0.02 * (attempt + 1))
+        finally:
+            os.umask(old_mask)
+    raise ConnectionLostError(f"can't listen on {path}: {_reason(error)}{_hint(config)}")
+
+
+def _server_config(path: Path, config: str | None) -> zenoh.Config:
+    settings = zenoh.Config() if config is None else _from_file(config)
+    endpoints = [f"unixsock-stream/{path}"]
+    if config is not None:
+        endpoints += _endpoints(settings)
+    settings.insert_json5("mode", '"peer"')
+    _insert(settings, _COMMON)
+    settings.insert_json5("transport/link/rx/max_message_size", str(MAX_MESSAGE_BYTES))
+    settings.insert_json5("listen/endpoints", json.dumps(endpoints))
+    return settings
+
+
+def _from_file(config: str) -> zenoh.Config:
+    try:
+        settings: zenoh.Config = zenoh.Config.from_file(config)
+    except (zenoh.ZError, OSError) as error:
+        raise ConnectionLostError(f"{config}: is not a configuration of Zenoh: {_reason(error)}") from error
+    return settings
+
+
+def _endpoints(settings: zenoh.Config) -> list[str]:
+    """What a file says to listen on; nothing if it leaves Zenoh's default, which is the whole network."""
+    found = json.loads(settings.get_json("listen/endpoints"))
+    if isinstance(found, dict):
+        found = found.get("peer", [])
+    return [endpoint for endpoint in found if endpoint not in ("tcp/[::]:0", "tcp/[::]:7447")]
+
+
+def _insert(settings: zenoh.Config, values: dict[str, Any], prefix: str = "") -> None:
+    for name, value in values.items():
+        if isinstance(value, dict):
+            _insert(settings, value, f"{prefix}{name}/")
+        else:
+            settings.insert_json5(prefix + name, json.dumps(value))
+
+
+def open_client(path: Path | None, config: str | None = None) -> zenoh.Session:
+    """A session that is connected to one logger by its socket, or to what the file `config` names.
+
+    Raises ConnectionLostError where nobody listens, PermissionError's words included.
+    """
+    settings = zenoh.Config() if config is None else _from_file(config)
+    settings.insert_json5("mode", '"client"')
+    _insert(settings, _COMMON)
+    if path is not None:
+        if not path.exists():
+            raise ConnectionLostError(f"{path}: nobody listens there any more")
+        if not os.access(path, os.W_OK):
+            raise ConnectionLostError(f"{path}: user {os.getuid()} may not write to this socket")
+        settings.insert_json5("connect/endpoints", json.dumps([f"unixsock-stream/{path}"]))
+    settings.insert_json5("listen/endpoints", "[]")
+    settings.insert_json5("connect/timeout_ms", "0")
+    settings.insert_json5("connect/exit_on_failure", "true")
+    try:
+        return zenoh.open(settings)
+    except zenoh.ZError as error:
+        where = str(path) if path is not None else f"what {config} names"
+        raise ConnectionLostError(f"can't connect to {where}: {_reason(error)}{_hint(config)}") from error
+
+
+def close(session: zenoh.Session) -> None:
+    """Closes a session; takes up to 2.5 s if the other side is frozen."""
+    session.close()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+
+
+def _reason(error: Exception | None) -> str:
+    """Zenoh's words without the places in its sources."""
+    text = str(error).split(" at /", 1)[0].strip()
+    return text.splitlines()[0][:300] if text else type(error).__name__
+
+
+def _hint(config: str | None) -> str:
+    if config is None:
+        return ""
+    return (
+        f"; check addresses, user name, password and certificates in {config} "
+        "(the other side does not say which of them it refused)"
+    )
