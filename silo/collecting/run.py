@@ -8,8 +8,10 @@ import socket
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.collecting.generate import Collect, generate
 from silo.collecting.plan import Element, Plan, make_plan
@@ -115,15 +117,16 @@ class Run:
 
 
 def _warn_of_abandoned(elements: Sequence[Element]) -> None:
-    for element in elements:
-        sources = [part.source for part in element.parts]
-        if element.info.options.enabled and any(isinstance(one, Reference) and abandoned(one) for one in sources):
-            logger.warning(
-                "%s: only the logger refers to this array any more, its values won't change: it was assigned anew "
-                "(x = x + 1) since it was added; change it in place (x[:] = x + 1), or log the attribute "
-                "(log.add(owner, attr=...)), which follows assignments",
-                element.info.name,
-            )
+    sources = [(element.info, part.source) for element in elements for part in element.parts]
+    references = [(info, source) for info, source in sources if isinstance(source, Reference)]
+    alone = zip(references, abandoned([source for _, source in references]), strict=True)
+    for name in sorted({info.name for (info, _), gone in alone if gone and info.options.enabled}):
+        logger.warning(
+            "%s: only the logger refers to this array any more, its values won't change: it was assigned anew "
+            "(x = x + 1) since it was added; change it in place (x[:] = x + 1), or log the attribute "
+            "(log.add(owner, attr=...)), which follows assignments",
+            name,
+        )
 
 
 def user_name() -> str:
@@ -142,11 +145,12 @@ def addresses_work(plan: Plan) -> bool:
     return all(any(_same_bytes(reference.view) for _ in range(5)) for reference in plan.references)
 
 
-def _same_bytes(view: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> bool:
+def _same_bytes(view: NDArray[Any]) -> bool:
     address = view.__array_interface__["data"][0]
     last = address + sum((size - 1) * step for size, step in zip(view.shape, view.strides, strict=True))
     # arrays of one item, not scalars: those have the byte order of the machine, and cut strings at their zeros
-    ends = ((address, view[(..., *[slice(0, 1)] * view.ndim)]), (last, view[(..., *[slice(-1, None)] * view.ndim)]))
+    first, final = ((..., *[one] * view.ndim) for one in (slice(0, 1), slice(-1, None)))
+    ends = ((address, view[first]), (last, view[final]))
     return all(_read_words(begin, item.nbytes) == item.tobytes() for begin, item in ends)
 
 

@@ -182,14 +182,20 @@ class Segment:
             return None
 
     def _append_rows(self, ring: int, rows: int) -> list[Chunk]:
-        return [self._append(ring) for _ in range(max(1, -(-rows // self._growing[ring].capacity)))]
+        wanted = max(1, -(-rows // self._growing[ring].capacity))
+        # one chunk each is granted whatever the limit: a ring without any would keep nothing
+        if wanted > 1 and ring != TIME_RING and self._chunks + wanted > self._limit_chunks:
+            chunk_mb = self.schema.chunk_bytes / 1e6
+            raise SegmentError(
+                f"growing buffers are to begin with {(self._chunks + wanted) * chunk_mb:.0f} MB or more, "
+                f"the memory limit is {self._limit_chunks * chunk_mb:.0f} MB: raise memory_limit_mb, "
+                "or give them a smaller buffer_size (they grow from there)"
+            )
+        return [self._append(ring) for _ in range(wanted)]
 
     def _append(self, ring: int) -> Chunk:
         if self._chunks >= self._directory_words:
-            raise SegmentError(
-                f"growing buffers ask for more than the memory limit of {self._limit_chunks} MB at start; "
-                "raise memory_limit_mb or give them a smaller first size"
-            )
+            raise SegmentError(f"{self.path}: the directory of {self._directory_words} chunks is full")
         size_bytes = self.schema.chunk_bytes
         offset = self._chunk_data + self._chunks * size_bytes
         self._allocate(offset, size_bytes)

@@ -11,7 +11,8 @@ import mmap
 import sys
 import weakref
 from array import array
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -155,24 +156,30 @@ def _holds(value: object, view: NDArray[Any]) -> tuple[object, ...]:
     return tuple(holds)
 
 
-def abandoned(reference: Reference) -> bool:
-    """Whether nobody but silo refers to the array any more, so that it can't change: it was assigned anew.
+def abandoned(references: Sequence[Reference]) -> list[bool]:
+    """Of all references of a table: whether nobody else refers to the array any more, so that it can't change.
 
     Told only of arrays whose memory is NumPy's own; False where others may write to it by address.
     """
-    arrays = tuple({id(held): held for held in reference.holds if isinstance(held, np.ndarray)}.values())
-    if any(array.base is not None and not isinstance(array.base, np.ndarray) for array in arrays):
-        return False
-    ours = (*arrays, *reference.holds, reference.view, *[array.base for array in arrays])
-    owed = [sum(one is array for one in ours) for array in arrays]
-    del ours
-    return all(count <= own for count, own in zip(_reference_counts(arrays), owed, strict=True))
+    arrays = list({id(array): array for reference in references for array in _arrays(reference)}.values())
+    owed = Counter(id(held) for reference in references for held in (*reference.holds, reference.view))
+    owed.update(id(array.base) for array in arrays)
+    owed.update(map(id, arrays))
+    counts = zip(arrays, _reference_counts(arrays), strict=True)
+    alone = {id(array) for array, count in counts if count <= owed[id(array)]}
+    return [
+        all(id(array) in alone and (array.base is None or isinstance(array.base, np.ndarray)) for array in held)
+        for held in map(_arrays, references)
+    ]
 
 
-def _reference_counts(objects: tuple[object, ...]) -> list[int]:
-    """How often each is referred to, by the tuple too. The count of a fresh object is what the counting itself adds."""
-    fresh = (object(),)
-    (added,) = [sys.getrefcount(one) - 1 for one in fresh]
+def _arrays(reference: Reference) -> list[NDArray[Any]]:
+    return [held for held in reference.holds if isinstance(held, np.ndarray)]
+
+
+def _reference_counts(objects: Sequence[object]) -> list[int]:
+    """How often each is referred to. The count of a fresh object tells what the counting itself adds."""
+    (added,) = [sys.getrefcount(one) - 1 for one in [object()]]
     return [sys.getrefcount(one) - added for one in objects]
 
 
