@@ -121,9 +121,14 @@ def farewell(log: Logger, types: Sequence[FileType], say: Callable[[str], None])
         return
     if types:
         saved = log.save(types)
-        say(f"logger '{name}' ended; {log.ticks} ticks are saved:")
+        say(f"logger '{name}' ended; {count(log.ticks)} saved:")
         for file in saved:
             say(f"  {file.path} ({file.size_bytes / 1e6:.1f} MB)")
         return
     note = "" if not log.has_unsaved else f" and not saved (use --save, or `silo save {name}` before it ends)"
-    say(f"logger '{name}' ended; {log.ticks} ticks were logged{note}")
+    say(f"logger '{name}' ended; {count(log.ticks)} logged{note}")
+
+
+def count(ticks: int) -> str:
+    """`1 tick`, `400 ticks`."""
+    return f"{ticks} tick{'' if ticks == 1 else 's'}"

@@ -1,0 +1,142 @@
+"""The loop around the robot: its rate, its end, its element table."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from silo.demo.program import DemoOptions, farewell, make_robot, register
+from silo.logger import Logger
+from silo.model import Action, BufferType, FileType
+from silo.pace import EndSignals, Pace
+from silo.script import apply_script, read_script
+
+CONFIG = Path(__file__).resolve().parents[2] / "config"
+
+
+class FakeClock:
+    """Time that passes only by sleeping."""
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+    def sleep(self, seconds: float) -> None:
+        self.now_ns += round(seconds * 1e9)
+
+
+@pytest.fixture
+def clock() -> FakeClock:
+    return FakeClock()
+
+
+def pace(clock: FakeClock, frequency_hz: float = 100.0) -> Pace:
+    return Pace(frequency_hz, clock, clock.sleep)
+
+
+def test_deadlines_do_not_drift_with_the_work_of_the_loop(clock: FakeClock) -> None:
+    ticks = pace(clock)
+    for _ in range(50):
+        clock.now_ns += 3_000_000
+        assert ticks.wait() == 0
+    assert clock.now_ns == 50 * 10_000_000
+
+
+def test_lateness_is_told_and_the_next_deadline_stays(clock: FakeClock) -> None:
+    ticks = pace(clock)
+    clock.now_ns += 14_000_000
+    assert ticks.wait() == 4_000_000
+    assert ticks.wait() == 0
+    assert (clock.now_ns, ticks.skipped) == (20_000_000, 0)
+
+
+def test_missed_deadlines_are_skipped_and_counted(clock: FakeClock) -> None:
+    ticks = pace(clock)
+    clock.now_ns += 57_000_000
+    assert ticks.wait() == 7_000_000
+    assert ticks.wait() == 0
+    assert (clock.now_ns, ticks.skipped) == (60_000_000, 4)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_only_asks_for_the_end(number: signal.Signals) -> None:
+    with EndSignals() as ending:
+        assert ending.received is None
+        os.kill(os.getpid(), number)
+        assert ending.received is number
+
+
+def test_a_second_ctrl_c_acts_as_usual() -> None:
+    with EndSignals():
+        os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_handlers_are_put_back() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    with EndSignals():
+        assert signal.getsignal(signal.SIGTERM) is not before
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.fixture
+def demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Logger:
+    runtime = tmp_path / "run"
+    runtime.mkdir(mode=0o700)
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
+    log = Logger("demo", frequency=400, max_time=0, folder=tmp_path, script=tmp_path / "demo.yaml")
+    register(log, make_robot(DemoOptions())[1])
+    return log
+
+
+def test_the_table_has_elements_of_every_sort(demo: Logger) -> None:
+    demo.update()
+    elements = demo.elements
+    assert {element.options.action for element in elements} == set(Action)
+    assert {element.options.buffer_type for element in elements} == set(BufferType)
+    assert {"scalar", "vector", "matrix", "pose", "twist", "quaternion"} <= {element.kind for element in elements}
+    assert any(entry.labels for element in elements for entry in element.entries)
+    assert any("S" in entry.dtype for element in elements for entry in element.entries)
+    demo.close()
+
+
+def test_the_script_to_copy_fits_the_demo(demo: Logger) -> None:
+    demo.update()
+    script = read_script(CONFIG / "demo.yaml")
+    plan = apply_script(script, demo.elements)
+    demo.close()
+    assert script.elements
+    assert plan.unknown == ()
+
+
+def test_the_end_says_what_was_saved(demo: Logger, tmp_path: Path) -> None:
+    said: list[str] = []
+    demo.start()
+    demo.collect()
+    demo.stop()
+    farewell(demo, (FileType.SILO,), said.append)
+    demo.close()
+    (file,) = tmp_path.glob("demo_*.silo")
+    assert said[0] == "logger 'demo' ended; 1 tick saved:"
+    assert str(file) in said[1]
+
+
+def test_the_end_says_that_nothing_was_saved(demo: Logger) -> None:
+    said: list[str] = []
+    demo.start()
+    demo.collect()
+    demo.stop()
+    farewell(demo, (), said.append)
+    demo.close()
+    assert said == ["logger 'demo' ended; 1 tick logged and not saved (use --save, or `silo save demo` before it ends)"]
+
+
+def test_the_end_of_a_logger_that_never_started_says_so(demo: Logger) -> None:
+    said: list[str] = []
+    farewell(demo, (FileType.SILO,), said.append)
+    demo.close()
+    assert said == ["logger 'demo' ended; it was never started, so there is nothing to save"]
