@@ -13,16 +13,14 @@ from silo.ipc.messages import EventKind
 from silo_tui import flows, terminal, theme
 from silo_tui.commands import CommandRunner
 from silo_tui.demo import Demo
-from silo_tui.finder import Finder, Found, FoundLogger
+from silo_tui.finder import Finder, FoundLogger
 from silo_tui.link import Link, LinkChanged, LoggerEvent, ViewFailed
 from silo_tui.model import commands
+from silo_tui.opening import Opener
 from silo_tui.palette import DeedProvider
 from silo_tui.screens.base import SiloScreen
-from silo_tui.screens.loggers import LoggersScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.session import LiveSource, Session
-
-LOOK_S = 1.0
 
 
 class SiloApp(App[None]):
@@ -44,14 +42,11 @@ class SiloApp(App[None]):
         self.theme = "textual-dark"
         self.theme = theme.chosen() if theme.chosen() in self.available_themes else theme.DARK.name
         self.animation_level = "none"
-        self._finder = finder
-        self._wanted = name
-        self._demo = demo
+        self.rate_hz = rate_hz
+        self._opener = Opener(self, finder, name, demo, read_only=read_only)
         self._read_only = read_only
-        self._rate_hz = rate_hz
         self._session: Session | None = None
         self._flow_running = False
-        self._own_client = ""
         self.script_names: tuple[str, ...] = ()
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
@@ -131,68 +126,24 @@ class SiloApp(App[None]):
         loop = asyncio.get_running_loop()
         if not self.is_headless:
             terminal.end_on_signals(loop, self.exit, self.release)
-        if self._demo is not None:
-            self._wanted = self._demo.name
-        await self.push_screen(LoggersScreen(self._wanted if self._demo is None else ""))
-        self.set_interval(1 / self._rate_hz, self._poll)
+        await self.push_screen(self._opener.first_screen)
+        self.set_interval(1 / self.rate_hz, self._poll)
         self.set_interval(1.0, self._second)
-        self.run_worker(self._search(), group="search", exclusive=True)
+        self.run_worker(self._opener.search(), group="search", exclusive=True)
 
-    async def _search(self) -> None:
-        """Looks for loggers until one is open."""
-        if self._demo is not None:
-            await asyncio.to_thread(self._demo.start)
-        first = True
-        while not self.has_session:
-            found, problem = Found(()), ""
-            try:
-                found = await asyncio.to_thread(self._finder.find)
-            except (SiloError, OSError) as error:
-                problem = str(error)
-            if self._demo is not None and (ended := self._demo.ended()):
-                problem = ended
-            chosen = self._choice(found.loggers, first=first)
-            if chosen is not None and not problem:
-                await self._open(chosen)
-                return
-            screen = self.screen
-            if isinstance(screen, LoggersScreen):
-                screen.show(found.loggers, found.advice, problem)
-            first = False
-            await asyncio.sleep(LOOK_S if self._demo is None else 0.1)
-
-    def _choice(self, loggers: Sequence[FoundLogger], *, first: bool) -> FoundLogger | None:
-        if self._demo is not None:
-            return next((each for each in loggers if self._demo.owns(each.pid)), None)
-        if self._wanted:
-            named = [each for each in loggers if each.name == self._wanted]
-            return named[0] if len(named) == 1 else None
-        return loggers[0] if len(loggers) == 1 else None
+    def take_session(self, session: Session | None) -> None:
+        """Another logger is open, or none."""
+        self._session = session
 
     def open_logger(self, logger: FoundLogger) -> None:
-        """Opens a logger from the list."""
-        self.workers.cancel_group(self, "search")
-        self.run_worker(self._open(logger), group="search", exclusive=True)
+        """Opens a logger from the list; asks when edits are pending."""
+        self.run_flow(flows.open_other(self, logger))
 
-    async def _open(self, logger: FoundLogger) -> None:
-        if self._session is not None:
-            self._session.close()
-        session = self._session = Session(logger.name)
-        screen = TableScreen(session, read_only=self._read_only)
-        while isinstance(self.screen, TableScreen) or len(self.screen_stack) > 2:
-            await self.pop_screen()
-        await self.switch_screen(screen)
-        try:
-            client = await asyncio.to_thread(self._finder.connect, logger)
-            await session.attach(Link(client, self.post_message, self._rate_hz))
-        except SiloError as error:
-            self._session = None
-            await self.switch_screen(LoggersScreen(logger.name))
-            self.fail(str(error))
-            self.run_worker(self._search(), group="look")
-            return
-        self.table_changed()
-        self.status_changed()
+    async def open_now(self, logger: FoundLogger) -> None:
+        """Opens a logger; the search for one ends."""
+        self.workers.cancel_group(self, "search")
+        if not await self._opener.open(logger):
+            self.run_worker(self._opener.search(), group="search", exclusive=True)
 
     # ---------------------------------------------------------------------------------------------------- timers
 
@@ -224,21 +175,11 @@ class SiloApp(App[None]):
         self.status_changed()
 
     async def _find_again(self, session: Session) -> None:
-        """A logger of the same name in another process is the same robot program, started again."""
-        found = await asyncio.to_thread(self._finder.find)
-        named = [each for each in found.loggers if each.name == session.name]
-        if len(named) != 1 or named[0].pid == session.status.pid or session.lost_since is None:
-            return
-        old = session.link
-        client = await asyncio.to_thread(self._finder.connect, named[0])
-        await session.attach(Link(client, self.post_message, self._rate_hz))
-        session.link.watch_again() if session.link is not None else None
-        if old is not None:
-            await asyncio.to_thread(old.close)
-        self.table_changed()
-        self.status_changed()
-        self._tell(lambda screen: screen.wish_again())
-        self.say("the robot program was started again")
+        if await self._opener.find_again(session) and session is self._session:
+            self.table_changed()
+            self.status_changed()
+            self._tell(lambda screen: screen.wish_again())
+            self.say("the robot program was started again")
 
     # ------------------------------------------------------------------------------------------ what links report
 
@@ -263,7 +204,7 @@ class SiloApp(App[None]):
         await self._quietly(session.take_event(event))
         if event.kind is EventKind.CRASHED or (event.kind is EventKind.SAVE_FAILED and not self.screen.is_modal):
             self.fail(event.text)
-        elif event.kind is not EventKind.SAVING and not self._flow_running:
+        elif event.kind is not EventKind.SAVING and event.by != self._opener.own_name:
             self.say(event.text + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             self.table_changed()
@@ -345,25 +286,16 @@ class SiloApp(App[None]):
             self.push_screen(CommandPalette(id="--command-palette"))
 
     def deed_loggers(self) -> None:
-        self.run_worker(self._list_loggers(), group="search", exclusive=True)
+        self.run_worker(self._opener.show_list(), group="search", exclusive=True)
 
     def deed_demo(self) -> None:
-        if self._demo is None:
-            self._demo = Demo()
-        self.run_worker(self._search(), group="search", exclusive=True)
+        if self._opener.demo is None:
+            self._opener.demo = Demo()
+        self.run_worker(self._opener.search(), group="search", exclusive=True)
 
     def reload(self) -> None:
         """Reads the table again."""
         self.run_flow(self.session.reload())
-
-    async def _list_loggers(self) -> None:
-        screen = LoggersScreen()
-        await self.push_screen(screen)
-        while self.screen is screen:
-            found = await asyncio.to_thread(self._finder.find)
-            if self.screen is screen:
-                screen.show(found.loggers, found.advice)
-            await asyncio.sleep(LOOK_S)
 
     def back_to_table(self) -> None:
         """From the list to the logger that is open, if one is."""
@@ -423,7 +355,7 @@ class SiloApp(App[None]):
 
     def release(self) -> None:
         """Ends what we started: the demo's process and the connection."""
-        if self._demo is not None:
-            self._demo.stop()
+        if self._opener.demo is not None:
+            self._opener.demo.stop()
         if self._session is not None:
             self._session.close()

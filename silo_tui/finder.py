@@ -27,6 +27,10 @@ class Found:
 class Finder(Protocol):
     """Looks for loggers. Calls block and are made in a thread."""
 
+    @property
+    def own_name(self) -> str:
+        """How events speak of us; empty before the first connection."""
+
     def find(self) -> Found:
         """The loggers that run now."""
 

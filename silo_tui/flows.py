@@ -17,6 +17,7 @@ from silo_tui.session import why
 
 if TYPE_CHECKING:
     from silo_tui.app import SiloApp
+    from silo_tui.finder import FoundLogger
 
 SPLIT = "Stopping ends this recording: what is logged before and after are two recordings."
 
@@ -217,6 +218,16 @@ async def save_script(app: "SiloApp", path: str | None = None) -> None:
             return
         said = await link.call(lambda client: client.save_script(name, True))
     app.say(said or f"saved {name}")
+
+
+async def open_other(app: "SiloApp", logger: "FoundLogger") -> None:
+    """Opens another logger; asks when edits of this one are pending."""
+    fields, elements = app.session.table.pending_count if app.has_session else (0, 0)
+    if fields:
+        edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
+        if not await _confirmed(app, f"Leave {app.session.name}?", f"{edits} of it would be lost.", "Leave"):
+            return
+    await app.open_now(logger)
 
 
 async def leave(app: "SiloApp") -> None:

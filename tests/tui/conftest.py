@@ -136,6 +136,8 @@ class FakeView:
 class FakeClient:
     """One logger. `calls` holds what was asked to change it; `advance` moves its clock."""
 
+    kinds = EventKind
+
     def __init__(self, elements: list[ElementInfo] | None = None, name: str = "robot") -> None:
         self.elements = robot_elements() if elements is None else elements
         self.name, self.pid, self.revision = name, 4711, 1
@@ -322,6 +324,8 @@ class FakeClient:
 
 
 class FakeFinder:
+    own_name = "ann@here silo-tui 1"
+
     def __init__(self, *clients: FakeClient) -> None:
         self.clients = list(clients)
         self.advice: tuple[str, ...] = ()

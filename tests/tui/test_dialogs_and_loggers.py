@@ -18,7 +18,7 @@ async def test_without_a_logger_the_screen_says_what_to_start(opened):
 async def test_the_only_logger_that_appears_is_opened(fake, opened):
     async with opened(ready=False) as screen:
         await screen.shows("No logger is running")
-        screen.app._finder.clients.append(fake)
+        screen.app._opener._finder.clients.append(fake)
         await screen.shows("/base/position")
 
 
@@ -44,7 +44,7 @@ async def test_a_name_that_nobody_has_is_told_beside_those_that_run(fake, opened
 
 async def test_a_logger_of_somebody_else_is_told_with_advice(opened):
     async with opened(ready=False) as screen:
-        screen.app._finder.advice = ("root has a logger here: ask for group access (serve(group=...))",)
+        screen.app._opener._finder.advice = ("root has a logger here: ask for group access (serve(group=...))",)
         await screen.shows("ask for group access")
 
 
@@ -55,7 +55,7 @@ async def test_a_robot_program_that_was_started_again_is_found_by_its_name(new_f
         await screen.shows("No link")
         again = new_fake()
         again.pid = 5000
-        screen.app._finder.clients[:] = [again]
+        screen.app._opener._finder.clients[:] = [again]
         await screen.until(lambda: screen.session.status.pid == 5000)
         await screen.until(lambda: "No link" not in screen.text)
         assert screen.value(FIRST, Field.DIVIDER) == "5"
@@ -195,3 +195,44 @@ def test_every_deed_has_its_method():
     for deed in DEEDS:
         for scope in deed.scopes if "any" not in deed.scopes else screens:
             assert hasattr(screens[scope], f"deed_{deed.id}") or hasattr(SiloApp, f"deed_{deed.id}"), (scope, deed.id)
+
+
+async def test_a_logger_that_doesn_t_answer_is_told_with_what_to_do(fake, opened):
+    async with opened(fake, ready=False) as screen:
+        fake.connected = False
+        await screen.shows("no answer from robot")
+
+
+async def test_another_logger_is_opened_from_the_list(new_fake, opened):
+    one, two = new_fake(name="arm"), new_fake(name="legs")
+    async with opened(one, two, name="arm") as screen:
+        await screen.press("ctrl+l")
+        await screen.shows("legs")
+        await screen.press("down", "enter")
+        await screen.until(lambda: screen.app.has_session and screen.session.name == "legs")
+
+
+async def test_leaving_a_logger_with_pending_edits_asks(new_fake, opened):
+    one, two = new_fake(name="arm"), new_fake(name="legs")
+    async with opened(one, two, name="arm") as screen:
+        await screen.press("t", "ctrl+l")
+        await screen.shows("legs")
+        await screen.press("down", "enter")
+        await screen.shows("Leave arm?")
+        await screen.press("escape", "escape")
+        assert (screen.session.name, screen.session.table.pending_count) == ("arm", (1, 1))
+
+
+async def test_news_of_others_is_shown_and_our_own_is_not(fake, opened):
+    async with opened(fake) as screen:
+        fake.tell(fake.kinds.EDITED, "3 elements edited", by="ann@here silo-tui 1")
+        fake.tell(fake.kinds.SCRIPT_SAVED, "script saved", by="bob@lab silo-tui 9")
+        await screen.shows("script saved (bob@lab silo-tui 9)")
+
+
+async def test_a_picture_of_the_screen_is_an_svg(fake, opened, tmp_path):
+    async with opened(fake) as screen:
+        await screen.type(":picture ")
+        screen.app.screen.query_one("#command-line").value = f"picture {tmp_path / 'x.svg'}"
+        await screen.press("enter")
+        assert "<svg" in (tmp_path / "x.svg").read_text()
