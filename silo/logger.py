@@ -439,6 +439,7 @@ class Logger:
             self._serving.close()
         if self._run is not None:
             self._run.drop()
+        self._table.release()
 
     cleanup = close
 

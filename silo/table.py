@@ -79,6 +79,11 @@ class Table:
             self._places = {element.info.name: place for place, element in enumerate(self.elements)}
             self.revision += 1
 
+    def release(self) -> None:
+        """Let go of the variables, so that the program may resize or close what holds them. The rows stay."""
+        self.elements = tuple(Element(element.info, ()) for element in self.elements)
+        self.pending = []
+
     @property
     def infos(self) -> list[ElementInfo]:
         """The rows of the table."""

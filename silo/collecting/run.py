@@ -1,5 +1,6 @@
 """One run of a logger: from `start()` to the next one. Plan, segment and generated `collect()` belong together."""
 
+import dataclasses
 import getpass
 import itertools
 import logging
@@ -110,8 +111,9 @@ class Run:
         self._retire()
 
     def drop(self) -> None:
-        """Delete the segment; readers that have it mapped keep it."""
+        """Delete the segment, which readers that have it mapped keep, and let go of the program's variables."""
         self.segment.unlink()
+        self.plan = dataclasses.replace(self.plan, references=())
         if self._reader is not None:
             self._reader.close()
 
