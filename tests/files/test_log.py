@@ -1,0 +1,333 @@
+"""`open_log`, `Log` and `Signal`: names to signals, values at times, statistics, arithmetic, frames, tables."""
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import ElementError, LogNotFoundError
+from silo.files import write
+from silo.files.silo_file import read_silo, write_silo
+from silo.log import Log, LogWarning, UnknownSignalError, open_log
+from silo.model import BufferType
+from silo.recording import Recording
+from silo.signals import Signal
+
+
+def signal(values, step_s=0.5, start_s=0.0, name="s", **more):
+    values = np.asarray(values)
+    time_ns = 10**18 + np.round((start_s + np.arange(len(values)) * step_s) * 1e9).astype(np.int64)
+    components = more.pop("components", tuple("xyzw"[: values.shape[1]]) if values.ndim == 2 else ())
+    return Signal(name, values, time_ns, start_ns=10**18, components=components, **more)
+
+
+@pytest.fixture
+def log(plan, recorded, tmp_path):
+    plans = [
+        plan("/log/imu/acc", kind="vector", unit="m/s²", description="of the base"),
+        plan("/log/imu/q", kind="quaternion", divider=2),
+        plan("/log/state/mode", "<i4", labels={0: "STAND", 1: "WALK"}),
+        plan("/log/state/text", "|S5", divider=3),
+        plan("/log/m", "<f4", kind="matrix"),
+        plan("/log/c", kind="complex"),
+        plan("/log/state/on", "|b1"),
+    ]
+    recording = recorded(plans, 10, frequency_hz=500.0)
+    mode = recording.elements[2].entries[0].values
+    mode[:] = [0, 0, 1, 1, 1, 7, 0, 0, 0, 0]
+    write(recording, tmp_path, "robot", ["silo"], "run")
+    return open_log("run.silo", tmp_path)
+
+
+class TestLog:
+    def test_it_maps_names_of_elements_to_signals(self, log):
+        assert list(log)[:2] == ["/log/imu/acc", "/log/imu/q"]
+        assert len(log) == 7
+        assert log["/log/imu/acc"].values.shape == (10, 3)
+
+    def test_names_work_without_the_prefix_and_for_single_scalars(self, log):
+        np.testing.assert_array_equal(log["imu/acc_y"].values, log["/log/imu/acc"].values[:, 1])
+        assert "imu/acc_y" in log
+        assert "imu/none" not in log
+
+    def test_an_unknown_name_suggests_others(self, log):
+        with pytest.raises(UnknownSignalError, match=r"no signal '/log/imu/ac'; did you mean /log/imu/acc"):
+            log["/log/imu/ac"]
+        assert log.get("none") is None
+
+    def test_patterns_and_namespaces(self, log):
+        assert log.names("*/state/*") == ["/log/state/mode", "/log/state/text", "/log/state/on"]
+        assert log.names("imu/*") == ["/log/imu/acc", "/log/imu/q"]
+        assert [each.name for each in log.glob("*mod?")] == ["/log/state/mode"]
+        assert list(log.namespace("/log/imu")) == list(log.namespace("imu")) == ["/log/imu/acc", "/log/imu/q"]
+
+    def test_elements_have_the_shape_that_was_logged(self, log):
+        assert log["imu/q"].values.shape == (5, 4)
+        assert log["m"].values.shape == (10, 2, 3)
+        assert log["c"].values.dtype == np.complex128
+        assert log["state/text"].values.dtype.kind == "U"
+        assert log["m"].component("1_2").values.shape == (10,)
+
+    def test_units_and_descriptions_come_along(self, log):
+        acceleration = log["imu/acc"]
+        assert (acceleration.unit, acceleration.description) == ("m/s²", "of the base")
+        assert (log["imu/q"].divider, log["imu/q"].kind) == (2, "quaternion")
+
+    def test_times_count_from_the_first_stamp_of_the_log(self, log):
+        np.testing.assert_allclose(log["imu/q"].times, [0, 0.004, 0.008, 0.012, 0.016])
+        assert log["imu/q"].time_ns[1] - log.start_ns == 4_000_000
+        assert log.duration_s == pytest.approx(0.018)
+
+    def test_the_recording_can_be_written_again(self, log, tmp_path):
+        write_silo(log.recording, tmp_path / "again.silo")
+        assert list(open_log(tmp_path / "again.silo")) == list(log)
+
+    def test_the_public_name_opens_by_run_number(self, log, tmp_path):
+        write(log.recording, tmp_path, "robot", ["silo", "csv"])
+        assert len(silo.open_log(1, folder=tmp_path)) == 7
+        with pytest.raises(LogNotFoundError):
+            silo.open_log(2, folder=tmp_path)
+
+    def test_csv_and_bags_open_as_well(self, log, tmp_path):
+        saved = write(log.recording, tmp_path, "robot", ["csv", "bag"])
+        for file in saved:
+            again = open_log(file.path)
+            np.testing.assert_array_equal(again["imu/acc"].values, log["imu/acc"].values)
+
+    def test_a_damaged_file_warns_when_it_is_opened(self, log, tmp_path):
+        data = (tmp_path / "run.silo").read_bytes()
+        (tmp_path / "cut.silo").write_bytes(data[:-1])
+        with pytest.warns(LogWarning, match=r"cut\.silo: the file is cut off: 1 bytes are missing"):
+            cut = open_log("cut.silo", tmp_path)
+        assert "state/mode" in cut
+
+    def test_opening_reads_no_values(self, log):
+        again = read_silo(log.path)
+        assert not any("values" in vars(entry) for element in again.elements for entry in element.entries)
+        assert "time_ns" not in vars(again)
+
+    def test_files_of_the_original_without_ending_open(self, fixtures_folder):
+        assert open_log(fixtures_folder / "testData")["A"].value(7.0) == 256.0
+
+    def test_elements_of_the_same_name_are_told_apart(self, plan, recorded):
+        recording = recorded([plan("/log/a"), plan("/log/a")], 3)
+        assert list(Log(recording)) == ["/log/a", "/log/a#2"]
+
+    def test_an_empty_log_is_a_log(self):
+        empty = Log(Recording("robot", np.empty(0, np.int64), 0, ()))
+        assert (len(empty), empty.duration_s, empty.start_ns) == (0, 0.0, 0)
+
+
+class TestValues:
+    def test_the_value_is_the_one_that_held(self):
+        steps = signal([1.0, 2.0, 3.0])
+        assert [steps.value(time) for time in (0.0, 0.49, 0.5, 0.99, 1.0, 99.0)] == [1, 1, 2, 2, 3, 3]
+        np.testing.assert_array_equal(steps.value([0.2, 0.7]), [1, 2])
+
+    def test_every_sample_is_found_at_its_own_time(self):
+        irregular = Signal("s", np.arange(1000), 10**18 + np.arange(1000) * 3_333_333, start_ns=10**18)
+        np.testing.assert_array_equal(irregular.value(irregular.times), irregular.values)
+
+    def test_before_the_first_sample_there_is_no_value(self):
+        with pytest.raises(ElementError, match=r"'s' has no value yet at 0.1 s; it has samples from 1 to 1.5 s"):
+            signal([1.0, 2.0], start_s=1.0).value(0.1)
+
+    def test_clip_keeps_both_ends_and_the_clock(self):
+        clipped = signal(np.arange(6)).clip(0.5, 2.0)
+        assert clipped.values.tolist() == [1, 2, 3, 4]
+        assert clipped.times.tolist() == [0.5, 1.0, 1.5, 2.0]
+        assert len(signal([1, 2]).clip(5)) == 0
+
+    def test_resample_holds_or_interpolates(self):
+        ramp = signal([0.0, 1.0, 2.0])
+        assert ramp.resample([0.25, 0.75, 1.5]).values.tolist() == [0, 1, 2]
+        assert ramp.resample([-1, 0.25, 0.75, 1.5], "linear").values.tolist() == [0.5, 1.5]
+        assert ramp.resample(4.0, "linear").values.tolist() == [0, 0.5, 1, 1.5, 2]
+        assert ramp.resample(signal([0, 0], step_s=0.6)).values.tolist() == [0, 1]
+
+    def test_resample_refuses_what_it_can_not_do(self):
+        with pytest.raises(ElementError, match="choose 'hold' or 'linear'"):
+            signal([1.0]).resample(1.0, "cubic")
+        with pytest.raises(ElementError, match="rate must be more than 0"):
+            signal([1.0]).resample(0.0)
+        with pytest.raises(ElementError, match="are no numbers"):
+            signal(["a", "b"]).resample(1.0, "linear")
+
+    def test_labels_name_the_values(self, log):
+        assert log["state/mode"].texts.tolist()[:6] == ["STAND", "STAND", "WALK", "WALK", "WALK", "7"]
+
+    def test_an_unknown_component_names_the_known(self):
+        with pytest.raises(ElementError, match="no component 'q'; it has: x, y, z"):
+            signal(np.zeros((2, 3))).component("q")
+
+
+class TestStatistics:
+    def test_of_a_window(self):
+        wave = signal([1.0, 2.0, 3.0, 10.0])
+        assert wave.average(0, 1.0) == 2.0
+        assert wave.rms(0.5, 1.0) == pytest.approx(np.sqrt(6.5))
+        assert wave.std(0, 1.0) == pytest.approx(np.std([1, 2, 3]))
+        assert (wave.min(), wave.max(), wave.max(0, 1.0)) == (1, 10, 3)
+
+    def test_nan_is_left_out(self):
+        holes = signal([[1.0, np.nan], [3.0, np.nan]])
+        assert repr(holes.average().tolist()) == "[2.0, nan]"
+        assert repr(holes.max().tolist()) == "[3.0, nan]"
+
+    def test_large_integers_stay_exact(self):
+        assert signal(np.array([2**63 - 1, 5], np.int64)).max() == 2**63 - 1
+
+    def test_an_empty_window_is_an_error_with_the_span(self):
+        with pytest.raises(ElementError, match=r"no sample from 7 s to its end; it has samples from 0 to 0.5 s"):
+            signal([1.0, 2.0]).average(7)
+
+    def test_strings_have_none(self):
+        with pytest.raises(ElementError, match="no numbers"):
+            signal(["a"]).average()
+
+
+class TestCalculus:
+    def test_the_derivative_of_a_ramp_is_its_slope(self):
+        ramp = signal(np.arange(5) * 3.0, unit="rad").derivative()
+        np.testing.assert_allclose(ramp.values, 6.0)
+        assert ramp.unit == "rad/s"
+
+    def test_the_integral_undoes_the_derivative(self):
+        wave = signal(np.sin(np.arange(2000) * 0.01), step_s=0.01)
+        np.testing.assert_allclose(wave.derivative().integral().values, wave.values - wave.values[0], atol=1e-4)
+
+    def test_the_spectrum_shows_frequency_and_amplitude(self):
+        times = np.arange(2000) * 0.01
+        frequencies, amplitudes = signal(3 * np.sin(2 * np.pi * 5 * times), step_s=0.01).spectrum()
+        assert frequencies[amplitudes.argmax()] == pytest.approx(5, abs=0.05)
+        assert amplitudes.max() == pytest.approx(3, rel=0.02)
+
+    def test_vectors_go_component_by_component(self):
+        both = signal(np.stack([np.arange(8.0), -np.arange(8.0)], axis=1))
+        np.testing.assert_allclose(both.derivative().values, [[2, -2]] * 8)
+        assert both.spectrum()[1].shape == (5, 2)
+        np.testing.assert_allclose(signal([[3.0, 4.0]]).norm().values, [5])
+
+
+class TestArithmetic:
+    def test_with_numbers_on_both_sides(self):
+        numbers = signal([1.0, 2.0])
+        assert (2 * numbers + 1 - numbers / 2).values.tolist() == [2.5, 4.0]
+        assert (1 / numbers).values.tolist() == [1, 0.5]
+        assert (-numbers).values.tolist() == [-1, -2]
+        assert (np.array([1.0, 1.0]) - numbers).values.tolist() == [0, -1]
+        assert abs(numbers**2 - 5).values.tolist() == [4, 1]
+
+    def test_signals_meet_on_the_stamps_of_the_faster_one(self):
+        fast, slow = signal(np.arange(6.0)), signal([10.0, 20.0], step_s=1.0, start_s=0.5)
+        for made, expected in ((fast + slow, [11, 12, 23, 24, 25]), (slow - fast, [9, 8, 17, 16, 15])):
+            assert made.values.tolist() == expected
+            assert made.times.tolist() == [0.5, 1.0, 1.5, 2.0, 2.5]
+
+    def test_small_integers_do_not_wrap_around(self):
+        assert (signal(np.array([0, 250], np.uint8)) - 5).values.tolist() == [-5, 245]
+        assert (signal(np.array([True, False])) + signal(np.array([True, True]))).values.tolist() == [2, 1]
+
+    def test_a_scalar_meets_every_component(self):
+        made = signal([[1.0, 2.0], [3.0, 4.0]]) * signal([10.0, 100.0])
+        assert made.values.tolist() == [[10, 20], [300, 400]]
+        assert (signal([10.0, 100.0]) * signal([[1.0, 2.0], [3.0, 4.0]])).components == ("x", "y")
+
+    def test_units_follow(self):
+        torque, speed = signal([1.0], unit="Nm"), signal([2.0], unit="rad/s")
+        assert (torque * speed).unit == "Nm*rad/s"
+        assert ((torque / torque).unit, (torque + torque).unit, (torque + speed).unit) == ("-", "Nm", "-")
+
+    def test_division_by_zero_gives_infinity(self):
+        assert (signal([1.0]) / 0).values.tolist() == [np.inf]
+
+
+class TestFrames:
+    @pytest.fixture(autouse=True)
+    def scipy(self):
+        pytest.importorskip("scipy")
+
+    def test_a_vector_turns_with_a_quaternion_and_back(self):
+        quarter = signal([[0, 0, np.sqrt(0.5), np.sqrt(0.5)]] * 2, step_s=1.0)
+        forward = signal([[1.0, 0, 0]] * 4)
+        turned = forward.rotate(quarter)
+        np.testing.assert_allclose(turned.values, [[0, 1, 0]] * 4, atol=1e-12)
+        np.testing.assert_allclose(turned.rotate(quarter, inverse=True).values, forward.values, atol=1e-12)
+        np.testing.assert_allclose(turned.rotate(quarter.inverse()).values, forward.values, atol=1e-12)
+
+    def test_euler_angles_and_back(self):
+        angles = signal([[0.3, 0.2, 0.1]])
+        again = angles.quaternion("ZYX").euler("ZYX")
+        np.testing.assert_allclose(again.values, angles.values)
+        assert (again.unit, again.components) == ("rad", ("0_z", "1_y", "2_x"))
+
+    def test_angle_axis_and_matrices_become_quaternions(self):
+        expected = [[0, 0, np.sqrt(0.5), np.sqrt(0.5)]]
+        axis = signal([[np.pi / 2, 0, 0, 2.0]], kind="angle_axis")
+        matrix = signal(np.array([[[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]]), kind="matrix")
+        np.testing.assert_allclose(axis.quaternion().values, expected, atol=1e-12)
+        np.testing.assert_allclose(matrix.quaternion().values, expected, atol=1e-12)
+
+    def test_what_is_no_rotation_becomes_nan_alone(self):
+        broken = signal([[0, 0, 0, 1.0], [0, 0, 0, 0], [np.nan, 0, 0, 1]])
+        assert np.isnan(broken.euler().values).all(axis=1).tolist() == [False, True, True]
+
+    def test_wrong_shapes_and_orders_are_told(self):
+        with pytest.raises(ElementError, match="'s' is not a quaternion: one sample has shape"):
+            signal([1.0]).euler()
+        with pytest.raises(ElementError, match="no order of Euler angles: 'XXY'"):
+            signal([[0, 0, 0, 1.0]]).euler("XXY")
+
+    def test_a_pose_has_a_position_and_an_orientation(self):
+        names = ("position_x", "position_y", "position_z", *(f"orientation_{axis}" for axis in "xyzw"))
+        pose = signal([[1, 2, 3, 0, 0, 0, 1.0]], kind="pose", components=names)
+        assert pose.part("position").values.tolist() == [[1, 2, 3]]
+        assert pose.part("orientation").euler().values.tolist() == [[0, 0, 0]]
+
+
+class TestTables:
+    def test_pandas_gets_times_labels_and_components(self, log):
+        pytest.importorskip("pandas")
+        mode = log["state/mode"].to_pandas()
+        assert mode.tolist()[:3] == ["STAND", "STAND", "WALK"]
+        assert mode.index.astype("int64").tolist() == log.time_ns.tolist()
+        assert list(log["imu/acc"].to_pandas().columns) == [f"/log/imu/acc_{axis}" for axis in "xyz"]
+
+    def test_a_log_becomes_one_table_with_gaps(self, log):
+        pytest.importorskip("pandas")
+        frame = log.to_pandas()
+        assert len(frame) == 10
+        assert frame["/log/imu/q_x"].isna().tolist()[1::2] == [True] * 5
+        np.testing.assert_array_equal(frame["/log/imu/q_x"].to_numpy()[::2], log["imu/q_x"].values)
+        assert frame["/log/state/text"].notna().tolist() == [tick % 3 == 0 for tick in range(10)]
+
+    def test_integers_with_gaps_stay_integers(self, plan, recorded):
+        pytest.importorskip("pandas")
+        recording = recorded([plan("/log/a", "<i8", divider=2, buffer_type=BufferType.GROWING)], 4)
+        frame = Log(recording).to_pandas()
+        assert frame["/log/a"].dropna().tolist() == recording.elements[0].entries[0].values.tolist()
+
+    def test_polars_has_nulls_where_there_is_no_sample(self, log):
+        pytest.importorskip("polars")
+        frame = log.to_polars()
+        assert frame.height == 10
+        assert frame["/log/state/text"].is_null().to_list() == [tick % 3 != 0 for tick in range(10)]
+        assert frame["/log/state/mode"].cast(str).to_list()[2] == "WALK"
+        assert log["imu/acc"].to_polars().columns == ["time", *(f"/log/imu/acc_{axis}" for axis in "xyz")]
+
+    def test_xarray_has_units_and_dimensions(self, log):
+        pytest.importorskip("xarray")
+        acceleration = log["imu/acc"].to_xarray()
+        assert acceleration.dims == ("time", "component")
+        np.testing.assert_array_equal(acceleration.sel(component="y").values, log["imu/acc_y"].values)
+        assert acceleration.attrs["units"] == "m/s²"
+        assert log["state/mode"].to_xarray().attrs["flag_meanings"] == "STAND WALK"
+        assert log.to_xarray().sizes["/log/imu/q.time"] == 5
+
+    def test_numpy_takes_a_signal(self, log):
+        assert np.asarray(log["state/mode"]).tolist() == log["state/mode"].to_numpy().tolist()
+        assert np.asarray(log["state/mode"]).base is not None
+
+    def test_a_missing_library_is_named_with_its_extra(self, log, monkeypatch):
+        monkeypatch.setitem(__import__("sys").modules, "xarray", None)
+        with pytest.raises(silo.SiloError, match=r'pip install "silo-logger\[analysis\]"'):
+            log["imu/acc"].to_xarray()
