@@ -1,0 +1,168 @@
+"""What the commands share: which logger is meant, completion of names, tables of plain text."""
+
+import re
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+from click.shell_completion import CompletionItem
+
+from silo.errors import ConnectionLostError, SiloError
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
+    from silo.ipc.discovery import Found
+    from silo.model import ElementInfo
+
+MOST_COMPLETIONS = 100
+
+_LOGGER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+
+_Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
+
+
+def configuration() -> str:
+    """The file given by `silo --config`, empty for loggers of this host."""
+    ctx = click.get_current_context(silent=True)
+    found = ctx.find_root().obj if ctx else None
+    return found if isinstance(found, str) else ""
+
+
+def find_logger(name: str | None) -> "Found":
+    """The logger of this name (`anymal`, or `anymal.4711` where several have the name), or the only one.
+
+    Raises ConnectionLostError where there is none, UsageError where several could be meant.
+    """
+    from silo.ipc.discovery import discover, not_found_text
+
+    discovery = discover(config=configuration())
+    found = [one for one in discovery.loggers if not name or name in (one.name, one.label)]
+    if not found:
+        raise ConnectionLostError(not_found_text(name or "", discovery))
+    if len(found) > 1:
+        labels = ", ".join(one.label for one in found)
+        raise click.UsageError(f"several loggers run, say which: {labels}")
+    return found[0]
+
+
+def connect(name: str | None) -> "Client":
+    """A client of the logger; close it, or use it as a context manager."""
+    found = find_logger(name)
+    from silo.ipc.client import Client
+
+    return Client.connect(found)
+
+
+def split_logger(words: Sequence[str]) -> tuple[str | None, list[str]]:
+    """A leading name of a logger, if there is one, and the other words: patterns hold `/` or `*`, settings `=`."""
+    if words and _LOGGER.fullmatch(words[0]):
+        return words[0], list(words[1:])
+    return None, list(words)
+
+
+# --------------------------------------------------------------------------------------------------------- completion
+
+
+def complete_logger(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Names of the loggers that run."""
+    from silo.ipc.discovery import discover
+
+    try:
+        loggers = discover(config=configuration()).loggers
+    except SiloError:  # the shell has no place for an error message
+        return []
+    names = [one.name for one in loggers]
+    labels = [one.name if names.count(one.name) == 1 else one.label for one in loggers]
+    return [CompletionItem(label) for label in labels if label.startswith(incomplete)]
+
+
+def complete_words(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """A logger first, then its elements."""
+    words = ctx.params.get(param.name or "") or ()
+    items = complete_element(split_logger(words)[0], incomplete)
+    return items if words else [*complete_logger(ctx, param, incomplete), *items]
+
+
+def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem]:
+    """Names of elements; namespaces where there would be too many."""
+    from silo.ipc.exchange import ask_once
+    from silo.ipc.messages import GetTable, TableReply
+
+    try:
+        found = find_logger(logger)
+        reply = ask_once(found.socket, found.config, GetTable(), 1.0, found.host, found.name)
+    except (SiloError, click.UsageError):
+        return []
+    if not isinstance(reply, TableReply):
+        return []
+    return [CompletionItem(name) for name in next_names([e.name for e in reply.table.elements], incomplete)]
+
+
+def next_names(names: Sequence[str], incomplete: str) -> list[str]:
+    """The names that begin so; cut behind the next `/` where there are too many to show."""
+    matching = [name for name in names if name.startswith(incomplete)]
+    if len(matching) <= MOST_COMPLETIONS:
+        return matching
+    start = len(incomplete)
+    heads = {name[: place + 1] if (place := name.find("/", start + 1)) > 0 else name for name in matching}
+    return sorted(heads)[:MOST_COMPLETIONS]
+
+
+def logger_argument(command: _Command) -> _Command:
+    """The optional argument LOGGER."""
+    return click.argument("logger", required=False, metavar="[LOGGER]", shell_complete=complete_logger)(command)
+
+
+def json_option(command: _Command) -> _Command:
+    """The option `--json`."""
+    return click.option("--json", "as_json", is_flag=True, help="JSON, for machines.")(command)
+
+
+# --------------------------------------------------------------------------------------------------------------- text
+
+
+def show_json(value: object) -> None:
+    """Print a value as one line of JSON."""
+    import msgspec
+
+    click.echo(msgspec.json.encode(value).decode())
+
+
+def show_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> None:
+    """Print rows in columns; those numbered in `right` are aligned right."""
+    if not rows:
+        return
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    for row in rows:
+        cells = [
+            cell.rjust(width) if column in right else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        click.echo("  ".join(cells).rstrip())
+
+
+def show_duration(seconds: float) -> str:
+    """`00:12`, `1:02:03`, `3d 04:05:06`."""
+    whole = max(0, int(seconds))
+    days, hours, minutes, rest = whole // 86400, whole // 3600 % 24, whole // 60 % 60, whole % 60
+    if days:
+        return f"{days}d {hours:02}:{minutes:02}:{rest:02}"
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes:02}:{rest:02}"
+
+
+def many(count: int, noun: str) -> str:
+    """`1 element`, `3 elements`."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def type_of(info: "ElementInfo") -> str:
+    """The type of an element in a word: `f8`, `f8[3]`, `enum`, `text`, `12 values`."""
+    if any(entry.labels for entry in info.entries):
+        return "enum" if len(info.entries) == 1 else f"enum[{len(info.entries)}]"
+    types = {entry.dtype.lstrip("<|=>") for entry in info.entries}
+    if len(types) > 1:
+        return f"{len(info.entries)} values"
+    (only,) = types or {"-"}
+    word = "text" if only.startswith("S") else "bool" if only == "b1" else only
+    shape = "x".join(map(str, info.shape))
+    return f"{word}[{shape}]" if shape else word

@@ -1,0 +1,249 @@
+"""`silo ls`, `info`, `start`, `stop`, `restart`, `save`."""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from silo.cli.common import (
+    complete_words,
+    configuration,
+    connect,
+    json_option,
+    logger_argument,
+    many,
+    show_duration,
+    show_json,
+    show_rows,
+    split_logger,
+    type_of,
+)
+from silo.errors import ConnectionLostError
+from silo.model import FileType
+
+if TYPE_CHECKING:
+    from silo.ipc.discovery import Answer
+    from silo.ipc.messages import Status
+    from silo.model import ElementInfo
+
+_FILE_ENDINGS = (".silo", ".csv", ".mcap", ".bag")
+
+
+@click.command()
+@json_option
+def ls(as_json: bool) -> None:
+    """List the loggers that run on this host.
+
+    \b
+    Examples:
+      silo ls
+      silo ls --json | jq '.[].logger'
+    """
+    from silo.ipc.discovery import discover, not_found_text, survey
+
+    discovery = discover(config=configuration())
+    answers = survey(discovery.loggers)
+    if as_json:
+        show_json([answer.status or {"logger": answer.found.label, "error": answer.error} for answer in answers])
+        return
+    if not answers:
+        raise ConnectionLostError(not_found_text("", discovery))
+    header = ("LOGGER", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
+    show_rows([header, *map(_ls_row, answers)], right=(2, 3, 4, 5, 6, 7))
+    for answer in answers:
+        if answer.error:
+            click.echo(f"{answer.found.label}: {answer.error}", err=True)
+        elif answer.status and answer.status.reason and answer.status.state.value != "running":
+            click.echo(f"{answer.found.label}: {answer.status.reason}", err=True)
+    for folder in discovery.forbidden:
+        names = ", ".join(folder.loggers) or "unknown loggers"
+        click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
+
+
+def _ls_row(answer: "Answer") -> tuple[str, ...]:
+    found, status = answer.found, answer.status
+    if status is None:
+        return (found.label, "no answer", *["-"] * 5, str(found.pid), found.user)
+    return (
+        found.name,
+        status.state.value,
+        _since(status),
+        f"{status.measured_hz or status.frequency_hz:.4g}",
+        str(status.ticks),
+        str(status.lost),
+        f"{status.enabled}/{status.elements}",
+        str(status.pid),
+        status.user,
+    )
+
+
+def _since(status: "Status") -> str:
+    return show_duration((time.time_ns() - status.started_ns) / 1e9) if status.state.value == "running" else "-"
+
+
+@click.command()
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATTERN]...", shell_complete=complete_words)
+@click.option("-e", "--elements", "all_elements", is_flag=True, help="List all elements.")
+@json_option
+def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
+    """Show a logger, the elements that match, or what is in a saved file.
+
+    \b
+    Examples:
+      silo info                              (the only logger)
+      silo info demo '*/torque' /log/base    (elements: glob or namespace)
+      silo info demo_20260102_10-00-00_00001.silo
+    """
+    if len(words) == 1 and words[0].endswith(_FILE_ENDINGS):
+        from silo.cli_files import print_file_info
+
+        print_file_info(Path(words[0]), as_json)
+        return
+    logger, patterns = split_logger(words)
+    with connect(logger) as client:
+        status = client.status()
+        elements = client.table().elements if patterns or all_elements or as_json else []
+    if patterns:
+        from silo.cli.edits import select
+
+        elements = [elements[place] for place in select([e.name for e in elements], patterns)]
+    if as_json:
+        show_json({"status": status, "elements": elements})
+        return
+    if not patterns:
+        _show_status(status)
+    if elements:
+        _show_elements(elements)
+
+
+def _show_status(status: "Status") -> None:
+    limit = f"{status.max_time_s:g} s" if status.max_time_s else "none"
+    unsaved = "" if status.saved or not status.ticks else ", not saved"
+    rows = [
+        ("logger", f"{status.logger} on {status.host}, user {status.user}"),
+        ("state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}"),
+        ("frequency", f"{status.frequency_hz:g} Hz, measured {status.measured_hz:.4g} Hz"),
+        ("logged", f"{status.ticks} ticks{f' in {_since(status)}' if _since(status) != '-' else ''}{unsaved}"),
+        ("lost", f"{status.lost} samples"),
+        ("elements", f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"),
+        ("time limit", limit),
+        ("memory", f"{status.segment_bytes / 1e6:.1f} MB"),
+        ("folder", status.folder),
+        ("script", status.script),
+        ("process", f"{status.pid}, helper {status.helper_pid}"),
+        ("revision", str(status.revision)),
+    ]
+    show_rows(rows)
+
+
+def _show_elements(elements: "list[ElementInfo]") -> None:
+    header = ("ELEMENT", "UNIT", "TYPE", "LOG", "DIV", "ACTION", "BUFFER", "SIZE", "DESCRIPTION")
+    rows = [
+        (
+            one.name,
+            one.unit,
+            type_of(one),
+            "on" if one.options.enabled else "off",
+            str(one.options.divider),
+            one.options.action.name.lower(),
+            one.options.buffer_type.name.lower(),
+            str(one.options.buffer_size),
+            one.description,
+        )
+        for one in elements
+    ]
+    show_rows([header, *rows], right=(4, 7))
+
+
+@click.command()
+@logger_argument
+def start(logger: str | None) -> None:
+    """Start logging; the buffers are cleared.
+
+    \b
+    Example:
+      silo start demo
+    """
+    with connect(logger) as client:
+        _say_state(client.start())
+
+
+@click.command()
+@logger_argument
+def stop(logger: str | None) -> None:
+    """Stop logging; the data stays and can be saved. Stopping a stopped logger succeeds.
+
+    \b
+    Example:
+      silo stop demo
+    """
+    with connect(logger) as client:
+        _say_state(client.stop())
+
+
+@click.command()
+@logger_argument
+def restart(logger: str | None) -> None:
+    """Stop, and start with empty buffers.
+
+    \b
+    Example:
+      silo restart demo
+    """
+    with connect(logger) as client:
+        _say_state(client.restart())
+
+
+def _say_state(status: "Status") -> None:
+    click.echo(f"{status.logger}: {status.state.value}, {many(status.ticks, 'tick')}")
+
+
+@click.command()
+@logger_argument
+@click.option(
+    "-t",
+    "--type",
+    "types",
+    multiple=True,
+    type=click.Choice([one.name.lower() for one in FileType]),
+    default=["silo"],
+    show_default=True,
+    help="What to write; may be repeated.",
+)
+@click.option("-n", "--name", default="", help="File name without ending, instead of LOGGER_DATE_NUMBER.")
+@click.option("--timeout", type=click.FloatRange(min=1), default=600.0, show_default=True, help="Wait so long, s.")
+@json_option
+def save(logger: str | None, types: tuple[str, ...], name: str, timeout: float, as_json: bool) -> None:
+    """Save what the buffers hold to files in the logger's folder, while it goes on logging.
+
+    \b
+    Examples:
+      silo save demo
+      silo save demo -t silo -t bag --name first_walk
+    """
+    chosen = [FileType[one.upper()] for one in dict.fromkeys(types)]
+    with connect(logger) as client, _progress("saving") as progress:
+        files = client.wait_saved(client.save(chosen, name), timeout, progress)
+    if as_json:
+        show_json(files)
+        return
+    for file in files:
+        click.echo(f"{file.path}  {file.size_bytes / 1e6:.1f} MB")
+
+
+@contextmanager
+def _progress(label: str) -> Iterator[Callable[[float], None] | None]:
+    """A progress bar on a terminal, nothing else where."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    with click.progressbar(length=1000, label=label, file=sys.stderr) as bar:
+
+        def show(fraction: float) -> None:
+            bar.update(int(fraction * 1000) - bar.pos)
+
+        yield show

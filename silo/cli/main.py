@@ -1,0 +1,135 @@
+"""The group `silo`: its commands, loaded at first use, and what their errors become for the shell."""
+
+import importlib
+import os
+import sys
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import click
+
+from silo import __version__
+from silo.errors import ConnectionLostError, SiloError
+
+EXIT_FAILED, EXIT_USAGE, EXIT_NO_LOGGER, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 3, 130, 141
+
+
+@dataclass(frozen=True)
+class LazyCommand:
+    """Where a command lives, and its line in `silo --help`, so that help loads none of them."""
+
+    section: str
+    module: str
+    attribute: str
+    summary: str
+
+
+COMMANDS = {
+    "ls": LazyCommand("Loggers", "silo.cli.loggers", "ls", "List the loggers that run."),
+    "info": LazyCommand("Loggers", "silo.cli.loggers", "info", "Show a logger, its elements, or a saved file."),
+    "watch": LazyCommand("Loggers", "silo.cli.watch", "watch", "Print live values."),
+    "set": LazyCommand("Loggers", "silo.cli.edits", "set_command", "Change how elements are logged."),
+    "start": LazyCommand("Loggers", "silo.cli.loggers", "start", "Start logging."),
+    "stop": LazyCommand("Loggers", "silo.cli.loggers", "stop", "Stop logging; the data stays."),
+    "restart": LazyCommand("Loggers", "silo.cli.loggers", "restart", "Stop, and start with empty buffers."),
+    "save": LazyCommand("Loggers", "silo.cli.loggers", "save", "Save what the buffers hold to files."),
+    "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
+    "recover": LazyCommand("Loggers", "silo.cli.recover", "recover", "Save what programs that died left behind."),
+    "convert": LazyCommand("Saved files", "silo.cli_files", "convert_command", "Convert a log to another format."),
+    "plot": LazyCommand("Saved files", "silo.cli_files", "plot_command", "Draw signals of a log."),
+    "stats": LazyCommand("Saved files", "silo.cli_files", "stats_command", "Minimum, maximum, mean ... of signals."),
+    "diff": LazyCommand("Saved files", "silo.cli_files", "diff_command", "Show how two logs differ."),
+    "demo": LazyCommand("Programs", "silo.cli.programs", "demo", "Run a simulated legged robot that logs."),
+    "host": LazyCommand("Programs", "silo.cli.programs", "host", "Log this computer."),
+    "completion": LazyCommand("Programs", "silo.cli.completion", "completion", "Completion for your shell."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported when they are called for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All names, in the order of the help."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command, imported now."""
+        entry = COMMANDS.get(cmd_name)
+        if entry is None:
+            return None
+        command: click.Command = getattr(importlib.import_module(entry.module), entry.attribute)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that the first word names, or an error with the nearest name."""
+        if args[0] not in COMMANDS and not args[0].startswith("-"):
+            near = get_close_matches(args[0], COMMANDS, 1)
+            hint = f"did you mean '{near[0]}'?" if near else "`silo --help` lists them"
+            raise click.UsageError(f"no command '{args[0]}'; {hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """One section per kind of command."""
+        for section in dict.fromkeys(entry.section for entry in COMMANDS.values()):
+            rows = [(name, entry.summary) for name, entry in COMMANDS.items() if entry.section == section]
+            with formatter.section(section):
+                formatter.write_dl(rows)
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--config", envvar="SILO_CONFIG", default="", metavar="FILE", help="Reach loggers of other hosts by this."
+)
+@click.version_option(__version__, prog_name="silo")
+@click.pass_context
+def cli(ctx: click.Context, config: str) -> None:
+    """Log, see, configure and save the signals of robots.
+
+    LOGGER may be left out of every command while exactly one logger runs.
+
+    \b
+    Examples:
+      silo demo                              (a simulated robot, in one terminal)
+      silo ls                                (in another)
+      silo watch demo '/log/base/*'
+      silo set demo '*/torque' divider=2 size=30s action=both
+
+    \b
+    Exit codes:
+      0  done            1  refused or failed      2  wrong usage
+      3  no such logger, or it can't be reached
+    """
+    ctx.obj = config
+
+
+def main() -> None:
+    """Run `silo` with the arguments of this process and exit with its code."""
+    # one thread is enough for what commands compute, and NumPy loads 70 ms faster
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command; errors become a line on stderr and an exit code."""
+    try:
+        code = cli.main(arguments, prog_name="silo", standalone_mode=False)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
+    except click.UsageError as error:
+        error.show()
+        return EXIT_USAGE
+    except (SiloError, click.ClickException) as error:
+        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        click.echo(f"silo: {text}", err=True)
+        return EXIT_NO_LOGGER if isinstance(error, ConnectionLostError) else EXIT_FAILED
+    except (KeyboardInterrupt, click.Abort):
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:  # `silo ls | head`: the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_PIPE
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        click.echo(f"silo: {place}{error.strerror or error}", err=True)
+        return EXIT_FAILED

@@ -1,0 +1,109 @@
+"""`silo demo` and `silo host`: programs that log."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from silo.model import FileType
+
+
+_Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
+
+
+def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
+    """The options that both programs have."""
+    options = (
+        click.option("--name", default=name, show_default=True, help="Name of the logger."),
+        click.option(
+            "--frequency",
+            type=click.FloatRange(0, 10_000, min_open=True),
+            default=frequency,
+            show_default=True,
+            help="Ticks per second.",
+        ),
+        click.option(
+            "--time-limit", type=click.FloatRange(min=0, min_open=True), help="End by itself after so long, s."
+        ),
+        click.option(
+            "--folder", type=click.Path(path_type=Path, file_okay=False), default=Path(), help="Where saved files go."
+        ),
+        click.option(
+            "--script", type=click.Path(path_type=Path, dir_okay=False), help="Script; FOLDER/NAME.yaml if not given."
+        ),
+        click.option("--stopped", is_flag=True, help="Don't start logging; wait for `silo start`."),
+        click.option(
+            "--save",
+            multiple=True,
+            type=click.Choice([one.name.lower() for one in FileType]),
+            help="Save at the end; may be repeated.",
+        ),
+    )
+
+    def decorate(command: _Command) -> _Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+def _types(save: tuple[str, ...]) -> tuple[FileType, ...]:
+    return tuple(FileType[one.upper()] for one in dict.fromkeys(save))
+
+
+@click.command()
+@_common("demo", 400.0)
+@click.option("--elements", type=click.IntRange(5, 200_000), help="So many elements; 500 if not given.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Another seed, other noise and faults.")
+def demo(
+    name: str,
+    frequency: float,
+    time_limit: float | None,
+    folder: Path,
+    script: Path | None,
+    stopped: bool,
+    save: tuple[str, ...],
+    elements: int | None,
+    seed: int,
+) -> None:
+    """Run a simulated legged robot that logs 500 elements at 400 Hz, until Ctrl-C.
+
+    It walks and trots through a mission of half a minute. Among its sensors are a flaky, a stuck and a noisy one.
+
+    \b
+    Examples:
+      silo demo
+      silo demo --time-limit 30 --save silo --save bag --folder /tmp/logs
+      silo demo --elements 10000 --stopped
+    """
+    from silo.demo.program import DemoOptions, run_demo
+
+    options = DemoOptions(name, frequency, elements, time_limit, folder, script, stopped, seed, _types(save))
+    run_demo(options, click.echo)
+
+
+@click.command()
+@_common("host", 20.0)
+def host(
+    name: str,
+    frequency: float,
+    time_limit: float | None,
+    folder: Path,
+    script: Path | None,
+    stopped: bool,
+    save: tuple[str, ...],
+) -> None:
+    """Log this computer until Ctrl-C: processor, memory, disks, networks, temperatures; ten minutes are kept.
+
+    What the computer lacks is left out. Useful beside any robot program.
+
+    \b
+    Examples:
+      silo host
+      silo host --save csv --time-limit 60
+    """
+    from silo.host.program import HostOptions, run_host
+
+    run_host(HostOptions(name, frequency, time_limit, folder, script, stopped, _types(save)), click.echo)

@@ -1,0 +1,167 @@
+"""`silo script`: the YAML files that say how each element is logged. They lie on the robot's side."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from silo.cli.common import complete_logger, connect, json_option, logger_argument, many, show_json
+from silo.cli.edits import show_changes
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
+
+
+@click.group()
+def script() -> None:
+    """Show, check, load, save and compare scripts.
+
+    Paths of show, load, save and diff are on the robot's side, inside the folder of the logger's script; without a path
+    the logger's own script is meant. A word that ends in .yaml or .yml is a path, another one a logger.
+    """
+
+
+def _split(words: tuple[str, ...]) -> tuple[str | None, str]:
+    """Logger and path, either of which may be missing."""
+    paths = [word for word in words if word.endswith((".yaml", ".yml")) or "/" in word]
+    loggers = [word for word in words if word not in paths]
+    if len(paths) > 1 or len(loggers) > 1:
+        raise click.UsageError("give at most one logger and one path (ending in .yaml or .yml)")
+    return loggers[0] if loggers else None, paths[0] if paths else ""
+
+
+@script.command("list")
+@logger_argument
+@json_option
+def list_command(logger: str | None, as_json: bool) -> None:
+    """List the scripts on the robot's side.
+
+    \b
+    Example:
+      silo script list demo
+    """
+    with connect(logger) as client:
+        scripts = client.scripts()
+    if as_json:
+        show_json(scripts)
+        return
+    click.echo(f"{scripts.folder}:")
+    for name in scripts.names:
+        click.echo(f"  {name}{'  (in use)' if name == scripts.current else ''}")
+    if not scripts.names:
+        click.echo("  no scripts yet; `silo script save` writes one")
+
+
+@script.command(short_help="Print a script, or the present configuration as one.")
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_logger)
+def show(words: tuple[str, ...]) -> None:
+    """Print a script; without PATH, the present configuration as a script.
+
+    \b
+    Examples:
+      silo script show demo > mine.yaml
+      silo script show demo walk.yaml
+    """
+    logger, path = _split(words)
+    with connect(logger) as client:
+        click.echo(client.read_script(path).text, nl=False)
+
+
+@script.command(short_help="Check a script of this computer.")
+@click.argument("path", type=click.Path(path_type=Path))
+@click.option("-l", "--logger", metavar="LOGGER", shell_complete=complete_logger, help="Check names against its table.")
+def check(path: Path, logger: str | None) -> None:
+    """Check a script of this computer; with --logger also whether its elements exist.
+
+    Every problem is told with its line. Exit code 1 if there are any.
+
+    \b
+    Examples:
+      silo script check config/demo.yaml
+      silo script check config/demo.yaml --logger demo
+    """
+    from silo.errors import ScriptError
+    from silo.script import apply_script, read_script
+
+    found = read_script(path)
+    if logger is not None:
+        with connect(logger) as client:
+            unknown = apply_script(found, client.table().elements).unknown
+        if unknown:
+            raise ScriptError("\n".join(f"{path}:{one}".replace(":line ", ":", 1) for one in unknown))
+    click.echo(f"{path}: fine, {many(len(found.elements), 'element')}")
+
+
+@script.command(short_help="Configure all elements by a script.")
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_logger)
+@click.option("-n", "--dry-run", is_flag=True, help="Only show what would change.")
+def load(words: tuple[str, ...], dry_run: bool) -> None:
+    """Configure all elements by a script; only while the logger is stopped.
+
+    \b
+    Examples:
+      silo script load demo walk.yaml
+      silo script load demo walk.yaml --dry-run
+    """
+    logger, path = _split(words)
+    with connect(logger) as client:
+        if dry_run:
+            _diff(client, path)
+            return
+        applied = client.load_script(path)
+    _warn_unknown(applied.unknown)
+    click.echo(f"loaded: {many(applied.changed, 'element')} changed (revision {applied.revision})")
+
+
+@script.command(short_help="Write the present configuration to a script.")
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_logger)
+@click.option("-f", "--force", is_flag=True, help="Replace a script that exists.")
+def save(words: tuple[str, ...], force: bool) -> None:
+    """Write the present configuration to a script on the robot's side.
+
+    \b
+    Examples:
+      silo script save demo walk.yaml
+      silo script save demo --force          (the logger's own script)
+    """
+    logger, path = _split(words)
+    with connect(logger) as client:
+        click.echo(client.save_script(path, overwrite=force).text)
+
+
+@script.command(short_help="Show what loading a script would change.")
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_logger)
+@click.option("--exit-code", is_flag=True, help="Exit with 1 if there are differences.")
+@json_option
+def diff(words: tuple[str, ...], exit_code: bool, as_json: bool) -> int:
+    """Show what loading a script would change.
+
+    \b
+    Examples:
+      silo script diff demo
+      silo script diff demo walk.yaml
+    """
+    logger, path = _split(words)
+    with connect(logger) as client:
+        if as_json:
+            found = client.diff_script(path)
+            show_json(found)
+            return int(exit_code and bool(found.changes))
+        return int(_diff(client, path) and exit_code)
+
+
+def _diff(client: "Client", path: str) -> bool:
+    """Print the differences; whether there are any."""
+    found = client.diff_script(path)
+    show_changes(found.changes)
+    _warn_unknown(found.unknown)
+    names = len({change.name for change in found.changes})
+    click.echo(f"{found.path}: {many(names, 'element')} would change" if names else f"{found.path}: no difference")
+    return bool(names)
+
+
+def _warn_unknown(names: list[str]) -> None:
+    for name in names[:20]:
+        click.echo(f"warning: the script lists '{name}', which the logger doesn't have", err=True)
+    if len(names) > 20:
+        click.echo(f"warning: and {len(names) - 20} more", err=True)
