@@ -26,7 +26,6 @@ class Deed:
     footer: int = 0
     writes: bool = False
     shown_key: str = ""
-    priority: bool = False
 
     @property
     def key_text(self) -> str:
@@ -118,6 +117,8 @@ DEEDS: tuple[Deed, ...] = (
     Deed("detail_refresh", "r", "Refresh", "draw with what came since", "Detail plot", _DETAIL, 7),
     # ------------------------------------------------------------------------------------------------- loggers
     Deed("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", _TABLE),
+    Deed("next_logger", "j,down", "Next", "next logger", "Loggers", _LOGGERS),
+    Deed("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
     Deed("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
     Deed("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 2),
     # ------------------------------------------------------------------------------------------------------ app
@@ -125,8 +126,8 @@ DEEDS: tuple[Deed, ...] = (
     Deed("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?"),
     Deed("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",)),
     Deed("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",)),
-    Deed("quit", "q", "Quit", "end silo-tui; the logger goes on", "Go", ("any",), 12),
-    Deed("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",), priority=True),
+    Deed("quit", "q,ctrl+c", "Quit", "end silo-tui; the logger goes on", "Go", ("any",), 12),
+    Deed("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",)),
 )
 
 BY_ID = {deed.id: deed for deed in DEEDS}
@@ -138,10 +139,13 @@ def deeds_for(scope: str) -> list[Deed]:
 
 
 def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
-    """The key bindings of a screen."""
+    """The key bindings of a screen.
+
+    They are priority bindings: Textual carries these out one after the other before it hands on the next key, the
+    others at any time after. A slow link brings several keys at once, and `d 5 Enter j` has to stay in this order.
+    """
     return [
-        Binding(deed.keys, f"deed('{deed.id}')", deed.label, show=False, priority=deed.priority)
-        for deed in deeds_for(scope)
+        Binding(deed.keys, f"deed('{deed.id}')", deed.label, show=False, priority=True) for deed in deeds_for(scope)
     ]
 
 

@@ -9,7 +9,7 @@ from textual.app import App
 from textual.command import CommandPalette
 
 from silo.errors import RefusedError, SiloError
-from silo.ipc.messages import EventKind
+from silo.ipc.messages import Event, EventKind
 from silo_tui import flows, terminal, theme
 from silo_tui.commands import CommandRunner
 from silo_tui.demo import Demo
@@ -47,6 +47,7 @@ class SiloApp(App[None]):
         self._read_only = read_only
         self._session: Session | None = None
         self._flow_running = False
+        self._news = asyncio.Lock()  # events are followed in their order
         self.script_names: tuple[str, ...] = ()
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
@@ -102,7 +103,7 @@ class SiloApp(App[None]):
 
     def say(self, words: str) -> None:
         """Shows the result of something on the screen below any dialog."""
-        if (screen := self._silo_screen()) is not None:
+        if (screen := self.upper_screen) is not None:
             screen.say(words)
 
     def fail(self, words: str) -> None:
@@ -158,16 +159,20 @@ class SiloApp(App[None]):
         session.take_values(frame)
         if frame.running != session.running and not session.dead:
             self.run_worker(self._refresh_status(), group="status", exclusive=True)
-        if (screen := self._silo_screen()) is not None:
+        if (screen := self.upper_screen) is not None:
             screen.live_changed(frame)
 
     def _second(self) -> None:
         if terminal.backed_up(self):
             return
-        if (screen := self._silo_screen()) is not None:
+        if (screen := self.upper_screen) is not None:
             screen.second_passed()
         session = self._session
-        if session is not None and session.lost_since is not None:
+        if session is None or session.link is None:
+            return
+        if session.lost_since is not None and session.link.connected:
+            self.run_worker(self._regain(session), group="regain")  # it came back, but didn't answer at once
+        elif session.lost_since is not None or session.dead:
             self.run_worker(self._find_again(session), group="again", exclusive=True)
 
     async def _refresh_status(self) -> None:
@@ -183,25 +188,31 @@ class SiloApp(App[None]):
 
     # ------------------------------------------------------------------------------------------ what links report
 
-    async def on_link_changed(self, message: LinkChanged) -> None:
+    def on_link_changed(self, message: LinkChanged) -> None:
         """Lost, or back."""
         session = self._session
         if session is None or message.link is not session.link:
             return
-        if not message.connected:
-            session.lose()
+        if message.connected:
+            self.run_worker(self._regain(session), group="regain", exclusive=True)
         else:
-            await self._quietly(session.regain())
-            self.table_changed()
+            session.lose()
+            self.status_changed()
+
+    async def _regain(self, session: Session) -> None:
+        await self._quietly(session.regain())
+        self.table_changed()
         self.status_changed()
 
-    async def on_logger_event(self, message: LoggerEvent) -> None:
-        """Somebody did something, or something happened."""
+    def on_logger_event(self, message: LoggerEvent) -> None:
+        """Somebody did something, or something happened. Followed in a worker: asking takes time, keys don't wait."""
         session = self._session
-        if session is None or message.link is not session.link:
-            return
-        event = message.event
-        await self._quietly(session.take_event(event))
+        if session is not None and message.link is session.link:
+            self.run_worker(self._take_event(session, message.event), group="news")
+
+    async def _take_event(self, session: Session, event: Event) -> None:
+        async with self._news:
+            await self._quietly(session.take_event(event))
         if event.kind is EventKind.CRASHED or (event.kind is EventKind.SAVE_FAILED and not self.screen.is_modal):
             self.fail(event.text)
         elif event.kind is not EventKind.SAVING and event.by != self._opener.own_name:
@@ -305,7 +316,7 @@ class SiloApp(App[None]):
     def leave_screen(self) -> None:
         """Back to the screen below, which says again what it wants to see."""
         self.pop_screen()
-        if (screen := self._silo_screen()) is not None:
+        if (screen := self.upper_screen) is not None:
             screen.table_changed()
             screen.status_changed()
             screen.wish_again()
@@ -344,7 +355,8 @@ class SiloApp(App[None]):
 
     # ------------------------------------------------------------------------------------------------------ inside
 
-    def _silo_screen(self) -> SiloScreen | None:
+    @property
+    def upper_screen(self) -> SiloScreen | None:
         """The uppermost full screen, below any dialog."""
         return next((screen for screen in reversed(self.screen_stack) if isinstance(screen, SiloScreen)), None)
 

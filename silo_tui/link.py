@@ -15,6 +15,7 @@ from typing import Any, Protocol, TypeVar
 
 from textual.message import Message
 
+from silo.errors import ConnectionLostError
 from silo.ipc.messages import (
     Edit,
     EditsApplied,
@@ -129,11 +130,11 @@ class Link:
 
     async def call(self, job: Callable[[ClientLike], Result]) -> Result:
         """Runs a call that may change something, one after the other."""
-        return await asyncio.get_running_loop().run_in_executor(self._control, functools.partial(job, self._client))
+        return await self._run(self._control, job)
 
     async def read(self, job: Callable[[ClientLike], Result]) -> Result:
         """Runs a call that only reads, beside those that change something."""
-        return await asyncio.get_running_loop().run_in_executor(self._reading, functools.partial(job, self._client))
+        return await self._run(self._reading, job)
 
     def watch(self, wish: Wish) -> None:
         """From now on frames are about this; several wishes in a row cost one request."""
@@ -166,6 +167,11 @@ class Link:
         if view is not None and self._client.connected:
             view.close()
         self._client.close()
+
+    async def _run(self, threads: ThreadPoolExecutor, job: Callable[[ClientLike], Result]) -> Result:
+        if self._closed:
+            raise ConnectionLostError("the connection was closed")
+        return await asyncio.get_running_loop().run_in_executor(threads, functools.partial(job, self._client))
 
     def _open_wishes(self) -> None:
         while True:

@@ -93,7 +93,9 @@ class Opener:
         """A logger of the same name in another process is the same robot program, started again. True if found."""
         found, _ = await self._look()
         named = [each for each in found.loggers if each.name == session.name and each.key not in self._failed]
-        if len(named) != 1 or named[0].pid == session.status.pid or session.lost_since is None:
+        if session.dead:
+            session.successor = any(each.pid != session.status.pid for each in named)
+        if len(named) != 1 or named[0].pid in {0, session.status.pid} or session.lost_since is None:
             return False
         old = session.link
         try:

@@ -43,6 +43,7 @@ class Session:
         self.frame_time_ns = 0
         self.frame_at = 0.0  # monotonic, of the newest frame
         self.lost_since: float | None = None  # monotonic, when the link was lost
+        self.successor = False  # the robot program died, and one of its name runs again
         self.saves: dict[int, Event] = {}  # the newest event of each save
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 

@@ -7,6 +7,7 @@ from textual.screen import Screen
 
 from silo_tui.actions import BY_ID
 from silo_tui.model.live import Frame
+from silo_tui.widgets.inputs import Fleeting
 
 if TYPE_CHECKING:
     from silo_tui.app import SiloApp
@@ -21,6 +22,11 @@ class SiloScreen(Screen[None]):
     def silo(self) -> "SiloApp":
         """The app, by its own type."""
         return cast("SiloApp", self.app)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """While somebody types in a line, keys are letters."""
+        typing = isinstance(self.focused, Fleeting) and self.focused.display
+        return not typing or parameters == ("quit_now",)
 
     def action_deed(self, deed_id: str) -> None:
         """Does what a key, a click, the palette or the command line asks for."""

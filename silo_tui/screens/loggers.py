@@ -73,6 +73,14 @@ class LoggersScreen(SiloScreen):
             if line.key == event.option.id:
                 self.silo.open_logger(line)
 
+    def deed_next_logger(self) -> None:
+        """The cursor down."""
+        self.query_one(OptionList).action_cursor_down()
+
+    def deed_previous_logger(self) -> None:
+        """The cursor up."""
+        self.query_one(OptionList).action_cursor_up()
+
     def deed_open_logger(self) -> None:
         """Enter where the list has no focus."""
         self.query_one(OptionList).action_select()

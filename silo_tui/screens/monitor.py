@@ -45,6 +45,7 @@ class MonitorScreen(SiloScreen):
         self.stack = PlotStack(plots_of(elements), self.window, source)
         self.stack.prefix = session.status.prefix.rstrip("/")
         self._said = ""
+        self._asked = self.stack.store  # where the live columns should go
         self._timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
@@ -82,7 +83,7 @@ class MonitorScreen(SiloScreen):
 
     def wish_again(self) -> None:
         """Says what is on the screen and fetches its past."""
-        if not self.is_current and not self.silo.screen.is_modal:
+        if self.silo.upper_screen is not self:
             return
         plots = [plotted for plotted in self.stack.on_screen() if self.source.is_live(plotted.element.name)]
         names = [plotted.name for plotted in plots if plotted.numeric]
@@ -93,7 +94,7 @@ class MonitorScreen(SiloScreen):
             self.session.columns = ColumnStore((), 1, 1)
         else:
             elements = dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())
-            self.session.columns = store
+            self.session.columns = self._asked = store
             self.session.watch(Wish(tuple(elements), tuple(names), store.column_ns))
         self.run_worker(self._fill(store, names), group="history", exclusive=True)
 
@@ -127,6 +128,8 @@ class MonitorScreen(SiloScreen):
         if self.stack.fresh != self.session.fresh:
             self.stack.fresh = self.session.fresh
             self.stack.redraw()
+        if not self.window.paused and self.session.columns is not self._asked:
+            self.fill_soon()  # it was started again
 
     def table_changed(self) -> None:
         """Somebody may have published or enabled what is plotted."""

@@ -23,7 +23,7 @@ from silo_tui.screens.base import SiloScreen
 from silo_tui.session import Session
 from silo_tui.widgets.bars import Banner, InfoLine, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FIXED_WIDTH, ElementTable, TableHead
-from silo_tui.widgets.inputs import CellEditor, Line
+from silo_tui.widgets.inputs import CellEditor, Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
 from silo_tui.widgets.live_pane import TREND, LivePane
 
@@ -74,7 +74,7 @@ class TableScreen(SiloScreen):
         yield Line(self._complete_filter, "words, globs, unit:Nm on:no div>1 dirty", "filter-line")
         yield Line(self._complete_command, "load save set goto sort data start stop help quit", "command-line")
         yield KeyBar("table", read_only=self._read_only)
-        yield CellEditor()
+        yield CellEditor(self._take_cell)
 
     def on_mount(self) -> None:
         """The table has the keys."""
@@ -161,7 +161,7 @@ class TableScreen(SiloScreen):
 
     def wish_again(self) -> None:
         """Says what is on the screen."""
-        if not self.is_current and not self.silo.screen.is_modal:
+        if self.silo.upper_screen is not self:
             return
         table = self.session.table
         rows = [row for row in self.table.rows_on_screen() if table.server[Field.ENABLED, row]]
@@ -237,7 +237,7 @@ class TableScreen(SiloScreen):
     # ---------------------------------------------------------------------------------------- filter and marks
 
     def deed_filter(self) -> None:
-        self.query_one("#filter-line", Line).open(self.session.rows.filter.text)
+        self.query_one("#filter-line", Line).begin(self.session.rows.filter.text)
         self.info.display = False
 
     def deed_mark(self) -> None:
@@ -331,15 +331,6 @@ class TableScreen(SiloScreen):
         if self.session.rows.row is not None:
             self._open_editor("=", select=False)
 
-    def on_cell_editor_left(self) -> None:
-        """Esc in the editor."""
-        self._close_editor("")
-
-    def _close_editor(self, words: str) -> None:
-        self.query_one(CellEditor).shut()
-        self.table.focus()
-        self.say(words)
-
     def _set(self, field: Field, value: int) -> None:
         targets = self.session.rows.targets()
         changed = self.session.table.edit(targets, field, value)
@@ -385,7 +376,7 @@ class TableScreen(SiloScreen):
 
     def deed_command(self) -> None:
         self.silo.learn_scripts()
-        self.query_one("#command-line", Line).open()
+        self.query_one("#command-line", Line).begin("")
         self.info.display = False
 
     def on_input_changed(self, event: Input.Changed) -> None:
@@ -394,40 +385,35 @@ class TableScreen(SiloScreen):
             self.session.rows.set_filter(event.value)
             self.table_changed()
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Enter in one of the lines."""
-        event.stop()
-        if event.input.id == "filter-line":
-            self._shut(self.query_one("#filter-line", Line))
-        elif event.input.id == "command-line":
-            self._shut(self.query_one("#command-line", Line))
-            if event.value.strip(": "):
-                self.silo.run_command(event.value)
-        else:
-            self._take_cell(event.value)
+    def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
+        """Enter in one of the lines; a cell was taken when it was checked."""
+        self._back_to_table()
+        if event.line.id == "command-line" and event.value.strip(": "):
+            self.silo.run_command(event.value)
 
-    def _take_cell(self, value: str) -> None:
-        field = self.query_one(CellEditor).field
-        try:
-            changed = self.change(self.session.rows.targets(), field, parse_change(field, value))
-        except ValueError as error:
-            self.say(f"{error}")
-            return
-        self._close_editor("")
-        self._edited(f"{field.label}: {changed} changed" if changed else "nothing to change")
-
-    def on_line_left(self, event: Line.Left) -> None:
+    def on_fleeting_left(self, event: Fleeting.Left) -> None:
         """Esc in a line; in the filter it clears the filter too."""
-        self._shut(event.line)
+        self._back_to_table()
+        self.say("")
         if event.line.id == "filter-line":
             self.session.rows.set_filter("")
             self.table_changed()
 
-    def _shut(self, line: Line) -> None:
-        line.shut()
+    def _back_to_table(self) -> None:
         self.info.display = True
         self.info.refresh()
         self.table.focus()
+
+    def _take_cell(self, value: str) -> bool:
+        """Edits as typed; False, with the reason, when that can't be."""
+        field = self.query_one(CellEditor).field
+        try:
+            changed = self.change(self.session.rows.targets(), field, parse_change(field, value))
+        except ValueError as error:
+            self.say(str(error))
+            return False
+        self._edited(f"{field.label}: {changed} changed" if changed else "nothing to change")
+        return True
 
     def _complete_filter(self, line: str) -> list[str]:
         head, _, last = line.rpartition(" ")

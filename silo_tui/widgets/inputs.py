@@ -2,17 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any
 
-from textual.binding import Binding
+from textual import events
 from textual.geometry import Region
 from textual.message import Message
 from textual.suggester import Suggester
+from textual.widget import Widget
 from textual.widgets import Input
 
 from silo_tui.model.fields import Field
-
-Keys = list[Binding | tuple[str, str] | tuple[str, str, str]]
 
 
 class LineSuggester(Suggester):
@@ -28,40 +27,81 @@ class LineSuggester(Suggester):
         return found[0] if found else None
 
 
-class Line(Input):
-    """A line that is shown only while somebody types in it."""
+class Fleeting(Input):
+    """An input that is there only while somebody types in it.
 
-    DEFAULT_CSS = "Line { display: none; height: 1; border: none; padding: 0 1; }"
-    BINDINGS: ClassVar[Keys] = [
-        Binding("escape", "leave", show=False, priority=True),
-        Binding("tab", "complete", show=False, priority=True),
-    ]
+    Enter, Esc and Tab are taken as keys and not as bindings, and what was typed behind them is handed on: a slow link
+    brings several keys at once, and a binding would act before or after keys that were pressed after or before it.
+    """
+
+    DEFAULT_CSS = "Fleeting { display: none; height: 1; border: none; padding: 0; }"
+
+    @dataclass
+    class Entered(Message):
+        """Enter, and the value was taken."""
+
+        line: "Fleeting"
+        value: str
 
     @dataclass
     class Left(Message):
-        """Esc: back to where one was."""
+        """Esc, or the focus went elsewhere."""
 
-        line: "Line"
+        line: "Fleeting"
 
-    def __init__(self, complete: Callable[[str], list[str]], placeholder: str, id: str) -> None:  # noqa: A002 - Textual's word
-        super().__init__(
-            placeholder=placeholder, id=id, compact=True, suggester=LineSuggester(complete), select_on_focus=False
-        )
-        self._complete_line = complete
-        self._turn: list[str] = []
+    def __init__(self, id: str, *, check: Callable[[str], bool] = lambda value: True, **options: Any) -> None:  # noqa: A002
+        super().__init__(id=id, compact=True, **options)
+        self._check = check
+        self._before: Widget | None = None
 
-    def open(self, value: str = "") -> None:
+    def begin(self, value: str) -> None:
         """Shows the line and takes the keys."""
         self.value = value
         self.cursor_position = len(value)
         self.display = True
-        self.focus()
+        self._before = self.screen.focused
+        self.screen.set_focus(self)  # at once: `focus()` lets keys pass that come with this one
 
-    def shut(self) -> None:
-        """Hides the line."""
+    def complete(self) -> None:
+        """What Tab does."""
+
+    async def _on_key(self, event: events.Key) -> None:
+        if not self.display:
+            self.app.post_message(events.Key(event.key, event.character))
+        elif event.key == "enter":
+            if self._check(self.value):
+                self._end(self.Entered(self, self.value))
+        elif event.key == "escape":
+            self._end(self.Left(self))
+        elif event.key == "tab":
+            self.complete()
+        else:
+            return
+        event.stop()
+        event.prevent_default()
+
+    def _end(self, message: Message) -> None:
         self.display = False
+        self.screen.set_focus(self._before)
+        self.post_message(message)
 
-    def action_complete(self) -> None:
+    def _on_blur(self, event: events.Blur) -> None:
+        if self.display:
+            self.display = False
+            self.post_message(self.Left(self))
+
+
+class Line(Fleeting):
+    """A line at the bottom: filter or command."""
+
+    DEFAULT_CSS = "Line { padding: 0 1; }"
+
+    def __init__(self, complete: Callable[[str], list[str]], placeholder: str, id: str) -> None:  # noqa: A002
+        super().__init__(id, placeholder=placeholder, suggester=LineSuggester(complete), select_on_focus=False)
+        self._complete_line = complete
+        self._turn: list[str] = []
+
+    def complete(self) -> None:
         """Takes the next completion; Tab again takes the one after."""
         if not self._turn or self.value not in self._turn:
             self._turn = self._complete_line(self.value)
@@ -72,43 +112,21 @@ class Line(Input):
             self.value = self._turn[(self._turn.index(self.value) + 1) % len(self._turn)]
         self.cursor_position = len(self.value)
 
-    def action_leave(self) -> None:
-        """Esc."""
-        self.post_message(self.Left(self))
 
+class CellEditor(Fleeting):
+    """Lies over a cell while its value is edited in place; stays open until the value can be taken."""
 
-class CellEditor(Input):
-    """Lies over a cell while its number is edited in place."""
+    DEFAULT_CSS = "CellEditor { layer: editor; }"
 
-    DEFAULT_CSS = """
-    CellEditor { display: none; layer: editor; height: 1; border: none; padding: 0; }
-    """
-    BINDINGS: ClassVar[Keys] = [Binding("escape", "leave", show=False, priority=True)]
-
-    @dataclass
-    class Left(Message):
-        """Esc: nothing is changed."""
-
-    def __init__(self) -> None:
-        super().__init__(compact=True, id="cell-editor", select_on_focus=True)
+    def __init__(self, check: Callable[[str], bool]) -> None:
+        super().__init__("cell-editor", check=check, select_on_focus=True)
         self.field = Field.DIVIDER
 
     def open(self, field: Field, region: Region, value: str, *, select: bool) -> None:
         """Appears over a cell of the screen."""
         self.field = field
-        self.styles.width = max(region.width + 2, 8)
-        right = region.x + region.width
-        self.styles.offset = (max(0, right - max(region.width + 2, 8)), region.y)
+        width = max(region.width + 2, 8)
+        self.styles.width = width
+        self.styles.offset = (max(0, region.x + region.width - width), region.y)
         self.select_on_focus = select
-        self.value = value
-        self.cursor_position = len(value)
-        self.display = True
-        self.focus()
-
-    def shut(self) -> None:
-        """Goes away."""
-        self.display = False
-
-    def action_leave(self) -> None:
-        """Esc."""
-        self.post_message(self.Left())
+        self.begin(value)

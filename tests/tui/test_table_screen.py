@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 from rich.cells import cell_len
+from textual import events
 
 from silo.ipc.messages import EventKind, State
 from silo_tui.model.fields import Field
@@ -274,3 +275,18 @@ async def test_letters_of_two_cells_don_t_move_the_columns(new_fake, robot, open
     async with opened(new_fake([odd, *robot[1:3]])) as screen:
         lines = [line for line in screen.text.splitlines() if "[x]" in line]
         assert {cell_len(line[: line.index("[x]")]) for line in lines} == {36}
+
+
+async def test_keys_that_come_all_at_once_keep_their_order(fake, opened):
+    async with opened(fake) as screen:
+        for key, char in (("d", "d"), ("7", "7"), ("enter", "\r"), ("j", "j"), ("d", "d"), ("8", "8"), ("enter", "\r")):
+            screen.app.post_message(events.Key(key, char))
+        await screen.until(lambda: screen.session.table.pending_count == (2, 2))
+        assert [screen.value(name, Field.DIVIDER) for name in (FIRST, "/log/base/position")] == ["7", "8"]
+
+
+async def test_tab_doesn_t_leave_an_editor_behind(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("d", "tab", "9", "enter")
+        assert screen.value(FIRST, Field.DIVIDER) == "9"
+        assert not screen.app.screen.query_one("#cell-editor").display
