@@ -1,11 +1,11 @@
 """The keys under which a logger is reached: all begin with `silo/<host>/<logger>`.
 
-    ask, do          queries: those that read, those that change something
-    event            events
-    alive            liveliness token of the helper process
-    client/<id>      liveliness token of a client; its views are called `<id>-<number>`
-    view/<id>        frames of a view
-    topic/<element>  samples of a published element
+ask, do          queries: those that read, those that change something
+event            events
+alive            liveliness token of the helper process
+client/<id>      liveliness token of a client; its views are called `<id>-<number>`
+view/<id>        frames of a view
+topic/<element>  samples of a published element
 """
 
 import re

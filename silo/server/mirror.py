@@ -4,6 +4,7 @@
 anybody.
 """
 
+import functools
 import os
 import socket
 import threading
@@ -37,6 +38,15 @@ class Now:
     def state(self) -> State:
         """The state as clients see it."""
         return State.DEAD if self.died else self.robot.state
+
+    @functools.cached_property
+    def entry_places(self) -> dict[str, tuple[str, int]]:
+        """Element and number of every entry, by its name; made when the first plot asks."""
+        found: dict[str, tuple[str, int]] = {}
+        for info in self.table.elements:
+            for number, entry in enumerate(info.entries):
+                found.setdefault(info.name + entry.suffix, (info.name, number))
+        return found
 
     def element(self, name: str) -> ElementInfo | None:
         """The element of that name."""

@@ -63,8 +63,8 @@ class Robot:
         except concurrent.futures.TimeoutError:
             return Refused(
                 RefusedWhy.FAILED,
-                f"the robot program did not answer within {timeout_s:g} s: it is stopped, or busy in code that holds the "
-                "interpreter; look at the status before you try again, it may still do it",
+                f"the robot program did not answer within {timeout_s:g} s: it is stopped, or busy in code that "
+                "holds the interpreter; look at the status before you try again, it may still do it",
             )
         finally:
             self._pending.pop(number, None)

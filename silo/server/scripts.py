@@ -44,11 +44,15 @@ def _walk(folder: Path) -> Iterator[Path]:
                     if entry.is_dir(follow_symlinks=False):
                         if depth < MAX_DEPTH:
                             waiting.append((Path(entry.path), depth + 1))
-                    elif entry.name.lower().endswith(SUFFIXES) and entry.is_file() and _inside(Path(entry.path), folder):
+                    elif _is_script(entry, folder):
                         yield Path(entry.path)
         except OSError:
             # a folder that we may not read, or that vanished, holds no script for us
             continue
+
+
+def _is_script(entry: os.DirEntry[str], folder: Path) -> bool:
+    return entry.name.lower().endswith(SUFFIXES) and entry.is_file() and _inside(Path(entry.path), folder)
 
 
 def resolve(asked: str, own_script: Path) -> Path:
@@ -83,7 +87,7 @@ def read_text(path: Path) -> str:
     try:
         # without O_NONBLOCK, opening a named pipe would wait forever
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with open(descriptor, "rb") as file:
+        with os.fdopen(descriptor, "rb") as file:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
                 raise ScriptRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
             data = file.read(MAX_TEXT_BYTES + 1)

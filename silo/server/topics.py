@@ -1,0 +1,161 @@
+"""Topics: every sample of a published element with its time stamp, in batches, only while somebody subscribes.
+
+A batch is little-endian: `n` time stamps (int64, ns), then `n` values. The encoding tells the type of a value,
+`silo/samples;dtype=<f8;shape=3` or, for elements of several types, `silo/samples;fields=_x:<f8,_mode:|u1` (packed, in
+that order); so `n = len(payload) // (8 + bytes of a value)`. The attachment is the number of the batch's first sample
+since start, uint64: a gap between batches is a loss, a smaller number a new start.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import prod
+from typing import Any
+
+import numpy as np
+import zenoh
+from numpy.typing import NDArray
+
+from silo.collecting.schema import ElementSchema
+from silo.collecting.segment_reader import Rows, SegmentReader
+from silo.ipc.keys import Root, escape
+
+MAX_BATCH_BYTES = 2 * 2**20  # rows read per ring and round
+CHECK_PERIOD_S = 0.25  # how soon a new subscriber is noticed
+DECLARED_PER_ROUND = 250  # a declaration takes 70 us: 10,000 elements must not hold up the views
+
+
+def encoding_of(element: ElementSchema) -> str:
+    """The encoding string of an element's topic."""
+    entries = element.live_entries
+    types = {entry.entry.dtype for entry in entries}
+    if len(types) == 1:
+        shape = element.info.shape if prod(element.info.shape) == len(entries) else (len(entries),)
+        dims = ",".join(str(size) for size in shape)
+        return f"silo/samples;dtype={_little(types.pop()).str};shape={dims}"
+    fields = ",".join(f"{_field(entry.entry.suffix)}:{_little(entry.entry.dtype).str}" for entry in entries)
+    return f"silo/samples;fields={fields}"
+
+
+def _field(suffix: str) -> str:
+    return escape(suffix).replace(",", "%2C").replace(":", "%3A").replace(";", "%3B")
+
+
+def _little(name: str) -> np.dtype[Any]:
+    dtype: np.dtype[Any] = np.dtype(name).newbyteorder("<")
+    return dtype
+
+
+def values_of(rows: Rows, element: ElementSchema) -> bytes:
+    """The values of an element in some rows, packed and little-endian."""
+    entries = element.live_entries
+    types = [_little(entry.entry.dtype) for entry in entries]
+    if len(entries) == 1:
+        return rows.column(entries[0]).astype(types[0], copy=False).tobytes()
+    if len(set(types)) == 1 and not any(entry.swapped for entry in entries):
+        steps = {after.byte_offset - before.byte_offset for before, after in pairwise(entries)}
+        if len(steps) == 1:
+            # evenly spaced in the row, as arrays are: one strided copy
+            shape, strides = (len(rows), len(entries)), (8 * rows.words.shape[1], steps.pop())
+            block: NDArray[Any] = np.ndarray(shape, types[0], rows.words.data, entries[0].byte_offset, strides)
+            return block.tobytes()
+    packed = np.empty(len(rows), np.dtype([(str(place), kind) for place, kind in enumerate(types)]))
+    for place, entry in enumerate(entries):
+        packed[str(place)] = rows.column(entry)
+    return packed.tobytes()
+
+
+@dataclass
+class _Topic:
+    element: ElementSchema
+    publisher: zenoh.Publisher
+    active: bool = False
+
+
+class Topics:
+    """The topics of one segment. Belongs to the publisher thread."""
+
+    def __init__(self, session: zenoh.Session, root: Root) -> None:
+        self._session = session
+        self._root = root
+        # one publisher for all keys tells whether anybody wants anything: nothing else is done until somebody does
+        self._any = session.declare_publisher(root.key("topic", "**"))
+        self._reader: SegmentReader | None = None
+        self._published: list[ElementSchema] = []
+        self._topics: list[_Topic] = []
+        self._cursors: dict[int, int] = {}
+        self._check_s = 0.0
+
+    def adopt(self, reader: SegmentReader | None) -> None:
+        """Goes over to another segment."""
+        self._reader = reader
+        self._published = [e for e in reader.schema.elements if e.live_ring >= 0] if reader else []
+        self._forget()
+
+    def _forget(self) -> None:
+        for topic in self._topics:
+            topic.publisher.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+        self._topics = []
+        self._cursors = {}
+
+    def wanted(self) -> bool:
+        """Whether anybody subscribes to any topic."""
+        return matching(self._any)
+
+    def publish(self, now_s: float) -> bool:
+        """Sends what came since the last call; True if there is more than fits in one round."""
+        reader = self._reader
+        if reader is None:
+            return False
+        if not self.wanted():
+            if self._topics:
+                self._forget()
+            return False
+        self._declare()
+        if now_s >= self._check_s:
+            self._check_s = now_s + CHECK_PERIOD_S
+            self._check(reader)
+        by_ring: dict[int, list[_Topic]] = {}
+        for topic in self._topics:
+            if topic.active:
+                by_ring.setdefault(topic.element.live_ring, []).append(topic)
+        more = [self._publish_ring(reader, ring, topics) for ring, topics in by_ring.items()]
+        return any(more)
+
+    def _declare(self) -> None:
+        done = len(self._topics)
+        for element in self._published[done : done + DECLARED_PER_ROUND]:
+            publisher = self._session.declare_publisher(
+                self._root.topic(element.info.name),
+                encoding=encoding_of(element),
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
+            self._topics.append(_Topic(element, publisher))
+
+    def _check(self, reader: SegmentReader) -> None:
+        """Sees who has subscribers; a ring begins with what comes from now on."""
+        for topic in self._topics:
+            topic.active = matching(topic.publisher)
+            if topic.active:
+                self._cursors.setdefault(topic.element.live_ring, reader.head(topic.element.live_ring))
+        active = {topic.element.live_ring for topic in self._topics if topic.active}
+        for ring in set(self._cursors) - active:
+            del self._cursors[ring]
+
+    def _publish_ring(self, reader: SegmentReader, ring: int, topics: list[_Topic]) -> bool:
+        most = max(1, MAX_BATCH_BYTES // (8 * reader.schema.rings[ring].row_words))
+        rows = reader.rows(ring, self._cursors[ring], most)
+        self._cursors[ring] = rows.first + len(rows)
+        if not len(rows):
+            return False
+        stamps = rows.time_ns.tobytes()
+        first = rows.first.to_bytes(8, "little")
+        for topic in topics:
+            topic.publisher.put(stamps + values_of(rows, topic.element), attachment=first)
+        return len(rows) == most
+
+
+def matching(publisher: zenoh.Publisher) -> bool:
+    """Whether anybody subscribes."""
+    status = publisher.matching_status
+    # the stub says bool, but it is an object with a flag, and always true
+    return bool(getattr(status, "matching", status))
