@@ -7,6 +7,7 @@ the readers of the original skip such lines. Pure functions and data: no file is
 
 import re
 import zlib
+from functools import lru_cache
 from typing import Any
 
 import msgspec
@@ -27,6 +28,7 @@ DATA_LINE = b"# Binary Data\n"
 LOG_FACTS = b"# silo log "
 ELEMENT_FACTS = b"# silo element "
 CHECK = b"# silo check "
+_ROW = re.compile(rb"(.*) ([0-9]{1,18}) ([0-9]{1,18}) ([1-9][0-9]{0,17}) ([01]) ([a-z0-9]+)", re.DOTALL)
 CHECK_PATTERN = re.compile(rb"# silo check ([0-9a-f]{8}) \.*\n")
 ALIGNMENT = 64
 STRING_PAD = ord("-")
@@ -122,16 +124,21 @@ def type_name(dtype: np.dtype[Any]) -> str:
 
 def dtype_of(row: TableRow) -> np.dtype[Any]:
     """The NumPy type of a table line: `S` for strings, raw bytes (`V`) for `unknown`. `ValueError` if it can't be."""
-    if row.type_name == "string":
-        return np.dtype(f"S{row.item_bytes}")
-    if row.type_name == "unknown":
-        return np.dtype(f"V{row.item_bytes}")
-    name = _DTYPE_OF_TYPE.get(row.type_name)
+    return _dtype_of(row.type_name, row.item_bytes)
+
+
+@lru_cache(maxsize=256)
+def _dtype_of(type_name: str, item_bytes: int) -> np.dtype[Any]:
+    if type_name == "string":
+        return np.dtype(f"S{item_bytes}")
+    if type_name == "unknown":
+        return np.dtype(f"V{item_bytes}")
+    name = _DTYPE_OF_TYPE.get(type_name)
     if name is None:
-        raise ValueError(f"unknown data type '{row.type_name}' (known: {', '.join(TYPE_NAMES)})")
+        raise ValueError(f"unknown data type '{type_name}' (known: {', '.join(TYPE_NAMES)})")
     dtype = np.dtype(name)
-    if dtype.itemsize != row.item_bytes:
-        raise ValueError(f"a value of type {row.type_name} has {dtype.itemsize} bytes, not {row.item_bytes}")
+    if dtype.itemsize != item_bytes:
+        raise ValueError(f"a value of type {type_name} has {dtype.itemsize} bytes, not {item_bytes}")
     return dtype
 
 
@@ -142,6 +149,12 @@ def format_row(row: TableRow) -> bytes:
 
 def parse_row(line: bytes) -> TableRow:
     """A table line read from the right, for names may hold spaces; `ValueError` says what is wrong with it."""
+    match = _ROW.fullmatch(line)
+    if match:
+        name, size, samples, step, flag, kind = match.groups()
+        row = TableRow(decode_text(name), int(size), int(samples), int(step), flag == b"1", kind.decode("ascii"))
+        dtype_of(row)
+        return row
     fields = line.rstrip(b"\r\n").rsplit(b" ", 5)
     if len(fields) != 6:
         raise ValueError(f"expected 6 fields, got {len(fields)}")

@@ -40,13 +40,11 @@ def parse_header(data: bytes | memoryview, size: int) -> Header:
 
     Raises `FileFormatError` (without the path) if this is no `.silo` file or its table is lost.
     """
-    text = bytes(data[: min(size, 1 << 16)])
-    # a header that is longer than the first piece is rare: look at more only if the data line is not in it
-    if _data_line(text) is None and size > len(text):
-        text = bytes(data[: min(size, _LONGEST_HEADER)])
+    # searched in the memory map: copying the start of a file whose header is long would take longer than all the rest
+    found = _DATA.search(data[:_LONGEST_HEADER])
+    text = bytes(data[: found.end() if found else _LONGEST_HEADER])
     if b"\n" not in text or not any(mark in text for mark in (b"# ", b" double", b" int64")):
         raise FileFormatError("this is no .silo file: it has no header")
-    found = _data_line(text)
     warnings: list[str] = []
     if found is None:
         end = _end_of_check_line(text)
@@ -64,10 +62,6 @@ def parse_header(data: bytes | memoryview, size: int) -> Header:
         data_start += len(form.DATA_LINE)
     header.data_start = _start_of_data(header, data_start, size)
     return header
-
-
-def _data_line(text: bytes) -> re.Match[bytes] | None:
-    return _DATA.search(text)
 
 
 def _end_of_check_line(text: bytes) -> int | None:
