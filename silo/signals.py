@@ -303,9 +303,7 @@ class Signal:
     def _ns(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
         # times that are read off `times` must find their own stamp again
         with np.errstate(invalid="ignore"):
-            since = np.round(np.clip(times, -9e9, 9e9) * 1e9).astype(np.int64)
-        stamps: NDArray[np.int64] = since + self.start_ns
-        return stamps
+            return np.add(np.round(np.clip(times, -9e9, 9e9) * 1e9).astype(np.int64), np.int64(self.start_ns))
 
     def _new_times(self, times: Union["Signal", ArrayLike, float]) -> NDArray[np.int64]:
         if isinstance(times, Signal):

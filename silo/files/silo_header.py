@@ -21,6 +21,8 @@ _CHECK = re.compile(rb"^# silo check [^\n]*\n", re.MULTILINE)
 _PLACES = {form.OFFSET_LINE: 5, form.COUNT_LINE: 7, form.TABLE_LINE: 9}
 
 _Facts = TypeVar("_Facts", form.LogFacts, form.ElementFacts)
+_LOG_DECODER = msgspec.json.Decoder(form.LogFacts)
+_ELEMENT_DECODER = msgspec.json.Decoder(form.ElementFacts)
 
 
 @dataclass
@@ -136,15 +138,15 @@ def _table(lines: Sequence[bytes], count: int | None, warnings: list[str]) -> tu
 def _read_facts(header: Header, lines: Sequence[bytes]) -> None:
     for line in lines:
         if line.startswith(form.LOG_FACTS):
-            header.facts = _decoded(line[len(form.LOG_FACTS) :], form.LogFacts, header) or header.facts
+            header.facts = _decoded(line[len(form.LOG_FACTS) :], _LOG_DECODER, header) or header.facts
         elif line.startswith(form.ELEMENT_FACTS):
-            element = _decoded(line[len(form.ELEMENT_FACTS) :], form.ElementFacts, header)
+            element = _decoded(line[len(form.ELEMENT_FACTS) :], _ELEMENT_DECODER, header)
             header.elements += [element] if element else []
 
 
-def _decoded(text: bytes, kind: type[_Facts], header: Header) -> _Facts | None:
+def _decoded(text: bytes, decoder: msgspec.json.Decoder[_Facts], header: Header) -> _Facts | None:
     try:
-        return msgspec.json.decode(text, type=kind)
+        return decoder.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         header.warnings.append(f"a comment with facts about the elements can't be read ({error})")
         return None

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,8 +51,7 @@ class FileRecording(Recording):
         return load()
 
 
-@dataclass(frozen=True)
-class _Column:
+class _Column(NamedTuple):
     """Where the values of a table line stand in the file: `whole` of them are there, starting with sample `skip`."""
 
     row: form.TableRow
@@ -208,14 +207,15 @@ def _values(data: memoryview, column: _Column) -> NDArray[Any]:
 
 
 def _elements(data: memoryview, header: Header, columns: list[_Column], time: _Time) -> tuple[RecordedElement, ...]:
-    pending = {facts_names(facts)[0]: facts for facts in reversed(header.elements) if facts.entries}
+    named = [(facts, facts_names(facts)) for facts in header.elements if facts.entries]
+    pending = {names[0]: (facts, names) for facts, names in reversed(named)}
     elements: list[RecordedElement] = []
     rest: list[_Column] = []
     position = time.columns
     while position < len(columns):
-        facts = pending.get(columns[position].row.name)
-        members = columns[position : position + len(facts.entries)] if facts else []
-        if facts and facts_names(facts) == [member.row.name for member in members]:
+        facts, names = pending.get(columns[position].row.name, (None, []))
+        members = columns[position : position + len(names)]
+        if facts and names == [member.row.name for member in members]:
             if rest:
                 elements += _by_suffix(data, header, rest, time)
                 rest = []
@@ -280,7 +280,9 @@ def _assemble(
         first = form.first_stamp(row.looping, time.announced, row.count, row.divider, offset)
     # samples without a time stamp: only in damaged files
     skip = max(0, -(first // row.divider))
-    kept = [(_fitted(column, skip, first, time.count), entry, name) for column, entry, name in entries]
+    kept: Sequence[tuple[_Column, Entry, str]] = [
+        (_fitted(column, skip, first, time.count), entry, name) for column, entry, name in entries
+    ]
     if any(column.whole < original[0].whole for (column, _, _), original in zip(kept, entries, strict=True)):
         header.warnings.append(f"'{element.name}' has samples without a time stamp; they are left out")
     first += skip * row.divider
@@ -314,7 +316,7 @@ def _fitted(column: _Column, skip: int, first: int, stamps: int) -> _Column:
     stop = min(column.whole, max(0, -((first - stamps) // divider)))
     if skip == 0 and stop == column.whole:
         return column
-    return replace(column, skip=skip, whole=max(0, stop - skip))
+    return column._replace(skip=skip, whole=max(0, stop - skip))
 
 
 def _entry(data: memoryview, header: Header, column: _Column, entry: Entry, name: str) -> RecordedEntry:
@@ -331,7 +333,7 @@ def _entry(data: memoryview, header: Header, column: _Column, entry: Entry, name
             return np.char.rstrip(values, b"-")
         return from_wire(values, logged) if logged.str == "<f2" else values.view(logged)
 
-    return FileEntry(name, Entry(entry.suffix, shown, entry.labels), load)
+    return FileEntry(name, entry if shown == entry.dtype else Entry(entry.suffix, shown, entry.labels), load)
 
 
 @lru_cache(maxsize=256)
