@@ -333,26 +333,28 @@ def test_a_tick_that_is_interrupted_is_logged_wholly_or_not_at_all(new_logger, i
     logger = new_logger(max_time=0)
     robot = Robot(tick=0, interrupt=False)
 
-    def read():
+    def interrupted():
         if robot.interrupt:
             raise interrupt
         return robot.tick
 
-    x = logger.array("x", 13_000, np.int64, buffer_type=kind, buffer_size=7)  # growing: ten rows per chunk
+    # growing: ten rows per chunk
+    x = logger.array("x", 13_000, np.int64, buffer_type=kind, buffer_size=7)
     for divider in dividers:
+        read = interrupted if divider == dividers[-1] else lambda: robot.tick
         logger.add(read, f"y{divider}", divider=divider, buffer_type=kind, buffer_size=7)
     logger.add(np.zeros(1), "growing", buffer_type=BufferType.GROWING, buffer_size=1)
     logger.start()
     tick = 0
-    for step in range(40):
+    for _ in range(40):
         x[:] = robot.tick = tick
-        robot.interrupt = step % 3 == 2
-        if robot.interrupt:
+        robot.interrupt = True
+        if tick % dividers[-1] == 0:
             with pytest.raises(interrupt):
                 logger.collect()
-        else:
-            logger.collect()
-            tick += 1
+        robot.interrupt = False
+        logger.collect()
+        tick += 1
     recording = logger.snapshot()
     assert recording.offset == tick
     for element in recording.elements[:-1]:
