@@ -8,7 +8,6 @@ import click
 
 from silo.model import FileType
 
-
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
 

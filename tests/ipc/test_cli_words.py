@@ -1,0 +1,219 @@
+"""What the words of a command mean, without a logger."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from silo.cli.common import next_names, show_duration, split_logger
+from silo.cli.edits import Settings, parse_settings, select, split_settings
+from silo.cli.main import COMMANDS, EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, cli, run
+from silo.errors import ElementError
+from silo.model import Action, BufferType, ElementOptions
+
+NAMES = ["/log/base/pose", "/log/base/twist", "/log/legs/LF/torque", "/log/legs/RF/torque", "/log/legs/RF/contact"]
+HEAVY = ("numpy", "textual", "plotext", "silo.logger", "silo.collecting.segment_reader")
+
+
+@pytest.fixture(autouse=True)
+def _no_loggers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runtime = tmp_path / "run"
+    runtime.mkdir(mode=0o700)
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
+
+
+def names_of(*patterns: str) -> list[str]:
+    return [NAMES[place] for place in select(NAMES, patterns)]
+
+
+def test_a_pattern_is_an_element() -> None:
+    assert names_of("/log/base/pose") == ["/log/base/pose"]
+
+
+def test_a_pattern_is_a_namespace() -> None:
+    assert names_of("/log/base") == names_of("/log/base/") == ["/log/base/pose", "/log/base/twist"]
+
+
+def test_the_root_is_everything() -> None:
+    assert names_of("/") == names_of("*") == NAMES
+
+
+def test_a_star_crosses_slashes() -> None:
+    assert names_of("*/torque") == ["/log/legs/LF/torque", "/log/legs/RF/torque"]
+
+
+def test_a_pattern_without_a_slash_in_front_may_begin_anywhere() -> None:
+    assert names_of("RF") == ["/log/legs/RF/torque", "/log/legs/RF/contact"]
+
+
+def test_several_patterns_name_each_element_once_in_the_order_of_the_table() -> None:
+    assert names_of("*/torque", "/log/legs/LF", "/log/base/pose") == [
+        "/log/base/pose",
+        "/log/legs/LF/torque",
+        "/log/legs/RF/torque",
+    ]
+
+
+def test_half_a_name_is_no_namespace() -> None:
+    with pytest.raises(ElementError):
+        names_of("/log/bas")
+
+
+def test_a_pattern_that_names_nothing_tells_the_nearest_name() -> None:
+    with pytest.raises(ElementError) as error:
+        names_of("/log/base/twits")
+    assert str(error.value) == "no element matches '/log/base/twits'; did you mean '/log/base/twist'?"
+
+
+@pytest.mark.parametrize(
+    ("word", "settings"),
+    [
+        ("on", Settings(enabled=True)),
+        ("off", Settings(enabled=False)),
+        ("enabled=No", Settings(enabled=False)),
+        ("divider=5", Settings(divider=5)),
+        ("buffer=Growing", Settings(buffer_type=BufferType.GROWING)),
+        ("buffer=0", Settings(buffer_type=BufferType.FIXED)),
+        ("size=1000", Settings(size=1000)),
+        ("size=10s", Settings(size_s=10.0)),
+        ("size=250ms", Settings(size_s=0.25)),
+        ("size=1.5min", Settings(size_s=90.0)),
+        ("action=save", Settings(action=Action.SAVE)),
+        ("action=publish", Settings(action=Action.PUBLISH)),
+        ("action=both", Settings(action=Action.SAVE_AND_PUBLISH)),
+        ("action=save-and-publish", Settings(action=Action.SAVE_AND_PUBLISH)),
+    ],
+)
+def test_a_word_is_a_setting(word: str, settings: Settings) -> None:
+    assert parse_settings([word]) == settings
+
+
+@pytest.mark.parametrize(
+    ("word", "reason"),
+    [
+        ("divider=0", "divider must be a whole number from 1 to 2147483647"),
+        ("divider=two", "divider must be a whole number from 1 to 2147483647"),
+        ("size=10x", "size must be a whole number from 1 to 2147483647, or a time such as 10s"),
+        ("buffer=round", "buffer must be fixed, looping or growing"),
+        ("action=send", r"action must be save, publish \(live only\) or both"),
+        ("enabled=1", "enabled must be on or off"),
+        ("divder=2", "no setting 'divder'; did you mean 'divider'"),
+    ],
+)
+def test_a_wrong_setting_is_told_in_words(word: str, reason: str) -> None:
+    with pytest.raises(ElementError, match=f"'{word}': {reason}"):
+        parse_settings([word])
+
+
+def test_a_size_as_a_time_follows_the_new_divider() -> None:
+    new = parse_settings(["divider=4", "size=10s"]).apply(ElementOptions(buffer_size=7), 400.0)
+    assert new == ElementOptions(divider=4, buffer_size=1000)
+
+
+def test_settings_leave_the_other_fields_alone() -> None:
+    now = ElementOptions(False, 3, Action.PUBLISH, BufferType.FIXED, 9)
+    assert parse_settings(["on"]).apply(now, 100.0) == ElementOptions(True, 3, Action.PUBLISH, BufferType.FIXED, 9)
+
+
+def test_words_are_split_into_logger_patterns_and_settings() -> None:
+    assert split_logger(("demo", "/log", "on")) == ("demo", ["/log", "on"])
+    assert split_logger(("demo.4711",)) == ("demo.4711", [])
+    assert split_logger(("*/torque", "on")) == (None, ["*/torque", "on"])
+    assert split_settings(["/log", "divider=2", "off"]) == (["/log"], ["divider=2", "off"])
+
+
+def test_completion_stops_at_the_next_slash_where_there_are_too_many_names() -> None:
+    many = [f"/log/group{i % 3}/x{i}" for i in range(300)]
+    assert next_names(many, "/lo") == ["/log/"]
+    assert next_names(many, "/log/") == ["/log/group0/", "/log/group1/", "/log/group2/"]
+    assert next_names(many, "/log/group1/x1")[:2] == ["/log/group1/x1", "/log/group1/x10"]
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(12, "00:12"), (3723, "1:02:03"), (277_445, "3d 05:04:05")])
+def test_durations_are_short(seconds: float, text: str) -> None:
+    assert show_duration(seconds) == text
+
+
+@pytest.mark.parametrize("command", [name for name in COMMANDS if name not in ("completion", "script")])
+def test_every_command_has_help_with_an_example(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([command, "--help"]) == 0
+    assert f"  silo {command}" in capsys.readouterr().out
+
+
+def test_every_line_of_the_help_fits_its_command(capsys: pytest.CaptureFixture[str]) -> None:
+    run(["--help"])
+    shown = capsys.readouterr().out
+    assert all(f"  {name} " in shown for name in COMMANDS)
+
+
+def test_commands_that_ask_a_logger_say_when_there_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["ls"], ["info"], ["start"], ["stop", "demo"], ["save"], ["set", "*", "on"], ["script", "show"]):
+        assert run(words) == EXIT_NO_LOGGER
+        shown = capsys.readouterr()
+        assert "silo: no logger" in shown.err
+        assert "try `silo demo`" in shown.err
+        assert shown.out == ""
+
+
+def test_without_loggers_json_is_an_empty_list(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["ls", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == []
+
+
+def test_an_unknown_command_names_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["stpo"]) == EXIT_USAGE
+    assert "no command 'stpo'; did you mean 'stop'?" in capsys.readouterr().err
+
+
+def test_a_setting_without_a_pattern_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["set", "divider=2"]) == EXIT_USAGE
+    assert "give a pattern and a setting" in capsys.readouterr().err
+
+
+def test_checking_a_good_script_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("log_elements:\n- name: /log/a\n")
+    assert run(["script", "check", str(path)]) == 0
+    assert capsys.readouterr().out == f"{path}: fine, 1 element\n"
+
+
+def test_checking_a_bad_script_fails_with_its_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("log_elements:\n- name: /log/a\n  divider: 0\n")
+    assert run(["script", "check", str(path)]) == EXIT_FAILED
+    assert f"{path}:3: element '/log/a': divider must be 1 or more, got 0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_is_printed_for_each_shell(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["completion", shell]) == 0
+    assert "_SILO_COMPLETE" in capsys.readouterr().out
+
+
+def test_ctrl_c_is_quiet(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "main", interrupt)
+    assert run(["ls"]) == 130
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_closed_pipe_is_quiet() -> None:
+    shell = f"{sys.executable} -c 'from silo.cli import main; main()' --help | true"
+    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, timeout=30, check=False)
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("words", [["ls"], ["info", "demo"], ["set", "*", "on"], ["start"], ["--help"]])
+def test_light_commands_import_nothing_heavy(words: list[str]) -> None:
+    code = (
+        f"import sys; from silo.cli.main import run; run({words!r}); print([m for m in {HEAVY!r} if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=True, env=dict(os.environ)
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
