@@ -1,7 +1,8 @@
 """A logger that does nothing, with the interface of `Logger`: code that logs need not care whether anybody does."""
 
+import enum
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from silo.ipc.messages import Edit, SavedFile, State
-from silo.model import ElementInfo, FileType, LoggerOptions
+from silo.model import Action, BufferType, ElementInfo, FileType, LoggerOptions, Storage
 from silo.new_values import NewValues
 from silo.recording import Recording
 
@@ -44,12 +45,43 @@ class NullLogger:
     segment_path = ""
     state = State.STOPPED
 
-    def __init__(self, name: str = "silo", **_options: Any) -> None:
-        self.options = LoggerOptions(name=name)
+    def __init__(
+        self,
+        name: str = "silo",
+        *,
+        frequency: float = 100.0,
+        max_time: float = 10.0,
+        script: str | os.PathLike[str] = "logger.yaml",
+        prefix: str = "/log",
+        clock: Callable[[], int | float] | None = None,
+        folder: str | os.PathLike[str] = ".",
+        storage: str | Storage = Storage.MEMORY,
+        size_tiers: int = 3,
+        memory_limit_mb: int = 1024,
+        checked: bool = False,
+    ) -> None:
+        self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
         self.elements: list[ElementInfo] = []
         self.source_failures: dict[str, int] = {}
 
-    def add(self, source: object, name: str | None = None, **options: Any) -> None:
+    def add(
+        self,
+        source: object,
+        name: str | None = None,
+        *,
+        attr: str | None = None,
+        group: str = "",
+        unit: str = "-",
+        divider: int = 1,
+        action: Action = Action.SAVE,
+        buffer_type: BufferType = BufferType.LOOPING,
+        buffer_size: int | None = None,
+        enabled: bool = True,
+        kind: str = "",
+        labels: type[enum.Enum] | Mapping[int, str] | None = None,
+        description: str = "",
+        string_bytes: int | None = None,
+    ) -> None:
         """Register nothing."""
 
     def array(
@@ -119,6 +151,9 @@ class NullLogger:
         """Do nothing."""
 
     cleanup = close
+
+    def abandon(self) -> None:
+        """Do nothing."""
 
     def __enter__(self) -> "NullLogger":
         return self

@@ -1,0 +1,81 @@
+"""One logger for the whole program, as functions of the module."""
+
+import numpy as np
+import pytest
+
+import silo
+from silo import default
+from silo.logger import Logger
+from silo.null import NullLogger
+
+
+@pytest.fixture(autouse=True)
+def fresh_default(monkeypatch):
+    monkeypatch.setattr(default, "_default", NullLogger())
+    yield
+    default.logger().close()
+
+
+@pytest.fixture
+def init(tmp_path):
+    def make(name="program", **options):
+        return silo.init(name, **{"folder": tmp_path, "script": tmp_path / "logger.yaml", **options})
+
+    return make
+
+
+def test_before_init_nothing_is_logged():
+    silo.add(np.zeros(1), "x")
+    silo.start()
+    silo.collect()
+    assert isinstance(default.logger(), NullLogger)
+    assert silo.array("q", 2).tolist() == [0, 0]
+
+
+def test_init_makes_the_logger_that_the_functions_use(init):
+    log = init()
+    q = silo.array("q", 2)
+    silo.add(np.zeros(1), "x")
+    silo.update()
+    silo.start()
+    q[:] = 1
+    silo.collect()
+    silo.stop()
+    assert isinstance(log, Logger)
+    assert log.ticks == 1
+    assert [info.name for info in log.elements] == ["/log/q", "/log/x"]
+
+
+def test_a_second_init_closes_the_first_logger(init):
+    first = init()
+    first.array("x")
+    first.start()
+    init("second")
+    assert not first.is_running
+
+
+def test_restart_clears(init):
+    log = init()
+    silo.array("x")
+    silo.start()
+    silo.collect()
+    silo.restart()
+    assert log.ticks == 0
+
+
+def test_save_writes_the_files(init):
+    init()
+    silo.array("x")
+    silo.start()
+    silo.collect()
+    (saved,) = silo.save("silo")
+    assert saved.path.endswith(".silo")
+
+
+def test_cleanup_is_close(init):
+    log = init()
+    silo.array("x")
+    silo.start()
+    silo.cleanup()
+    assert not log.is_running
+    assert silo.cleanup is silo.close
