@@ -8,6 +8,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from silo.errors import ConnectionLostError, SiloError
+from silo.model import FileType
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
@@ -116,6 +117,25 @@ def logger_argument(command: _Command) -> _Command:
 def json_option(command: _Command) -> _Command:
     """The option `--json`."""
     return click.option("--json", "as_json", is_flag=True, help="JSON, for machines.")(command)
+
+
+def types_option(command: _Command) -> _Command:
+    """The option `--type`, to be read by `file_types`."""
+    return click.option(
+        "-t",
+        "--type",
+        "types",
+        multiple=True,
+        type=click.Choice([one.name.lower() for one in FileType]),
+        default=["silo"],
+        show_default=True,
+        help="What to write; may be repeated.",
+    )(command)
+
+
+def file_types(names: Sequence[str]) -> tuple[FileType, ...]:
+    """The file types of these names, each once."""
+    return tuple(FileType[name.upper()] for name in dict.fromkeys(names))
 
 
 # --------------------------------------------------------------------------------------------------------------- text

@@ -13,6 +13,7 @@ from silo.cli.common import (
     complete_words,
     configuration,
     connect,
+    file_types,
     json_option,
     logger_argument,
     many,
@@ -21,9 +22,9 @@ from silo.cli.common import (
     show_rows,
     split_logger,
     type_of,
+    types_option,
 )
 from silo.errors import ConnectionLostError
-from silo.model import FileType
 
 if TYPE_CHECKING:
     from silo.ipc.discovery import Answer
@@ -204,16 +205,7 @@ def _say_state(status: "Status") -> None:
 
 @click.command()
 @logger_argument
-@click.option(
-    "-t",
-    "--type",
-    "types",
-    multiple=True,
-    type=click.Choice([one.name.lower() for one in FileType]),
-    default=["silo"],
-    show_default=True,
-    help="What to write; may be repeated.",
-)
+@types_option
 @click.option("-n", "--name", default="", help="File name without ending, instead of LOGGER_DATE_NUMBER.")
 @click.option("--timeout", type=click.FloatRange(min=1), default=600.0, show_default=True, help="Wait so long, s.")
 @json_option
@@ -225,7 +217,7 @@ def save(logger: str | None, types: tuple[str, ...], name: str, timeout: float, 
       silo save demo
       silo save demo -t silo -t bag --name first_walk
     """
-    chosen = [FileType[one.upper()] for one in dict.fromkeys(types)]
+    chosen = file_types(types)
     with connect(logger) as client, _progress("saving") as progress:
         files = client.wait_saved(client.save(chosen, name), timeout, progress)
     if as_json:

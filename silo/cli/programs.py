@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 import click
 
+from silo.cli.common import file_types
 from silo.model import FileType
 
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
@@ -48,10 +49,6 @@ def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
     return decorate
 
 
-def _types(save: tuple[str, ...]) -> tuple[FileType, ...]:
-    return tuple(FileType[one.upper()] for one in dict.fromkeys(save))
-
-
 @click.command()
 @_common("demo", 400.0)
 @click.option("--elements", type=click.IntRange(5, 200_000), help="So many elements; 500 if not given.")
@@ -79,7 +76,7 @@ def demo(
     """
     from silo.demo.program import DemoOptions, run_demo
 
-    options = DemoOptions(name, frequency, elements, time_limit, folder, script, stopped, seed, _types(save))
+    options = DemoOptions(name, frequency, elements, time_limit, folder, script, stopped, seed, file_types(save))
     run_demo(options, click.echo)
 
 
@@ -105,4 +102,4 @@ def host(
     """
     from silo.host.program import HostOptions, run_host
 
-    run_host(HostOptions(name, frequency, time_limit, folder, script, stopped, _types(save)), click.echo)
+    run_host(HostOptions(name, frequency, time_limit, folder, script, stopped, file_types(save)), click.echo)

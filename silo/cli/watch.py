@@ -1,0 +1,147 @@
+"""`silo watch`: live values in plain lines, or as JSON for machines."""
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import click
+
+from silo.cli.common import complete_words, connect, json_option, show_json, split_logger
+from silo.cli.edits import select
+from silo.errors import ConnectionLostError, ElementError
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client, Frame, View
+    from silo.model import ElementInfo
+
+MOST_VALUES = 16  # per line; a matrix of a hundred values is nothing to read
+GONE_AFTER_S = 5.0
+POLL_S = 0.01
+
+
+@dataclass(frozen=True)
+class Line:
+    """One element of the watch: its entries stand at `first ...` of a frame's values."""
+
+    info: "ElementInfo"
+    first: int
+
+    def texts(self, newest: Sequence[float], texts: Mapping[int, str]) -> list[str]:
+        """The values in words."""
+        return [
+            texts[place] if place in texts else show_value(newest[place], entry.dtype, entry.labels)
+            for place, entry in enumerate(self.info.entries, start=self.first)
+        ]
+
+
+def show_value(value: float, dtype: str, labels: Mapping[int, str] | None) -> str:
+    """A number as its type wants it: a name, a whole number, true or false, or six digits."""
+    if math.isnan(value):
+        return "nan"
+    if labels is not None and value in labels:
+        return labels[int(value)]
+    if "b1" in dtype:
+        return "true" if value else "false"
+    return f"{value:.0f}" if dtype.lstrip("<|>=")[0] in "iu" else f"{value:.6g}"
+
+
+def lay_out(elements: "Sequence[ElementInfo]") -> list[Line]:
+    """Where the entries of each element stand in a frame that shows them all."""
+    lines, first = [], 0
+    for info in elements:
+        lines.append(Line(info, first))
+        first += len(info.entries)
+    return lines
+
+
+@click.command()
+@click.argument("words", nargs=-1, metavar="[LOGGER] PATTERN...", shell_complete=complete_words)
+@click.option("--rate", type=click.FloatRange(0.1, 30), default=2.0, show_default=True, help="Lines per second.")
+@click.option("-n", "--count", type=click.IntRange(1), help="End after so many.")
+@json_option
+def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool) -> None:
+    """Print live values until Ctrl-C: one line per element and refresh, or one JSON object per refresh.
+
+    Only elements whose action publishes have live values: `silo set PATTERN action=both` makes them so. PATTERN is an
+    element, a namespace or a glob.
+
+    \b
+    Examples:
+      silo watch demo /log/base/pose '*/LF/*/torque'
+      silo watch demo /log/battery --rate 1 --json | jq .values
+    """
+    logger, patterns = split_logger(words)
+    if not patterns:
+        raise click.UsageError("give at least one pattern: silo watch demo /log/base   (`silo info -e` lists all)")
+    try:
+        with connect(logger) as client:
+            _watch(client, patterns, rate, count, as_json=as_json)
+    except KeyboardInterrupt:
+        return  # the usual end of watching
+
+
+def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | None, *, as_json: bool) -> None:
+    table = client.table().elements
+    chosen = [table[place] for place in select([e.name for e in table], patterns)]
+    silent = [e.name for e in chosen if not (e.options.enabled and e.options.action.publishes)]
+    chosen = [e for e in chosen if e.name not in set(silent)]
+    if not chosen:
+        raise ElementError(
+            f"{silent[0]}{f' and {len(silent) - 1} more' if len(silent) > 1 else ''}: off, or saved but not published; "
+            "`silo set PATTERN on action=both` makes values live"
+        )
+    for name in silent[:10]:
+        click.echo(f"{name}: off, or saved but not published", err=True)
+    if len(silent) > 10:
+        click.echo(f"and {len(silent) - 10} more are not published", err=True)
+    lines = lay_out(chosen)
+    view = client.view([e.name for e in chosen], [], rate, 100_000_000)
+    try:
+        for shown, frame in enumerate(_frames(client, view), start=1):
+            _show_json(lines, frame) if as_json else _show_lines(lines, frame)
+            if shown == count:
+                return
+    finally:
+        view.close()
+
+
+def _frames(client: "Client", view: "View") -> "Iterator[Frame]":
+    """Every new frame. Raises ConnectionLostError when none came for long and the logger is out of reach."""
+    last_s = time.monotonic()
+    state = None
+    while True:
+        frame = view.latest()
+        if frame is None:
+            if time.monotonic() - last_s > GONE_AFTER_S and not client.connected:
+                raise ConnectionLostError("the logger is gone; `silo ls` shows what runs, `silo recover` what was left")
+            time.sleep(POLL_S)
+            continue
+        last_s = time.monotonic()
+        if state not in (None, frame.state) or (state is None and frame.state.value != "running"):
+            click.echo(f"logger is {frame.state.value}", err=True)
+        state = frame.state
+        yield frame
+
+
+def _show_lines(lines: Sequence[Line], frame: "Frame") -> None:
+    newest = frame.newest.tolist()
+    seconds, rest = divmod(frame.time_ns, 1_000_000_000)
+    clock = f"{time.strftime('%H:%M:%S', time.localtime(seconds))}.{rest // 1_000_000:03}"
+    for line, held in zip(lines, frame.held.tolist(), strict=True):
+        values = line.texts(newest, frame.texts) if held else ["-"]
+        more = f" ... ({len(values)} values)" if len(values) > MOST_VALUES else ""
+        unit = "" if line.info.unit == "-" else f" {line.info.unit}"
+        click.echo(f"{clock}  {line.info.name}  {' '.join(values[:MOST_VALUES])}{more}{unit}")
+
+
+def _show_json(lines: Sequence[Line], frame: "Frame") -> None:
+    newest = frame.newest.tolist()
+    values: dict[str, float | str] = {}
+    for line in lines:
+        for place, entry in enumerate(line.info.entries, start=line.first):
+            values[line.info.name + entry.suffix] = frame.texts.get(place, newest[place])
+    show_json(
+        {"time_ns": frame.time_ns, "tick": frame.tick, "state": frame.state, "lost": frame.lost_total, "values": values}
+    )
