@@ -303,7 +303,8 @@ class Signal:
     def _ns(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
         # times that are read off `times` must find their own stamp again
         with np.errstate(invalid="ignore"):
-            return np.add(np.round(np.clip(times, -9e9, 9e9) * 1e9).astype(np.int64), np.int64(self.start_ns))
+            since = np.asarray(np.round(np.clip(times, -9e9, 9e9) * 1e9), np.int64)
+        return np.asarray(since + self.start_ns, np.int64)
 
     def _new_times(self, times: Union["Signal", ArrayLike, float]) -> NDArray[np.int64]:
         if isinstance(times, Signal):
@@ -315,7 +316,8 @@ class Signal:
             if not len(self):
                 return np.empty(0, np.int64)
             count = int((self.time_ns[-1] - self.time_ns[0]) * 1e-9 * rate + 1e-9) + 1
-            return self.time_ns[0] + np.round(np.arange(count) * (1e9 / rate)).astype(np.int64)
+            steps = np.round(np.arange(count) * (1e9 / rate)).astype(np.int64)
+            return np.asarray(self.time_ns[0] + steps, np.int64)
         return self._ns(np.asarray(times, np.float64))
 
     def _window(self, start_s: float | None, stop_s: float | None) -> slice:

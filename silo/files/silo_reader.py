@@ -278,14 +278,13 @@ def _assemble(
     if first is None:
         offset = time.announced if header.offset is None else header.offset
         first = form.first_stamp(row.looping, time.announced, row.count, row.divider, offset)
-    # samples without a time stamp: only in damaged files
-    skip = max(0, -(first // row.divider))
-    kept: Sequence[tuple[_Column, Entry, str]] = [
-        (_fitted(column, skip, first, time.count), entry, name) for column, entry, name in entries
-    ]
-    if any(column.whole < original[0].whole for (column, _, _), original in zip(kept, entries, strict=True)):
+    kept = entries
+    if any(c.whole and (first < 0 or first + (c.whole - 1) * c.row.divider >= time.count) for c, _, _ in entries):
+        # samples without a time stamp: only in damaged files
+        skip = max(0, -(first // row.divider))
+        kept = [(_fitted(column, skip, first, time.count), entry, name) for column, entry, name in entries]
         header.warnings.append(f"'{element.name}' has samples without a time stamp; they are left out")
-    first += skip * row.divider
+        first += skip * row.divider
     if len({column.whole for column, _, _ in kept}) == 1:
         if not kept[0][0].whole:
             return []
