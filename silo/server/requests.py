@@ -70,12 +70,15 @@ def _problem_of(item: object) -> Problem | None:
         return None
     name = item.get("name") if isinstance(item, dict) else None
     found = _FIELD.search(text)
-    reason = _FIELD.sub("", text)
-    return Problem(str(name)[:200] if name else "?", found[1] if found else "", reason)
+    field = found[1] if found else ""
+    options = item.get("options") if isinstance(item, dict) else None
+    got = f", got {options[field]!r:.80}" if isinstance(options, dict) and field in options else ""
+    reason = _FIELD.sub("", text).replace("Expected `int` >=", "must be a whole number >=")
+    return Problem(str(name)[:200] if name else "?", field, reason + got)
 
 
 def _refused_edits(problems: list[Problem]) -> Refused:
-    lines = "; ".join(f"{problem.name}: {problem.field} {problem.reason}".strip() for problem in problems[:3])
+    lines = "; ".join(f"element '{problem.name}': {problem.field} {problem.reason}" for problem in problems[:3])
     more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
     return Refused(RefusedWhy.INVALID, f"{lines}{more}; nothing was changed", problems)
 
@@ -92,7 +95,7 @@ def check_edits(request: ApplyEdits, now: Now) -> Refused | None:
     seen: set[str] = set()
     for edit in request.edits:
         if edit.name not in now.places:
-            problems.append(Problem(edit.name[:200], "name", "the table has no such element"))
+            problems.append(Problem(edit.name[:200], "name", "is not in the table"))
         elif edit.name in seen:
             problems.append(Problem(edit.name, "name", "is edited twice"))
         seen.add(edit.name)

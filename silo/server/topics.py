@@ -84,9 +84,12 @@ class Topics:
         self._topics: list[_Topic] = []
         self._cursors: dict[int, int] = {}
         self._check_s = 0.0
+        self._read_before: set[str] = set()
 
     def adopt(self, reader: SegmentReader | None) -> None:
-        """Goes over to another segment."""
+        """Goes over to another segment; rings that somebody reads go on with the first sample of the new run."""
+        self._read_before = {topic.element.info.name for topic in self._topics if topic.active}
+        self._check_s = 0.0
         self._reader = reader
         self._published = [e for e in reader.schema.elements if e.live_ring >= 0] if reader else []
         self._forget()
@@ -132,11 +135,14 @@ class Topics:
             self._topics.append(_Topic(element, publisher))
 
     def _check(self, reader: SegmentReader) -> None:
-        """Sees who has subscribers; a ring begins with what comes from now on."""
+        """Sees who has subscribers; a ring begins with what comes from now on, unless it was read before a restart."""
         for topic in self._topics:
             topic.active = matching(topic.publisher)
-            if topic.active:
-                self._cursors.setdefault(topic.element.live_ring, reader.head(topic.element.live_ring))
+            ring = topic.element.live_ring
+            if topic.active and ring not in self._cursors:
+                self._cursors[ring] = 0 if topic.element.info.name in self._read_before else reader.head(ring)
+        if len(self._topics) == len(self._published):
+            self._read_before.clear()
         active = {topic.element.live_ring for topic in self._topics if topic.active}
         for ring in set(self._cursors) - active:
             del self._cursors[ring]

@@ -1,0 +1,365 @@
+"""A client of one logger: what `silo`, `silo-tui` and your own programs use to talk to a helper process.
+
+All calls block until the answer is there, and may be made by any thread. A refusal raises RefusedError (with `why` and
+`problems`), silence ConnectionLostError; the connection comes back by itself. No NumPy is imported before a view, a
+topic or a history is asked for.
+"""
+
+import itertools
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+from silo.errors import ConnectionLostError, RefusedError, SaveError
+from silo.ipc.connection import Connection, Pending
+from silo.ipc.discovery import Discovery, Found, discover, not_found_text
+from silo.ipc.exchange import RequestRefusedError, client_name, decode_reply, key_of
+from silo.ipc.messages import (
+    AnyAsk,
+    AnyDo,
+    ApplyEdits,
+    CloseView,
+    Columns,
+    DiffScript,
+    Done,
+    Edit,
+    EditsApplied,
+    Event,
+    EventKind,
+    GetHistory,
+    GetStatus,
+    GetTable,
+    Hello,
+    HelloReply,
+    ListScripts,
+    LoadScript,
+    OpenView,
+    ReadScript,
+    Refused,
+    Restart,
+    Save,
+    SavedFile,
+    SaveScript,
+    SaveStarted,
+    ScriptDiff,
+    Scripts,
+    ScriptText,
+    Start,
+    Status,
+    StatusReply,
+    Stop,
+    Table,
+    TableReply,
+    ViewOpened,
+)
+from silo.model import FileType
+
+if TYPE_CHECKING:
+    from silo.ipc.topic import Topic
+    from silo.ipc.view import HistoryColumns, View
+
+ASK_TIMEOUT_S = 2.0
+SLOW_TIMEOUT_S = 15.0  # scripts and histories: the helper reads files and gigabytes for them
+DO_TIMEOUT_S = 8.0  # the helper itself waits 5 s for the robot process
+RENEW_S = 2.0  # a third of a view's lease
+MAX_SAVES = 64
+
+Reply = TypeVar("Reply")
+
+__all__ = ["Client", "Discovery", "Found", "discover"]
+
+
+class Client:
+    """A connection to one logger. A context manager."""
+
+    def __init__(self, found: Found, timeout_s: float = ASK_TIMEOUT_S) -> None:
+        """Use `connect`. Raises ConnectionLostError."""
+        self._timeout_s = timeout_s
+        self._name = client_name()
+        self._views: dict[View, float] = {}
+        self._renewals: dict[View, Pending] = {}
+        self._lock = threading.Lock()
+        self._numbers = itertools.count(1)
+        self._saves: OrderedDict[int, Event] = OrderedDict()
+        self._saves_changed = threading.Condition()
+        self._views_session = 1
+        self._connection = Connection(found, timeout_s, self._name, self._renew_views)
+        self._connection.on_event(self._note_save)
+        self._connection.on_link(self._note_link)
+
+    @classmethod
+    def connect(cls, logger: "str | Found" = "", timeout_s: float = ASK_TIMEOUT_S, config: str = "") -> "Client":
+        """Connects to a logger: what `discover` found, a name, `name.pid` where several have the name, or the only one.
+
+        `config` is a Zenoh configuration for loggers of other hosts. Raises ConnectionLostError that says what to do.
+        """
+        if isinstance(logger, Found):
+            return cls(logger, timeout_s)
+        discovery = discover(timeout_s, config)
+        named = [found for found in discovery.loggers if logger in ("", found.name, found.label)]
+        if not named:
+            raise ConnectionLostError(not_found_text(logger, discovery))
+        if len({found.label for found in named}) > 1:
+            labels = ", ".join(found.label for found in named)
+            raise ConnectionLostError(f"several loggers are running, say which one you mean: {labels}")
+        return cls(named[0], timeout_s)
+
+    # ------------------------------------------------------------------------------------------------ the connection
+
+    @property
+    def found(self) -> Found:
+        """Which logger this is; changes when the robot program was started anew."""
+        return self._connection.found
+
+    @property
+    def connected(self) -> bool:
+        """Whether the helper process answers."""
+        return self._connection.connected
+
+    def on_event(self, callback: Callable[[Event], None]) -> None:
+        """Calls back for every event, in a thread of its own; it must not wait long."""
+        self._connection.on_event(callback)
+
+    def on_link(self, callback: Callable[[bool], None]) -> None:
+        """Calls back with False when the helper process is gone, with True when one is there again."""
+        self._connection.on_link(callback)
+
+    def close(self) -> None:
+        """Ends views and connection; closing twice is fine."""
+        self._connection.close()
+        with self._saves_changed:
+            self._saves_changed.notify_all()
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _call(self, request: AnyAsk | AnyDo, expected: type[Reply], timeout_s: float) -> Reply:
+        reply = self._connection.exchange(request, max(timeout_s, self._timeout_s))
+        if isinstance(reply, Refused):
+            raise RequestRefusedError(reply)
+        if not isinstance(reply, expected):
+            raise ConnectionLostError(
+                f"the helper process answered {type(request).__name__} with a {type(reply).__name__}"
+            )
+        return reply
+
+    # ----------------------------------------------------------------------------------------------------- reading
+
+    def hello(self) -> HelloReply:
+        """Who is there, and whether this user may change anything."""
+        reply = self._call(Hello(client=self._name), HelloReply, ASK_TIMEOUT_S)
+        try:
+            self._connection.exchange(Hello(client=self._name), self._timeout_s, key="do")
+        except ConnectionLostError:
+            # access control swallows what isn't allowed: no answer on this key is the answer
+            import msgspec
+
+            return msgspec.structs.replace(reply, may_edit=False)
+        return reply
+
+    def status(self) -> Status:
+        """The logger at a glance."""
+        return self._call(GetStatus(client=self._name), StatusReply, ASK_TIMEOUT_S).status
+
+    def table(self) -> Table:
+        """The element table with its revision."""
+        return self._call(GetTable(client=self._name), TableReply, ASK_TIMEOUT_S).table
+
+    def scripts(self) -> Scripts:
+        """The scripts in the logger's script folder."""
+        return self._call(ListScripts(client=self._name), Scripts, SLOW_TIMEOUT_S)
+
+    def read_script(self, path: str = "") -> ScriptText:
+        """The text of a script on the robot's side; without a path the running configuration as a script."""
+        return self._call(ReadScript(path=path, client=self._name), ScriptText, SLOW_TIMEOUT_S)
+
+    def diff_script(self, path: str = "") -> ScriptDiff:
+        """What loading a script would change; without a path the logger's own script."""
+        return self._call(DiffScript(path=path, client=self._name), ScriptDiff, SLOW_TIMEOUT_S)
+
+    def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> "HistoryColumns":
+        """Past samples of at most 64 entries in at most 4096 columns, straight from the buffers."""
+        from silo.ipc.view import history_columns
+
+        request = GetHistory(
+            names=list(names), start_ns=start_ns, end_ns=end_ns, column_ns=column_ns, client=self._name
+        )
+        return history_columns(self._call(request, Columns, SLOW_TIMEOUT_S))
+
+    # ---------------------------------------------------------------------------------------------------- changing
+
+    def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
+        """Edits as one transaction, all or none, based on the table of that revision (-1: whichever)."""
+        request = ApplyEdits(revision=revision, edits=list(edits), client=self._name)
+        return self._call(request, EditsApplied, DO_TIMEOUT_S)
+
+    def start(self) -> Status:
+        """Starts the logger; the buffers are cleared."""
+        return self._call(Start(client=self._name), StatusReply, DO_TIMEOUT_S).status
+
+    def stop(self) -> Status:
+        """Stops the logger; stopping a stopped one succeeds."""
+        return self._call(Stop(client=self._name), StatusReply, DO_TIMEOUT_S).status
+
+    def restart(self) -> Status:
+        """Stops and starts the logger."""
+        return self._call(Restart(client=self._name), StatusReply, DO_TIMEOUT_S).status
+
+    def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
+        """Applies a script on the robot's side; without a path the logger's own."""
+        return self._call(LoadScript(path=path, revision=revision, client=self._name), EditsApplied, DO_TIMEOUT_S)
+
+    def save_script(self, path: str = "", overwrite: bool = False) -> str:
+        """Writes the configuration to a script on the robot's side; returns what was done, in words."""
+        request = SaveScript(path=path, overwrite=overwrite, client=self._name)
+        return self._call(request, Done, SLOW_TIMEOUT_S).text
+
+    # ------------------------------------------------------------------------------------------------------ saving
+
+    def save(self, types: Sequence[FileType] = (FileType.SILO,), name: str = "") -> int:
+        """Begins to save in the helper process; returns the number of the job for `wait_saved`."""
+        return self._call(Save(types=list(types), name=name, client=self._name), SaveStarted, ASK_TIMEOUT_S).job
+
+    def wait_saved(
+        self, job: int, timeout_s: float = 600.0, progress: Callable[[float], None] | None = None
+    ) -> list[SavedFile]:
+        """Waits for the end of a save; `progress` is called with the fraction done.
+
+        Raises SaveError with the reason if it failed or takes too long, ConnectionLostError if the connection is lost.
+        """
+        deadline = time.monotonic() + timeout_s
+        told = -1.0
+        while True:
+            with self._saves_changed:
+                event = self._saves.get(job)
+                if event is None or event.kind is EventKind.SAVING:
+                    self._check_saving(deadline, timeout_s)
+                    self._saves_changed.wait(0.1)
+                    event = self._saves.get(job)
+            if event is None:
+                continue
+            if progress is not None and event.progress > told:
+                told = event.progress
+                progress(told)
+            if event.kind is EventKind.SAVED:
+                return event.files
+            if event.kind is EventKind.SAVE_FAILED:
+                raise SaveError(event.text)
+
+    def _check_saving(self, deadline: float, timeout_s: float) -> None:
+        if not self.connected:
+            raise ConnectionLostError("the connection was lost while the log was being saved; look into its folder")
+        if time.monotonic() > deadline:
+            raise SaveError(f"the save isn't done after {timeout_s:g} s; it goes on in the helper process")
+
+    def _note_save(self, event: Event) -> None:
+        if not event.job:
+            return
+        with self._saves_changed:
+            self._saves[event.job] = event
+            while len(self._saves) > MAX_SAVES:
+                self._saves.popitem(last=False)
+            self._saves_changed.notify_all()
+
+    def _note_link(self, connected: bool) -> None:
+        with self._saves_changed:
+            if connected:
+                self._saves.clear()  # another helper process counts from 1 again
+            self._saves_changed.notify_all()
+
+    # ------------------------------------------------------------------------------------------------------- views
+
+    def view(
+        self,
+        values: Sequence[str] = (),
+        plots: Sequence[str] = (),
+        rate_hz: float = 5.0,
+        column_ns: int = 100_000_000,
+    ) -> "View":
+        """Opens a view: newest values and fill of the elements `values`, columns of the entries `plots`.
+
+        It goes on across reconnections until it is closed.
+        """
+        from silo.ipc.view import View
+
+        name = f"{self._connection.client_id}-{next(self._numbers)}"
+        request = OpenView(
+            view=name,
+            values=list(values),
+            plots=list(plots),
+            rate_hz=rate_hz,
+            column_ns=column_ns,
+            client=self._name,
+        )
+        view = View(request, lambda: self._renew_soon(view), self._forget_view)
+        self._connection.attach(view, f"view/{name}")
+        try:
+            view.accept(self._call(request, ViewOpened, ASK_TIMEOUT_S))
+        except (RefusedError, ConnectionLostError):
+            view.close()
+            raise
+        with self._lock:
+            self._views[view] = time.monotonic() + RENEW_S
+        return view
+
+    def topic(self, element: str) -> "Topic":
+        """Subscribes to every sample of a published element."""
+        from silo.ipc.topic import Topic
+
+        topic = Topic(element, self._connection.forget)
+        self._connection.attach(topic, self._connection.root.topic(element).removeprefix(f"{self._connection.root}/"))
+        return topic
+
+    def _forget_view(self, view: "View") -> None:
+        self._connection.forget(view)
+        with self._lock:
+            known = self._views.pop(view, None)
+            self._renewals.pop(view, None)
+        if known is not None and self.connected:
+            # nobody waits for the answer: if it gets lost, the lease ends the view
+            request = CloseView(view=view.request.view, client=self._name)
+            Pending(self._connection.session(), key_of(request, self._connection.root), request, 1.0)
+
+    def _renew_soon(self, view: "View") -> None:
+        with self._lock:
+            if view in self._views:
+                self._views[view] = 0.0
+
+    def _renew_views(self) -> None:
+        """Renews leases, and opens views anew in a new session. Called by the connection's thread; never waits."""
+        now_s = time.monotonic()
+        with self._lock:
+            if self._views_session != self._connection.sessions:
+                self._views_session = self._connection.sessions
+                self._renewals.clear()
+                self._views = dict.fromkeys(self._views, 0.0)
+            due = [view for view, at_s in self._views.items() if now_s >= at_s and view not in self._renewals]
+            waiting = list(self._renewals.items())
+        for view, pending in waiting:
+            done, payload = pending.poll()
+            if done:
+                with self._lock:
+                    self._renewals.pop(view, None)
+                self._take_renewal(view, payload)
+        for view in due:
+            key = key_of(view.request, self._connection.root)
+            pending = Pending(self._connection.session(), key, view.request, ASK_TIMEOUT_S)
+            with self._lock:
+                if view in self._views:
+                    self._renewals[view] = pending
+                    self._views[view] = now_s + RENEW_S
+
+    def _take_renewal(self, view: "View", payload: bytes | None) -> None:
+        if payload is None:
+            self._renew_soon(view)
+            return
+        reply = decode_reply(payload, "the helper process")
+        if isinstance(reply, ViewOpened):
+            view.accept(reply)
+        elif isinstance(reply, Refused):
+            view.refuse(reply.text)

@@ -1,0 +1,282 @@
+"""The connection of a client: one Zenoh session, watched by one thread that opens another when it is lost.
+
+The thread notices that a helper process has gone (at once if it died, after two seconds if it is frozen), looks for it
+or for a new logger of the same name, and connects again; views and topics go on by themselves. It leaves when the main
+thread is gone, so that a program that forgets `close()` still ends.
+"""
+
+import logging
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+import msgspec
+import zenoh
+
+from silo.errors import ConnectionLostError, SiloError
+from silo.ipc import keys
+from silo.ipc.discovery import Found, discover
+from silo.ipc.exchange import encoder, exchange, key_of
+from silo.ipc.messages import AnyAsk, AnyDo, AnyReply, Event, Hello, HelloReply, State
+from silo.ipc.session import close, open_client, owner_is_gone
+
+POLL_S = 0.05
+RETRY_S = 0.2
+HELLO_TIMEOUT_S = 1.0
+DEAD_SCAN_S = 0.5
+
+log = logging.getLogger("silo.client")
+_event_decoder = msgspec.msgpack.Decoder(Event)
+
+
+class Attachable(Protocol):
+    """What lives on across sessions: views and topics."""
+
+    def attach(self, session: zenoh.Session, key: str) -> None:
+        """Subscribes in a new session."""
+
+    def detach(self) -> None:
+        """The session is about to be closed."""
+
+
+class Pending:
+    """A request whose answer nobody waits for: it is looked at when it has come."""
+
+    def __init__(self, session: zenoh.Session, key: str, request: AnyAsk, timeout_s: float) -> None:
+        self._replies = session.get(
+            key, zenoh.handlers.RingChannel(1), payload=encoder.encode(request), timeout=timeout_s
+        )
+
+    def poll(self) -> tuple[bool, bytes | None]:
+        """Whether it has come to its end, and with what."""
+        try:
+            reply = self._replies.try_recv()
+        except zenoh.ZError:
+            return True, None
+        if reply is None:
+            return False, None
+        return True, reply.ok.payload.to_bytes() if reply.ok is not None else None
+
+
+class Connection:
+    """A watched session to one logger."""
+
+    def __init__(self, found: Found, timeout_s: float, who: str, on_round: Callable[[], None]) -> None:
+        """Connects. Raises ConnectionLostError. `on_round` is called by the thread, 20 times a second."""
+        self.found = found
+        self.client_id = secrets.token_hex(8)
+        self._who = who
+        self._on_round = on_round
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._attached: dict[Attachable, str] = {}
+        self._event_callbacks: list[Callable[[Event], None]] = []
+        self._link_callbacks: list[Callable[[bool], None]] = []
+        self._session: zenoh.Session | None = None
+        self._dead = False
+        self._lost_s = 0.0
+        self._retry_s = 0.0
+        self.sessions = 0  # counts up with every session: views must be opened anew
+        self._known: set[str] = set()
+        self._open(found, timeout_s)
+        self._known = {other.socket for other in self._namesakes()} | {found.socket}
+        self._thread = threading.Thread(target=self._watch, name="silo-client")
+        self._thread.start()
+
+    # -------------------------------------------------------------------------------------------- one session
+
+    def _open(self, found: Found, timeout_s: float) -> None:
+        session = open_client(Path(found.socket) if found.socket else None, found.config or None)
+        try:
+            root = keys.Root(found.host, found.name) if found.host else None
+            reply, root = exchange(session, key_of(Hello(), root), Hello(), timeout_s, self.label_of(found))
+            self._dead = _state_of(reply) is State.DEAD
+            alive = session.liveliness().declare_subscriber(root.key("alive"), zenoh.handlers.RingChannel(16))
+            events = session.declare_subscriber(root.key("event"), zenoh.handlers.RingChannel(256))
+            token = session.liveliness().declare_token(root.key("client", self.client_id))
+            with self._lock:
+                attached = list(self._attached.items())
+            for one, path in attached:
+                one.attach(session, root.key(path))
+        except BaseException:
+            close(session)
+            raise
+        with self._lock:
+            self.found, self.root = found, root
+            self._alive, self._events, self._token = alive, events, token
+            self._session = session
+            self.sessions += 1
+
+    def _lose(self) -> None:
+        """Lets the session go and says so."""
+        with self._lock:
+            session, self._session = self._session, None
+            attached = list(self._attached)
+        self._lost_s, self._retry_s = time.monotonic(), 0.0
+        for one in attached:
+            one.detach()
+        if session is not None:
+            close(session)
+
+    @staticmethod
+    def label_of(found: Found) -> str:
+        """How to speak of a logger."""
+        return f"logger '{found.name}'"
+
+    # --------------------------------------------------------------------------------------------- for the client
+
+    @property
+    def connected(self) -> bool:
+        """Whether the helper process is there."""
+        return self._session is not None
+
+    def session(self) -> zenoh.Session:
+        """The present session. Raises ConnectionLostError while there is none."""
+        session = self._session
+        if session is None:
+            raise ConnectionLostError(
+                f"no connection to {self.label_of(self.found)} since {time.monotonic() - self._lost_s:.0f} s: its "
+                "helper process is gone or frozen; connecting again by itself"
+            )
+        return session
+
+    def exchange(self, request: AnyAsk | AnyDo, timeout_s: float, *, key: str = "") -> AnyReply:
+        """Asks and waits. Raises ConnectionLostError."""
+        session = self.session()
+        target = self.root.key(key) if key else key_of(request, self.root)
+        return exchange(session, target, request, timeout_s, self.label_of(self.found))[0]
+
+    def attach(self, one: Attachable, path: str) -> None:
+        """Subscribes something now and in every later session; `path` is the key below the logger's root."""
+        session = self.session()
+        one.attach(session, self.root.key(path))
+        with self._lock:
+            self._attached[one] = path
+
+    def forget(self, one: Attachable) -> None:
+        """The thing was closed."""
+        with self._lock:
+            self._attached.pop(one, None)
+
+    def on_event(self, callback: Callable[[Event], None]) -> None:
+        """Calls back for every event, in the thread of the connection."""
+        self._event_callbacks.append(callback)
+
+    def on_link(self, callback: Callable[[bool], None]) -> None:
+        """Calls back with False when the connection is lost, with True when it is there again."""
+        self._link_callbacks.append(callback)
+
+    def close(self) -> None:
+        """Ends the thread and the session; closing twice is fine."""
+        self._stop.set()
+        if self._thread is not threading.current_thread():
+            self._thread.join()
+
+    # ------------------------------------------------------------------------------------------------- the thread
+
+    def _watch(self) -> None:
+        main = threading.main_thread()
+        scanned_s = 0.0
+        while not self._stop.wait(POLL_S) and main.is_alive():
+            if self._session is None:
+                self._try_again()
+                continue
+            self._hand_out_events()
+            if self._is_gone():
+                self._lose()
+                self._call_back(self._link_callbacks, False)
+                continue
+            if self._dead and time.monotonic() - scanned_s > DEAD_SCAN_S:
+                scanned_s = time.monotonic()
+                self._look_for_successor()
+            _call(lambda _: self._on_round(), True)
+        self._lose()
+
+    def _is_gone(self) -> bool:
+        gone = False
+        while (sample := self._alive.try_recv()) is not None:
+            gone = sample.kind == zenoh.SampleKind.DELETE
+        return gone
+
+    def _hand_out_events(self) -> None:
+        while (sample := self._events.try_recv()) is not None:
+            try:
+                event = _event_decoder.decode(sample.payload.to_bytes())
+            except msgspec.MsgspecError:
+                log.exception("an event that this version of silo doesn't know")
+                continue
+            if event.status is not None:
+                self._dead = event.status.state is State.DEAD
+            self._call_back(self._event_callbacks, event)
+
+    def _call_back(self, callbacks: list[Callable[[Any], None]], value: Event | bool) -> None:
+        for callback in list(callbacks):
+            _call(callback, value)
+
+    def _try_again(self) -> None:
+        if time.monotonic() < self._retry_s:
+            return
+        for found in self._candidates():
+            try:
+                self._open(found, HELLO_TIMEOUT_S)
+            except SiloError as error:
+                log.debug("not yet: %s", error)
+                continue
+            self._known.add(found.socket)
+            self._call_back(self._link_callbacks, True)
+            return
+        self._retry_s = time.monotonic() + RETRY_S
+
+    def _candidates(self) -> list[Found]:
+        """The same helper process or its successor first, then other loggers of the name, the newest first."""
+        if self.found.config:
+            return [self.found]
+        path = Path(self.found.socket)
+        if path.exists() and not owner_is_gone(path):
+            return [self.found]
+        return self._namesakes()
+
+    def _namesakes(self) -> list[Found]:
+        """Loggers of the same name that were started after we connected: those that were there are other robots."""
+        try:
+            loggers = discover().loggers
+        except SiloError as error:
+            log.debug("can't look for loggers: %s", error)
+            return []
+        mine = self.found
+        others = [found for found in loggers if (found.name, found.user) == (mine.name, mine.user)]
+        return sorted((found for found in others if found.socket not in self._known), key=_age, reverse=True)
+
+    def _look_for_successor(self) -> None:
+        """The robot program is dead: when it is started again, go over to the new one."""
+        if self.found.config:
+            return
+        others = self._namesakes()
+        if others:
+            self._lose()
+            self._call_back(self._link_callbacks, False)
+            self.found = others[0]
+
+
+def _call(callback: Callable[[Any], None], value: Event | bool) -> None:
+    try:
+        callback(value)
+    except Exception:
+        log.exception("a callback failed")
+
+
+def _state_of(reply: AnyReply) -> State:
+    if not isinstance(reply, HelloReply):
+        raise ConnectionLostError(f"the helper process answered Hello with {type(reply).__name__}")
+    return reply.status.state
+
+
+def _age(found: Found) -> float:
+    """When the socket was made; 0 if it is gone."""
+    try:
+        return Path(found.socket).stat().st_ctime
+    except OSError:
+        return 0.0

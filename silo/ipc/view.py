@@ -1,0 +1,211 @@
+"""The client's end of a view: frames as arrays, merged to one per call, and the arrays of a history."""
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+import zenoh
+from numpy.typing import NDArray
+
+from silo.ipc.messages import Columns, OpenView, State, ViewFrame, ViewOpened
+
+Floats = NDArray[np.float64]
+
+MAX_COLUMNS = 4096
+RING = 64  # 6 s at 10 Hz: who reads less often gets the newest and a gap
+
+_decoder = msgspec.msgpack.Decoder(ViewFrame)
+
+
+@dataclass(frozen=True)
+class HistoryColumns:
+    """Minimum and maximum per column of some entries, shape `(len(names), count)`; NaN where nothing is known.
+
+    Column k of the arrays covers the time stamps `[first + k, first + k + 1) * column_ns`.
+    """
+
+    names: tuple[str, ...]
+    first: int
+    column_ns: int
+    low: Floats
+    high: Floats
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a view shows. `held`, `lost`: int64 per element of `elements`; `newest`: float64 per entry of them.
+
+    `entries` names the entries. `texts` holds the newest value of string entries by position in `newest`. `low` and
+    `high` have shape `(len(plots), count)` and begin at column `first`; they hold only what came since the last frame,
+    so merge them with `fmin` and `fmax`. `missed` counts frames that never arrived, since the view was opened.
+    """
+
+    elements: tuple[str, ...]
+    entries: tuple[str, ...]
+    plots: tuple[str, ...]
+    unpublished: frozenset[str]
+    missing: frozenset[str]
+    time_ns: int
+    tick: int
+    state: State
+    measured_hz: float
+    lost_total: int
+    held: NDArray[np.int64]
+    lost: NDArray[np.int64]
+    newest: Floats
+    texts: dict[int, str]
+    column_ns: int
+    first: int
+    low: Floats
+    high: Floats
+    missed: int
+
+    @property
+    def running(self) -> bool:
+        """Whether the logger collects."""
+        return self.state is State.RUNNING
+
+
+def history_columns(columns: Columns) -> HistoryColumns:
+    """The arrays of a reply."""
+    shape = (len(columns.names), columns.count)
+    return HistoryColumns(
+        tuple(columns.names),
+        columns.first,
+        columns.column_ns,
+        np.frombuffer(columns.low, "<f8").reshape(shape),
+        np.frombuffer(columns.high, "<f8").reshape(shape),
+    )
+
+
+class View:
+    """An open view. `frame()` may be called by any thread and never waits; `close()` ends it."""
+
+    def __init__(self, request: OpenView, renew: Callable[[], None], on_close: Callable[["View"], None]) -> None:
+        self.request = request
+        self._renew = renew
+        self._on_close = on_close
+        self._lock = threading.Lock()
+        self._subscriber: zenoh.Subscriber[zenoh.Handler[zenoh.Sample]] | None = None
+        self._opened: ViewOpened | None = None
+        self._number = 0
+        self._missed = 0
+        self._unread: list[ViewFrame] = []
+        self._refused = ""
+
+    # ---------------------------------------------------------------------------------------------- by the client
+
+    def attach(self, session: zenoh.Session, key: str) -> None:
+        """Subscribes in a session; the one before is closed already."""
+        subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(RING))
+        with self._lock:
+            self._subscriber = subscriber
+            self._number = 0
+
+    def detach(self) -> None:
+        """The session is about to be closed."""
+        with self._lock:
+            self._subscriber = None
+            self._unread = []  # another helper process counts its generations anew
+
+    def accept(self, opened: ViewOpened) -> None:
+        """How to read the frames from now on."""
+        with self._lock:
+            self._opened = opened
+            self._refused = ""
+
+    def refuse(self, text: str) -> None:
+        """The helper process would not renew the view."""
+        with self._lock:
+            self._refused = text
+
+    # ------------------------------------------------------------------------------------------------ by the user
+
+    @property
+    def refused(self) -> str:
+        """Why the helper process no longer feeds this view; empty if it does."""
+        return self._refused
+
+    def frame(self) -> Frame | None:
+        """All that came since the last call as one frame, None if nothing did."""
+        with self._lock:
+            if self._opened is None or self._subscriber is None:
+                return None
+            frames = [*self._unread, *self._new_frames(self._subscriber)]
+            generation = self._opened.generation
+            mine = [frame for frame in frames if frame.generation == generation]
+            # after an edit or a start, frames may come before the answer that explains them
+            self._unread = [frame for frame in frames if frame.generation > generation][-RING:]
+            if self._unread:
+                self._renew()
+            return self._merged(mine, self._opened) if mine else None
+
+    def _new_frames(self, subscriber: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]") -> list[ViewFrame]:
+        frames: list[ViewFrame] = []
+        while (sample := subscriber.try_recv()) is not None:
+            frame = _decoder.decode(sample.payload.to_bytes())
+            if self._number and frame.number > self._number + 1:
+                self._missed += frame.number - self._number - 1
+            self._number = frame.number
+            frames.append(frame)
+        return frames
+
+    def _merged(self, frames: Sequence[ViewFrame], opened: ViewOpened) -> Frame:
+        newest = frames[-1]
+        first, low, high = _merged_columns(frames, len(opened.plots))
+        return Frame(
+            elements=tuple(self.request.values),
+            entries=tuple(opened.entries),
+            plots=tuple(opened.plots),
+            unpublished=frozenset(opened.unpublished),
+            missing=frozenset(opened.missing),
+            time_ns=newest.time_ns,
+            tick=newest.tick,
+            state=newest.state,
+            measured_hz=newest.measured_hz,
+            lost_total=newest.lost_total,
+            held=np.frombuffer(newest.held, "<i8"),
+            lost=np.frombuffer(newest.lost, "<i8"),
+            newest=np.frombuffer(newest.newest, "<f8"),
+            texts=newest.texts,
+            column_ns=self.request.column_ns,
+            first=first,
+            low=low,
+            high=high,
+            missed=self._missed,
+        )
+
+    def close(self) -> None:
+        """Ends the view; closing twice is fine."""
+        with self._lock:
+            subscriber, self._subscriber = self._subscriber, None
+        if subscriber is not None:
+            subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+        self._on_close(self)
+
+    def __enter__(self) -> "View":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _merged_columns(frames: Sequence[ViewFrame], plots: int) -> tuple[int, Floats, Floats]:
+    """The columns of several frames on one grid; of more than 4096 the newest."""
+    filled = [frame for frame in frames if frame.count]
+    if not filled:
+        return 0, np.zeros((plots, 0)), np.zeros((plots, 0))
+    end = max(frame.first + frame.count for frame in filled)
+    first = max(min(frame.first for frame in filled), end - MAX_COLUMNS)
+    low, high = np.full((plots, end - first), np.nan), np.full((plots, end - first), np.nan)
+    for frame in filled:
+        skip = max(0, first - frame.first)
+        if skip >= frame.count:
+            continue
+        place = slice(frame.first + skip - first, frame.first + frame.count - first)
+        shape = (plots, frame.count)
+        low[:, place] = np.fmin(low[:, place], np.frombuffer(frame.low, "<f8").reshape(shape)[:, skip:])
+        high[:, place] = np.fmax(high[:, place], np.frombuffer(frame.high, "<f8").reshape(shape)[:, skip:])
+    return first, low, high
