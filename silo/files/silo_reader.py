@@ -319,12 +319,10 @@ def _fitted(column: _Column, skip: int, first: int, stamps: int) -> _Column:
 
 
 def _entry(data: memoryview, header: Header, column: _Column, entry: Entry, name: str) -> RecordedEntry:
-    stored = form.dtype_of(column.row)
-    logged = _logged_dtype(entry.dtype, stored)
+    stored, logged, shown = _types(column.row.type_name, column.row.item_bytes, entry.dtype)
     if logged is None:
         header.warnings.append(f"'{name}' was logged as '{entry.dtype}' but is stored as {column.row.type_name}")
         logged = stored
-    shown = entry.dtype if stored.kind == "S" else logged.str
 
     def load() -> NDArray[Any]:
         values = _values(data, column)
@@ -336,6 +334,13 @@ def _entry(data: memoryview, header: Header, column: _Column, entry: Entry, name
 
 
 @lru_cache(maxsize=256)
+def _types(type_name: str, item_bytes: int, text: str) -> tuple[np.dtype[Any], np.dtype[Any] | None, str]:
+    """The type in the file, the type as logged (None if it can't have been that), and how the entry calls it."""
+    stored = form.dtype_of(form.TableRow("", item_bytes, 0, 1, False, type_name))
+    logged = _logged_dtype(text, stored)
+    return stored, logged, text if stored.kind == "S" else (logged or stored).str
+
+
 def _logged_dtype(text: str, stored: np.dtype[Any]) -> np.dtype[Any] | None:
     """The type that the values had when they were logged, None if what is stored can't have been that."""
     try:
