@@ -216,14 +216,16 @@ class Logger:
         previous = self._run
         self._run_number += 1
         stopped = functools.partial(self._stop_by_itself, self._run_number)
+        make = functools.partial(Run, self.options, self._table.elements, self._clock, stopped, self._collect_now)
         try:
-            run = Run(self.options, self._table.elements, self._clock, stopped, self._collect_now)
+            run = make()
         except SegmentError:
             if previous is None:
                 raise
             self._run = None
-            previous.drop()  # the old buffers may be what fills the memory
-            return Run(self.options, self._table.elements, self._clock, stopped, self._collect_now)
+            previous.drop()
+            del previous  # the old buffers may be what fills the memory, which is freed with the last of their users
+            return make()
         if previous is not None:
             previous.drop()
         return run

@@ -106,6 +106,7 @@ def generate(
     names.objects |= {"clock": clock, "on_stop": on_stop, "copyto": np.copyto}
     names.objects |= {
         "two_writers": _two_writers,
+        "forget": _forget,
         "after_end": after_end,
         "FULL": StopReason.TIME_FULL,
         "LIMIT": StopReason.MEMORY_LIMIT,
@@ -114,7 +115,14 @@ def generate(
     source = writer.source()
     namespace: dict[str, Any] = dict(names.objects)
     exec(compile(source, "<silo collect>", "exec"), namespace)  # of names made here and checked identifiers
-    return Generated(*namespace["make"]())
+    # without its maker in its own namespace, `collect` is no cycle: old buffers are freed at once, not some day
+    return Generated(*namespace.pop("make")())
+
+
+def _forget(namespace: dict[str, Any]) -> None:
+    """A retired `collect` that somebody kept must not keep the buffers of its run as well."""
+    for name in [name for name in namespace if name not in ("after_end", "forget", "two_writers", "__builtins__")]:
+        del namespace[name]
 
 
 def _two_writers() -> None:
@@ -179,6 +187,7 @@ class _Writer:
             "if not busy:",
             "    busy = True",
             "elif retired:",
+            "    forget(globals())",
             "    return after_end()",
             "else:",
             "    two_writers()",
@@ -187,7 +196,12 @@ class _Writer:
             return enter, "busy = retired"
         lock = threading.Lock()
         self._names.objects |= {"acquire": lock.acquire, "release": lock.release}
-        return ["if retired: return after_end()", "if not acquire(False): two_writers()"], "release()"
+        return [
+            "if retired:",
+            "    forget(globals())",
+            "    return after_end()",
+            "if not acquire(False): two_writers()",
+        ], "release()"
 
     def _groups(self, groups: dict[int, list[RingPlan]], slots: dict[int, list[Slot]]) -> Iterator[str]:
         dividers = sorted(set(groups) | set(slots))

@@ -112,10 +112,17 @@ class Run:
 
     def drop(self) -> None:
         """Delete the segment, which readers that have it mapped keep, and let go of the program's variables."""
-        self.segment.unlink()
+        self._retire()
+        self.collect = self._retire = _nothing
         self.plan = dataclasses.replace(self.plan, references=())
+        self.segment.unlink()
         if self._reader is not None:
             self._reader.close()
+            self._reader = None
+
+
+def _nothing() -> None:
+    """What is left of a dropped run."""
 
 
 def _warn_of_abandoned(elements: Sequence[Element]) -> None:

@@ -57,6 +57,7 @@ class Segment:
         `first_rows` tells for each GROWING ring how many rows to have ready. Raises SegmentError if there is no room.
         """
         self.path = path
+        self._limit_bytes = memory_limit_bytes
         self._limit_chunks = max(1, memory_limit_bytes // schema.chunk_bytes)
         self._directory_words = self._limit_chunks + SPARE_CHUNKS
         self._control = PAGE + _schema_room(schema)
@@ -69,6 +70,7 @@ class Segment:
         self._allocating = threading.Lock()
         self._wanted = threading.Event()
         self._ended = False
+        self._counted: tuple[int, int] | None = None  # ticks and lost rows of a deleted segment
         temporary = path.with_name(f".{path.name}.new")
         try:
             self._fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
@@ -108,6 +110,8 @@ class Segment:
         self._set(Control.STATE, SegmentState.RUNNING)
 
     def _set(self, word: Control, value: int) -> None:
+        if self._counted:
+            return  # deleted by another thread while a tick was under way
         self.words[self._control // 8 + word] = value
 
     def _allocate(self, offset: int, size_bytes: int) -> None:
@@ -128,11 +132,13 @@ class Segment:
     @property
     def ticks(self) -> int:
         """Ticks collected since start."""
-        return self.words[self.ring_control(TIME_RING)]
+        return self._counted[0] if self._counted else self.words[self.ring_control(TIME_RING)]
 
     @property
     def lost(self) -> int:
         """Rows that could not be kept, all rings together."""
+        if self._counted:
+            return self._counted[1]
         return sum(self.words[self.ring_control(ring.ring) + RingControl.LOST] for ring in self.schema.rings)
 
     def stop(self, reason: StopReason) -> None:
@@ -188,7 +194,7 @@ class Segment:
             chunk_mb = self.schema.chunk_bytes / 1e6
             raise SegmentError(
                 f"growing buffers are to begin with {(self._chunks + wanted) * chunk_mb:.0f} MB or more, "
-                f"the memory limit is {self._limit_chunks * chunk_mb:.0f} MB: raise memory_limit_mb, "
+                f"the memory limit is {self._limit_bytes / 1e6:.0f} MB: raise memory_limit_mb, "
                 "or give them a smaller buffer_size (they grow from there)"
             )
         return [self._append(ring) for _ in range(wanted)]
@@ -212,14 +218,18 @@ class Segment:
         self._wanted.set()
 
     def unlink(self) -> None:
-        """Delete the file; who has it mapped keeps the memory."""
+        """Delete the file and let go of its memory, which readers keep; `ticks` and `lost` stay what they are."""
         self._end_chunks()
+        self._counted = self.ticks, self.lost
         with contextlib.suppress(FileNotFoundError):
             self.path.unlink()
         with self._allocating:
             if self._fd >= 0:
                 os.close(self._fd)
                 self._fd = -1
+            self.words = memoryview(b"").cast("l")
+            self._next.clear()
+            self._first.clear()
 
 
 def _schema_room(schema: SegmentSchema) -> int:

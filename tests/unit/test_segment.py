@@ -1,0 +1,441 @@
+"""The segment: its file, its room, its memory limit, what it counts, and what it tells a reader."""
+
+import os
+import resource
+import signal
+import subprocess
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from silo.collecting import generate, segment_reader
+from silo.collecting.runtime import list_segments, runtime_dir
+from silo.collecting.schema import TIME_RING, RingControl, StopReason
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError
+from silo.model import Action, BufferType
+
+GROWING = BufferType.GROWING
+
+
+def collect(logger, ticks):
+    for _ in range(ticks):
+        logger.collect()
+
+
+def reader_of(logger):
+    return SegmentReader(logger.segment_path)
+
+
+@pytest.fixture
+def small_memory(tmp_path, monkeypatch):
+    """A runtime folder in a tmpfs of 4 MB, as in a small container."""
+    folder = tmp_path / "shm"
+    folder.mkdir(mode=0o700)
+    command = ["mount", "-t", "tmpfs", "-o", "size=4m,mode=700", "silo-test", str(folder)]
+    if os.getuid() or subprocess.run(command, check=False, capture_output=True).returncode:
+        pytest.skip("needs the right to mount")
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(folder))
+    yield folder
+    subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+# ------------------------------------------------------------------------------------------------------ the room
+
+
+def test_without_room_start_says_how_much_is_missing_and_what_to_do(new_logger, small_memory):
+    logger = new_logger()
+    logger.array("x", 1000, buffer_size=10_000)
+    with pytest.raises(
+        SegmentError, match=r"no room for 8\d\.\d MB of buffers, [34]\.\d MB are free.*storage=\"disk\""
+    ):
+        logger.start()
+
+
+def test_without_room_no_file_is_left(new_logger, small_memory):
+    logger = new_logger()
+    logger.array("x", 1000, buffer_size=10_000)
+    with pytest.raises(SegmentError):
+        logger.start()
+    assert list(small_memory.iterdir()) == []
+
+
+def test_a_failed_start_can_be_tried_again_with_smaller_buffers(new_logger, small_memory):
+    logger = new_logger()
+    logger.array("x", 1000, buffer_size=10_000)
+    with pytest.raises(SegmentError):
+        logger.start()
+    logger.set("x", buffer_size=10)
+    logger.start()
+    assert logger.is_running
+
+
+def test_a_restart_takes_the_room_of_the_run_before(new_logger, small_memory):
+    logger = new_logger()
+    logger.array("x", 30, buffer_size=10_000)  # 2.6 MB: two of them have no room
+    logger.start()
+    logger.restart()
+    assert len(list_segments()) == 1
+
+
+def mapped_segments():
+    lines = Path("/proc/self/maps").read_text().splitlines()
+    return {line.split(maxsplit=5)[5] for line in lines if ".segment" in line}
+
+
+def test_the_buffers_of_the_run_before_are_freed_at_once(new_logger):
+    logger = new_logger(max_time=0)
+    logger.array("x", buffer_type=GROWING)
+    logger.array("y")
+    logger.start()
+    for _ in range(3):
+        logger.collect()
+        logger.snapshot()
+        logger.restart()
+    assert mapped_segments() == {logger.segment_path}
+
+
+def test_a_kept_collect_does_not_keep_the_buffers_of_its_run(new_logger):
+    logger = new_logger()
+    logger.array("y")
+    logger.start()
+    kept = logger.collect
+    kept()
+    logger.restart()
+    kept()
+    assert logger.ticks == 1
+    assert mapped_segments() == {logger.segment_path}
+
+
+def test_a_closed_logger_frees_its_buffers(new_logger):
+    logger = new_logger(max_time=0)
+    logger.array("x", buffer_type=GROWING)
+    logger.start()
+    logger.collect()
+    logger.close()
+    del logger
+    assert mapped_segments() == set()
+
+
+def test_a_folder_for_logs_that_can_not_be_made_is_a_segment_error(new_logger):
+    logger = new_logger(storage="disk", folder="/proc/none")
+    logger.array("x")
+    with pytest.raises(SegmentError, match="can't make the folder for logs"):
+        logger.start()
+
+
+def test_a_growing_buffer_that_finds_no_room_counts_what_it_can_not_keep(new_logger, small_memory):
+    logger = new_logger(max_time=0)
+    x = logger.array("x", 300, np.int64, buffer_type=GROWING, buffer_size=1)
+    logger.start()
+    for tick in range(4000):  # 9.7 MB
+        x[:] = tick
+        logger.collect()
+    (element,) = logger.snapshot().elements
+    assert 0 < element.count < 2000
+    assert element.count + element.lost == logger.ticks
+    assert element.entries[0].values.tolist() == list(range(element.count))
+
+
+def test_a_limit_on_the_size_of_files_is_an_error_and_no_signal(new_logger, monkeypatch):
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    logger = new_logger()
+    logger.array("x", 1000, buffer_size=1000)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
+    try:
+        with pytest.raises(SegmentError, match="File too large"):
+            logger.start()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert signal.getsignal(signal.SIGXFSZ) == signal.SIG_IGN
+
+
+def test_every_page_of_the_rings_is_there_before_the_first_tick(new_logger):
+    logger = new_logger()
+    logger.array("x", 100, buffer_size=10_000)
+    logger.start()
+    found = Path(logger.segment_path).stat()
+    assert found.st_blocks * 512 >= found.st_size - 4096
+
+
+def test_a_folder_that_others_may_look_into_is_refused(new_logger, tmp_path, monkeypatch):
+    folder = tmp_path / "open"
+    folder.mkdir(mode=0o755)
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(folder))
+    with pytest.raises(SegmentError, match=r"mode is 755, others could look in; run: chmod 700"):
+        runtime_dir()
+
+
+def test_a_link_in_place_of_the_folder_is_refused(tmp_path, monkeypatch):
+    (tmp_path / "real").mkdir(mode=0o700)
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(tmp_path / "link"))
+    with pytest.raises(SegmentError, match="is not a folder of this user"):
+        runtime_dir()
+
+
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(tmp_path / "file"))
+    with pytest.raises(SegmentError, match="set SILO_RUNTIME_DIR to a folder that this user owns"):
+        runtime_dir()
+
+
+def test_the_folder_is_made_for_this_user_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(tmp_path / "a" / "b"))
+    assert runtime_dir().stat().st_mode & 0o777 == 0o700
+
+
+# ----------------------------------------------------------------------------------------------- the memory limit
+
+
+def test_at_the_memory_limit_a_growing_buffer_keeps_what_it_has_and_counts_the_rest(new_logger):
+    logger = new_logger(max_time=0, memory_limit_mb=4)
+    x = logger.array("x", 300, np.int64, buffer_type=GROWING, buffer_size=1)
+    logger.start()
+    for tick in range(5000):
+        x[:] = tick
+        logger.collect()
+    (element,) = logger.snapshot().elements
+    assert logger.is_running
+    assert element.entries[-1].values.tolist() == list(range(element.count))
+    assert element.lost == logger.lost == 5000 - element.count > 0
+    assert "rows could not be kept: the memory limit was reached" in logger.snapshot().warnings[0]
+
+
+def test_at_the_memory_limit_looping_buffers_go_on(new_logger):
+    logger = new_logger(max_time=0, memory_limit_mb=2)
+    logger.array("big", 300, buffer_type=GROWING, buffer_size=1)
+    y = logger.array("y", (), np.int64, buffer_size=10)
+    logger.start()
+    for tick in range(5000):
+        y[()] = tick
+        logger.collect()
+    (kept,) = [element for element in logger.snapshot().elements if element.name == "/log/y"]
+    assert kept.entries[0].values.tolist() == list(range(4990, 5000))
+    assert kept.lost == 0
+
+
+def test_growing_buffers_that_begin_beyond_the_limit_are_refused_at_start(new_logger):
+    logger = new_logger(memory_limit_mb=10)
+    logger.array("x", 1000, buffer_type=GROWING, buffer_size=10_000)
+    with pytest.raises(
+        SegmentError, match=r"begin with 8\d MB or more, the memory limit is 10 MB: raise memory_limit_mb"
+    ):
+        logger.start()
+
+
+def test_when_even_time_stamps_find_no_room_the_logger_stops_by_itself(new_logger, monkeypatch):
+    logger = new_logger(max_time=0, frequency=10)
+    logger.array("x", (), np.int64, buffer_type=GROWING, buffer_size=1)
+    logger.start()
+    segment = logger._run.segment
+    deadline = time.monotonic() + 30
+    while len(segment._next) < 2:  # the thread has a chunk ready for each ring
+        assert time.monotonic() < deadline
+    monkeypatch.setattr(segment, "_append", lambda ring: (_ for _ in ()).throw(SegmentError("full")))
+    segment._next.clear()
+    collect(logger, 100_000)
+    assert not logger.is_running
+    assert logger.stop_reason.startswith("stopped by itself: memory_limit_mb is reached")
+    recording = logger.snapshot()
+    assert len(recording.time_ns) == recording.offset == logger.ticks
+    assert recording.elements[0].count <= logger.ticks
+
+
+def test_growing_buffers_share_the_chunks_in_the_order_of_need(new_logger):
+    logger = new_logger(max_time=0)
+    wide = logger.array("wide", 200, np.int64, buffer_type=GROWING, buffer_size=1)
+    rare = logger.array("rare", 2000, np.int64, divider=5, buffer_type=GROWING, buffer_size=1)
+    logger.start()
+    for tick in range(2500):
+        wide[:] = rare[:] = tick
+        logger.collect()
+    for element in reader_of(logger).snapshot().elements:
+        for entry in element.entries[:: len(element.entries) - 1]:
+            assert entry.values.tolist() == list(range(0, 2500, element.divider))
+
+
+def test_a_row_larger_than_a_chunk_has_a_chunk_of_its_own(new_logger):
+    logger = new_logger(max_time=0)
+    x = logger.array("x", 140_000, buffer_type=GROWING, buffer_size=1)
+    logger.start()
+    for tick in range(5):
+        x[:] = tick
+        logger.collect()
+    (element,) = logger.snapshot().elements
+    assert element.entries[139_999].values.tolist() == [0, 1, 2, 3, 4]
+
+
+def test_no_thread_is_left_when_a_run_ends(new_logger):
+    logger = new_logger(max_time=0)
+    logger.array("x", buffer_type=GROWING)
+    logger.start()
+    (thread,) = [thread for thread in threading.enumerate() if thread.name == "silo-chunks"]
+    logger.stop()
+    thread.join(10)
+    assert not thread.is_alive()
+
+
+# ------------------------------------------------------------------------------------------------------ the reader
+
+
+def test_a_reader_sees_what_the_logger_was_made_with(new_logger, tmp_path):
+    logger = new_logger("arm", frequency=50, max_time=3)
+    logger.array("q", 3, unit="rad", description="joint angles", divider=2, buffer_size=7)
+    logger.start()
+    schema = reader_of(logger).schema
+    assert (schema.logger, schema.pid, schema.frequency_hz, schema.folder) == ("arm", os.getpid(), 50, str(tmp_path))
+    (element,) = schema.elements
+    assert element.info == logger.elements[0]
+
+
+def test_fill_levels_count_samples_up_to_the_size_of_the_buffer(new_logger):
+    logger = new_logger(max_time=0)
+    for kind in BufferType:
+        logger.array(kind.name, buffer_type=kind, buffer_size=5, divider=2)
+    logger.start()
+    reader = reader_of(logger)
+    held = []
+    for ticks in (1, 6, 30):
+        collect(logger, ticks)
+        held.append([reader.held(element) for element in reader.schema.elements])
+    assert held == [[1, 1, 1], [4, 4, 4], [5, 5, 19]]
+
+
+def test_rows_may_be_read_a_few_at_a_time(new_logger):
+    logger = new_logger()
+    logger.array("x")
+    logger.start()
+    collect(logger, 10)
+    reader = reader_of(logger)
+    assert reader.rows(1, 2, limit=3).ticks.tolist() == [2, 3, 4]
+
+
+def test_rows_that_are_still_to_come_are_none(new_logger):
+    logger = new_logger()
+    logger.array("x")
+    logger.start()
+    collect(logger, 3)
+    rows = reader_of(logger).rows(1, 99)
+    assert (len(rows), rows.first) == (0, 99)
+
+
+def test_an_element_that_was_not_due_yet_has_no_samples(new_logger):
+    logger = new_logger()
+    logger.array("x", 3)
+    logger.start()
+    assert logger.snapshot().elements == []
+    assert logger.read_new_values("x").values.shape == (0, 3)
+
+
+def test_a_snapshot_does_not_change_when_collection_goes_on(new_logger):
+    logger = new_logger()
+    x = logger.array("x", buffer_size=5)
+    logger.start()
+    collect(logger, 5)
+    before = logger.snapshot()
+    x[...] = 9
+    collect(logger, 500)
+    assert before.elements[0].entries[0].values.tolist() == [0, 0, 0, 0, 0]
+
+
+def test_the_newest_time_stamp_is_that_of_the_last_tick(new_logger):
+    times = iter(range(0, 1000, 10))
+    logger = new_logger(clock=lambda: next(times))
+    logger.array("x")
+    logger.start()
+    assert reader_of(logger).last_time_ns == 0
+    collect(logger, 3)
+    assert reader_of(logger).last_time_ns == 30
+
+
+def test_a_reader_tells_why_collection_ended(new_logger):
+    logger = new_logger()
+    logger.array("x")
+    logger.start()
+    reader = reader_of(logger)
+    assert (reader.running, reader.stop_reason) == (True, "")
+    logger.stop()
+    assert (reader.running, reader.stop_reason) == (False, "stopped on request")
+
+
+def test_what_was_saved_is_marked_in_the_segment(new_logger):
+    logger = new_logger()
+    logger.array("x")
+    logger.start()
+    collect(logger, 3)
+    logger.save()
+    assert reader_of(logger).saved_ticks == 3
+
+
+@pytest.mark.parametrize("kind", [BufferType.FIXED, BufferType.GROWING])
+def test_every_sample_of_a_published_element_passes_its_live_ring(new_logger, kind):
+    logger = new_logger(max_time=0)
+    x = logger.array("x", (), np.int64, action=Action.SAVE_AND_PUBLISH, buffer_type=kind, buffer_size=3)
+    logger.array("other", buffer_type=GROWING)  # keeps the logger running
+    logger.start()
+    for tick in range(50):
+        x[...] = tick
+        logger.collect()
+    reader = reader_of(logger)
+    element = reader.schema.elements[0]
+    assert reader.rows(element.live_ring, 0).column(element.live_entries[0]).tolist() == list(range(50))
+
+
+# ------------------------------------------------------------------------------------ machines that reorder stores
+
+
+@pytest.fixture
+def weak_memory(monkeypatch):
+    """As on ARM, where a row may become visible after its head."""
+    monkeypatch.setattr(generate, "ORDERED_STORES", False)
+    monkeypatch.setattr(segment_reader, "ORDERED_STORES", False)
+    monkeypatch.setattr(segment_reader, "UNSAFE_ROWS", 2)
+
+
+def test_a_reordering_machine_trusts_a_tick_when_the_next_one_is_logged(new_logger, weak_memory):
+    logger = new_logger()
+    logger.array("x")
+    logger.start()
+    collect(logger, 5)
+    assert logger.snapshot().offset == 4
+
+
+def test_on_a_reordering_machine_rare_elements_lag_one_tick_only(new_logger, weak_memory):
+    logger = new_logger()
+    logger.array("x", divider=10)
+    logger.start()
+    collect(logger, 2)
+    assert logger.snapshot().elements[0].count == 1
+
+
+def test_on_a_reordering_machine_a_stopped_log_is_whole(new_logger, weak_memory):
+    logger = new_logger(max_time=0)
+    for divider in (1, 3, 7):
+        for kind in BufferType:
+            logger.array(f"x{divider}{kind.name}", divider=divider, buffer_type=kind, buffer_size=4)
+    logger.start()
+    collect(logger, 30)
+    logger.stop()
+    recording = logger.snapshot()
+    assert recording.offset == 30
+    assert [element.count for element in recording.elements] == [4, 4, 30, 4, 4, 10, 4, 4, 5]
+
+
+def test_on_a_reordering_machine_the_last_row_of_a_dead_writer_counts(new_logger, weak_memory, monkeypatch):
+    logger = new_logger()
+    logger.array("x")
+    logger.start()
+    collect(logger, 5)
+    monkeypatch.setattr(segment_reader, "process_start", lambda pid: 0)
+    assert logger.snapshot().offset == 5
+
+
+def test_the_control_words_of_a_ring_fit_its_line():
+    assert max(RingControl) < 8
+    assert TIME_RING == 0
+    assert set(StopReason) == {0, 1, 2, 3}
