@@ -172,19 +172,10 @@ class SiloApp(App[None]):
             return
         if session.lost_since is not None and session.link.connected:
             self.run_worker(self._regain(session), group="regain")  # it came back, but didn't answer at once
-        elif session.lost_since is not None or session.dead:
-            self.run_worker(self._find_again(session), group="again", exclusive=True)
 
     async def _refresh_status(self) -> None:
         await self._quietly(self.session.refresh_status())
         self.status_changed()
-
-    async def _find_again(self, session: Session) -> None:
-        if await self._opener.find_again(session) and session is self._session:
-            self.table_changed()
-            self.status_changed()
-            self._tell(lambda screen: screen.wish_again())
-            self.say("the robot program was started again")
 
     # ------------------------------------------------------------------------------------------ what links report
 
@@ -200,9 +191,13 @@ class SiloApp(App[None]):
             self.status_changed()
 
     async def _regain(self, session: Session) -> None:
-        await self._quietly(session.regain())
+        async def follow() -> None:
+            self.say(await session.regain())
+
+        await self._quietly(follow())
         self.table_changed()
         self.status_changed()
+        self._tell(lambda screen: screen.wish_again())
 
     def on_logger_event(self, message: LoggerEvent) -> None:
         """Somebody did something, or something happened. Followed in a worker: asking takes time, keys don't wait."""

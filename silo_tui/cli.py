@@ -22,6 +22,7 @@ Examples:
 
 @click.command(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("logger", required=False, default="")
+@click.option("--config", default="", metavar="FILE", help="Zenoh configuration of a robot elsewhere.")
 @click.option("--demo", is_flag=True, help="Start a simulated robot, open it, and end it on quitting.")
 @click.option("--read-only", is_flag=True, help="Look only: nothing that changes the logger.")
 @click.option(
@@ -33,25 +34,29 @@ Examples:
     help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text.",
 )
 @click.version_option(package_name="silo-logger", prog_name="silo-tui")
-def command(logger: str, demo: bool, read_only: bool, rate: float, mouse: bool | None) -> None:
+def command(logger: str, config: str, demo: bool, read_only: bool, rate: float, mouse: bool | None) -> None:
     """Configure and watch the loggers of this computer.
 
     LOGGER is the name of one of them. Press ? for all keys.
     """
     if demo and logger:
         raise click.UsageError(f"--demo brings its own logger; leave out {logger!r}")
+    if config and demo:
+        raise click.UsageError("--demo runs here; leave out --config")
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.ClickException("silo-tui needs a terminal; `silo watch` writes plain lines, also into a pipe")
-    sys.exit(_run(logger, demo=demo, read_only=read_only, rate_hz=rate, mouse=mouse))
+    sys.exit(_run(logger, config, demo=demo, read_only=read_only, rate_hz=rate, mouse=mouse))
 
 
-def _run(logger: str, *, demo: bool, read_only: bool, rate_hz: float, mouse: bool | None) -> int:
+def _run(logger: str, config: str, *, demo: bool, read_only: bool, rate_hz: float, mouse: bool | None) -> int:
     from silo_tui import terminal
     from silo_tui.app import SiloApp
-    from silo_tui.connect import LocalFinder
+    from silo_tui.connect import ClientFinder
     from silo_tui.demo import Demo
 
-    app = SiloApp(LocalFinder(), name=logger, demo=Demo() if demo else None, read_only=read_only, rate_hz=rate_hz)
+    app = SiloApp(
+        ClientFinder(config), name=logger, demo=Demo() if demo else None, read_only=read_only, rate_hz=rate_hz
+    )
     try:
         app.run(mouse=not terminal.over_ssh() if mouse is None else mouse)
     finally:

@@ -28,8 +28,9 @@ class Demo:
         self._output = folder / ".demo-output"
         with self._output.open("wb") as output:
             # a session of its own: Ctrl-C and a closed terminal reach us alone, and we end it in order
+            program = [sys.executable, "-c", "from silo.cli import main; main()", "demo", "--folder", str(folder)]
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "silo", "demo"], cwd=folder, stdin=subprocess.DEVNULL, stdout=output,
+                program, stdin=subprocess.DEVNULL, stdout=output,
                 stderr=subprocess.STDOUT, start_new_session=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
             )  # fmt: skip
 

@@ -89,23 +89,6 @@ class Opener:
         app.status_changed()
         return True
 
-    async def find_again(self, session: Session) -> bool:
-        """A logger of the same name in another process is the same robot program, started again. True if found."""
-        found, _ = await self._look()
-        named = [each for each in found.loggers if each.name == session.name and each.key not in self._failed]
-        if session.dead:
-            session.successor = any(each.pid != session.status.pid for each in named)
-        if len(named) != 1 or named[0].pid in {0, session.status.pid} or session.lost_since is None:
-            return False
-        old = session.link
-        try:
-            await self._attach(session, named[0])
-        except (SiloError, OSError):
-            return False  # it may be about to listen; we look again in a second
-        if old is not None:
-            await asyncio.to_thread(old.close)
-        return True
-
     async def let_go(self) -> None:
         """Closes the logger that is open; in a thread, because a frozen one takes seconds."""
         if self._app.has_session:

@@ -11,13 +11,14 @@ import numpy as np
 from silo.errors import RefusedError
 from silo.ipc.messages import Event, EventKind, RefusedWhy, State, Status
 from silo.model import ElementInfo
-from silo_tui.link import Link, Wish
+from silo_tui.link import ClientLike, HistoryLike, Link, Wish
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.live import Frame, LiveValues
 from silo_tui.model.rows import RowList
 from silo_tui.model.source import Column
 from silo_tui.model.table import TableState
 
+MAX_HISTORY_NAMES = 64
 NO_STATUS = Status(
     logger="", host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=-1, frequency_hz=0.0,
     measured_hz=0.0, ticks=0, started_ns=0, last_tick_ns=0, lost=0, elements=0, enabled=0, entries=0, max_time_s=0.0,
@@ -43,7 +44,6 @@ class Session:
         self.frame_time_ns = 0
         self.frame_at = 0.0  # monotonic, of the newest frame
         self.lost_since: float | None = None  # monotonic, when the link was lost
-        self.successor = False  # the robot program died, and one of its name runs again
         self.saves: dict[int, Event] = {}  # the newest event of each save
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
@@ -139,8 +139,22 @@ class Session:
         self.take_status(await self._link.call(lambda client: client.restart()))
 
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
-        """Past columns of some entries."""
-        return await self._link.read(lambda client: client.history(list(names), start_ns, end_ns, column_ns))
+        """Past columns of some entries, asked for in pieces as large as a logger answers."""
+        store: ColumnStore | None = None
+        for begin in range(0, len(names), MAX_HISTORY_NAMES):
+            some = list(names[begin : begin + MAX_HISTORY_NAMES])
+
+            def ask(client: ClientLike, some: Sequence[str] = some) -> HistoryLike:
+                return client.history(some, start_ns, end_ns, column_ns)
+
+            past = await self._link.read(ask)
+            if store is None:
+                store = ColumnStore(names, max(1, past.low.shape[1]), column_ns)
+            store.merge(past.names, past.first, past.low, past.high)
+        if store is None:
+            empty = np.zeros((0, 0))
+            return Column((), 0, column_ns, empty, empty)
+        return Column(store.names, store.first, column_ns, store.low, store.high)
 
     def watch(self, wish: Wish) -> None:
         """What the screen shows from now on."""
@@ -198,12 +212,22 @@ class Session:
         if self.lost_since is None:
             self.lost_since = time.monotonic()
 
-    async def regain(self) -> None:
-        """The link is back: everything is read again, pending edits are rebased."""
-        await self.refresh_status()
+    async def regain(self) -> str:
+        """The link is back: everything is read again, pending edits are rebased.
+
+        Returns what to say: the client goes over to a new robot program of the same name by itself.
+        """
+        before = self.status
+        self.saves.clear()  # another helper process counts from 1 again
+        hello = await self._link.call(lambda client: client.hello())
+        self.may_edit = hello.may_edit
+        self.take_status(hello.status)
         await self.reload()
         self.lost_since = None
         self._link.watch_again()
+        if before.pid == self.status.pid:
+            return "the link is back"
+        return f"the robot program was started again; of the one before: {before.reason or 'nothing is known'}"
 
     def close(self) -> None:
         """Lets the connection go."""
@@ -251,9 +275,8 @@ class LiveSource:
 
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
         """Columns straight from the logger's buffers."""
-        if not names or end_ns <= start_ns:
-            empty = np.zeros((len(names), 0))
-            return Column(tuple(names), 0, column_ns, empty, empty)
+        if end_ns <= start_ns:
+            names = ()
         return await self._session.history(names, start_ns, end_ns, column_ns)
 
 

@@ -1,9 +1,12 @@
+# ruff: noqa: D102 - the parts of a Frame are described in its docstring
 """The newest values of what is on the screen, and how they read in a cell."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.model import ElementInfo, Entry
 from silo_tui.model import text
@@ -21,29 +24,45 @@ class Reading:
     time_ns: int  # when the frame was made
 
 
-@dataclass(frozen=True)
-class Frame:
-    """One refresh of a view, with arrays: `held`, `lost` per element of `elements`; `newest` per entry of them.
+class Frame(Protocol):
+    """One refresh of a view, as `silo.ipc.view.Frame` and whatever stands in for it.
 
-    `low`, `high` have shape `(len(plots), count)` and begin at column `first`; `texts` go by position in `newest`.
+    `held`, `lost` go by `elements`, `newest` by entry of them, `texts` by position in `newest`; `low`, `high` have
+    shape `(len(plots), count)` and begin at column `first`.
     """
 
-    elements: tuple[str, ...]
-    plots: tuple[str, ...]
-    unpublished: frozenset[str]
-    time_ns: int
-    tick: int
-    running: bool
-    measured_hz: float
-    lost_total: int
-    held: Sequence[int]
-    lost: Sequence[int]
-    newest: Floats
-    texts: dict[int, str]
-    column_ns: int
-    first: int
-    low: Floats
-    high: Floats
+    @property
+    def elements(self) -> tuple[str, ...]: ...
+    @property
+    def plots(self) -> tuple[str, ...]: ...
+    @property
+    def unpublished(self) -> frozenset[str]: ...
+    @property
+    def time_ns(self) -> int: ...
+    @property
+    def tick(self) -> int: ...
+    @property
+    def running(self) -> bool: ...
+    @property
+    def measured_hz(self) -> float: ...
+    @property
+    def lost_total(self) -> int: ...
+    @property
+    def held(self) -> NDArray[np.int64]: ...
+    @property
+    def lost(self) -> NDArray[np.int64]: ...
+    @property
+    def newest(self) -> Floats: ...
+    @property
+    def texts(self) -> dict[int, str]: ...
+    @property
+    def column_ns(self) -> int: ...
+    @property
+    def first(self) -> int: ...
+    @property
+    def low(self) -> Floats: ...
+    @property
+    def high(self) -> Floats: ...
 
 
 @dataclass

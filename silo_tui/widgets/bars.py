@@ -51,7 +51,7 @@ class StatusBar(Widget):
         name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
         sign = STATE_SIGNS[status.state] if session.connected else "○ NO LINK"
         line.append(sign, style=f"bold {color(variables, name if session.connected else 'error')}")
-        if status.started_ns:
+        if status.started_ns and session.connected:
             line.append(f" {text.duration(session.run_seconds)}")
         line.append(f"  {status.enabled}/{status.elements}")
         if self.size.width >= 100:
@@ -103,8 +103,7 @@ class Banner(Widget):
             kept = " Pending edits are kept." if session.table.pending_count[0] else ""
             return f"No link to {session.name} for {age}. Values are {age} old; trying again by itself.{kept}"
         if session.dead:
-            again = " It was started again: ctrl+l shows it." if session.successor else ""
-            return f"The robot program of {session.name} died. {session.status.reason}".strip() + again
+            return f"The robot program of {session.name} died. {session.status.reason}".strip()
         if len(session.table) and not session.table.live.any() and session.running:
             return "Nothing is published, so there are no live values: mark elements, press p, then a to apply."
         return ""

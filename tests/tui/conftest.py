@@ -5,6 +5,7 @@ import inspect
 import math
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -32,7 +33,6 @@ from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry, F
 from silo_tui.app import SiloApp
 from silo_tui.finder import Found, FoundLogger
 from silo_tui.model.fields import Field, phrase_for
-from silo_tui.model.live import Frame
 from silo_tui.model.source import Column
 
 START_NS = 1_790_000_000_000_000_000
@@ -98,6 +98,26 @@ def signal(name: str, seconds: np.ndarray) -> np.ndarray:
     return values
 
 
+@dataclass(frozen=True)
+class FakeFrame:
+    elements: tuple[str, ...]
+    plots: tuple[str, ...]
+    unpublished: frozenset[str]
+    time_ns: int
+    tick: int
+    running: bool
+    measured_hz: float
+    lost_total: int
+    held: np.ndarray
+    lost: np.ndarray
+    newest: np.ndarray
+    texts: dict[int, str]
+    column_ns: int
+    first: int
+    low: np.ndarray
+    high: np.ndarray
+
+
 class FakeView:
     def __init__(self, client: "FakeClient", values: Sequence[str], plots: Sequence[str], column_ns: int) -> None:
         self.client, self.values, self.plots, self.column_ns = client, tuple(values), tuple(plots), column_ns
@@ -105,7 +125,7 @@ class FakeView:
         self.from_ns = client.now_ns
         self.closed = False
 
-    def frame(self) -> Frame | None:
+    def frame(self) -> FakeFrame | None:
         client = self.client
         if client.now_ns == self.seen_ns or not client.connected or self.closed:
             return None
@@ -122,10 +142,11 @@ class FakeView:
                 newest.append(np.nan if info.name in unpublished or client.ticks == 0 else value)
         column = client.history(self.plots, begin, client.now_ns, self.column_ns)
         held = [min(info.options.buffer_size, client.ticks // info.options.divider) for info in infos]
-        return Frame(
+        return FakeFrame(
             elements=self.values, plots=self.plots, unpublished=frozenset(unpublished), time_ns=client.now_ns,
             tick=client.ticks, running=client.state is State.RUNNING, measured_hz=HZ, lost_total=client.lost,
-            held=held, lost=[0] * len(infos), newest=np.array(newest, float), texts=texts, column_ns=self.column_ns,
+            held=np.array(held), lost=np.zeros(len(infos), int), newest=np.array(newest, float),
+            texts=texts, column_ns=self.column_ns,
             first=column.first, low=column.low, high=column.high,
         )  # fmt: skip
 

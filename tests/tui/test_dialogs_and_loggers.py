@@ -48,16 +48,14 @@ async def test_a_logger_of_somebody_else_is_told_with_advice(opened):
         await screen.shows("ask for group access")
 
 
-async def test_a_robot_program_that_was_started_again_is_found_by_its_name(new_fake, fake, opened):
+async def test_edits_are_kept_when_the_robot_program_was_started_again(fake, opened):
     async with opened(fake) as screen:
         await screen.press("d", "5", "enter")
         fake.cut()
         await screen.shows("No link")
-        again = new_fake()
-        again.pid = 5000
-        screen.app._opener._finder.clients[:] = [again]
-        await screen.until(lambda: screen.session.status.pid == 5000)
-        await screen.until(lambda: "No link" not in screen.text)
+        fake.pid, fake.revision = 5000, 1
+        fake.mend()
+        await screen.shows("started again")
         assert screen.value(FIRST, Field.DIVIDER) == "5"
 
 
@@ -198,8 +196,8 @@ def test_every_deed_has_its_method():
 
 
 async def test_a_logger_that_doesn_t_answer_is_told_with_what_to_do(fake, opened):
+    fake.connected = False
     async with opened(fake, ready=False) as screen:
-        fake.connected = False
         await screen.shows("no answer from robot")
 
 
