@@ -126,7 +126,7 @@ def save(words: tuple[str, ...], force: bool) -> None:
     """
     logger, path = _split(words)
     with connect(logger) as client:
-        click.echo(client.save_script(path, overwrite=force).text)
+        click.echo(client.save_script(path, overwrite=force))
 
 
 @script.command(short_help="Show what loading a script would change.")

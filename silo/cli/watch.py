@@ -10,10 +10,11 @@ import click
 
 from silo.cli.common import complete_words, connect, json_option, show_json, split_logger
 from silo.cli.edits import select
-from silo.errors import ConnectionLostError, ElementError
+from silo.errors import ConnectionLostError, ElementError, RefusedError
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client, Frame, View
+    from silo.ipc.client import Client
+    from silo.ipc.view import Frame, View
     from silo.model import ElementInfo
 
 MOST_VALUES = 16  # per line; a matrix of a hundred values is nothing to read
@@ -112,8 +113,10 @@ def _frames(client: "Client", view: "View") -> "Iterator[Frame]":
     last_s = time.monotonic()
     state = None
     while True:
-        frame = view.latest()
+        frame = view.frame()
         if frame is None:
+            if view.refused:
+                raise RefusedError(view.refused)
             if time.monotonic() - last_s > GONE_AFTER_S and not client.connected:
                 raise ConnectionLostError("the logger is gone; `silo ls` shows what runs, `silo recover` what was left")
             time.sleep(POLL_S)

@@ -1,0 +1,258 @@
+"""Commands on a logger that runs: a real one, with its helper process."""
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import silo
+from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
+from silo.model import Action, BufferType
+
+Run = Callable[..., "Result"]
+
+
+class Result:
+    """What a command printed and its exit code."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+
+@pytest.fixture
+def command(capsys: pytest.CaptureFixture[str]) -> Run:
+    def runner(*words: str) -> Result:
+        capsys.readouterr()
+        code = run(list(words))
+        shown = capsys.readouterr()
+        return Result(code, shown.out, shown.err)
+
+    return runner
+
+
+@pytest.fixture(scope="module")
+def runtime(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the logger's segment and socket are; not the folder of a single test."""
+    made = tmp_path_factory.mktemp("run")
+    made.chmod(0o700)
+    return made
+
+
+@pytest.fixture(scope="module")
+def served(runtime: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[silo.Logger]:
+    """A logger with four elements, which a thread ticks at 200 Hz whenever it runs; its helper takes 0.7 s to start."""
+    folder = tmp_path_factory.mktemp("logs")
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("SILO_RUNTIME_DIR", str(runtime))
+        log = silo.Logger("arm", frequency=200, folder=folder, script=folder / "arm.yaml", max_time=0)
+        q = log.array("q", 3, group="joints", unit="rad", action=Action.SAVE_AND_PUBLISH)
+        q[:] = 1.5, -2.0, 0.25
+        log.array("tau", 3, group="joints", unit="Nm")
+        mode = log.array("mode", dtype="u1", labels={0: "IDLE", 1: "MOVE"}, action=Action.SAVE_AND_PUBLISH)
+        mode[...] = 1
+        log.add(np.array(b"hello", "S16"), "text", action=Action.SAVE_AND_PUBLISH)
+        end = threading.Event()
+
+        def tick() -> None:
+            while not end.wait(0.005):
+                log.collect()
+
+        thread = threading.Thread(target=tick)
+        with log, log.serve():
+            thread.start()
+            try:
+                yield log
+            finally:
+                end.set()
+                thread.join()
+
+
+@pytest.fixture
+def log(served: silo.Logger, runtime: Path, monkeypatch: pytest.MonkeyPatch) -> silo.Logger:
+    """The logger, stopped and as it was registered, with an empty folder."""
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
+    served.stop()
+    for element in served.elements:
+        published = "tau" not in element.name
+        served.set(
+            element.name,
+            enabled=True,
+            divider=1,
+            action=Action.SAVE_AND_PUBLISH if published else Action.SAVE,
+            buffer_type=BufferType.LOOPING,
+            buffer_size=2000,
+        )
+    for path in Path(served.options.folder).iterdir():
+        path.unlink()
+    return served
+
+
+@pytest.fixture
+def folder(log: silo.Logger) -> Path:
+    return Path(log.options.folder)
+
+
+def test_ls_shows_the_logger(log: silo.Logger, command: Run) -> None:
+    shown = command("ls")
+    header, row = shown.out.splitlines()
+    assert header.split()[:2] == ["LOGGER", "STATE"]
+    assert row.split()[:2] == ["arm", "stopped"]
+    assert "4/4" in row
+
+
+def test_ls_as_json_is_the_status(log: silo.Logger, command: Run) -> None:
+    (status,) = json.loads(command("ls", "--json").out)
+    assert (status["logger"], status["state"], status["elements"]) == ("arm", "stopped", 4)
+
+
+def test_the_logger_may_be_left_out_while_it_is_the_only_one(log: silo.Logger, command: Run) -> None:
+    assert "arm on " in command("info").out
+    assert command("start").out.startswith("arm: running")
+
+
+def test_a_wrong_name_tells_which_loggers_there_are(log: silo.Logger, command: Run) -> None:
+    shown = command("info", "leg")
+    assert (shown.code, "no logger 'leg'" in shown.err, "arm" in shown.err) == (3, True, True)
+
+
+def test_with_several_loggers_one_must_be_named(log: silo.Logger, command: Run, folder: Path) -> None:
+    with silo.Logger("leg", folder=folder) as other:
+        other.array("x")
+        with other.serve():
+            shown = command("info")
+            assert (shown.code, "several loggers run, say which: arm" in shown.err) == (EXIT_USAGE, True)
+            assert "leg on " in command("info", "leg").out
+
+
+def test_info_lists_the_elements_that_match(log: silo.Logger, command: Run) -> None:
+    header, q, tau = command("info", "arm", "joints").out.splitlines()
+    assert q.split()[:6] == ["/log/joints/q", "rad", "f8[3]", "on", "1", "save_and_publish"]
+    assert tau.split()[0] == "/log/joints/tau"
+    assert header.startswith("ELEMENT")
+
+
+def test_start_stop_and_restart_change_the_state(log: silo.Logger, command: Run) -> None:
+    assert (command("start").code, log.is_running) == (0, True)
+    assert (command("restart").code, log.is_running) == (0, True)
+    assert (command("stop").code, log.is_running) == (0, False)
+    assert command("stop").code == 0
+
+
+def test_set_changes_what_matches_in_one_transaction(log: silo.Logger, command: Run) -> None:
+    shown = command("set", "arm", "joints", "divider=4", "size=2s", "buffer=fixed", "action=both")
+    assert shown.code == 0
+    assert "changed 2 elements of 2 that match" in shown.out
+    options = {element.name: element.options for element in log.elements}
+    assert options["/log/joints/tau"] == silo.ElementOptions(True, 4, Action.SAVE_AND_PUBLISH, BufferType.FIXED, 100)
+    assert options["/log/mode"].divider == 1
+
+
+def test_set_shows_each_field_that_changes(log: silo.Logger, command: Run) -> None:
+    lines = command("set", "*/tau", "divider=2", "off").out.splitlines()
+    assert [line.split() for line in lines[:2]] == [
+        ["/log/joints/tau", "enabled", "on", "->", "off"],
+        ["/log/joints/tau", "divider", "1", "->", "2"],
+    ]
+
+
+def test_a_dry_run_changes_nothing(log: silo.Logger, command: Run) -> None:
+    before = log.elements
+    assert "would change 4 elements" in command("set", "*", "divider=9", "--dry-run").out
+    assert log.elements == before
+
+
+def test_setting_what_is_set_says_that_there_is_nothing_to_do(log: silo.Logger, command: Run) -> None:
+    revision = log.revision
+    assert "nothing to change" in command("set", "*", "divider=1").out
+    assert log.revision == revision
+
+
+def test_a_running_logger_refuses_to_be_changed(log: silo.Logger, command: Run) -> None:
+    log.start()
+    shown = command("set", "*", "divider=2")
+    assert (shown.code, "stop" in shown.err) == (EXIT_FAILED, True)
+    assert {element.options.divider for element in log.elements} == {1}
+
+
+def test_restart_stops_changes_and_starts_again(log: silo.Logger, command: Run) -> None:
+    log.start()
+    shown = command("set", "*", "divider=2", "--restart")
+    assert (shown.code, "logging again" in shown.out, log.is_running) == (0, True, True)
+    assert {element.options.divider for element in log.elements} == {2}
+
+
+def test_save_prints_the_files(log: silo.Logger, command: Run, folder: Path) -> None:
+    command("start")
+    shown = command("save", "-t", "silo", "-t", "csv", "--name", "walk")
+    assert shown.code == 0
+    assert {line.split("  ")[0] for line in shown.out.splitlines()} == {
+        str(folder / "walk.silo"),
+        str(folder / "walk.csv"),
+    }
+    assert (folder / "walk.silo").exists()
+
+
+def test_info_reads_a_saved_file(log: silo.Logger, command: Run, folder: Path) -> None:
+    command("start")
+    command("save", "--name", "walk")
+    assert "/log/joints/q" in command("info", str(folder / "walk.silo")).out
+
+
+def test_a_script_is_saved_shown_compared_and_loaded(log: silo.Logger, command: Run, folder: Path) -> None:
+    assert command("script", "save", "arm", "walk.yaml").code == 0
+    assert command("script", "show", "arm", "walk.yaml").out == (folder / "walk.yaml").read_text()
+    assert "no difference" in command("script", "diff", "walk.yaml").out
+    log.set("/log/joints/q", divider=7)
+    shown = command("script", "diff", "walk.yaml", "--exit-code")
+    assert (shown.code, shown.out.splitlines()[0].split()) == (1, ["/log/joints/q", "divider", "7", "->", "1"])
+    assert "1 element changed" in command("script", "load", "walk.yaml").out
+    assert log.elements[0].options.divider == 1
+
+
+def test_a_script_that_exists_is_only_replaced_by_force(log: silo.Logger, command: Run) -> None:
+    assert command("script", "save", "walk.yaml").code == 0
+    assert command("script", "save", "walk.yaml").code == EXIT_FAILED
+    assert command("script", "save", "walk.yaml", "--force").code == 0
+    assert "walk.yaml" in command("script", "list").out
+
+
+def test_names_that_the_logger_lacks_are_told(log: silo.Logger, command: Run, folder: Path) -> None:
+    path = folder / "old.yaml"
+    path.write_text("log_elements:\n- name: /log/joints/qq\n  enabled: true\n")
+    assert "/log/joints/qq" in command("script", "load", "old.yaml").err
+    shown = command("script", "check", str(path), "--logger", "arm")
+    expected = f"silo: {path}:2: no element '/log/joints/qq' (did you mean '/log/joints/q'?)\n"
+    assert (shown.code, shown.err) == (EXIT_FAILED, expected)
+
+
+def test_a_script_with_problems_is_refused_with_its_lines(log: silo.Logger, command: Run, folder: Path) -> None:
+    (folder / "bad.yaml").write_text("log_elements:\n- name: /log/joints/q\n  divider: 0\n")
+    shown = command("script", "load", "bad.yaml")
+    assert shown.code == EXIT_FAILED
+    assert "bad.yaml:3: element '/log/joints/q': divider must be 1 or more, got 0" in shown.err
+
+
+def test_watch_prints_live_values(log: silo.Logger, command: Run) -> None:
+    log.start()
+    shown = command("watch", "arm", "*/q", "*/mode", "*/text", "--rate", "20", "--count", "3")
+    assert shown.code == 0
+    rests = [line.split("  ", 1)[1] for line in shown.out.splitlines()]
+    assert rests[-3:] == ["/log/joints/q  1.5 -2 0.25 rad", "/log/mode  MOVE", "/log/text  hello"]
+
+
+def test_watch_as_json_has_one_object_per_refresh(log: silo.Logger, command: Run) -> None:
+    log.start()
+    lines = command("watch", "*/q", "--rate", "20", "--count", "2", "--json").out.splitlines()
+    assert len(lines) == 2
+    newest = json.loads(lines[-1])
+    assert newest["state"] == "running"
+    assert newest["values"] == {"/log/joints/q_x": 1.5, "/log/joints/q_y": -2.0, "/log/joints/q_z": 0.25}
+
+
+def test_watch_says_what_to_do_for_an_element_that_is_not_published(log: silo.Logger, command: Run) -> None:
+    shown = command("watch", "*/tau")
+    assert shown.code == EXIT_FAILED
+    assert "/log/joints/tau: off, or saved but not published; `silo set PATTERN on action=both`" in shown.err
