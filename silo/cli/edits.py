@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.common import complete_words, connect, many, show_rows, split_logger
-from silo.errors import ElementError
+from silo.errors import ElementError, RefusedError
 from silo.model import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, ElementOptions, buffer_size_for
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
     from silo.ipc.messages import FieldChange
+
+MOST_CHANGES = 100  # of 10,000 elements, nobody reads each; `--dry-run` shows all
 
 _TIME = re.compile(r"([0-9]*\.?[0-9]+)(ms|s|min|h)")
 _SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
@@ -164,23 +166,32 @@ def _set(client: "Client", patterns: Sequence[str], settings: Settings, *, dry_r
     chosen = [table.elements[place] for place in places]
     options = [settings.apply(element.options, status.frequency_hz) for element in chosen]
     changes = diff_options(chosen, options)
-    show_changes(changes)
     edits = [Edit(e.name, new) for e, new in zip(chosen, options, strict=True) if e.options != new]
     what = f"{many(len(edits), 'element')} of {len(chosen)} that match"
     if not edits:
         click.echo(f"nothing to change: {many(len(chosen), 'element')} already as asked for")
-    elif dry_run:
+        return
+    if dry_run:
+        show_changes(changes)
         click.echo(f"would change {what}")
-    else:
-        runs = restart and status.state is State.RUNNING
+        return
+    runs = status.state is State.RUNNING
+    if runs and not restart:
+        raise RefusedError(
+            f"logger '{status.logger}' is running: `silo stop {status.logger}` first, or add --restart "
+            "(its buffers are cleared by a start: `silo save` before); nothing was changed"
+        )
+    if runs:
+        client.stop()
+    try:
+        applied = client.apply(edits, table.revision)
+    finally:
         if runs:
-            client.stop()
-        try:
-            applied = client.apply(edits, table.revision)
-        finally:
-            if runs:
-                client.start()
-        click.echo(f"changed {what} (revision {applied.revision}){'; logging again' if runs else ''}")
+            client.start()
+    show_changes(changes[:MOST_CHANGES])
+    if len(changes) > MOST_CHANGES:
+        click.echo(f"... and {len(changes) - MOST_CHANGES} more changes")
+    click.echo(f"changed {what} (revision {applied.revision}){'; logging again' if runs else ''}")
 
 
 def show_changes(changes: "Sequence[FieldChange]") -> None:

@@ -200,7 +200,9 @@ def restart(logger: str | None) -> None:
 
 
 def _say_state(status: "Status") -> None:
-    click.echo(f"{status.logger}: {status.state.value}, {many(status.ticks, 'tick')}")
+    unsaved = status.state.value == "stopped" and status.ticks and not status.saved
+    hint = f", not saved (`silo save {status.logger}`)" if unsaved else ""
+    click.echo(f"{status.logger}: {status.state.value}, {many(status.ticks, 'tick')}{hint}")
 
 
 @click.command()

@@ -11,6 +11,7 @@ import click
 from silo.cli.common import complete_words, connect, json_option, show_json, split_logger
 from silo.cli.edits import select
 from silo.errors import ConnectionLostError, ElementError, RefusedError
+from silo.ipc.messages import State
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
@@ -109,7 +110,7 @@ def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | 
 
 
 def _frames(client: "Client", view: "View") -> "Iterator[Frame]":
-    """Every new frame. Raises ConnectionLostError when none came for long and the logger is out of reach."""
+    """Every new frame. Raises ConnectionLostError when the robot program died, or is out of reach for long."""
     last_s = time.monotonic()
     state = None
     while True:
@@ -122,6 +123,8 @@ def _frames(client: "Client", view: "View") -> "Iterator[Frame]":
             time.sleep(POLL_S)
             continue
         last_s = time.monotonic()
+        if frame.state is State.DEAD:
+            raise ConnectionLostError(client.status().reason)
         if state not in (None, frame.state) or (state is None and frame.state.value != "running"):
             click.echo(f"logger is {frame.state.value}", err=True)
         state = frame.state

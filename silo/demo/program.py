@@ -41,12 +41,12 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
         script=options.script or options.folder / f"{options.name}.yaml",
         folder=options.folder,
     )
+    register(log, chosen)
     # the loop watches itself; these variables live in silo's own memory
     step_us = log.array("step_time", group="loop", unit="us", action=Action.SAVE_AND_PUBLISH)
     late_us = log.array("lateness", group="loop", unit="us", action=Action.SAVE_AND_PUBLISH)
     skipped = log.array("skipped", dtype="u4", group="loop", unit="count", divider=40)
     ticks = log.array("ticks", dtype="i8", group="loop", unit="count", divider=4)
-    register(log, chosen)
     log.update()
 
     with log, EndSignals() as ending, log.serve():

@@ -1,7 +1,12 @@
 """Commands on a logger that runs: a real one, with its helper process."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -95,6 +100,15 @@ def folder(log: silo.Logger) -> Path:
     return Path(log.options.folder)
 
 
+def start_and_tick(log: silo.Logger) -> None:
+    """Start, and wait until something was logged."""
+    log.start()
+    deadline = time.monotonic() + 30
+    while log.ticks == 0:
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+
+
 def test_ls_shows_the_logger(log: silo.Logger, command: Run) -> None:
     shown = command("ls")
     header, row = shown.out.splitlines()
@@ -173,7 +187,8 @@ def test_setting_what_is_set_says_that_there_is_nothing_to_do(log: silo.Logger, 
 def test_a_running_logger_refuses_to_be_changed(log: silo.Logger, command: Run) -> None:
     log.start()
     shown = command("set", "*", "divider=2")
-    assert (shown.code, "stop" in shown.err) == (EXIT_FAILED, True)
+    assert (shown.code, shown.out) == (EXIT_FAILED, "")
+    assert "logger 'arm' is running: `silo stop arm` first, or add --restart" in shown.err
     assert {element.options.divider for element in log.elements} == {1}
 
 
@@ -185,7 +200,7 @@ def test_restart_stops_changes_and_starts_again(log: silo.Logger, command: Run) 
 
 
 def test_save_prints_the_files(log: silo.Logger, command: Run, folder: Path) -> None:
-    command("start")
+    start_and_tick(log)
     shown = command("save", "-t", "silo", "-t", "csv", "--name", "walk")
     assert shown.code == 0
     assert {line.split("  ")[0] for line in shown.out.splitlines()} == {
@@ -196,7 +211,7 @@ def test_save_prints_the_files(log: silo.Logger, command: Run, folder: Path) -> 
 
 
 def test_info_reads_a_saved_file(log: silo.Logger, command: Run, folder: Path) -> None:
-    command("start")
+    start_and_tick(log)
     command("save", "--name", "walk")
     assert "/log/joints/q" in command("info", str(folder / "walk.silo")).out
 
@@ -256,3 +271,27 @@ def test_watch_says_what_to_do_for_an_element_that_is_not_published(log: silo.Lo
     shown = command("watch", "*/tau")
     assert shown.code == EXIT_FAILED
     assert "/log/joints/tau: off, or saved but not published; `silo set PATTERN on action=both`" in shown.err
+
+
+def test_ctrl_c_ends_a_watch_quietly(log: silo.Logger) -> None:
+    log.start()
+    command = [sys.executable, "-c", "from silo.cli import main; main()", "watch", "*/q", "--rate", "20"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert "/log/joints/q" in process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (0, "")
+
+
+def test_names_of_loggers_and_elements_are_completed(log: silo.Logger) -> None:
+    def completed(words: str, place: int) -> list[str]:
+        environment = {**os.environ, "_SILO_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(place)}
+        command = [sys.executable, "-c", "from silo.cli import main; main()"]
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=30, check=False)
+        return [line.partition(",")[2] for line in done.stdout.splitlines()]
+
+    assert completed("silo stop a", 2) == ["arm"]
+    assert completed("silo watch arm /log/j", 3) == ["/log/joints/q", "/log/joints/tau"]
+    assert completed("silo watch /log/m", 2) == ["/log/mode"]
+    assert completed("silo sc", 1) == ["script"]
