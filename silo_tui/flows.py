@@ -53,7 +53,16 @@ async def restart(app: "SiloApp") -> None:
 async def _start_over(app: "SiloApp") -> bool:
     ticks = text.count(app.session.status.ticks)
     body = f"The last recording ({ticks} ticks) is not saved, and starting drops it."
-    return await _confirmed(app, "Start without saving?", body, "Start, drop the old data")
+    choices = [
+        Choice("no", "Don't start"), Choice("save", "Save it, then start", "s"),
+        Choice("drop", "Start, drop the old data", "d"),
+    ]  # fmt: skip
+    answer = await app.push_screen_wait(Question("Start without saving?", body, choices))
+    if answer == "save":
+        from silo_tui.screens.save_data import SaveDialog
+
+        return bool(await app.push_screen_wait(SaveDialog(app.session.status.folder, at_once=True)))
+    return answer == "drop"
 
 
 async def apply(app: "SiloApp") -> None:
