@@ -117,7 +117,7 @@ def farewell(log: Logger, types: Sequence[FileType], say: Callable[[str], None])
     """Save if asked to, and say where the data is."""
     name = log.options.name
     if log.ticks == 0:
-        say(f"logger '{name}' ended; it was never started, so there is nothing to save")
+        say(f"logger '{name}' ended; nothing was logged, so there is nothing to save")
         return
     if types:
         saved = log.save(types)

@@ -18,13 +18,6 @@ NAMES = ["/log/base/pose", "/log/base/twist", "/log/legs/LF/torque", "/log/legs/
 HEAVY = ("numpy", "textual", "plotext", "silo.logger", "silo.collecting.segment_reader")
 
 
-@pytest.fixture(autouse=True)
-def _no_loggers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    runtime = tmp_path / "run"
-    runtime.mkdir(mode=0o700)
-    monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
-
-
 def names_of(*patterns: str) -> list[str]:
     return [NAMES[place] for place in select(NAMES, patterns)]
 

@@ -84,10 +84,7 @@ def test_handlers_are_put_back() -> None:
 
 
 @pytest.fixture
-def demo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Logger:
-    runtime = tmp_path / "run"
-    runtime.mkdir(mode=0o700)
-    monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
+def demo(tmp_path: Path) -> Logger:
     log = Logger("demo", frequency=400, max_time=0, folder=tmp_path, script=tmp_path / "demo.yaml")
     register(log, make_robot(DemoOptions())[1])
     return log
@@ -139,4 +136,4 @@ def test_the_end_of_a_logger_that_never_started_says_so(demo: Logger) -> None:
     said: list[str] = []
     farewell(demo, (FileType.SILO,), said.append)
     demo.close()
-    assert said == ["logger 'demo' ended; it was never started, so there is nothing to save"]
+    assert said == ["logger 'demo' ended; nothing was logged, so there is nothing to save"]

@@ -19,10 +19,7 @@ CONFIG = Path(__file__).resolve().parents[2] / "config"
 
 
 @pytest.fixture
-def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Logger:
-    runtime = tmp_path / "run"
-    runtime.mkdir(mode=0o700)
-    monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
+def log(tmp_path: Path) -> Logger:
     return Logger("host", frequency=20, max_time=0, folder=tmp_path, script=tmp_path / "host.yaml")
 
 

@@ -1,0 +1,80 @@
+"""`silo recover` after a program that was killed."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from silo.cli.main import EXIT_FAILED, run
+from silo.log import open_log
+
+DYING = """
+import os, signal, sys
+import silo
+log = silo.Logger("arm", folder=sys.argv[1], script="none.yaml", storage=sys.argv[2])
+x = log.array("x")
+log.start()
+for i in range(int(sys.argv[3])):
+    x[...] = i
+    log.collect()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def die(folder: Path, storage: str = "memory", ticks: int = 5) -> None:
+    """Run a program that logs some ticks and is killed."""
+    done = subprocess.run([sys.executable, "-c", DYING, str(folder), storage, str(ticks)], timeout=60, check=False)
+    assert done.returncode == -signal.SIGKILL
+
+
+def test_what_was_left_is_listed_and_not_touched(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    die(tmp_path)
+    for _ in range(2):
+        assert run(["recover", "--list"]) == 0
+        assert "logger 'arm', 5 ticks: " in capsys.readouterr().out
+    assert not list(tmp_path.glob("*.silo"))
+
+
+def test_what_was_left_is_saved_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    die(tmp_path)
+    assert run(["recover"]) == 0
+    (path,) = tmp_path.glob("*.silo")
+    assert str(path) in capsys.readouterr().out
+    assert open_log(path)["/log/x"].values.tolist() == [0, 1, 2, 3, 4]
+    assert run(["recover"]) == 0
+    assert capsys.readouterr().out == "nothing to recover\n"
+
+
+def test_files_go_to_the_folder_that_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    die(tmp_path)
+    assert run(["recover", "--folder", str(tmp_path / "new"), "-t", "csv", "--json"]) == 0
+    (file,) = json.loads(capsys.readouterr().out)
+    assert Path(file["path"]).parent == tmp_path / "new"
+    assert Path(file["path"]).suffix == ".csv"
+
+
+def test_a_log_kept_on_disk_is_found_in_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    die(tmp_path, storage="disk")
+    assert run(["recover", "--look-in", str(tmp_path)]) == 0
+    assert len(list(tmp_path.glob("*.silo"))) == 1
+
+
+def test_a_program_that_logged_nothing_only_gives_its_memory_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    die(tmp_path, ticks=0)
+    assert run(["recover"]) == 0
+    assert "held no tick" in capsys.readouterr().out
+    assert run(["recover", "--list"]) == 0
+    assert capsys.readouterr().out == "nothing to recover\n"
+
+
+def test_a_file_that_is_no_segment_is_refused_and_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("mine")
+    assert run(["recover", str(path)]) == EXIT_FAILED
+    assert f"{path}: " in capsys.readouterr().err
+    assert path.read_text() == "mine"
