@@ -208,7 +208,7 @@ class SiloApp(App[None]):
     async def _take_event(self, session: Session, event: Event) -> None:
         async with self._news:
             await self._quietly(session.take_event(event))
-        if event.kind is EventKind.CRASHED or (event.kind is EventKind.SAVE_FAILED and not self.screen.is_modal):
+        if event.kind is EventKind.SAVE_FAILED and not self.screen.is_modal:
             self.fail(event.text)
         elif event.kind is not EventKind.SAVING and event.by != self._opener.own_name:
             self.say(event.text + (f" ({event.by})" if event.by else ""))

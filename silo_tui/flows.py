@@ -19,12 +19,16 @@ if TYPE_CHECKING:
     from silo_tui.app import SiloApp
     from silo_tui.finder import FoundLogger
 
+GONE = "the robot program is gone: start it again, silo-tui follows"
 SPLIT = "Stopping ends this recording: what is logged before and after are two recordings."
 
 
 async def start_stop(app: "SiloApp") -> None:
     """Starts a stopped logger; stops a running one after asking."""
     session = app.session
+    if session.dead:
+        app.say(GONE)
+        return
     if not session.running:
         if session.status.ticks and not session.status.saved and not await _start_over(app):
             return
@@ -39,6 +43,9 @@ async def start_stop(app: "SiloApp") -> None:
 async def restart(app: "SiloApp") -> None:
     """Stops and starts after asking."""
     session = app.session
+    if session.dead:
+        app.say(GONE)
+        return
     if session.running:
         body = "What was logged so far is dropped unless you save it first (w)."
         if not await _confirmed(app, "Restart logging?", body, "Restart"):
@@ -61,13 +68,17 @@ async def _start_over(app: "SiloApp") -> bool:
     if answer == "save":
         from silo_tui.screens.save_data import SaveDialog
 
-        return bool(await app.push_screen_wait(SaveDialog(app.session.status.folder, at_once=True)))
+        files = await app.push_screen_wait(SaveDialog(app.session.status.folder, at_once=True))
+        return bool(files)
     return answer == "drop"
 
 
 async def apply(app: "SiloApp") -> None:
     """Shows what would change and applies it as one transaction; offers to stop and start again around it."""
     session = app.session
+    if session.dead:
+        app.say(f"{GONE}; the edits stay pending")
+        return
     while True:
         changes = session.table.changes()
         if not changes:

@@ -146,7 +146,7 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str
     for position, entry in enumerate(entries):
         value = float(reading.newest[position])
         is_number = entry.dtype[1:2] in "fiu" and not entry.labels
-        piece = text.compact(value) if is_number else entry_text(entry, value, reading.texts.get(position), 8)
+        piece = text.brief(value) if is_number else entry_text(entry, value, reading.texts.get(position), 8)
         rest = len(entries) - position - 1
         if len(piece) + (2 if rest else 0) > room:
             pieces.append("…")

@@ -36,7 +36,17 @@ def compact(value: float) -> str:
         return "nan"
     if value and (abs(value) >= 1e6 or abs(value) < 1e-3):
         return f"{value:.1e}".replace("e+0", "e").replace("e-0", "e-")
-    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    return f"{value + 0.0:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def brief(value: float) -> str:
+    """A number in four or five characters, for the entries of a vector side by side."""
+    size = abs(value)
+    if math.isnan(value) or size >= 1e5:
+        return compact(value)
+    if 0 < size < 0.005:
+        return f"{value:.0e}".replace("e-0", "e-")
+    return f"{value + 0.0:.{2 if size < 10 else 1 if size < 100 else 0}f}"
 
 
 def duration(seconds: float) -> str:

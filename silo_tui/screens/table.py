@@ -25,7 +25,7 @@ from silo_tui.widgets.bars import Banner, InfoLine, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FIXED_WIDTH, ElementTable, TableHead
 from silo_tui.widgets.inputs import CellEditor, Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
-from silo_tui.widgets.live_pane import TREND, LivePane
+from silo_tui.widgets.live_pane import TREND, VALUE, LivePane
 
 WIDE = 110
 COLUMN_NS = 200_000_000
@@ -90,9 +90,10 @@ class TableScreen(SiloScreen):
         pane_width = 32 if width < 140 else min(64, 34 + (width - 130) // 3)
         self.inspector.display = inspector
         self.inspector.styles.width = pane_width
-        self.pane.lay_out(wide=width >= WIDE, trend=False)
+        value_width = VALUE if width < WIDE else 14 if width < 140 else 17 if width < 170 else 24
+        self.pane.lay_out(value_width, trend=False)
         rest = width - (pane_width if inspector else 0) - self.pane.wanted_width - FIXED_WIDTH
-        self.pane.lay_out(wide=width >= WIDE, trend=width >= WIDE and rest - TREND - 1 >= NAME_ROOM)
+        self.pane.lay_out(value_width, trend=width >= WIDE and rest - TREND - 1 >= NAME_ROOM)
         self.live_head.update(self.pane.head)
         self.live_head.styles.width = self.pane.wanted_width
         self.table_head.refresh()

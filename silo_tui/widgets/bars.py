@@ -103,7 +103,7 @@ class Banner(Widget):
             kept = " Pending edits are kept." if session.table.pending_count[0] else ""
             return f"No link to {session.name} for {age}. Values are {age} old; trying again by itself.{kept}"
         if session.dead:
-            return f"The robot program of {session.name} died. {session.status.reason}".strip()
+            return f"{session.name} died: {session.status.reason or 'nothing is known of why'}"
         if len(session.table) and not session.table.live.any() and session.running:
             return "Nothing is published, so there are no live values: mark elements, press p, then a to apply."
         return ""

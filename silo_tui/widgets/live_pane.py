@@ -22,7 +22,7 @@ from silo_tui.model.live import fill_share, value_text
 from silo_tui.session import Session
 from silo_tui.widgets.element_table import ElementTable
 
-FILL, VALUE, WIDE_VALUE, TREND = 4, 11, 14, 10
+FILL, VALUE, TREND = 4, 11, 10
 
 # whether a line is the cursor's, its words with their styles, its piece of the rail
 Content = tuple[bool, tuple[tuple[str, str], ...], str]
@@ -46,9 +46,9 @@ class LivePane(Widget):
         self._styles: dict[str, Style] = {}
         self._lines: dict[int, Content] = {}
 
-    def lay_out(self, *, wide: bool, trend: bool) -> None:
+    def lay_out(self, value_width: int, *, trend: bool) -> None:
         """Takes more room where there is some."""
-        self.value_width = WIDE_VALUE if wide else VALUE
+        self.value_width = value_width
         self.trend_width = TREND if trend else 0
         self.styles.width = self.wanted_width
         self.refresh()

@@ -181,7 +181,7 @@ async def test_a_dead_robot_is_told_with_where_the_data_is(fake, opened):
     async with opened(fake) as screen:
         fake.state, fake.reason = State.DEAD, "Its data was saved to /home/ann/logs/x.silo."
         fake.tell(EventKind.CRASHED, "the robot program died")
-        await screen.shows("The robot program of robot died")
+        await screen.shows("robot died:")
         await screen.shows("/home/ann/logs/x.silo")
 
 
