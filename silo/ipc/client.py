@@ -287,19 +287,18 @@ class Client:
         """
         from silo.ipc.view import View
 
-        name = f"{self._connection.client_id}-{next(self._numbers)}"
         request = OpenView(
-            view=name,
+            view="",
             values=list(values),
             plots=list(plots),
             rate_hz=rate_hz,
             column_ns=column_ns,
             client=self._name,
         )
-        view = View(request, lambda: self._renew_soon(view), self._forget_view)
-        self._connection.attach(view, f"view/{name}")
+        view = View(request, next(self._numbers), lambda: self._renew_soon(view), self._forget_view)
+        self._connection.attach(view)
         try:
-            view.accept(self._call(request, ViewOpened, ASK_TIMEOUT_S))
+            view.accept(self._call(view.request, ViewOpened, ASK_TIMEOUT_S))
         except (RefusedError, ConnectionLostError):
             view.close()
             raise
@@ -312,7 +311,7 @@ class Client:
         from silo.ipc.topic import Topic
 
         topic = Topic(element, self._connection.forget)
-        self._connection.attach(topic, self._connection.root.topic(element).removeprefix(f"{self._connection.root}/"))
+        self._connection.attach(topic)
         return topic
 
     def _forget_view(self, view: "View") -> None:

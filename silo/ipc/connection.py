@@ -35,7 +35,7 @@ _event_decoder = msgspec.msgpack.Decoder(Event)
 class Attachable(Protocol):
     """What lives on across sessions: views and topics."""
 
-    def attach(self, session: zenoh.Session, key: str) -> None:
+    def attach(self, session: zenoh.Session, root: keys.Root, client_id: str) -> None:
         """Subscribes in a new session."""
 
     def detach(self) -> None:
@@ -46,8 +46,9 @@ class Pending:
     """A request whose answer nobody waits for: it is looked at when it has come."""
 
     def __init__(self, session: zenoh.Session, key: str, request: AnyAsk, timeout_s: float) -> None:
+        # not a ring: it loses what it holds when the query ends
         self._replies = session.get(
-            key, zenoh.handlers.RingChannel(1), payload=encoder.encode(request), timeout=timeout_s
+            key, zenoh.handlers.FifoChannel(4), payload=encoder.encode(request), timeout=timeout_s
         )
 
     def poll(self) -> tuple[bool, bytes | None]:
@@ -67,12 +68,11 @@ class Connection:
     def __init__(self, found: Found, timeout_s: float, who: str, on_round: Callable[[], None]) -> None:
         """Connects. Raises ConnectionLostError. `on_round` is called by the thread, 20 times a second."""
         self.found = found
-        self.client_id = secrets.token_hex(8)
         self._who = who
         self._on_round = on_round
         self._lock = threading.Lock()
         self._stop = threading.Event()
-        self._attached: dict[Attachable, str] = {}
+        self._attached: set[Attachable] = set()
         self._event_callbacks: list[Callable[[Event], None]] = []
         self._link_callbacks: list[Callable[[bool], None]] = []
         self._session: zenoh.Session | None = None
@@ -94,23 +94,30 @@ class Connection:
             root = keys.Root(found.host, found.name) if found.host else None
             reply, root = exchange(session, key_of(Hello(), root), Hello(), timeout_s, self.label_of(found))
             self._dead = _state_of(reply) is State.DEAD
-            alive = session.liveliness().declare_subscriber(root.key("alive"), zenoh.handlers.RingChannel(16))
+            alive = session.liveliness().declare_subscriber(
+                root.key("alive"),
+                zenoh.handlers.RingChannel(16),
+                history=True,  # without it, the end of a token that was there before goes untold
+            )
             events = session.declare_subscriber(root.key("event"), zenoh.handlers.RingChannel(256))
-            token = session.liveliness().declare_token(root.key("client", self.client_id))
+            # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
+            client_id = secrets.token_hex(8)
+            token = session.liveliness().declare_token(root.key("client", client_id))
             with self._lock:
-                attached = list(self._attached.items())
-            for one, path in attached:
-                one.attach(session, root.key(path))
+                attached = list(self._attached)
+            for one in attached:
+                one.attach(session, root, client_id)
         except BaseException:
             close(session)
             raise
         with self._lock:
             self.found, self.root = found, root
             self._alive, self._events, self._token = alive, events, token
+            self.client_id = client_id
             self._session = session
             self.sessions += 1
 
-    def _lose(self) -> None:
+    def _lose(self, *, tell: bool = True) -> None:
         """Lets the session go and says so."""
         with self._lock:
             session, self._session = self._session, None
@@ -119,7 +126,9 @@ class Connection:
         for one in attached:
             one.detach()
         if session is not None:
-            close(session)
+            if tell:
+                self._call_back(self._link_callbacks, False)
+            close(session)  # takes 2.5 s if the other side is frozen
 
     @staticmethod
     def label_of(found: Found) -> str:
@@ -149,17 +158,16 @@ class Connection:
         target = self.root.key(key) if key else key_of(request, self.root)
         return exchange(session, target, request, timeout_s, self.label_of(self.found))[0]
 
-    def attach(self, one: Attachable, path: str) -> None:
-        """Subscribes something now and in every later session; `path` is the key below the logger's root."""
-        session = self.session()
-        one.attach(session, self.root.key(path))
+    def attach(self, one: Attachable) -> None:
+        """Subscribes something now and in every later session."""
+        one.attach(self.session(), self.root, self.client_id)
         with self._lock:
-            self._attached[one] = path
+            self._attached.add(one)
 
     def forget(self, one: Attachable) -> None:
         """The thing was closed."""
         with self._lock:
-            self._attached.pop(one, None)
+            self._attached.discard(one)
 
     def on_event(self, callback: Callable[[Event], None]) -> None:
         """Calls back for every event, in the thread of the connection."""
@@ -187,18 +195,18 @@ class Connection:
             self._hand_out_events()
             if self._is_gone():
                 self._lose()
-                self._call_back(self._link_callbacks, False)
                 continue
             if self._dead and time.monotonic() - scanned_s > DEAD_SCAN_S:
                 scanned_s = time.monotonic()
                 self._look_for_successor()
             _call(lambda _: self._on_round(), True)
-        self._lose()
+        self._lose(tell=False)
 
     def _is_gone(self) -> bool:
         gone = False
         while (sample := self._alive.try_recv()) is not None:
-            gone = sample.kind == zenoh.SampleKind.DELETE
+            # a PUT after it is of another helper process, to which Zenoh connected by itself: it knows no view of ours
+            gone = gone or sample.kind == zenoh.SampleKind.DELETE
         return gone
 
     def _hand_out_events(self) -> None:
@@ -257,7 +265,6 @@ class Connection:
         others = self._namesakes()
         if others:
             self._lose()
-            self._call_back(self._link_callbacks, False)
             self.found = others[0]
 
 

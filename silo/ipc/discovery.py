@@ -10,7 +10,7 @@ from silo.ipc import keys
 from silo.ipc.exchange import ask_once
 from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders, user_name
 from silo.ipc.messages import GetStatus, Status, StatusReply
-from silo.ipc.session import SOCKET_SUFFIX, close, open_client, owner_is_gone
+from silo.ipc.session import SOCKET_SUFFIX, close, dead_mark, open_client, owner_is_gone
 
 _SOCKET = re.compile(r"(?P<name>.+)\.(?P<pid>[0-9]+)(?:-[0-9]+)?\.sock")
 
@@ -25,6 +25,7 @@ class Found:
     user: str
     config: str = ""
     host: str = ""
+    dead: bool = False  # the robot program is gone, its helper still tells what became of the data
 
     @property
     def label(self) -> str:
@@ -52,12 +53,16 @@ class Answer:
 def discover(timeout_s: float = 1.0, config: str = "") -> Discovery:
     """Loggers of this host that this user may talk to; with `config` those that this Zenoh configuration reaches.
 
+    A logger whose robot program died is left out once the program was started again.
+
     A scan of folders takes about a millisecond; only `config` can take up to `timeout_s`. Raises ConnectionLostError
     where `config` reaches nobody.
     """
     if config:
         return Discovery(_remote(config, timeout_s), [])
-    loggers = [found for folder in usable_folders() for found in _scan(folder)]
+    all_found = [found for folder in usable_folders() for found in _scan(folder)]
+    living = {(found.name, found.user) for found in all_found if not found.dead}
+    loggers = [found for found in all_found if not (found.dead and (found.name, found.user) in living)]
     return Discovery(sorted(loggers, key=lambda found: (found.name, found.pid)), forbidden_folders())
 
 
@@ -71,7 +76,7 @@ def _scan(folder: Path) -> list[Found]:
             owner = user_name(path.lstat().st_uid)
         except FileNotFoundError:
             continue
-        loggers.append(Found(match["name"], int(match["pid"]), str(path), owner))
+        loggers.append(Found(match["name"], int(match["pid"]), str(path), owner, dead=dead_mark(path).exists()))
     return loggers
 
 

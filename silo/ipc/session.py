@@ -69,6 +69,11 @@ def owner_is_gone(path: Path) -> bool:
     return True
 
 
+def dead_mark(path: Path) -> Path:
+    """The file that says that the robot program behind a socket is dead: only its helper still answers."""
+    return Path(f"{path}.dead")
+
+
 def sweep(folder: Path) -> None:
     """Removes the sockets of processes that ended, from a folder of this user."""
     for lock in folder.glob(f"*{SOCKET_SUFFIX}.lock"):
@@ -78,8 +83,8 @@ def sweep(folder: Path) -> None:
 
 
 def remove_socket(path: Path) -> None:
-    """Removes a socket and its lock."""
-    for stale in (path, Path(f"{path}.lock")):
+    """Removes a socket, its lock and its mark."""
+    for stale in (path, Path(f"{path}.lock"), dead_mark(path)):
         with contextlib.suppress(FileNotFoundError):
             stale.unlink()
 

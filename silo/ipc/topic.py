@@ -10,7 +10,7 @@ import zenoh
 from numpy.typing import NDArray
 
 from silo.errors import ConnectionLostError
-from silo.ipc.keys import unescape
+from silo.ipc.keys import Root, unescape
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Topic:
         self._subscriber: zenoh.Subscriber[zenoh.Handler[zenoh.Sample]] | None = None
         self._next = -1
 
-    def attach(self, session: zenoh.Session, key: str) -> None:
+    def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
         """Subscribes in a session; the one before is closed already."""
         # 26 s of batches, should the reader pause
-        subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(512))
+        subscriber = session.declare_subscriber(root.topic(self.element), zenoh.handlers.RingChannel(512))
         with self._lock:
             self._subscriber = subscriber
             self._next = -1

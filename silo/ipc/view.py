@@ -9,6 +9,7 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
+from silo.ipc.keys import Root
 from silo.ipc.messages import Columns, OpenView, State, ViewFrame, ViewOpened
 
 Floats = NDArray[np.float64]
@@ -83,8 +84,11 @@ def history_columns(columns: Columns) -> HistoryColumns:
 class View:
     """An open view. `frame()` may be called by any thread and never waits; `close()` ends it."""
 
-    def __init__(self, request: OpenView, renew: Callable[[], None], on_close: Callable[["View"], None]) -> None:
-        self.request = request
+    def __init__(
+        self, request: OpenView, number: int, renew: Callable[[], None], on_close: Callable[["View"], None]
+    ) -> None:
+        self.request = request  # its id is that of the present session
+        self._place = number
         self._renew = renew
         self._on_close = on_close
         self._lock = threading.Lock()
@@ -97,10 +101,12 @@ class View:
 
     # ---------------------------------------------------------------------------------------------- by the client
 
-    def attach(self, session: zenoh.Session, key: str) -> None:
+    def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
         """Subscribes in a session; the one before is closed already."""
-        subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(RING))
+        name = f"{client_id}-{self._place}"
+        subscriber = session.declare_subscriber(root.key("view", name), zenoh.handlers.RingChannel(RING))
         with self._lock:
+            self.request = msgspec.structs.replace(self.request, view=name)
             self._subscriber = subscriber
             self._number = 0
 

@@ -147,7 +147,7 @@ class Answers:
             return self._save_script(request)
         now = self._mirror.now
         if now.died:
-            return Refused(RefusedWhy.DEAD, now.died)
+            return Refused(RefusedWhy.DEAD, f"{now.died}; start the robot program again")
         if isinstance(request, ApplyEdits):
             return _must_stop(now) or check_edits(request, now) or self._through(_signed(request))
         if isinstance(request, LoadScript):

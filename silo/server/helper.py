@@ -32,7 +32,7 @@ from silo.ipc.messages import (
     SaveStarted,
     State,
 )
-from silo.ipc.session import close, open_server
+from silo.ipc.session import close, dead_mark, open_server
 from silo.server.answers import Answers
 from silo.server.control import Control
 from silo.server.crash import after_crash
@@ -107,9 +107,11 @@ class Helper:
             else:
                 self._robot.lost()
                 saver.finish()
+                dead_mark(path).touch()
                 after_crash(mirror, events)
                 self._linger(publisher)
         finally:
+            dead_mark(path).unlink(missing_ok=True)
             token.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
             self._robot.lost()
             control.stop()
