@@ -99,6 +99,22 @@ def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem
     return [CompletionItem(name) for name in next_names([e.name for e in reply.table.elements], incomplete)]
 
 
+def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """A logger, or a script on its side."""
+    from silo.ipc.exchange import ask_once
+    from silo.ipc.messages import ListScripts, Scripts
+
+    words = ctx.params.get(param.name or "") or ()
+    loggers = [] if words else complete_logger(ctx, param, incomplete)
+    try:
+        found = find_logger(split_logger(words)[0])
+        reply = ask_once(found.socket, found.config, ListScripts(), 1.0, found.host, found.name)
+    except (SiloError, click.UsageError):
+        return loggers
+    names = reply.names if isinstance(reply, Scripts) else []
+    return loggers + [CompletionItem(name) for name in names if name.startswith(incomplete)]
+
+
 def next_names(names: Sequence[str], incomplete: str) -> list[str]:
     """The names that begin so; cut behind the next `/` where there are too many to show."""
     matching = [name for name in names if name.startswith(incomplete)]

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import complete_logger, connect, json_option, logger_argument, many, show_json
+from silo.cli.common import complete_logger, complete_script, connect, json_option, logger_argument, many, show_json
 from silo.cli.edits import show_changes
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def list_command(logger: str | None, as_json: bool) -> None:
 
 
 @script.command(short_help="Print a script, or the present configuration as one.")
-@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_logger)
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_script)
 def show(words: tuple[str, ...]) -> None:
     """Print a script; without PATH, the present configuration as a script.
 
@@ -93,7 +93,7 @@ def check(path: Path, logger: str | None) -> None:
 
 
 @script.command(short_help="Configure all elements by a script.")
-@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_logger)
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_script)
 @click.option("-n", "--dry-run", is_flag=True, help="Only show what would change.")
 def load(words: tuple[str, ...], dry_run: bool) -> None:
     """Configure all elements by a script; only while the logger is stopped.
@@ -114,7 +114,7 @@ def load(words: tuple[str, ...], dry_run: bool) -> None:
 
 
 @script.command(short_help="Write the present configuration to a script.")
-@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_logger)
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_script)
 @click.option("-f", "--force", is_flag=True, help="Replace a script that exists.")
 def save(words: tuple[str, ...], force: bool) -> None:
     """Write the present configuration to a script on the robot's side.
@@ -130,7 +130,7 @@ def save(words: tuple[str, ...], force: bool) -> None:
 
 
 @script.command(short_help="Show what loading a script would change.")
-@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_logger)
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_script)
 @click.option("--exit-code", is_flag=True, help="Exit with 1 if there are differences.")
 @json_option
 def diff(words: tuple[str, ...], exit_code: bool, as_json: bool) -> int:

@@ -49,6 +49,14 @@ def show_value(value: float, dtype: str, labels: Mapping[int, str] | None) -> st
     return f"{value:.0f}" if dtype.lstrip("<|>=")[0] in "iu" else f"{value:.6g}"
 
 
+def show_clock(time_ns: int) -> str:
+    """Local time of a tick, `12:00:01.250`; dashes before the first tick."""
+    if time_ns == 0:
+        return "--:--:--.---"
+    seconds, rest = divmod(time_ns, 1_000_000_000)
+    return f"{time.strftime('%H:%M:%S', time.localtime(seconds))}.{rest // 1_000_000:03}"
+
+
 def lay_out(elements: "Sequence[ElementInfo]") -> list[Line]:
     """Where the entries of each element stand in a frame that shows them all."""
     lines, first = [], 0
@@ -133,12 +141,11 @@ def _frames(client: "Client", view: "View") -> "Iterator[Frame]":
 
 def _show_lines(lines: Sequence[Line], frame: "Frame") -> None:
     newest = frame.newest.tolist()
-    seconds, rest = divmod(frame.time_ns, 1_000_000_000)
-    clock = f"{time.strftime('%H:%M:%S', time.localtime(seconds))}.{rest // 1_000_000:03}"
+    clock = show_clock(frame.time_ns)
     for line, held in zip(lines, frame.held.tolist(), strict=True):
         values = line.texts(newest, frame.texts) if held else ["-"]
         more = f" ... ({len(values)} values)" if len(values) > MOST_VALUES else ""
-        unit = "" if line.info.unit == "-" else f" {line.info.unit}"
+        unit = "" if line.info.unit == "-" or not held else f" {line.info.unit}"
         click.echo(f"{clock}  {line.info.name}  {' '.join(values[:MOST_VALUES])}{more}{unit}")
 
 

@@ -15,6 +15,7 @@ import pytest
 
 import silo
 from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
+from silo.cli.watch import show_clock
 from silo.model import Action, BufferType
 
 Run = Callable[..., "Result"]
@@ -295,3 +296,14 @@ def test_names_of_loggers_and_elements_are_completed(log: silo.Logger) -> None:
     assert completed("silo watch arm /log/j", 3) == ["/log/joints/q", "/log/joints/tau"]
     assert completed("silo watch /log/m", 2) == ["/log/mode"]
     assert completed("silo sc", 1) == ["script"]
+    log.save_script()
+    assert completed("silo script load a", 3) == ["arm", "arm.yaml"]
+    assert completed("silo script load arm ", 4) == ["arm.yaml"]
+
+
+def test_watching_a_stopped_logger_says_that_it_is_stopped(log: silo.Logger, command: Run) -> None:
+    assert "logger is stopped" in command("watch", "*/mode", "--rate", "20", "--count", "1").err
+
+
+def test_the_clock_of_a_logger_that_never_ran_is_dashes() -> None:
+    assert show_clock(0) == "--:--:--.---"
