@@ -71,6 +71,7 @@ def with_silo(ticks: int, folder: str) -> tuple[np.ndarray, str]:
     log.update()
     with log.serve():
         log.start()
+        log.collect()  # a log without a tick can't be saved
         command = [sys.executable, __file__, "--watch", str(ticks / FREQUENCY)]
         client = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert client.stdout is not None
@@ -82,6 +83,7 @@ def with_silo(ticks: int, folder: str) -> tuple[np.ndarray, str]:
 
         found = lateness_us(ticks, tick)
         said, _ = client.communicate()
+        assert client.returncode == 0, "the client failed: the figures say nothing"
         log.stop()
     log.close()
     return found, said.strip()
