@@ -475,6 +475,11 @@ class Logger:
             file=sys.stderr,
         )
 
+    def __del__(self) -> None:
+        """A logger that the program forgot: its thread and memory end, unsaved data is kept."""
+        if not getattr(self, "_closed", True):
+            self.abandon()
+
     def _check_open(self) -> None:
         if self._closed:
             raise StateError(f"logger '{self.options.name}' is closed; make a new one")

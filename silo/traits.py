@@ -100,6 +100,8 @@ def _item_scalars(dtype: np.dtype[Any]) -> list[Scalar]:
             for name, field, offset in fields
             for inner in expand(field, (), (), "")
         ]
+    if dtype.kind == "V":
+        raise ElementError(f"dtype {dtype} is bytes without a meaning; log it as numbers: x.view('u1')")
     if dtype.kind == "c":
         half = np.dtype(f"{dtype.byteorder}f{dtype.itemsize // 2}")
         return [Scalar("_real", half, 0), Scalar("_imag", half, half.itemsize)]

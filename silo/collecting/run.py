@@ -49,7 +49,11 @@ class Run:
         self.plan = plan
         _warn_of_abandoned(elements)
         self.segment = Segment(
-            self._path(options), self._schema(options, plan), plan.first_rows, options.memory_limit_mb * 1_000_000
+            self._path(options),
+            self._schema(options, plan),
+            plan.first_rows,
+            options.memory_limit_mb * 1_000_000,
+            in_memory=options.storage is Storage.MEMORY,
         )
         generated = generate(plan, self.segment, clock, on_stop, after_end)
         self.collect, self._retire = generated.collect, generated.retire

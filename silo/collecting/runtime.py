@@ -6,6 +6,7 @@ would miss each other, and it is deleted at the last logout while the robot prog
 
 import os
 import stat
+import sys
 import tempfile
 from pathlib import Path
 
@@ -52,6 +53,16 @@ def list_segments(folder: Path | None = None) -> list[Path]:
     if folder is not None:
         found += sorted(folder.glob(f".*{SEGMENT_SUFFIX}"))
     return found
+
+
+def available_memory_bytes() -> int:
+    """What the kernel says could be taken without swapping; very much where it doesn't say."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    sizes = [int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")]
+    return sizes[0] if sizes else sys.maxsize
 
 
 def boot_id() -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from silo.collecting.runtime import available_memory_bytes
 from silo.collecting.schema import (
     LAYOUT_VERSION,
     LINE_WORDS,
@@ -51,12 +52,22 @@ def chunk_bytes_for(row_words: int) -> int:
 class Segment:
     """A segment file, mapped for writing. One writer."""
 
-    def __init__(self, path: Path, schema: SegmentSchema, first_rows: dict[int, int], memory_limit_bytes: int) -> None:
+    def __init__(
+        self,
+        path: Path,
+        schema: SegmentSchema,
+        first_rows: dict[int, int],
+        memory_limit_bytes: int,
+        *,
+        in_memory: bool = True,
+    ) -> None:
         """Make the file under a temporary name, allocate and touch every page, then give it its name.
 
-        `first_rows` tells for each GROWING ring how many rows to have ready. Raises SegmentError if there is no room.
+        `first_rows` tells for each GROWING ring how many rows to have ready. `in_memory`: the file takes memory, no
+        disk. Raises SegmentError if there is no room.
         """
         self.path = path
+        self._in_memory = in_memory
         self._limit_bytes = memory_limit_bytes
         self._limit_chunks = max(1, memory_limit_bytes // schema.chunk_bytes)
         self._directory_words = self._limit_chunks + SPARE_CHUNKS
@@ -88,6 +99,12 @@ class Segment:
             threading.Thread(target=self._prepare_chunks, name="silo-chunks", daemon=True).start()
 
     def _fill(self) -> None:
+        if self._in_memory and self._chunk_data > (available := available_memory_bytes()):
+            # a tmpfs may be larger than the memory: what doesn't fit would have the kernel kill the robot program
+            raise SegmentError(
+                f"no memory for {self._chunk_data / 1e6:.1f} MB of buffers, {available / 1e6:.1f} MB are available; "
+                'make buffers smaller, or use storage="disk"'
+            )
         self._allocate(0, self._chunk_data)
         mapped = mmap.mmap(self._fd, self._chunk_data)
         # a strided NumPy store touches every page without the GIL: no page fault is left for the control loop

@@ -1,5 +1,6 @@
 """The life of a logger: update, start, collect, stop, edit, snapshot, close, and what it refuses."""
 
+import gc
 import logging
 import os
 import signal
@@ -218,6 +219,26 @@ def test_after_an_error_unsaved_data_is_kept_for_recovery(counting, capsys):
         raise ZeroDivisionError
     assert list_segments() == [Path(logger.segment_path)]
     assert "run `silo recover`" in capsys.readouterr().err
+
+
+def test_a_logger_that_the_program_forgot_keeps_its_unsaved_data(tmp_path, capsys):
+    logger = silo.Logger("forgotten", folder=tmp_path, script=tmp_path / "none", max_time=0)
+    logger.array("x", buffer_type=BufferType.GROWING)
+    logger.start()
+    logger.collect()
+    del logger
+    gc.collect()
+    assert "logger 'forgotten' ended without save() or close(); 1 ticks are kept" in capsys.readouterr().err
+    assert len(list_segments()) == 1
+
+
+def test_a_logger_that_the_program_forgot_without_data_leaves_nothing(tmp_path):
+    logger = silo.Logger("forgotten", folder=tmp_path, script=tmp_path / "none")
+    logger.array("x")
+    logger.start()
+    del logger
+    gc.collect()
+    assert list_segments() == []
 
 
 def test_a_program_that_ends_without_close_leaves_its_unsaved_data(tmp_path, runtime_folder):

@@ -140,6 +140,13 @@ def test_a_growing_buffer_that_finds_no_room_counts_what_it_can_not_keep(new_log
     assert element.entries[0].values.tolist() == list(range(element.count))
 
 
+def test_buffers_larger_than_the_memory_are_refused_before_the_kernel_kills_the_program(new_logger):
+    logger = new_logger()
+    logger.array("x", 1000, buffer_size=2_000_000_000)
+    with pytest.raises(SegmentError, match=r"no memory for 16\d+\.\d MB of buffers, \d+\.\d MB are available"):
+        logger.start()
+
+
 def test_a_limit_on_the_size_of_files_is_an_error_and_no_signal(new_logger, monkeypatch):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     logger = new_logger()
