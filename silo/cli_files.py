@@ -29,6 +29,7 @@ _Params = ParamSpec("_Params")
 _Result = TypeVar("_Result")
 
 _MOST_CURVES = 20
+EXIT_DIFFERENT = 4  # of `silo diff` and `silo script diff --exit-code`
 
 
 def print_file_info(path: Path, as_json: bool) -> None:
@@ -129,7 +130,7 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
 def diff_command(first: str, second: str, tolerance: float, as_json: bool) -> None:
     """Show how two logs differ: elements, units, dividers, and values at the same time stamps.
 
-    The formats may differ. Exit code 0 if the logs are equal, 2 if they differ, 1 if one can't be read.
+    The formats may differ. Exit code 0 if the logs are equal, 4 if they differ, 1 if one can't be read.
 
     \b
     Examples:
@@ -151,7 +152,7 @@ def diff_command(first: str, second: str, tolerance: float, as_json: bool) -> No
     _warn(a)
     _warn(b)
     if found:
-        raise SystemExit(2)
+        raise SystemExit(EXIT_DIFFERENT)
 
 
 @click.command("plot")

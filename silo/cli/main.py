@@ -100,6 +100,7 @@ def cli(ctx: click.Context, config: str) -> None:
     Exit codes:
       0  done            1  refused or failed      2  wrong usage
       3  no such logger, or it can't be reached
+      4  two logs, or a script and a logger, differ
     """
     ctx.obj = config
 

@@ -7,6 +7,7 @@ import click
 
 from silo.cli.common import complete_logger, complete_script, connect, json_option, logger_argument, many, show_json
 from silo.cli.edits import show_changes
+from silo.cli_files import EXIT_DIFFERENT
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
@@ -131,7 +132,7 @@ def save(words: tuple[str, ...], force: bool) -> None:
 
 @script.command(short_help="Show what loading a script would change.")
 @click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_script)
-@click.option("--exit-code", is_flag=True, help="Exit with 1 if there are differences.")
+@click.option("--exit-code", is_flag=True, help="Exit with 4 if there are differences.")
 @json_option
 def diff(words: tuple[str, ...], exit_code: bool, as_json: bool) -> int:
     """Show what loading a script would change.
@@ -146,8 +147,10 @@ def diff(words: tuple[str, ...], exit_code: bool, as_json: bool) -> int:
         if as_json:
             found = client.diff_script(path)
             show_json(found)
-            return int(exit_code and bool(found.changes))
-        return int(_diff(client, path) and exit_code)
+            differs = bool(found.changes)
+        else:
+            differs = _diff(client, path)
+        return EXIT_DIFFERENT if exit_code and differs else 0
 
 
 def _diff(client: "Client", path: str) -> bool:

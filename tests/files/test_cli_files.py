@@ -142,7 +142,7 @@ class TestDiff:
         changed[50:53] += 0.25
         write_silo(recording(element("/log/new", np.zeros(TICKS)), x=changed), folder / "other.silo")
         result = run(diff_command, "run.silo", "other.silo")
-        assert result.exit_code == 2
+        assert result.exit_code == 4
         lines = [line.split(maxsplit=1) for line in result.stdout.strip().split("\n")]
         assert lines == [
             ["/log/new", "only in the second log"],
@@ -151,13 +151,13 @@ class TestDiff:
 
     def test_a_tolerance_lets_small_differences_pass(self, folder):
         write_silo(recording(x=np.arange(TICKS) + 1e-9), folder / "other.silo")
-        assert run(diff_command, "run.silo", "other.silo").exit_code == 2
+        assert run(diff_command, "run.silo", "other.silo").exit_code == 4
         assert run(diff_command, "run.silo", "other.silo", "--tolerance", "1e-8").exit_code == 0
 
     def test_integers_beyond_what_floats_hold_are_told_apart(self, folder):
         for name, value in (("a", 2**60), ("b", 2**60 + 1)):
             write_silo(recording(element("/log/big", np.full(TICKS, value))), folder / f"{name}.silo")
-        assert run(diff_command, "a.silo", "b.silo").exit_code == 2
+        assert run(diff_command, "a.silo", "b.silo").exit_code == 4
 
 
 class TestPlot:

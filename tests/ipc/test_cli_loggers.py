@@ -223,7 +223,7 @@ def test_a_script_is_saved_shown_compared_and_loaded(log: silo.Logger, command: 
     assert "no difference" in command("script", "diff", "walk.yaml").out
     log.set("/log/joints/q", divider=7)
     shown = command("script", "diff", "walk.yaml", "--exit-code")
-    assert (shown.code, shown.out.splitlines()[0].split()) == (1, ["/log/joints/q", "divider", "7", "->", "1"])
+    assert (shown.code, shown.out.splitlines()[0].split()) == (4, ["/log/joints/q", "divider", "7", "->", "1"])
     assert "1 element changed" in command("script", "load", "walk.yaml").out
     assert log.elements[0].options.divider == 1
 
