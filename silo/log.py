@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from silo.errors import ElementError
 from silo.files.convert import read_recording
 from silo.files.naming import LOG_ENDINGS, find_log
+from silo.files.silo_whole import FileElements
 from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo.signals import Signal
 
@@ -67,19 +69,25 @@ class Log(Mapping[str, Signal]):
     def __init__(self, recording: Recording, path: str = "") -> None:
         self.recording = recording
         self.path = path
-        self._elements: dict[str, RecordedElement] = {}
-        self._entries: dict[str, tuple[RecordedElement, RecordedEntry]] = {}
-        for element in recording.elements:
-            self._elements[_unused(element.name, self._elements)] = element
+        self._elements: dict[str, int] = {}
+        for place, name in enumerate(_names(recording.elements)):
+            self._elements[_unused(name, self._elements)] = place
+
+    @cached_property
+    def _entries(self) -> dict[str, tuple[RecordedElement, RecordedEntry]]:
+        # made only for who asks for a scalar of an element, or for a name that is not there
+        found: dict[str, tuple[RecordedElement, RecordedEntry]] = {}
+        for element in self.recording.elements:
             for entry in element.entries:
-                self._entries.setdefault(entry.name, (element, entry))
+                found.setdefault(entry.name, (element, entry))
+        return found
 
     # ------------------------------------------------------------------------------------------------------- mapping
 
     def __getitem__(self, name: str) -> Signal:
-        for key in (name, f"{self.recording.prefix}/{name.lstrip('/')}"):
+        for key in self._keys(name):
             if key in self._elements:
-                return self._signal(key, self._elements[key])
+                return self._signal(key, self.recording.elements[self._elements[key]])
             if key in self._entries:
                 element, entry = self._entries[key]
                 return self._signal(key, replace(element, name=key, kind="scalar", shape=(), entries=(entry,)))
@@ -89,7 +97,7 @@ class Log(Mapping[str, Signal]):
         raise UnknownSignalError(f"the log has no signal '{name}'{hint}")
 
     def __contains__(self, name: object) -> bool:
-        known = (name, f"{self.recording.prefix}/{name.lstrip('/')}") if isinstance(name, str) else ()
+        known = self._keys(name) if isinstance(name, str) else ()
         return any(key in self._elements or key in self._entries for key in known)
 
     def __iter__(self) -> Iterator[str]:
@@ -165,6 +173,9 @@ class Log(Mapping[str, Signal]):
 
         return log_to_xarray({name: self[name] for name in self.names(pattern)}, self.time_ns)
 
+    def _keys(self, name: str) -> tuple[str, str]:
+        return name, f"{self.recording.prefix}/{name.lstrip('/')}"
+
     def _signal(self, name: str, element: RecordedElement) -> Signal:
         count = element.count
         stop = element.first + (count - 1) * element.divider + 1 if count else element.first
@@ -182,6 +193,10 @@ class Log(Mapping[str, Signal]):
             labels=labels or {},
             description=element.description,
         )
+
+
+def _names(elements: Sequence[RecordedElement]) -> list[str]:
+    return elements.names if isinstance(elements, FileElements) else [element.name for element in elements]
 
 
 def _values(element: RecordedElement) -> NDArray[Any]:

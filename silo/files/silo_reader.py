@@ -8,9 +8,8 @@ import mmap
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,35 +19,12 @@ from silo.files import silo_format as form
 from silo.files.atomic import reason
 from silo.files.grouping import regroup
 from silo.files.silo_header import Header, parse_header
-from silo.files.wide import from_wire
+from silo.files.silo_values import file_entry, file_recording, time_stamps, types_of
+from silo.files.silo_whole import read_whole
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 _NAMED = 5
-
-
-class FileEntry(RecordedEntry):
-    """An entry whose values are looked up in the file when they are first asked for."""
-
-    def __init__(self, name: str, entry: Entry, load: Callable[[], NDArray[Any]]) -> None:
-        # the base is frozen; what it would store as `values` is computed below
-        self.__dict__.update(name=name, entry=entry, load=load)
-
-    @cached_property
-    def values(self) -> NDArray[Any]:
-        """Shape `(m,)`, oldest first, read-only."""
-        load: Callable[[], NDArray[Any]] = self.__dict__["load"]
-        return load()
-
-
-class FileRecording(Recording):
-    """A recording whose time stamps are put together when they are first asked for."""
-
-    @cached_property
-    def time_ns(self) -> NDArray[np.int64]:
-        """Shape `(n,)`: int64 nanoseconds, one per kept tick."""
-        load: Callable[[], NDArray[np.int64]] = self.__dict__["load_time"]
-        return load()
 
 
 class _Column(NamedTuple):
@@ -80,6 +56,9 @@ def read_silo(path: str | os.PathLike[str]) -> Recording:
     file in place while it is open ends the reading process with SIGBUS; silo itself only ever replaces files.)
     """
     data = _map(Path(path))
+    whole = read_whole(data)
+    if whole is not None:
+        return whole
     try:
         header = parse_header(data, len(data))
     except FileFormatError as error:
@@ -88,9 +67,9 @@ def read_silo(path: str | os.PathLike[str]) -> Recording:
     time = _time(data, header, columns)
     elements = _elements(data, header, columns, time)
     facts = header.facts or form.LogFacts(logger=Path(path).stem, prefix=time.prefix)
-    recording = FileRecording(
+    return file_recording(
+        time.load,
         logger=facts.logger,
-        time_ns=np.empty(0, np.int64),
         offset=time.announced if header.offset is None else header.offset,
         elements=elements,
         prefix=facts.prefix,
@@ -99,9 +78,6 @@ def read_silo(path: str | os.PathLike[str]) -> Recording:
         time_looping=time.looping,
         warnings=(*facts.warnings, *header.warnings),
     )
-    recording.__dict__.pop("time_ns")
-    recording.__dict__["load_time"] = time.load
-    return recording
 
 
 def _map(path: Path) -> memoryview:
@@ -177,12 +153,7 @@ def _time(data: memoryview, header: Header, columns: Sequence[_Column]) -> _Time
                 header.warnings.append(f"'{first.row.name}' and '{second.row.name}' were taken as time stamps")
             count = min(first.whole, second.whole)
 
-            def load() -> NDArray[np.int64]:
-                time_ns = _values(data, first)[:count].astype(np.int64)
-                time_ns *= 1_000_000_000
-                time_ns += _values(data, second)[:count]
-                return time_ns
-
+            load = time_stamps(data, first.offset, second.offset, count)
             prefix = first.row.name.removesuffix("time_s").removesuffix("/")
             return _Time(first.row.count, count, first.row.looping, prefix, 2, load)
     frequency = header.facts.frequency_hz if header.facts and header.facts.frequency_hz else 1.0
@@ -195,15 +166,6 @@ def _time(data: memoryview, header: Header, columns: Sequence[_Column]) -> _Time
 
 def _is_time(row: form.TableRow) -> bool:
     return row.type_name == "int64" and row.divider == 1
-
-
-def _values(data: memoryview, column: _Column) -> NDArray[Any]:
-    dtype = form.dtype_of(column.row)
-    if not dtype.itemsize:
-        return np.zeros(column.whole, "S1")
-    if not column.whole:
-        return np.empty(0, dtype)
-    return np.frombuffer(data, dtype, column.whole, column.offset + column.skip * dtype.itemsize)
 
 
 def _elements(data: memoryview, header: Header, columns: list[_Column], time: _Time) -> tuple[RecordedElement, ...]:
@@ -319,38 +281,10 @@ def _fitted(column: _Column, skip: int, first: int, stamps: int) -> _Column:
 
 
 def _entry(data: memoryview, header: Header, column: _Column, entry: Entry, name: str) -> RecordedEntry:
-    stored, logged, shown = _types(column.row.type_name, column.row.item_bytes, entry.dtype)
+    stored, logged, shown = types_of(column.row.type_name, column.row.item_bytes, entry.dtype)
     if logged is None:
         header.warnings.append(f"'{name}' was logged as '{entry.dtype}' but is stored as {column.row.type_name}")
         logged = stored
-
-    def load() -> NDArray[Any]:
-        values = _values(data, column)
-        if stored.kind == "S":
-            return np.char.rstrip(values, b"-")
-        return from_wire(values, logged) if logged.str == "<f2" else values.view(logged)
-
-    return FileEntry(name, entry if shown == entry.dtype else Entry(entry.suffix, shown, entry.labels), load)
-
-
-@lru_cache(maxsize=256)
-def _types(type_name: str, item_bytes: int, text: str) -> tuple[np.dtype[Any], np.dtype[Any] | None, str]:
-    """The type in the file, the type as logged (None if it can't have been that), and how the entry calls it."""
-    stored = form.dtype_of(form.TableRow("", item_bytes, 0, 1, False, type_name))
-    logged = _logged_dtype(text, stored)
-    return stored, logged, text if stored.kind == "S" else (logged or stored).str
-
-
-def _logged_dtype(text: str, stored: np.dtype[Any]) -> np.dtype[Any] | None:
-    """The type that the values had when they were logged, None if what is stored can't have been that."""
-    try:
-        logged = np.dtype(text).newbyteorder("<")
-    except TypeError:
-        return None
-    if stored.kind == "V":
-        fits = logged.itemsize == stored.itemsize and not logged.hasobject
-    elif stored.kind == "S" or logged.kind in "SU":
-        fits = stored.kind == "S" and logged.kind in "SU"
-    else:
-        fits = not logged.hasobject and form.file_dtype(logged) == stored
-    return logged if fits else None
+    start = column.offset + column.skip * stored.itemsize
+    made = entry if shown == entry.dtype else Entry(entry.suffix, shown, entry.labels)
+    return file_entry(name, made, data, start, column.whole, stored, logged)

@@ -1,0 +1,112 @@
+"""Values of a `.silo` file that stay in the file until they are touched, and the types that they have there.
+
+Both readers of the header make these: the quick one for files that are whole, the careful one for all others.
+"""
+
+from collections.abc import Callable
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.files import silo_format as form
+from silo.files.wide import from_wire
+from silo.model import Entry
+from silo.recording import RecordedEntry, Recording
+
+Type = np.dtype[Any]
+
+
+class FileEntry(RecordedEntry):
+    """An entry whose values are looked up in the file when they are first asked for; `file_entry` makes it."""
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        # called for what is not there: a cached_property takes 1 us more for each of thousands of entries
+        if name != "values":
+            raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+        data, offset, count, stored, logged = self.__dict__["place"]
+        values = stored_values(data, stored, count, offset)
+        if stored.kind == "S":
+            values = np.char.rstrip(values, b"-")
+        elif stored is not logged:
+            values = from_wire(values, logged) if logged.str == "<f2" else values.view(logged)
+        self.__dict__["values"] = values
+        return values
+
+
+class FileRecording(Recording):
+    """A recording whose time stamps are put together when they are first asked for; `file_recording` makes it."""
+
+    @cached_property
+    def time_ns(self) -> NDArray[np.int64]:
+        """Shape `(n,)`: int64 nanoseconds, one per kept tick."""
+        load: Callable[[], NDArray[np.int64]] = self.__dict__["load_time"]
+        return load()
+
+
+def file_entry(
+    name: str, entry: Entry, data: memoryview, offset: int, count: int, stored: Type, logged: Type
+) -> RecordedEntry:
+    """An entry of so many values that begin at this byte of the file."""
+    made = FileEntry.__new__(FileEntry)
+    made.__dict__.update(name=name, entry=entry, place=(data, offset, count, stored, logged))
+    return made
+
+
+def file_recording(load_time: Callable[[], NDArray[np.int64]], **facts: Any) -> Recording:
+    """A recording of these facts; `load_time` gives the time stamps."""
+    made = FileRecording(time_ns=np.empty(0, np.int64), **facts)
+    made.__dict__.pop("time_ns")
+    made.__dict__["load_time"] = load_time
+    return made
+
+
+def stored_values(data: memoryview, stored: Type, count: int, offset: int) -> NDArray[Any]:
+    """So many values of the file from this byte on."""
+    if not stored.itemsize:
+        return np.zeros(count, "S1")
+    if not count:
+        return np.empty(0, stored)
+    return np.frombuffer(data, stored, count, offset)
+
+
+def time_stamps(data: memoryview, seconds: int, nanoseconds: int, count: int) -> Callable[[], NDArray[np.int64]]:
+    """What puts the two columns of time stamps, which begin at these bytes, together."""
+    int64 = np.dtype("<i8")
+
+    def load() -> NDArray[np.int64]:
+        time_ns = stored_values(data, int64, count, seconds).astype(np.int64)
+        time_ns *= 1_000_000_000
+        time_ns += stored_values(data, int64, count, nanoseconds)
+        return time_ns
+
+    return load
+
+
+@lru_cache(maxsize=256)
+def types_of(type_name: str, item_bytes: int, text: str) -> tuple[Type, Type | None, str]:
+    """The type in the file, the type as logged (None if it can't have been that), and how the entry calls it.
+
+    Raises `ValueError` for a type that the format doesn't have, or not of that size.
+    """
+    stored = form.dtype_of(form.TableRow("", item_bytes, 0, 1, False, type_name))
+    logged = _logged_dtype(text, stored)
+    if logged == stored and stored.kind != "S":
+        logged = stored
+    return stored, logged, text if stored.kind == "S" else (logged or stored).str
+
+
+def _logged_dtype(text: str, stored: Type) -> Type | None:
+    """The type that the values had when they were logged, None if what is stored can't have been that."""
+    try:
+        logged = np.dtype(text).newbyteorder("<")
+    except TypeError:
+        return None
+    if stored.kind == "V":
+        fits = logged.itemsize == stored.itemsize and not logged.hasobject
+    elif stored.kind == "S" or logged.kind in "SU":
+        fits = stored.kind == "S" and logged.kind in "SU"
+    else:
+        fits = not logged.hasobject and form.file_dtype(logged) == stored
+    return logged if fits else None
