@@ -45,7 +45,8 @@ class RequestRefusedError(RefusedError):
 
 def client_name() -> str:
     """Who asks, for events: `alice@laptop silo-tui 4711`."""
-    program = Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "python"
+    path = Path(sys.argv[0] if sys.argv and sys.argv[0] else "python")
+    program = path.parent.name if path.name == "__main__.py" else path.name  # as `python -m` runs it
     return f"{user_name(os.getuid())}@{socket.gethostname()} {program} {os.getpid()}"
 
 

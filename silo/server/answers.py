@@ -51,8 +51,6 @@ from silo.server.requests import check_edits
 from silo.server.robot import Robot
 from silo.server.saver import Saver
 
-SLOW = (GetHistory, ListScripts, ReadScript, DiffScript)
-
 Signed = TypeVar("Signed", ApplyEdits, Save)
 
 _encoder = msgspec.msgpack.Encoder()

@@ -13,8 +13,8 @@ import zenoh
 
 from silo.ipc.keys import Root
 from silo.ipc.messages import Refused, RefusedWhy
-from silo.server.answers import SLOW, Answers
-from silo.server.requests import decode_ask, decode_do
+from silo.server.answers import Answers
+from silo.server.requests import decode_ask, decode_do, is_slow
 
 MAX_WAITING = 64
 MAX_SLOW = 16
@@ -71,23 +71,26 @@ class Control:
             return None
 
     def _ask(self, query: zenoh.Query) -> None:
-        request = decode_ask(_payload(query))
-        if isinstance(request, Refused):
-            self._reply(query, "ask", lambda: _encoder.encode(request))
-        elif not isinstance(request, SLOW):
-            self._reply(query, "ask", lambda: self._answers.ask(request))
+        payload = _payload(query)
+        if not is_slow(payload):
+            self._reply(query, "ask", lambda: self._answer_ask(payload))
         elif self._slow.qsize() >= MAX_SLOW:
             busy = Refused(RefusedWhy.FAILED, f"{MAX_SLOW} such requests are waiting already; try again in a moment")
             self._reply(query, "ask", lambda: _encoder.encode(busy))
         else:
-            self._slow.put((query, lambda: self._answers.ask(request)))
+            self._slow.put((query, lambda: self._answer_ask(payload)))
+
+    def _answer_ask(self, payload: bytes) -> bytes:
+        request = decode_ask(payload)
+        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.ask(request)
 
     def _do(self, query: zenoh.Query) -> None:
-        request = decode_do(_payload(query))
-        if isinstance(request, Refused):
-            self._reply(query, "do", lambda: _encoder.encode(request))
-        else:
-            self._reply(query, "do", lambda: self._answers.do(request))
+        payload = _payload(query)
+        self._reply(query, "do", lambda: self._answer_do(payload))
+
+    def _answer_do(self, payload: bytes) -> bytes:
+        request = decode_do(payload)
+        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.do(request)
 
     def _read_slowly(self) -> None:
         while self._read_one(self._slow.get()):

@@ -6,16 +6,46 @@ from typing import Any
 
 import msgspec
 
-from silo.ipc.messages import AnyAsk, AnyDo, ApplyEdits, Edit, Hello, Problem, Refused, RefusedWhy
+from silo.ipc.messages import (
+    AnyAsk,
+    AnyDo,
+    ApplyEdits,
+    DiffScript,
+    Edit,
+    GetHistory,
+    Hello,
+    ListScripts,
+    Problem,
+    ReadScript,
+    Refused,
+    RefusedWhy,
+)
 from silo.server.mirror import Now
 
 MAX_ASK_BYTES = 2 * 2**20
 MAX_DO_BYTES = 8 * 2**20
 MAX_PROBLEMS = 200
 
+
+class _Kind(msgspec.Struct):
+    type: str = ""
+
+
 _ask_decoder = msgspec.msgpack.Decoder(AnyAsk)
 _do_decoder = msgspec.msgpack.Decoder(AnyDo | Hello)
+_kind_decoder = msgspec.msgpack.Decoder(_Kind)
+_SLOW = {kind.__name__ for kind in (GetHistory, ListScripts, ReadScript, DiffScript)}
 _FIELD = re.compile(r" - at `\$\.(?:options\.)?(\w+).*`$")
+
+
+def is_slow(payload: bytes) -> bool:
+    """Whether this asks for something that may take long to answer: by its tag alone, whatever else is in it."""
+    if len(payload) > MAX_ASK_BYTES:
+        return False
+    try:
+        return _kind_decoder.decode(payload).type in _SLOW
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+        return False
 
 
 def decode_ask(payload: bytes) -> AnyAsk | Refused:
@@ -52,7 +82,10 @@ def _not_understood(error: Exception) -> Refused:
 
 def _edit_problems(payload: bytes) -> Refused | None:
     """What is wrong with each edit, if these are edits with values out of range."""
-    raw: Any = msgspec.msgpack.decode(payload)
+    try:
+        raw: Any = msgspec.msgpack.decode(payload)
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+        return None  # the typed decoder stops at the first fault; there may be worse behind it
     if not isinstance(raw, dict) or raw.get("type") != ApplyEdits.__name__ or not isinstance(raw.get("edits"), list):
         return None
     found = (problem for item in raw["edits"] if (problem := _problem_of(item)) is not None)

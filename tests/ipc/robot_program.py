@@ -1,0 +1,30 @@
+"""A robot program for tests: NAME FOLDER. Prints the helper's pid once it is served and runs, ends at end of input."""
+
+import sys
+import time
+
+import numpy as np
+
+import silo
+
+
+def main() -> None:
+    name, folder = sys.argv[1:3]
+    group = sys.argv[3] if len(sys.argv) > 3 else None
+    logger = silo.Logger(name, frequency=500, max_time=60, folder=folder, script=f"{folder}/{name}.yaml")
+    x = np.zeros(())
+    logger.add(x, "x", action=silo.Action.SAVE_AND_PUBLISH)
+    q = logger.array("q", 12, action=silo.Action.SAVE_AND_PUBLISH)
+    serving = logger.serve(group=group)
+    logger.start()
+    for _ in range(50):
+        logger.collect()
+    print(serving.helper_pid, flush=True)
+    while True:
+        x[...] += 1
+        q += 1
+        logger.collect()
+        time.sleep(0.002)
+
+
+main()

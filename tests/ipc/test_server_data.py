@@ -1,0 +1,396 @@
+"""Views, topics, history, saves: what comes out is what was logged."""
+
+import time
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import RefusedError, SaveError
+from silo.ipc.client import Client
+from silo.ipc.messages import Edit, EventKind, OpenView, RefusedWhy, State
+from silo.model import BufferType, ElementOptions, FileType
+
+COLUMN_NS = 100_000_000
+
+
+def options(client: Client, name: str) -> ElementOptions:
+    return next(info.options for info in client.table().elements if info.name == name)
+
+
+# ----------------------------------------------------------------------------------------------------------- views
+
+
+def frame_at(view, tick: int, until):
+    """The first frame that shows this tick."""
+
+    def look():
+        frame = view.frame()
+        return frame if frame is not None and frame.tick >= tick else None
+
+    return until(look)
+
+
+def test_view_shows_the_newest_value_of_every_entry(bench, client, until) -> None:
+    bench.q[:] = 1.5, np.nan, -0.25
+    bench.matrix[:] = [[1, 2], [3, 4]]
+    bench.gait[...] = bench.gaits.TROT
+    client.start()
+    bench.ticks(3)
+    with client.view(["/log/x", "/log/q", "/log/matrix", "/log/gait"], rate_hz=30) as view:
+        frame = frame_at(view, 3, until)
+    assert frame.entries[:4] == ("/log/x", "/log/q_x", "/log/q_y", "/log/q_z")
+    np.testing.assert_array_equal(frame.newest, [3, 1.5, np.nan, -0.25, 1, 2, 3, 4, 1])
+    assert (frame.state, frame.tick, frame.time_ns) == (State.RUNNING, 3, bench.now_ns - bench.tick_ns)
+
+
+def test_view_shows_texts(bench, client, until) -> None:
+    bench.word[...] = "häé".encode()
+    client.start()
+    bench.ticks(1)
+    with client.view(["/log/x", "/log/word"], rate_hz=30) as view:
+        assert frame_at(view, 1, until).texts == {1: "häé"}
+
+
+def test_view_shows_fields_of_a_structure(bench, client, until) -> None:
+    bench.mixed["a"], bench.mixed["n"] = 2.5, -7
+    client.start()
+    bench.ticks(1)
+    with client.view(["/log/mixed"], rate_hz=30) as view:
+        assert frame_at(view, 1, until).newest.tolist() == [2.5, -7]
+
+
+def test_saved_only_elements_have_fill_but_no_value_and_are_named(bench, client, until) -> None:
+    client.start()
+    bench.ticks(4)
+    with client.view(["/log/kept", "/log/nix", "/log/x"], rate_hz=30) as view:
+        frame = frame_at(view, 4, until)
+    assert (frame.unpublished, frame.missing) == ({"/log/kept"}, {"/log/nix"})
+    assert frame.held.tolist() == [4, 0, 4]
+    np.testing.assert_array_equal(frame.newest, [np.nan, 4])
+
+
+def test_fill_ends_at_the_buffer_size(bench, client, until) -> None:
+    client.apply([Edit("/log/x", ElementOptions(action=silo.Action.SAVE_AND_PUBLISH, buffer_size=3))], -1)
+    client.start()
+    bench.ticks(9)
+    with client.view(["/log/x"], rate_hz=30) as view:
+        assert frame_at(view, 9, until).held.tolist() == [3]
+
+
+def test_spike_of_one_sample_shows_in_its_column(bench, client, until) -> None:
+    client.start()
+    with client.view(plots=["/log/q_y"], rate_hz=30, column_ns=COLUMN_NS) as view:
+        bench.ticks(25)
+        bench.q[1] = 99
+        bench.ticks(1)
+        bench.q[1] = 0
+        bench.ticks(24)
+        low, high = {}, {}
+
+        def look() -> bool:
+            frame = view.frame()
+            for column in range(frame.low.shape[1] if frame else 0):
+                number = frame.first + column
+                low[number] = np.fmin(low.get(number, np.nan), frame.low[0, column])
+                high[number] = np.fmax(high.get(number, np.nan), frame.high[0, column])
+            return frame is not None and frame.tick == 50
+
+        until(look)
+    begin = bench.begin_ns // COLUMN_NS
+    assert [high[begin + column] for column in range(5)] == [0, 0, 99, 0, 0]
+    assert [low[begin + column] for column in range(5)] == [0] * 5
+
+
+def test_view_goes_on_after_a_restart_and_an_edit(bench, client, until) -> None:
+    client.start()
+    bench.ticks(2)
+    with client.view(["/log/x"], rate_hz=30) as view:
+        frame_at(view, 2, until)
+        client.stop()
+        client.apply([Edit("/log/x", ElementOptions(divider=2, action=silo.Action.PUBLISH))], -1)
+        client.start()
+        bench.ticks(5)
+        assert until(lambda: (frame := view.frame()) and frame.tick == 5 and frame).newest.tolist() == [7]
+
+
+def test_columns_before_the_layout_is_known_are_kept(bench, client, until) -> None:
+    client.start()
+    with client.view(plots=["/log/x"], rate_hz=30, column_ns=COLUMN_NS) as view:
+        until(view.frame)
+        client.restart()
+        bench.ticks(10)
+        frame = frame_at(view, 10, until)
+    assert (frame.low[0].min(), frame.high[0].max()) == (1, 10)
+
+
+def test_view_ends_when_its_client_closes(bench, client, until) -> None:
+    other = Client.connect("bot")
+    views = [other.view(["/log/x"]) for _ in range(16)]
+    with pytest.raises(RefusedError, match="16 views open"):
+        other.view(["/log/x"])
+    views[0].close()
+    until(lambda: _opens(other))
+    other.close()
+
+
+def _opens(client: Client) -> bool:
+    try:
+        client.view(["/log/x"]).close()
+    except RefusedError:
+        return False
+    return True
+
+
+def test_views_of_clients_that_are_gone_make_room_for_others(bench, until) -> None:
+    for _ in range(5):
+        with Client.connect("bot") as one:
+            for _ in range(15):
+                until(lambda one=one: _opened(one))  # 75 in all, 64 at most at a time
+    with Client.connect("bot") as last:
+        until(lambda: _opened(last))
+
+
+def _opened(client: Client) -> bool:
+    try:
+        client.view(["/log/x"])
+    except RefusedError:
+        return False
+    return True
+
+
+def test_absurd_rate_gives_the_fastest_that_there_is(bench, client, until) -> None:
+    client.start()
+    with client.view(["/log/x"], rate_hz=1e6) as view:
+        bench.ticks(1)
+        assert until(view.frame).missed == 0
+
+
+def test_status_is_answered_at_once_while_many_views_are_open(bench, client, until) -> None:
+    client.start()
+    bench.ticks(10)
+    names = [info.name for info in bench.logger.elements]
+    views = [client.view(names, ["/log/x"], rate_hz=30) for _ in range(16)]
+    began = time.monotonic()
+    for _ in range(20):
+        bench.ticks(10)
+        client.status()
+    assert time.monotonic() - began < 5
+    for view in views:
+        assert until(view.frame).missed == 0
+
+
+def test_lease_that_is_not_renewed_ends_a_view(bench, client, monkeypatch, until) -> None:
+    from silo.server import views
+
+    assert views.LEASE_S == 6.0
+    request = OpenView(view="stranger-1", values=["/log/x"])
+    assert client._connection.exchange(request, 2.0).view == "stranger-1"
+
+
+# ---------------------------------------------------------------------------------------------------------- topics
+
+
+def samples(topic, count: int, until):
+    """Batches with at least so many samples, as two arrays."""
+    batches = []
+
+    def look() -> bool:
+        batches.extend(topic.read())
+        return sum(len(batch.time_ns) for batch in batches) >= count
+
+    until(look)
+    return np.concatenate([batch.time_ns for batch in batches]), np.concatenate([batch.values for batch in batches])
+
+
+def warmed(bench, client, element: str, until):
+    """A topic that is known to flow."""
+    topic = client.topic(element)
+
+    def flows() -> bool:
+        bench.ticks(1)
+        time.sleep(0.02)
+        return bool(topic.read())
+
+    until(flows)
+    time.sleep(0.1)
+    topic.read()
+    return topic
+
+
+def test_topic_carries_every_sample_with_its_time(bench, client, until) -> None:
+    client.start()
+    with warmed(bench, client, "/log/x", until) as topic:
+        first, begin_ns = int(bench.x), bench.now_ns
+        bench.ticks(200)
+        time_ns, values = samples(topic, 200, until)
+    np.testing.assert_array_equal(values, first + 1 + np.arange(200.0))
+    np.testing.assert_array_equal(time_ns, begin_ns + bench.tick_ns * np.arange(200))
+    assert topic.missed == 0
+
+
+@pytest.mark.parametrize(
+    ("element", "dtype", "shape"),
+    [("q", "<f8", (3,)), ("matrix", "<f4", (2, 2)), ("gait", "|i1", ()), ("word", "|S8", ())],
+)
+def test_topic_values_have_type_and_shape_of_the_element(bench, client, until, element, dtype, shape) -> None:
+    bench.q[:] = 1, 2, 3
+    bench.matrix[:] = [[1, 2], [3, 4]]
+    bench.gait[...] = 1
+    bench.word[...] = b"walk"
+    client.start()
+    with warmed(bench, client, f"/log/{element}", until) as topic:
+        bench.ticks(5)
+        _, values = samples(topic, 5, until)
+    assert (values.dtype.str, values.shape) == (dtype, (5, *shape))
+    np.testing.assert_array_equal(values[-1], getattr(bench, element))
+
+
+def test_topic_of_a_structure_has_its_fields(bench, client, until) -> None:
+    bench.mixed["a"], bench.mixed["n"] = 2.5, -7
+    client.start()
+    with warmed(bench, client, "/log/mixed", until) as topic:
+        bench.ticks(2)
+        _, values = samples(topic, 2, until)
+    assert [value.item() for value in values] == [(2.5, -7)] * 2
+
+
+def test_topic_of_a_divided_element_has_the_stamps_of_its_own_ticks(bench, client, until) -> None:
+    client.start()
+    with warmed(bench, client, "/log/slow", until) as topic:
+        bench.ticks(50)
+        time_ns, _ = samples(topic, 10, until)
+    assert set(np.diff(time_ns)) == {5 * bench.tick_ns}
+
+
+def test_topic_begins_again_with_the_first_sample_after_a_restart(bench, client, until) -> None:
+    client.start()
+    with warmed(bench, client, "/log/x", until) as topic:
+        client.restart()
+        bench.ticks(20)
+        batches = until(topic.read)
+    assert batches[0].first == 0
+
+
+def test_elements_that_are_not_published_have_no_topic(bench, client, until) -> None:
+    client.start()
+    kept, published = client.topic("/log/kept"), warmed(bench, client, "/log/x", until)
+    bench.ticks(10)
+    samples(published, 10, until)
+    assert kept.read() == []
+
+
+# --------------------------------------------------------------------------------------------------------- history
+
+
+def test_history_has_minimum_and_maximum_of_every_column(bench, client) -> None:
+    client.start()
+    bench.ticks(40)
+    found = client.history(["/log/x", "/log/slow"], bench.begin_ns, bench.begin_ns + 4 * COLUMN_NS, COLUMN_NS)
+    assert found.first * COLUMN_NS == bench.begin_ns
+    np.testing.assert_array_equal(found.low, [[1, 11, 21, 31], [1, 11, 21, 31]])
+    np.testing.assert_array_equal(found.high, [[10, 20, 30, 40], [6, 16, 26, 36]])
+
+
+def test_history_outside_of_the_log_is_nan(bench, client) -> None:
+    client.start()
+    bench.ticks(10)
+    found = client.history(["/log/x"], bench.begin_ns - COLUMN_NS, bench.begin_ns + 3 * COLUMN_NS, COLUMN_NS)
+    np.testing.assert_array_equal(found.low, [[np.nan, 1, np.nan, np.nan]])
+
+
+def test_history_of_elements_that_are_only_saved_can_be_seen_too(bench, client) -> None:
+    bench.kept[...] = 5
+    client.start()
+    bench.ticks(10)
+    found = client.history(["/log/kept"], bench.begin_ns, bench.begin_ns + COLUMN_NS, COLUMN_NS)
+    np.testing.assert_array_equal(found.high, [[5]])
+
+
+def test_history_of_a_full_fixed_buffer_goes_on_with_the_newest_samples(bench, client) -> None:
+    fixed = ElementOptions(action=silo.Action.SAVE_AND_PUBLISH, buffer_type=BufferType.FIXED, buffer_size=10)
+    client.apply([Edit("/log/x", fixed)], -1)
+    client.start()
+    bench.ticks(40)
+    found = client.history(["/log/x"], bench.begin_ns, bench.begin_ns + 4 * COLUMN_NS, COLUMN_NS)
+    assert (found.low[0, 0], found.high[0, -1]) == (1, 40)
+
+
+def test_history_after_the_stop_is_still_there(bench, client) -> None:
+    client.start()
+    bench.ticks(10)
+    client.stop()
+    assert client.history(["/log/x"], bench.begin_ns, bench.now_ns, COLUMN_NS).high.tolist() == [[10]]
+
+
+def test_history_of_an_unknown_name_is_refused(client) -> None:
+    with pytest.raises(RefusedError, match="'/log/nix'") as refused:
+        client.history(["/log/nix"], 0, 10, 1_000_000)
+    assert refused.value.why is RefusedWhy.NOT_FOUND
+
+
+# ----------------------------------------------------------------------------------------------------------- saves
+
+
+def test_saved_file_holds_what_was_logged(bench, client) -> None:
+    client.start()
+    bench.ticks(30)
+    (file,) = client.wait_saved(client.save([FileType.SILO]), 30)
+    log = silo.open_log(file.path)
+    np.testing.assert_array_equal(log["/log/x"].values, 1 + np.arange(30.0))
+
+
+def test_saving_goes_on_while_running_and_is_told(bench, client, heard) -> None:
+    client.start()
+    bench.ticks(30)
+    job = client.save([FileType.SILO, FileType.CSV], "mine")
+    bench.ticks(30)
+    files = client.wait_saved(job, 30)
+    assert [file.path.rsplit("/", 1)[1] for file in files] == ["mine.silo", "mine.csv"]
+    assert heard.wait(EventKind.SAVED).files == files
+    assert client.status().ticks == 60
+
+
+def test_status_says_whether_everything_is_saved(bench, client) -> None:
+    client.start()
+    bench.ticks(3)
+    client.wait_saved(client.save(), 30)
+    assert client.status().saved
+    bench.ticks(1)
+    assert not client.status().saved
+
+
+def test_restart_right_after_the_request_takes_nothing_from_a_save(bench, client) -> None:
+    client.start()
+    bench.ticks(100)
+    job = client.save()
+    client.restart()
+    (file,) = client.wait_saved(job, 30)
+    assert len(silo.open_log(file.path)["/log/x"].values) == 100
+
+
+def test_failed_save_says_why_and_the_data_stays(bench, client, tmp_path) -> None:
+    client.start()
+    bench.ticks(5)
+    (tmp_path / "logs").write_text("in the way")
+    with pytest.raises(SaveError, match="logs"):
+        client.wait_saved(client.save(), 30)
+    (tmp_path / "logs").unlink()
+    assert client.wait_saved(client.save(), 30)
+
+
+@pytest.mark.parametrize("name", ["../x", ".x", "a/b", "\n", "x" * 300])
+def test_names_that_lead_elsewhere_are_refused(bench, client, name) -> None:
+    client.start()
+    bench.ticks(1)
+    with pytest.raises(RefusedError) as refused:
+        client.save([FileType.SILO], name)
+    assert refused.value.why is RefusedWhy.INVALID
+
+
+def test_robot_program_saves_through_its_helper(bench, client, heard) -> None:
+    client.start()
+    bench.ticks(5)
+    (file,) = bench.logger.save("silo")
+    assert heard.wait(EventKind.SAVED).files == [file]
+    assert client.status().saved

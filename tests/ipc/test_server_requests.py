@@ -1,0 +1,250 @@
+"""Status, table, edits, start and stop; what garbage does."""
+
+import os
+import socket
+from pathlib import Path
+
+import msgspec
+import pytest
+import zenoh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import silo
+from silo.errors import RefusedError
+from silo.ipc.client import Client
+from silo.ipc.messages import (
+    ApplyEdits,
+    Edit,
+    EventKind,
+    GetHistory,
+    OpenView,
+    RefusedWhy,
+    Save,
+    State,
+)
+from silo.ipc.session import close, open_client
+from silo.model import ElementOptions
+
+
+def options(client: Client, name: str) -> ElementOptions:
+    return next(info.options for info in client.table().elements if info.name == name)
+
+
+def edit(client: Client, name: str, **changes: object) -> Edit:
+    return Edit(name, msgspec.structs.replace(options(client, name), **changes))
+
+
+def test_hello_says_who_serves_and_that_this_user_may_edit(bench, client) -> None:
+    hello = client.hello()
+    assert hello.may_edit
+    assert (hello.status.logger, hello.status.pid) == ("bot", os.getpid())
+    assert hello.version == silo.__version__
+
+
+def test_table_has_the_elements_in_the_order_of_registration(bench, client) -> None:
+    assert client.table().elements == bench.logger.elements
+
+
+def test_status_counts_ticks_while_running(bench, client) -> None:
+    client.start()
+    bench.ticks(7)
+    status = client.status()
+    assert (status.state, status.ticks, status.saved) == (State.RUNNING, 7, False)
+
+
+def test_status_has_the_time_stamp_of_the_last_tick(bench, client) -> None:
+    client.start()
+    bench.ticks(3)
+    assert client.status().last_tick_ns == bench.now_ns - 10_000_000
+
+
+def test_edits_change_the_robot_and_the_revision(bench, client) -> None:
+    before = client.table().revision
+    applied = client.apply([edit(client, "/log/x", divider=4)], before)
+    assert applied.changed == 1
+    assert client.table().revision == applied.revision != before
+    assert bench.logger.elements[0].options.divider == 4
+
+
+def test_edits_are_refused_while_running(bench, client) -> None:
+    client.start()
+    with pytest.raises(RefusedError, match="stop it") as refused:
+        client.apply([edit(client, "/log/x", divider=4)], -1)
+    assert refused.value.why is RefusedWhy.RUNNING
+    assert bench.logger.elements[0].options.divider == 1
+
+
+def test_edits_based_on_an_old_table_conflict(bench, client) -> None:
+    old = client.table().revision
+    client.apply([edit(client, "/log/x", divider=4)], old)
+    with pytest.raises(RefusedError, match="somebody changed the table") as refused:
+        client.apply([edit(client, "/log/q", divider=9)], old)
+    assert refused.value.why is RefusedWhy.CONFLICT
+    assert bench.logger.elements[1].options.divider == 1
+
+
+def test_of_two_clients_that_edit_the_same_table_one_wins(bench, client) -> None:
+    with Client.connect("bot") as other:
+        revision = client.table().revision
+        outcomes = []
+        for one, divider in ((client, 2), (other, 3)):
+            try:
+                outcomes.append(one.apply([edit(one, "/log/x", divider=divider)], revision).changed)
+            except RefusedError as refused:
+                outcomes.append(refused.why)
+    assert outcomes == [1, RefusedWhy.CONFLICT]
+    assert bench.logger.elements[0].options.divider == 2
+
+
+def test_one_wrong_edit_spoils_the_transaction(bench, client) -> None:
+    wrong = Edit("/log/nix", ElementOptions())
+    with pytest.raises(RefusedError, match="not in the table") as refused:
+        client.apply([edit(client, "/log/x", divider=4), wrong], -1)
+    assert [problem.name for problem in refused.value.problems] == ["/log/nix"]
+    assert bench.logger.elements[0].options.divider == 1
+
+
+def test_value_out_of_range_is_told_with_element_field_and_value(bench, client) -> None:
+    with pytest.raises(RefusedError, match="'/log/x': divider .* >= 1, got 0; nothing was changed") as refused:
+        client.apply([edit(client, "/log/x", divider=0)], -1)
+    assert [(problem.name, problem.field) for problem in refused.value.problems] == [("/log/x", "divider")]
+
+
+def test_element_edited_twice_is_refused(bench, client) -> None:
+    with pytest.raises(RefusedError, match="edited twice"):
+        client.apply([edit(client, "/log/x", divider=2), edit(client, "/log/x", divider=3)], -1)
+
+
+def test_stopping_a_stopped_logger_succeeds(client) -> None:
+    assert client.stop().state is State.STOPPED
+
+
+def test_starting_a_running_logger_is_refused(client) -> None:
+    client.start()
+    with pytest.raises(RefusedError) as refused:
+        client.start()
+    assert refused.value.why is RefusedWhy.RUNNING
+
+
+def test_restart_clears_the_buffers(bench, client) -> None:
+    client.start()
+    bench.ticks(5)
+    assert client.restart().ticks == 0
+
+
+def test_what_the_robot_program_does_itself_reaches_clients(bench, client, heard) -> None:
+    bench.logger.start()
+    heard.wait(EventKind.STARTED)
+    bench.logger.stop()
+    assert heard.wait(EventKind.STOPPED).status.state is State.STOPPED
+
+
+def test_events_are_numbered_and_say_who_did_it(bench, client, heard) -> None:
+    client.apply([edit(client, "/log/x", divider=2)], -1)
+    client.start()
+    edited, started = heard.wait(EventKind.EDITED), heard.wait(EventKind.STARTED)
+    assert started.number == edited.number + 1
+    assert edited.by.endswith(str(os.getpid()))
+
+
+# --------------------------------------------------------------------------------------------------------- garbage
+
+
+@pytest.fixture
+def raw(bench):
+    """Sends bytes as they are; returns the decoded answers."""
+    session = open_client(Path(bench.serving.socket_path))
+    root = f"silo/{socket.gethostname()}/bot"
+
+    def send(payload: bytes | None, kind: str = "ask") -> list[object]:
+        replies = session.get(f"{root}/{kind}", payload=payload, timeout=5.0)
+        return [msgspec.msgpack.decode(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
+
+    yield send
+    close(session)
+
+
+GARBAGE = [
+    None,
+    b"",
+    b"\xff" * 100,
+    b"\x93" * 5000,
+    msgspec.msgpack.encode({"type": "Nix"}),
+    msgspec.msgpack.encode({"type": "OpenView", "view": 7}),
+    msgspec.msgpack.encode({"type": "GetHistory", "names": "x", "start_ns": 0, "end_ns": 1, "column_ns": 1}),
+    msgspec.msgpack.encode({"type": "ApplyEdits", "revision": -1, "edits": [1, None, {}, {"name": 3}]}),
+    msgspec.msgpack.encode({"type": "ApplyEdits", "revision": -1, "edits": {"a": 1}}),
+    msgspec.msgpack.encode({"type": "Save", "types": [99]}),
+    msgspec.msgpack.encode({"type": "Save", "types": [0] * 1000, "name": "../../x"}),
+    msgspec.msgpack.encode({"type": "LoadScript", "path": "\x00\x1b[2J"}),
+]
+
+
+@pytest.mark.parametrize("kind", ["ask", "do"])
+def test_garbage_is_refused_in_words_and_changes_nothing(bench, client, raw, kind) -> None:
+    before = client.table()
+    for payload in GARBAGE:
+        (answer,) = raw(payload, kind)
+        assert answer["type"] == "Refused", answer
+        assert answer["text"]
+    assert client.table() == before
+    assert client.status().helper_pid == bench.serving.helper_pid
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.binary(max_size=200))
+def test_any_bytes_get_one_answer(raw, payload) -> None:
+    assert len(raw(payload, "do")) == 1
+
+
+def test_message_beyond_every_limit_is_not_taken_in(bench, client, raw) -> None:
+    assert raw(b"\xc1" * 3_000_000, "ask")[0]["why"] == "invalid"
+    assert client.status().helper_pid == bench.serving.helper_pid
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        OpenView(view="../x", values=["/log/x"]),
+        OpenView(view="a-1", values=["/log/x"], rate_hz=float("nan")),
+        OpenView(view="a-1", values=["/log/x"], rate_hz=-1.0),
+        OpenView(view="a-1", plots=["/log/x"], column_ns=0),
+        OpenView(view="a-1", values=["x"] * 20_001),
+        GetHistory(names=[], start_ns=0, end_ns=10, column_ns=1),
+        GetHistory(names=["/log/x"], start_ns=0, end_ns=10**18, column_ns=1_000),
+        GetHistory(names=["/log/x"], start_ns=10, end_ns=0, column_ns=1_000),
+        GetHistory(names=["/log/x"], start_ns=0, end_ns=10, column_ns=-5),
+    ],
+    ids=repr,
+)
+def test_absurd_wishes_are_refused(raw, request_) -> None:
+    (answer,) = raw(msgspec.msgpack.encode(request_))
+    assert (answer["type"], answer["why"]) == ("Refused", "invalid")
+
+
+def test_name_of_a_client_can_not_steer_a_terminal(raw, heard, bench) -> None:
+    raw(
+        msgspec.msgpack.encode(
+            ApplyEdits(revision=-1, edits=[Edit("/log/x", ElementOptions(divider=3))], client="\x1b[2Jevil" + "x" * 999)
+        ),
+        "do",
+    )
+    by = heard.wait(EventKind.EDITED).by
+    assert by.startswith("[2Jevil")
+    assert len(by) < 130
+
+
+def test_save_before_the_first_start_is_refused(raw) -> None:
+    (answer,) = raw(msgspec.msgpack.encode(Save(types=[0])), "do")
+    assert "nothing was logged yet" in answer["text"]
+
+
+def test_request_on_a_wildcard_key_is_answered(bench, client) -> None:
+    session = open_client(Path(bench.serving.socket_path))
+    try:
+        replies = list(session.get("silo/**", payload=b"", target=zenoh.QueryTarget.ALL, timeout=5.0))
+    finally:
+        close(session)
+    kinds = [msgspec.msgpack.decode(reply.ok.payload.to_bytes())["type"] for reply in replies if reply.ok is not None]
+    assert kinds == ["Refused", "Refused"]  # `ask` and `do`
