@@ -125,7 +125,7 @@ class TableScreen(SiloScreen):
         self.pane.live_changed()
         self.status_bar.update()
         if self.inspector.display:
-            self.inspector.refresh()
+            self.inspector.live_changed()
 
     def second_passed(self) -> None:
         """Times go on."""

@@ -24,6 +24,15 @@ class Inspector(Widget):
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
+        self._shown = Text()
+        self._ready: Text | None = None
+
+    def live_changed(self) -> None:
+        """Paints anew if it reads differently; a logger that stands still costs nothing."""
+        pane = self._pane()
+        if pane != self._shown:
+            self._ready = pane
+            self.refresh()
 
     def plot_names(self) -> list[str]:
         """The entries that the pane plots."""
@@ -35,6 +44,11 @@ class Inspector(Widget):
 
     def render(self) -> RenderResult:
         """The pane."""
+        pane, self._ready = self._ready, None
+        self._shown = pane if pane is not None else self._pane()
+        return self._shown
+
+    def _pane(self) -> Text:
         row = self.session.rows.row
         if row is None:
             return Text("")

@@ -44,13 +44,15 @@ class LivePane(Widget):
         self.value_width = VALUE
         self.trend_width = 0
         self._styles: dict[str, Style] = {}
-        self._lines: dict[int, Content] = {}
+        self._lines: dict[int, Content] = {}  # as they were painted
+        self._ready: dict[int, Content] = {}  # found to differ, not painted yet
 
     def lay_out(self, value_width: int, *, trend: bool) -> None:
         """Takes more room where there is some."""
         self.value_width = value_width
         self.trend_width = TREND if trend else 0
         self.styles.width = self.wanted_width
+        self._ready.clear()
         self.refresh()
 
     @property
@@ -67,7 +69,9 @@ class LivePane(Widget):
     def live_changed(self) -> None:
         """Paints the lines that read differently now."""
         for line in range(self.size.height):
-            if self._lines.get(line) != self._content(line):
+            content = self._content(line)
+            if self._lines.get(line) != content:
+                self._ready[line] = content
                 self.refresh(Region(0, line, self.size.width, 1))
 
     def notify_style_update(self) -> None:
@@ -87,7 +91,7 @@ class LivePane(Widget):
 
     def render_line(self, y: int) -> Strip:
         """One element."""
-        content = self._content(y)
+        content = self._ready.pop(y, None) or self._content(y)
         self._lines[y] = content
         is_cursor, pieces, rail = content
         base = ["live--row", "live--cursor"] if is_cursor else ["live--row"]
