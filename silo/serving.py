@@ -68,6 +68,7 @@ class Serving:
             self._arguments += ["--config", str(Path(config).absolute())]
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._sending = threading.Lock()
+        self._waking = threading.Lock()  # held for the write of 8 bytes only
         self._numbers = itertools.count(1)
         self._replies: dict[int, concurrent.futures.Future[SaveFuture]] = {}
         self._saves: dict[int, SaveFuture] = {}
@@ -272,8 +273,9 @@ class Serving:
 
     def state_changed(self) -> None:
         """Have the thread push the new state. Never waits: called by the tick with which a logger stops by itself."""
-        if self.alive:
-            os.eventfd_write(self._wake, 1)
+        with self._waking:
+            if self.alive:
+                os.eventfd_write(self._wake, 1)
 
     def save(self, types: list[FileType], name: str) -> list[SavedFile]:
         """Save in the helper process; waits without holding the GIL. Raises SaveError."""
@@ -297,7 +299,8 @@ class Serving:
     def _end(self, *, say_goodbye: bool) -> None:
         if not self.alive:
             return
-        self.alive = False
+        with self._waking:
+            self.alive = False
         if say_goodbye:
             try:
                 self._send(Goodbye())
@@ -306,6 +309,7 @@ class Serving:
         os.eventfd_write(self._wake, 1)
         if self._thread is not threading.current_thread():
             self._thread.join()
+            os.close(self._wake)
         self._socket.close()
         self._fail_pending(ConnectionLostError("the logger was closed meanwhile"))
         if say_goodbye:

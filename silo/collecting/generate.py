@@ -13,8 +13,8 @@ import functools
 import itertools
 import sys
 import threading
-from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -237,24 +237,39 @@ class _Writer:
         packed = [slot for slot in slots if slot.pack_format is not None]
         failed = self._names.give("slow", functools.partial(_store_slowly, slots))
         yield "try:"
+        called = self._shared_calls(slots)
+        yield from (f"    {local} = {self._names.give('o', root)}()" for local, root in called.values())
         if packed:
             pack = self._names.give("pack", packer(packed).pack_into)
-            yield f"    {pack}(scratch, {packed[0].offset}, {', '.join(self._expression(slot) for slot in packed)})"
+            values = ", ".join(self._expression(slot, called) for slot in packed)
+            yield f"    {pack}(scratch, {packed[0].offset}, {values})"
         for slot in slots:
             view = self._names.give("v", slot.view)
             if slot.pack_format is None and slot.view.dtype.kind in "iu":  # a plain store would cut floats
-                yield f"    copyto({view}, {self._expression(slot)})"
+                yield f"    copyto({view}, {self._expression(slot, called)})"
             elif slot.pack_format is None:
-                yield f"    {view}[...] = {self._expression(slot)}"
+                yield f"    {view}[...] = {self._expression(slot, called)}"
         yield "except Exception:"
         yield f"    {failed}()"
 
-    def _expression(self, slot: Slot) -> str:
+    @staticmethod
+    def _shared_calls(slots: list[Slot]) -> dict[int, tuple[str, object]]:
+        """Functions whose result has several parts: called once per tick, so that the parts belong together."""
+        sources = [slot.source for slot in slots if isinstance(slot.source, Expression)]
+        roots = [source.root for source in sources if source.steps and source.steps[0].call]
+        counts = Counter(map(id, roots))
+        shared = {id(root): root for root in roots if counts[id(root)] > 1}
+        return {key: (f"result{place}", root) for place, (key, root) in enumerate(shared.items())}
+
+    def _expression(self, slot: Slot, called: Mapping[int, tuple[str, object]]) -> str:
         source = slot.source
         if not isinstance(source, Expression):
             return self._names.give("a", source.view)
-        text = self._names.give("o", source.root)
-        for step in source.steps:
+        if source.steps and source.steps[0].call and id(source.root) in called:
+            text, steps = called[id(source.root)][0], source.steps[1:]
+        else:
+            text, steps = self._names.give("o", source.root), source.steps
+        for step in steps:
             if step.call:
                 text += "()"
             elif step.attr:

@@ -78,7 +78,8 @@ class Segment:
         self._growing = {ring.ring: ring for ring in rings if ring.buffer_type is BufferType.GROWING}
         self._chunks = 0
         self._next: dict[int, Chunk] = {}
-        self._allocating = threading.Lock()
+        # reentrant: a forgotten logger may be collected, and deleted, by the very thread that allocates for it
+        self._allocating = threading.RLock()
         self._wanted = threading.Event()
         self._ended = False
         self._counted: tuple[int, int] | None = None  # ticks and lost rows of a deleted segment
@@ -95,8 +96,9 @@ class Segment:
             os.close(self._fd)
             temporary.unlink()
             raise
+        self._thread = threading.Thread(target=self._prepare_chunks, name="silo-chunks", daemon=True)
         if self._growing:
-            threading.Thread(target=self._prepare_chunks, name="silo-chunks", daemon=True).start()
+            self._thread.start()
 
     def _fill(self) -> None:
         if self._in_memory and self._chunk_data > (available := available_memory_bytes()):
@@ -237,6 +239,8 @@ class Segment:
     def unlink(self) -> None:
         """Delete the file and let go of its memory, which readers keep; `ticks` and `lost` stay what they are."""
         self._end_chunks()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join()  # it holds the chunk that it made last
         self._counted = self.ticks, self.lost
         with contextlib.suppress(FileNotFoundError):
             self.path.unlink()

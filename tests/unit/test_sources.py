@@ -485,6 +485,23 @@ def test_a_function_is_called_each_due_tick(new_logger):
     assert len(calls) - before == 3
 
 
+def test_a_function_with_several_results_is_called_once_per_tick(new_logger):
+    robot = Robot(count=0)
+
+    def state():
+        robot.count += 1
+        return {"a": float(robot.count), "b": robot.count, "c": np.full(2, robot.count), "d": [robot.count] * 2}
+
+    logger = new_logger()
+    logger.add(state)
+    logger.start()
+    before = robot.count
+    for _ in range(5):
+        logger.collect()
+    found = [entry.values.tolist() for entry in logger.snapshot().elements[0].entries]
+    assert found == [list(range(before + 1, before + 6))] * 6
+
+
 def test_attributes_of_every_kind_stand_side_by_side_in_one_tick(new_logger):
     robot = Robot(a=1.5, b=2, c=True, d="text", e=np.float32(2.5), f=np.uint8(200), g=b"raw", h=np.arange(3), i=1j)
     logger = new_logger()
