@@ -87,8 +87,8 @@ class Inspector(Widget):
         if frequency:
             divider, size = int(values[Field.DIVIDER, row]), int(values[Field.BUFFER_SIZE, row])
             holds = text.span(size * divider / frequency)
-            pane.append(f"{'that is':<12} ", style=quiet)
-            pane.append(f"{frequency / divider:.4g} Hz, holds {holds}\n")
+            pane.append(f"{'which holds':<12} ", style=quiet)
+            pane.append(f"{holds} at {frequency / divider:.4g} Hz\n")
         if reading is not None:
             size = int(server[Field.BUFFER_SIZE, row])
             share = fill_share(reading.held, size)
@@ -116,10 +116,13 @@ class Inspector(Widget):
             entry = element.entries[0]
             pane.append(entry_text(entry, float(reading.newest[0]), reading.texts.get(0), 30) + "\n", style=style)
             return
-        for position, entry in enumerate(element.entries[:MAX_VALUES]):
-            word = entry_text(entry, float(reading.newest[position]), reading.texts.get(position), 16)
-            pane.append(f"{entry.suffix:<14} ", style=self._quiet)
-            pane.append(f"{word:>16}\n", style=style)
+        entries = element.entries[:MAX_VALUES]
+        left = min(18, max(len(entry.suffix) for entry in entries) + 1)
+        room = min(16, max(8, self.content_size.width - left))
+        for position, entry in enumerate(entries):
+            word = entry_text(entry, float(reading.newest[position]), reading.texts.get(position), room)
+            pane.append(entry.suffix[:left].ljust(left), style=self._quiet)
+            pane.append(f"{word:>{room}}\n", style=style)
         if len(element.entries) > MAX_VALUES:
             pane.append(f"and {len(element.entries) - MAX_VALUES} more; m plots them\n", style=self._quiet)
 

@@ -453,22 +453,33 @@ class Screen:
         await self.press(*(names.get(char, char) for char in words))
 
 
+@asynccontextmanager
+async def _screen_of(app: SiloApp, size: tuple[int, int] = (80, 24)) -> AsyncIterator[Screen]:
+    async with app.run_test(size=size, notifications=True) as pilot:
+        yield Screen(app, pilot)
+        app.release()
+
+
 @pytest.fixture
-def opened(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
+def screen_of() -> Callable[..., Any]:
+    """`async with screen_of(app) as screen:` runs any app."""
+    return _screen_of
+
+
+@pytest.fixture
+def opened() -> Callable[..., Any]:
     """`async with opened(fake, size=(80, 24)) as screen:` waits until the table is there."""
-    monkeypatch.setenv("TEXTUAL_THEME", "silo-dark")
 
     @asynccontextmanager
     async def open_app(
         *fakes: FakeClient, size: tuple[int, int] = (80, 24), ready: bool = True, **options: Any
     ) -> AsyncIterator[Screen]:
-        app = SiloApp(FakeFinder(*fakes), **options)
-        async with app.run_test(size=size, notifications=True) as pilot:
-            screen = Screen(app, pilot)
+        # twice the usual rate: tests wait for values
+        app = SiloApp(FakeFinder(*fakes), **{"rate_hz": 10.0, **options})
+        async with _screen_of(app, size) as screen:
             if ready:
                 await screen.until(lambda: app.has_session and len(app.session.table) > 0, "the table")
                 await screen.pilot.pause()
             yield screen
-            app.release()
 
     return open_app

@@ -1,0 +1,51 @@
+"""The app on a real logger with its helper process: what the stand-in of the other tests can't prove."""
+
+import threading
+
+import numpy as np
+import pytest
+
+import silo
+from silo_tui.app import SiloApp
+from silo_tui.connect import ClientFinder
+
+
+@pytest.fixture
+def logger(tmp_path, monkeypatch):
+    runtime = tmp_path / "run"
+    runtime.mkdir(mode=0o700)
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
+    log = silo.Logger("arm", frequency=200, max_time=10, folder=tmp_path, script=tmp_path / "arm.yaml")
+    q = log.array("q", 3, group="joints", unit="rad", action=silo.Action.SAVE_AND_PUBLISH)
+    log.add(np.zeros(1), "quiet", group="joints")
+    log.update()
+    ended = threading.Event()
+
+    def control():
+        tick = 0
+        while not ended.wait(0.005):
+            q[:] = tick
+            tick += 1
+            log.collect()
+
+    loop = threading.Thread(target=control)
+    with log, log.serve():
+        log.start()
+        loop.start()
+        yield log
+        ended.set()
+        loop.join()
+
+
+async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger, screen_of):
+    app = SiloApp(ClientFinder(), rate_hz=10)
+    async with screen_of(app, size=(100, 30)) as screen:
+        await screen.until(lambda: app.has_session and len(app.session.table) == 2, "the table")
+        await screen.until(lambda: "/log/joints/q" in app.session.live.readings, "live values")
+        await screen.shows("save only")
+        await screen.press("d", "4", "enter", "a")
+        await screen.shows("Stop, apply, start again")
+        await screen.press("s")
+        await screen.shows("logging again")
+        assert logger.elements[0].options.divider == 4
+        assert logger.state.value == "running"
