@@ -17,8 +17,11 @@ ENDING_S = 5.0  # how long a process may take from closing its files to its end
 log = logging.getLogger("silo.server")
 
 
-def after_crash(mirror: Mirror, events: Events) -> None:
-    """Saves the segment if it isn't saved, deletes it once it is, and tells the clients."""
+def after_crash(mirror: Mirror, events: Events) -> bool:
+    """Saves the segment if it isn't saved, deletes it once it is, and tells the clients.
+
+    Returns whether there was anything to save, which people may want to read about later.
+    """
     robot = mirror.now.robot
     who = f"the robot program (process {robot.pid})"
     reader = mirror.open_reader()
@@ -30,10 +33,11 @@ def after_crash(mirror: Mirror, events: Events) -> None:
         events.tell(EventKind.CRASHED, text)
         if reader is not None:
             _delete(reader)
-        return
+        return False
     mirror.die(f"{who} ended without close(); saving the {reader.ticks} ticks that it had logged")
     events.tell(EventKind.SAVING, mirror.now.died)
     _save(mirror, events, reader, who)
+    return True
 
 
 def _save(mirror: Mirror, events: Events, reader: SegmentReader, who: str) -> None:

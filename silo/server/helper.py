@@ -108,8 +108,8 @@ class Helper:
                 self._robot.lost()
                 saver.finish()
                 dead_mark(path).touch()
-                after_crash(mirror, events)
-                self._linger(publisher)
+                news = after_crash(mirror, events)
+                self._linger(publisher, DEAD_WITHOUT_CLIENTS_S if news else 0.0)
         finally:
             dead_mark(path).unlink(missing_ok=True)
             token.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
@@ -164,12 +164,12 @@ class Helper:
 
     # ------------------------------------------------------------------------------------------- after its end
 
-    def _linger(self, publisher: Publisher) -> None:
-        """Goes on answering while somebody is there to read what happened."""
+    def _linger(self, publisher: Publisher, without_clients_s: float) -> None:
+        """Goes on answering while somebody is there to read what happened, or may come for it."""
         ended_s = time.monotonic()
         while not self._term_s:
             since_s = time.monotonic() - ended_s
-            if since_s > (DEAD_WITH_CLIENTS_S if publisher.clients else DEAD_WITHOUT_CLIENTS_S):
+            if since_s > (DEAD_WITH_CLIENTS_S if publisher.clients else without_clients_s):
                 return
             if select.select([self._wake], [], [], DEAD_POLL_S)[0]:
                 return

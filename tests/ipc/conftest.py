@@ -145,8 +145,8 @@ def robots(runtime: Path, tmp_path: Path) -> Iterator[Callable[..., RobotProcess
     """Starts robot programs; ends them, and waits for their helpers."""
     started: list[RobotProcess] = []
 
-    def start(name: str = "bot", **options: object) -> RobotProcess:
-        started.append(RobotProcess(name, str(tmp_path / "logs"), **options))
+    def start(name: str = "bot", *arguments: str, **options: object) -> RobotProcess:
+        started.append(RobotProcess(name, str(tmp_path / "logs"), *arguments, **options))
         return started[-1]
 
     yield start

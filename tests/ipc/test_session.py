@@ -76,7 +76,7 @@ def test_socket_of_a_killed_process_is_taken_over(runtime: Path) -> None:
 
 
 def test_socket_path_that_is_too_long_is_told_with_its_length() -> None:
-    with pytest.raises(ConnectionLostError, match="too long for a socket.*SILO_RUNTIME_DIR"):
+    with pytest.raises(ConnectionLostError, match=r"too long for a socket.*SILO_RUNTIME_DIR"):
         socket_path(Path("/" + "x" * 100), "bot", PID)
 
 

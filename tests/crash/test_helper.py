@@ -1,0 +1,249 @@
+"""Kill and freeze everything: helper, robot program, client. The screen must come right by itself, the data survive."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import silo
+from silo.errors import ConnectionLostError, RefusedError
+from silo.ipc.client import Client
+from silo.ipc.discovery import discover, survey
+from silo.ipc.messages import Event, EventKind, RefusedWhy, State
+from silo.model import FileType
+
+
+@pytest.fixture
+def robot(robots):
+    return robots("bot")
+
+
+class Watcher:
+    """A client with a view and a topic, and all that it heard."""
+
+    def __init__(self) -> None:
+        self.client = Client.connect("bot")
+        self.events: list[Event] = []
+        self.links: list[bool] = []
+        self.client.on_event(self.events.append)
+        self.client.on_link(self.links.append)
+        self.view = self.client.view(["/log/x"], ["/log/x"], rate_hz=30)
+        self.topic = self.client.topic("/log/q")
+
+    def sees(self) -> bool:
+        """Whether new values came since the last call."""
+        return self.view.frame() is not None
+
+    def heard(self, kind: EventKind) -> Event | None:
+        return next((event for event in self.events if event.kind is kind), None)
+
+
+@pytest.fixture
+def watcher(robot, until) -> Iterator[Watcher]:
+    made = Watcher()
+    until(made.sees)
+    yield made
+    made.client.close()
+
+
+def test_killed_helper_is_replaced_and_everything_goes_on(robot, watcher, until) -> None:
+    ticks = watcher.client.status().ticks
+    os.kill(robot.helper_pid, signal.SIGKILL)
+    until(lambda: watcher.links == [False, True])
+    status = watcher.client.status()
+    assert status.helper_pid != robot.helper_pid
+    assert status.ticks >= ticks
+    watcher.view.frame()
+    until(watcher.sees)
+    watcher.topic.read()
+    until(watcher.topic.read)
+    os.kill(status.helper_pid, signal.SIGKILL)
+
+
+def test_loss_of_the_helper_is_noticed_at_once(robot, watcher, until) -> None:
+    os.kill(robot.pid, signal.SIGSTOP)  # so that it starts no other
+    os.kill(robot.helper_pid, signal.SIGKILL)
+    began = time.monotonic()
+    until(lambda: watcher.links == [False])
+    assert time.monotonic() - began < 1.5
+    with pytest.raises(ConnectionLostError, match="connecting again by itself"):
+        watcher.client.status()
+
+
+def test_frozen_helper_is_told_and_comes_back(robot, watcher, until) -> None:
+    os.kill(robot.helper_pid, signal.SIGSTOP)
+    with pytest.raises(ConnectionLostError):
+        watcher.client.status()
+    until(lambda: watcher.links == [False])
+    os.kill(robot.helper_pid, signal.SIGCONT)
+    until(lambda: watcher.links == [False, True])
+    watcher.view.frame()
+    until(watcher.sees)
+
+
+def test_killed_robot_program_is_saved_and_told(robot, watcher, until) -> None:
+    ticks = watcher.client.status().ticks
+    robot.kill()
+    crashed = until(lambda: watcher.heard(EventKind.CRASHED))
+    (file,) = crashed.files
+    assert crashed.status.state is State.DEAD
+    assert file.path in crashed.text
+    assert len(silo.open_log(file.path)["/log/x"].values) >= ticks
+    assert watcher.client.status().state is State.DEAD
+
+
+def test_segment_of_a_killed_program_is_removed_once_it_is_saved(robot, watcher, until, runtime) -> None:
+    robot.kill()
+    until(lambda: watcher.heard(EventKind.CRASHED))
+    assert list(runtime.glob("*.segment")) == []
+
+
+def test_dead_logger_changes_nothing_but_still_saves(robot, watcher, until) -> None:
+    robot.kill()
+    until(lambda: watcher.heard(EventKind.CRASHED))
+    with pytest.raises(RefusedError, match="start the robot program again") as refused:
+        watcher.client.start()
+    assert refused.value.why is RefusedWhy.DEAD
+    assert watcher.client.wait_saved(watcher.client.save([FileType.CSV]), 30)
+
+
+def test_program_that_is_started_again_is_found_by_its_old_clients(robot, robots, watcher, until) -> None:
+    robot.kill()
+    until(lambda: watcher.heard(EventKind.CRASHED))
+    again = robots("bot")
+    until(lambda: watcher.client.connected and watcher.client.status().pid == again.pid)
+    watcher.view.frame()
+    until(watcher.sees)
+
+
+def test_dead_logger_makes_way_for_its_successor_in_the_list(robot, robots, watcher, until) -> None:
+    robot.kill()
+    until(lambda: watcher.heard(EventKind.CRASHED))
+    (dead,) = survey(discover().loggers)
+    assert dead.status.state is State.DEAD
+    again = robots("bot")
+    assert [found.pid for found in discover().loggers] == [again.pid]
+
+
+def test_program_killed_together_with_its_helper_is_recovered_by_hand(robot, tmp_path, until) -> None:
+    from silo.server.recovery import find_stale, recover
+
+    with Client.connect("bot") as client:
+        until(lambda: client.status().ticks > 100)
+    os.kill(robot.helper_pid, signal.SIGSTOP)
+    robot.kill()
+    os.kill(robot.helper_pid, signal.SIGKILL)
+    (stale,) = find_stale()
+    assert stale.ticks > 100
+    (file,) = recover(stale.path, tmp_path / "recovered")
+    assert len(silo.open_log(file.path)["/log/x"].values) == stale.ticks
+    assert find_stale() == []
+
+
+def test_segment_of_a_living_program_is_not_stale(robot, runtime) -> None:
+    from silo.errors import StateError
+    from silo.server.recovery import find_stale, recover
+
+    assert find_stale() == []
+    with pytest.raises(StateError, match="still logging"):
+        recover(next(runtime.glob("*.segment")))
+
+
+def test_damaged_segment_is_named_and_kept(runtime) -> None:
+    from silo.server.recovery import find_stale
+
+    (runtime / "x.1.0.segment").write_bytes(b"nonsense" * 2000)
+    (stale,) = find_stale()
+    assert "is not a silo segment" in stale.reason
+    assert stale.schema is None
+
+
+def test_frozen_robot_program_holds_up_no_status(robot, watcher) -> None:
+    os.kill(robot.pid, signal.SIGSTOP)
+    with pytest.raises(RefusedError, match="did not answer within"):
+        watcher.client.stop()
+    began = time.monotonic()
+    for _ in range(10):
+        watcher.client.status()
+    assert time.monotonic() - began < 2
+    os.kill(robot.pid, signal.SIGCONT)
+
+
+CLIENT = """
+import sys, time
+from silo.ipc.client import Client
+client = Client.connect("bot")
+view = client.view(["/log/x", "/log/q"], ["/log/x"], rate_hz=30)
+topics = [client.topic("/log/q"), client.topic("/log/x")]
+print("ready", flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def stranger(robot):
+    """Another client in a process of its own."""
+    process = subprocess.Popen([sys.executable, "-c", CLIENT], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "ready\n"
+    yield process
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+def test_frozen_client_costs_the_others_nothing(robot, stranger, watcher, until) -> None:
+    os.kill(stranger.pid, signal.SIGSTOP)
+    for _ in range(30):
+        until(watcher.sees, 2.0)
+        watcher.client.status()
+    assert watcher.links == []
+    os.kill(stranger.pid, signal.SIGCONT)
+
+
+def test_killed_client_leaves_nothing_behind(robot, stranger, watcher, until) -> None:
+    stranger.kill()
+    until(watcher.sees)
+    # its views would still count: 48 of others and these 16 fill the helper
+    assert len([watcher.client.view(["/log/x"]) for _ in range(15)]) == 15
+    assert watcher.client.status().helper_pid == robot.helper_pid
+
+
+def test_ctrl_c_in_the_terminal_of_the_robot_does_not_end_the_helper(robots, until) -> None:
+    robot = robots("bot", start_new_session=True)
+    with Client.connect("bot") as client:
+        os.killpg(robot.pid, signal.SIGINT)
+        robot.process.wait()
+        until(lambda: client.status().state is State.DEAD)
+
+
+def test_interrupt_that_reaches_the_helper_is_ignored(robot, watcher) -> None:
+    os.kill(robot.helper_pid, signal.SIGINT)
+    assert watcher.client.status().helper_pid == robot.helper_pid
+
+
+def test_service_manager_that_ends_both_loses_no_data(robot, watcher, until, tmp_path) -> None:
+    os.kill(robot.helper_pid, signal.SIGTERM)
+    robot.process.terminate()
+    robot.process.wait()
+    until(lambda: list((tmp_path / "logs").glob("*.silo")))
+    until(lambda: not Path(f"/proc/{robot.helper_pid}").exists() or watcher.heard(EventKind.CRASHED))
+
+
+def test_client_may_come_before_the_logger(robots, runtime) -> None:
+    with pytest.raises(ConnectionLostError):
+        Client.connect("bot")
+    robots("bot")
+    with Client.connect("bot") as client:
+        assert client.status().state is State.RUNNING
+
+
+def test_helper_stays_small(robot, watcher, until) -> None:
+    watcher.client.wait_saved(watcher.client.save(), 30)
+    text = Path(f"/proc/{robot.helper_pid}/status").read_text()
+    (size,) = [int(line.split()[1]) for line in text.splitlines() if line.startswith("VmRSS")]
+    assert size < 60_000, f"{size} kB"

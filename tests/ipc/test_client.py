@@ -1,0 +1,197 @@
+"""Finding loggers, connecting, and what the client says when it can't."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+import silo
+from silo.errors import ConnectionLostError
+from silo.ipc.client import Client
+from silo.ipc.discovery import discover, survey
+from silo.ipc.messages import EventKind
+
+
+def test_no_logger_says_what_to_do(runtime) -> None:
+    with pytest.raises(ConnectionLostError, match=r"no logger is running on this host.*serve\(\).*silo demo"):
+        Client.connect()
+
+
+def test_unknown_name_lists_the_loggers_that_there_are(bench) -> None:
+    with pytest.raises(ConnectionLostError, match=rf"no logger 'nix'.*there are: bot\.{os.getpid()}"):
+        Client.connect("nix")
+
+
+def test_logger_is_found_by_name_label_and_when_it_is_the_only_one(bench) -> None:
+    for name in ("bot", f"bot.{os.getpid()}", ""):
+        with Client.connect(name) as client:
+            assert client.status().logger == "bot"
+
+
+def test_two_loggers_of_a_name_must_be_told_apart(bench, robots) -> None:
+    robot = robots("bot")
+    with pytest.raises(ConnectionLostError, match="say which one"):
+        Client.connect("bot")
+    with Client.connect(f"bot.{robot.pid}") as client:
+        assert client.status().pid == robot.pid
+
+
+def test_all_loggers_are_found_with_their_status(bench, robots) -> None:
+    robot = robots("other")
+    answers = survey(discover().loggers)
+    assert [(answer.found.name, answer.status.pid) for answer in answers] == [
+        ("bot", os.getpid()),
+        ("other", robot.pid),
+    ]
+
+
+def test_survey_is_quick(bench, robots) -> None:
+    for number in range(3):
+        robots(f"robot{number}")
+    times = []
+    for _ in range(5):
+        began = time.perf_counter()
+        assert len(survey(discover().loggers)) == 4
+        times.append(time.perf_counter() - began)
+    assert min(times) < 0.15
+
+
+def test_asking_needs_neither_numpy_nor_click_nor_textual(bench) -> None:
+    code = (
+        "import sys; from silo.ipc.client import Client\n"
+        "from silo.ipc.discovery import discover, survey\n"
+        "survey(discover().loggers)\n"
+        "with Client.connect('bot') as client: client.table()\n"
+        "print({'numpy', 'click', 'textual', 'yaml', 'plotext', 'mcap'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+def test_program_that_forgets_to_close_still_ends(bench) -> None:
+    code = "from silo.ipc.client import Client; client = Client.connect('bot'); view = client.view(['/log/x'])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=True)
+    assert done.stderr == ""
+
+
+def test_closing_twice_is_fine(bench) -> None:
+    client = Client.connect("bot")
+    client.close()
+    client.close()
+
+
+def test_calls_after_closing_are_refused_in_words(bench) -> None:
+    client = Client.connect("bot")
+    client.close()
+    with pytest.raises(ConnectionLostError, match="no connection to logger 'bot'"):
+        client.status()
+
+
+def test_threads_may_share_a_client(bench, client) -> None:
+    revisions: list[int] = []
+
+    def ask() -> None:
+        revisions.extend(client.table().revision for _ in range(20))
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert revisions == [bench.logger.revision] * 80
+
+
+def test_callback_that_fails_stops_no_other(bench, client, heard, caplog) -> None:
+    def fail(_: object) -> None:
+        raise ValueError("no")
+
+    client.on_event(fail)
+    client.start()
+    heard.wait(EventKind.STARTED)
+    bench.logger.stop()
+    heard.wait(EventKind.STOPPED)
+    assert "a callback failed" in caplog.text
+
+
+def test_closed_logger_says_goodbye(bench, client, heard, until) -> None:
+    links: list[bool] = []
+    client.on_link(links.append)
+    bench.logger.close()
+    until(lambda: links == [False])
+    assert heard.wait(EventKind.CLOSED)
+    assert not client.connected
+
+
+def test_logger_that_is_served_again_is_found_again(bench, client, until) -> None:
+    bench.serving.close()
+    until(lambda: not client.connected)
+    bench.logger.serve()
+    until(lambda: client.connected)
+    assert client.status().logger == "bot"
+
+
+def test_table_of_ten_thousand_elements_arrives(runtime, tmp_path) -> None:
+    import numpy as np
+
+    values = np.zeros(10_000)
+    logger = silo.Logger("big", folder=tmp_path, script=tmp_path / "big.yaml")
+    for place in range(10_000):
+        logger.add(values[place : place + 1], f"e{place}")
+    with logger.serve(), Client.connect("big") as client:
+        assert len(client.table().elements) == 10_000
+    logger.close()
+
+
+# Python may lie where only root can read: all is imported, then the rights are dropped
+PERSON = """
+import os, sys, encodings.idna
+from silo.ipc.client import Client
+from silo.errors import SiloError
+groups = [int(group) for group in sys.argv[1:]]
+os.setgroups(groups), os.setgid(54322), os.setuid(54322)
+try:
+    with Client.connect("silo-test-theirs") as client:
+        print("pid", client.status().pid)
+except SiloError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
+class TestOtherUsers:
+    """A robot program runs as root, people log in as themselves."""
+
+    shared_gid = 54323
+
+    @pytest.fixture
+    def robot_of(self, robots, monkeypatch: pytest.MonkeyPatch):
+        """Starts a robot program in the real place."""
+        monkeypatch.delenv("SILO_RUNTIME_DIR")
+        yield lambda *group: robots("silo-test-theirs", *group)
+        shutil.rmtree(f"/dev/shm/silo-0-{self.shared_gid}", ignore_errors=True)
+        shutil.rmtree("/dev/shm/silo-54322", ignore_errors=True)
+
+    def ask(self, *groups: int) -> str:
+        """What a person in these groups gets to hear."""
+        command = [sys.executable, "-c", PERSON, *map(str, groups)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+        return done.stdout + done.stderr
+
+    def test_stranger_hears_whose_logger_it_is_and_what_to_do(self, robot_of) -> None:
+        robot_of()
+        answer = self.ask()
+        assert re.search(r"user root runs .*silo-test-theirs.* in /dev/shm/silo-0, which is closed to you", answer)
+        assert "serve(group=" in answer
+
+    def test_member_of_the_group_may_talk_to_a_shared_logger(self, robot_of) -> None:
+        robot = robot_of(str(self.shared_gid))
+        assert self.ask(self.shared_gid) == f"pid {robot.pid}\n"
+
+    def test_others_may_not_and_hear_which_group_to_join(self, robot_of) -> None:
+        robot_of(str(self.shared_gid))
+        assert f"usermod -aG {self.shared_gid}" in self.ask()
