@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from textual import events
 
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.messages import (
@@ -438,19 +439,13 @@ class Screen:
 
     async def press(self, *keys: str) -> None:
         await self.pilot.press(*keys)
-        await self.pilot.pause()
 
     async def type(self, words: str) -> None:
-        names = {
-            " ": "space",
-            "/": "slash",
-            ":": "colon",
-            "=": "equals_sign",
-            "*": "asterisk",
-            ".": "full_stop",
-            ">": "greater_than_sign",
-        }
-        await self.press(*(names.get(char, char) for char in words))
+        """All at once, as a slow link or a paste brings it."""
+        names = {"/": "slash", ":": "colon", "*": "asterisk"}
+        for char in words:
+            self.app.post_message(events.Key(names.get(char, char), char))
+        await self.pilot.pause()
 
 
 @asynccontextmanager
