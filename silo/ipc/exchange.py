@@ -71,8 +71,9 @@ def exchange(
         raise ConnectionLostError(
             f"{who} did not answer within {timeout_s:g} s: its helper process is frozen or overloaded; try again"
         )
+    right = "change anything" if key.endswith("/do") else "ask"
     raise ConnectionLostError(
-        f"{who} gave no answer: its helper process has ended, or access rules don't let this user ask"
+        f"{who} gave no answer: its helper process has ended, or its access rules don't let this user {right}"
     )
 
 

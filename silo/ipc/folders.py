@@ -80,9 +80,10 @@ def _group_path(uid: int, gid: int) -> Path:
 def share_socket(socket: Path, folder: Path) -> None:
     """Lets the group of `folder` use a socket in it, and see from its lock whether the owner lives."""
     gid = folder.stat().st_gid
-    for path, mode in ((socket, 0o770), (Path(f"{socket}.lock"), 0o640)):
-        os.chown(path, -1, gid)
-        path.chmod(mode)
+    for path, mode in ((socket, 0o770), (Path(f"{socket}.lock"), 0o640), (Path(f"{socket}.secret"), 0o640)):
+        if path.exists():
+            os.chown(path, -1, gid)
+            path.chmod(mode)
 
 
 def usable_folders() -> list[Path]:

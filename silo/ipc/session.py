@@ -8,6 +8,7 @@ import contextlib
 import fcntl
 import json
 import os
+import secrets
 import time
 from pathlib import Path
 from typing import Any
@@ -74,6 +75,15 @@ def dead_mark(path: Path) -> Path:
     return Path(f"{path}.dead")
 
 
+def secret_file(path: Path) -> Path:
+    """`user:password` for local clients of a logger that asks remote ones for a password."""
+    return Path(f"{path}.secret")
+
+
+def _users_file(path: Path) -> Path:
+    return Path(f"{path}.users")
+
+
 def sweep(folder: Path) -> None:
     """Removes the sockets of processes that ended, from a folder of this user."""
     for lock in folder.glob(f"*{SOCKET_SUFFIX}.lock"):
@@ -83,8 +93,8 @@ def sweep(folder: Path) -> None:
 
 
 def remove_socket(path: Path) -> None:
-    """Removes a socket, its lock and its mark."""
-    for stale in (path, Path(f"{path}.lock"), dead_mark(path)):
+    """Removes a socket, its lock and what else belongs to it."""
+    for stale in (path, Path(f"{path}.lock"), dead_mark(path), secret_file(path), _users_file(path)):
         with contextlib.suppress(FileNotFoundError):
             stale.unlink()
 
@@ -125,7 +135,24 @@ def _server_config(path: Path, config: str | None) -> zenoh.Config:
     _insert(settings, _COMMON)
     settings.insert_json5("transport/link/rx/max_message_size", str(MAX_MESSAGE_BYTES))
     settings.insert_json5("listen/endpoints", json.dumps(endpoints))
+    _let_local_clients_in(settings, path)
     return settings
+
+
+def _let_local_clients_in(settings: zenoh.Config, path: Path) -> None:
+    """Zenoh asks on the Unix socket for passwords too: who may read the folder finds one there, as user `local`."""
+    users = json.loads(settings.get_json("transport/auth/usrpwd/dictionary_file"))
+    if not users:
+        return
+    try:
+        lines = Path(users).read_text().rstrip("\n")
+    except OSError as error:
+        raise ConnectionLostError(f"{users}: can't read the users and passwords: {error.strerror}") from error
+    secret = f"local:{secrets.token_hex(16)}\n"
+    for file, text in ((_users_file(path), f"{lines}\n{secret}"), (secret_file(path), secret)):
+        with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as opened:
+            opened.write(text)
+    settings.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(_users_file(path))))
 
 
 def _from_file(config: str) -> zenoh.Config:
@@ -166,6 +193,9 @@ def open_client(path: Path | None, config: str | None = None) -> zenoh.Session:
         if not os.access(path, os.W_OK):
             raise ConnectionLostError(f"{path}: user {os.getuid()} may not write to this socket")
         settings.insert_json5("connect/endpoints", json.dumps([f"unixsock-stream/{path}"]))
+        if secret_file(path).exists():
+            user, password = secret_file(path).read_text().strip().split(":", 1)
+            _insert(settings, {"transport": {"auth": {"usrpwd": {"user": user, "password": password}}}})
     settings.insert_json5("listen/endpoints", "[]")
     settings.insert_json5("connect/timeout_ms", "0")
     settings.insert_json5("connect/exit_on_failure", "true")
@@ -174,6 +204,12 @@ def open_client(path: Path | None, config: str | None = None) -> zenoh.Session:
     except zenoh.ZError as error:
         where = str(path) if path is not None else f"what {config} names"
         raise ConnectionLostError(f"can't connect to {where}: {_reason(error)}{_hint(config)}") from error
+
+
+def forget(path: Path) -> None:
+    """Removes what a closed server session leaves beside its socket."""
+    for left in (dead_mark(path), secret_file(path), _users_file(path)):
+        left.unlink(missing_ok=True)
 
 
 def close(session: zenoh.Session) -> None:

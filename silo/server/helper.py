@@ -32,7 +32,7 @@ from silo.ipc.messages import (
     SaveStarted,
     State,
 )
-from silo.ipc.session import close, dead_mark, open_server
+from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.server.answers import Answers
 from silo.server.control import Control
 from silo.server.crash import after_crash
@@ -79,6 +79,7 @@ class Helper:
             self._serve(session, path, first)
         finally:
             close(session)
+            forget(path)
         return 0
 
     def _open(self, first: RobotState) -> tuple[zenoh.Session, Path]:
@@ -111,7 +112,6 @@ class Helper:
                 news = after_crash(mirror, events)
                 self._linger(publisher, DEAD_WITHOUT_CLIENTS_S if news else 0.0)
         finally:
-            dead_mark(path).unlink(missing_ok=True)
             token.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
             self._robot.lost()
             control.stop()

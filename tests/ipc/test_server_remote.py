@@ -1,0 +1,136 @@
+"""Remote access by the example configurations, on loopback: roles by user, certificates, words for what is refused."""
+
+import json
+import shutil
+import socket
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import ConnectionLostError
+from silo.ipc.client import Client
+from silo.ipc.discovery import discover
+from silo.ipc.messages import State
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
+def logger(tmp_path):
+    made = silo.Logger("far", folder=tmp_path, script=tmp_path / "far.yaml")
+    made.add(np.zeros(3), "x", action=silo.Action.SAVE_AND_PUBLISH)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def guarded(logger, tmp_path, port):
+    """The logger behind passwords; makes client configurations."""
+    users = tmp_path / "users.txt"
+    users.write_text("viewer:look\nengineer:change\n")
+    text = (CONFIG / "access-control.json5").read_text()
+    text = text.replace("tcp/0.0.0.0:7460", f"tcp/127.0.0.1:{port}").replace("/etc/silo/users.txt", str(users))
+    (tmp_path / "server.json5").write_text(text)
+    logger.serve(config=tmp_path / "server.json5")
+
+    def client_config(user: str, password: str) -> str:
+        path = tmp_path / f"{user}-{password}.json5"
+        auth = {"usrpwd": {"user": user, "password": password}}
+        endpoints = [f"tcp/127.0.0.1:{port}"]
+        path.write_text(json.dumps({"connect": {"endpoints": endpoints}, "transport": {"auth": auth}}))
+        return str(path)
+
+    return client_config
+
+
+def test_remote_logger_is_found_by_its_configuration(guarded) -> None:
+    (found,) = discover(config=guarded("viewer", "look")).loggers
+    assert (found.name, found.host) == ("far", socket.gethostname())
+
+
+def test_viewer_sees_values_but_may_not_edit(guarded, logger, until) -> None:
+    logger.start()
+    with Client.connect("far", config=guarded("viewer", "look")) as client:
+        assert not client.hello().may_edit
+        with client.view(["/log/x"], rate_hz=30) as view:
+            logger.collect()
+            until(view.frame)
+        with pytest.raises(ConnectionLostError, match="access rules don't let this user change"):
+            client.stop()
+    assert logger.is_running
+
+
+def test_engineer_may_change(guarded, logger) -> None:
+    with Client.connect("far", config=guarded("engineer", "change")) as client:
+        assert client.hello().may_edit
+        assert client.start().state is State.RUNNING
+    assert logger.is_running
+
+
+def test_wrong_password_is_told_with_what_to_check(guarded) -> None:
+    with pytest.raises(ConnectionLostError, match="user name, password"):
+        Client.connect("far", config=guarded("viewer", "guess"))
+
+
+def test_local_clients_need_no_password(guarded) -> None:
+    with Client.connect("far") as client:
+        assert client.hello().may_edit
+
+
+def test_nothing_with_passwords_is_left_behind(guarded, logger, runtime) -> None:
+    assert {path.stat().st_mode & 0o077 for path in runtime.iterdir()} == {0}
+    logger.close()
+    assert list(runtime.iterdir()) == []
+
+
+def test_port_that_is_taken_is_told_to_the_robot_program(logger, tmp_path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        (tmp_path / "server.json5").write_text(json.dumps({"listen": {"endpoints": [endpoint]}}))
+        with pytest.raises(ConnectionLostError, match=r"didn't start: can't listen"):
+            logger.serve(config=tmp_path / "server.json5")
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="makes certificates with openssl")
+def test_certificates_let_in_who_has_one_of_the_same_authority(logger, tmp_path, port) -> None:
+    def openssl(*words: str) -> None:
+        subprocess.run(["openssl", *words], cwd=tmp_path, capture_output=True, check=True)
+
+    openssl(
+        "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=ca", "-keyout", "ca-key.pem", "-out", "ca.pem"
+    )
+    (tmp_path / "ext").write_text("subjectAltName=DNS:localhost")
+    for name in ("robot", "alice"):
+        openssl(
+            "req", "-newkey", "rsa:2048", "-nodes", "-subj", f"/CN={name}", "-keyout", f"{name}-key.pem", "-out", "csr"
+        )
+        signing = ["-CA", "ca.pem", "-CAkey", "ca-key.pem", "-CAcreateserial", "-extfile", "ext"]
+        openssl("x509", "-req", "-in", "csr", *signing, "-out", f"{name}.pem")
+    text = (CONFIG / "tls.json5").read_text()
+    text = text.replace("tls/0.0.0.0:7461", f"tls/127.0.0.1:{port}").replace("/etc/silo", str(tmp_path))
+    (tmp_path / "server.json5").write_text(text)
+    logger.serve(config=tmp_path / "server.json5")
+
+    def connect(**certificate: object) -> str:
+        tls = {"root_ca_certificate": f"{tmp_path}/ca.pem", **certificate}
+        config = {"connect": {"endpoints": [f"tls/localhost:{port}"]}, "transport": {"link": {"tls": tls}}}
+        (tmp_path / "client.json5").write_text(json.dumps(config))
+        with Client.connect("far", config=str(tmp_path / "client.json5")) as client:
+            return client.status().logger
+
+    mine = {"connect_certificate": f"{tmp_path}/alice.pem", "connect_private_key": f"{tmp_path}/alice-key.pem"}
+    assert connect(enable_mtls=True, **mine) == "far"
+    with pytest.raises(ConnectionLostError):
+        connect()
