@@ -156,10 +156,14 @@ class CommandRunner:
 
     def _picture(self, arguments: Sequence[str]) -> None:
         path = Path(arguments[0] if arguments else "silo-tui.svg").expanduser()
+        self._app.call_after_refresh(self._write_picture, path)  # without this command on it
+
+    def _write_picture(self, path: Path) -> None:
         try:
             path.write_text(picture(self._app), "utf-8")
         except OSError as error:
-            raise ValueError(f"can't write the picture: {error}") from error
+            self._app.fail(f"can't write the picture: {error}")
+            return
         self._app.say(f"picture of the screen: {path.absolute()}")
 
     def _quit(self, arguments: Sequence[str]) -> None:

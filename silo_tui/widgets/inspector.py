@@ -94,7 +94,7 @@ class Inspector(Widget):
             share = fill_share(reading.held, size)
             pane.append(f"{'held':<12} ", style=quiet)
             pane.append(f"{text.count(reading.held)} ")
-            pane.append(text.bar(share, 6), style=self._plot)
+            pane.append(text.bar(share, 4 if self.content_size.width < 34 else 8), style=self._plot)
             pane.append(f" {share:.0%}\n")
             if reading.lost:
                 pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._error)

@@ -233,4 +233,5 @@ async def test_a_picture_of_the_screen_is_an_svg(fake, opened, tmp_path):
         await screen.type(":picture ")
         screen.app.screen.query_one("#command-line").value = f"picture {tmp_path / 'x.svg'}"
         await screen.press("enter")
+        await screen.shows("picture of the screen")
         assert "<svg" in (tmp_path / "x.svg").read_text()
