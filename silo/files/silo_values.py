@@ -25,13 +25,12 @@ class FileEntry(RecordedEntry):
         # called for what is not there: a cached_property takes 1 us more for each of thousands of entries
         if name != "values":
             raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
-        data, offset, count, stored, logged = self.__dict__["place"]
+        fields = self.__dict__
+        data, offset, count, stored, logged = fields["place"]
         values = stored_values(data, stored, count, offset)
-        if stored.kind == "S":
-            values = np.char.rstrip(values, b"-")
-        elif stored is not logged:
-            values = from_wire(values, logged) if logged.str == "<f2" else values.view(logged)
-        self.__dict__["values"] = values
+        if stored is not logged:
+            values = _as_logged(values, logged)
+        fields["values"] = values
         return values
 
 
@@ -50,7 +49,8 @@ def file_entry(
 ) -> RecordedEntry:
     """An entry of so many values that begin at this byte of the file."""
     made = FileEntry.__new__(FileEntry)
-    made.__dict__.update(name=name, entry=entry, place=(data, offset, count, stored, logged))
+    fields = {"name": name, "entry": entry, "place": (data, offset, count, stored, logged)}
+    object.__setattr__(made, "__dict__", fields)
     return made
 
 
@@ -64,11 +64,15 @@ def file_recording(load_time: Callable[[], NDArray[np.int64]], **facts: Any) -> 
 
 def stored_values(data: memoryview, stored: Type, count: int, offset: int) -> NDArray[Any]:
     """So many values of the file from this byte on."""
-    if not stored.itemsize:
-        return np.zeros(count, "S1")
-    if not count:
-        return np.empty(0, stored)
-    return np.frombuffer(data, stored, count, offset)
+    if stored.itemsize and count:
+        return np.frombuffer(data, stored, count, offset)
+    return np.empty(0, stored) if stored.itemsize else np.zeros(count, "S1")
+
+
+def _as_logged(values: NDArray[Any], logged: Type) -> NDArray[Any]:
+    if values.dtype.kind == "S":
+        return np.char.rstrip(values, b"-")
+    return from_wire(values, logged) if logged.str == "<f2" else values.view(logged)
 
 
 def time_stamps(data: memoryview, seconds: int, nanoseconds: int, count: int) -> Callable[[], NDArray[np.int64]]:
@@ -92,7 +96,7 @@ def types_of(type_name: str, item_bytes: int, text: str) -> tuple[Type, Type | N
     """
     stored = form.dtype_of(form.TableRow("", item_bytes, 0, 1, False, type_name))
     logged = _logged_dtype(text, stored)
-    if logged == stored and stored.kind != "S":
+    if logged == stored and stored.kind != "S":  # of strings, the padding is still to be taken off
         logged = stored
     return stored, logged, text if stored.kind == "S" else (logged or stored).str
 

@@ -1,0 +1,132 @@
+"""The quick reader of whole files: it finds what the careful one finds, and leaves to that one what it should."""
+
+import zlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from silo.files import silo_format as form
+from silo.files import silo_reader
+from silo.files.silo_file import read_silo, write_silo
+from silo.files.silo_whole import FileElements, read_whole
+from silo.log import open_log
+
+
+def whole(path):
+    return read_whole(memoryview(path.read_bytes()))
+
+
+def careful(path, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(silo_reader, "read_whole", lambda data: None)
+        return read_silo(path)
+
+
+def sealed(data):
+    """The file with a checksum that fits its header, as after a change by somebody who knows the format."""
+    end = data.index(b"\n# Binary Data\n") + len(b"\n# Binary Data\n")
+    check = data.index(b"# silo check ")
+    digits = b"%08x" % zlib.crc32(data[:check] + form.DATA_LINE)
+    return data[: check + 13] + digits + data[check + 21 : end] + data[end:]
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_both_readers_find_the_same(data, any_recording, bits_of, tmp_path_factory, monkeypatch):
+    recording = data.draw(any_recording())
+    path = tmp_path_factory.mktemp("silo") / "x.silo"
+    write_silo(recording, path)
+    one, other = whole(path), careful(path, monkeypatch)
+    assert one is not None
+    for name in ("logger", "offset", "prefix", "frequency_hz", "started_ns", "time_looping", "warnings"):
+        assert getattr(one, name) == getattr(other, name)
+    np.testing.assert_array_equal(one.time_ns, other.time_ns)
+    assert len(one.elements) == len(other.elements)
+    for mine, theirs in zip(one.elements, other.elements, strict=True):
+        assert replace(mine, entries=()) == replace(theirs, entries=())
+        assert [(e.name, e.entry) for e in mine.entries] == [(e.name, e.entry) for e in theirs.entries]
+        assert [bits_of(e.values) for e in mine.entries] == [bits_of(e.values) for e in theirs.entries]
+
+
+def test_an_element_is_made_when_it_is_asked_for_and_stays_the_same(plan, recorded, tmp_path):
+    write_silo(recorded([plan("/log/a"), plan("/log/v", kind="vector"), plan("/log/b")], 5), tmp_path / "x.silo")
+    elements = read_silo(tmp_path / "x.silo").elements
+    assert isinstance(elements, FileElements)
+    assert elements.names == ["/log/a", "/log/v", "/log/b"]
+    assert elements[1] is elements[-2] is elements[1:][0]
+    assert [element.name for element in elements] == elements.names
+    with pytest.raises(IndexError, match="the log has 3"):
+        elements[3]
+
+
+def test_elements_of_a_file_can_be_changed_like_any_other(plan, recorded, tmp_path):
+    write_silo(recorded([plan("/log/a", "<i2")], 5), tmp_path / "x.silo")
+    element = read_silo(tmp_path / "x.silo").elements[0]
+    changed = replace(element, name="/b", entries=(replace(element.entries[0], name="/b"),))
+    assert (changed.name, changed.entries[0].values.tolist()) == ("/b", element.entries[0].values.tolist())
+
+
+def test_a_recording_of_a_file_can_be_changed_like_any_other(plan, recorded, tmp_path):
+    recording = recorded([plan("/log/a")], 5)
+    write_silo(recording, tmp_path / "x.silo")
+    changed = replace(read_silo(tmp_path / "x.silo"), logger="b")
+    assert (changed.logger, changed.time_ns.tolist()) == ("b", recording.time_ns.tolist())
+
+
+def test_a_part_of_an_opened_log_has_its_times(plan, recorded, tmp_path):
+    recording = recorded([plan("/log/arm/a"), plan("/log/leg/b")], 5)
+    write_silo(recording, tmp_path / "x.silo")
+    part = open_log(tmp_path / "x.silo").namespace("/log/leg")
+    assert list(part) == ["/log/leg/b"]
+    assert part["leg/b"].time_ns.tolist() == recording.time_ns.tolist()
+
+
+CHANGES = {
+    "another name in the table": (b"/log/a 8 5", b"/log/c 8 5"),
+    "another type": (b"/log/a 8 5 1 1 double", b"/log/a 8 5 1 1 int64"),
+    "a type that isn't": (b"/log/a 8 5 1 1 double", b"/log/a 8 5 1 1 dowble"),
+    "samples without time stamps": (b"/log/a 8 5 1 1", b"/log/a 8 5 7 1"),
+    "a divider of 0": (b"/log/a 8 5 1 1", b"/log/a 8 5 0 1"),
+    "a looping flag of 2": (b"/log/a 8 5 1 1", b"/log/a 8 5 1 2"),
+    "other time stamps": (b"time_ns 8 5", b"time_ns 4 5"),
+    "another number of lines": (b"Elements: \n7\n", b"Elements: \n8\n"),
+    "facts that are none": (b'# silo element {"name":"/log/a"', b'# silo element {"nome":"/log/a"'),
+    "a byte that is no text": (b"/log/a 8 5", b"/log/\xff 8 5"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_header_that_is_not_as_silo_writes_it_is_left_to_the_careful_reader(change, plan, recorded, tmp_path):
+    path = tmp_path / "x.silo"
+    write_silo(recorded([plan("/log/a"), plan("/log/v", "<f4", "vector"), plan("/log/b")], 5), path)
+    data = path.read_bytes()
+    old, new = CHANGES[change]
+    assert data.count(old) == 1
+    path.write_bytes(sealed(data.replace(old, new)))
+    assert whole(path) is None
+    assert len(read_silo(path).elements) >= 2
+
+
+def test_a_file_with_bytes_more_or_less_is_left_to_the_careful_reader(plan, recorded, tmp_path):
+    path = tmp_path / "x.silo"
+    write_silo(recorded([plan("/log/a")], 5), path)
+    data = path.read_bytes()
+    for changed in (data + b"1", data[:-1], data[:-8]):
+        path.write_bytes(changed)
+        assert whole(path) is None
+
+
+def test_a_header_longer_than_the_pieces_in_which_it_is_read_is_found(plan, recorded, tmp_path):
+    path = tmp_path / "x.silo"
+    # over every place at which the last line of the header can be cut by the end of a piece
+    for length in range(0, 64, 3):
+        name = "/log/" + "a" * (65_536 // 3 - 420 + length)
+        write_silo(recorded([plan(name)], 2), path)
+        assert [element.name for element in whole(path).elements] == [name]
+
+
+def test_the_files_of_the_original_are_read_by_the_careful_reader(fixtures_folder):
+    assert whole(fixtures_folder / "looping_wrapped.silo") is None
