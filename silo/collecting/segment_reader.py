@@ -137,6 +137,13 @@ class SegmentReader:
         """Let go of the file. Arrays that were handed out stay valid."""
         self._file.close()
 
+    def release_pages(self) -> None:
+        """Let go of the memory pages that were read; they are mapped again when they are read again.
+
+        A reader that follows a ring for long would otherwise count the whole segment as its own memory.
+        """
+        self._map.madvise(mmap.MADV_DONTNEED)
+
     # ------------------------------------------------------------------------------------------------ state
 
     def _control_word(self, word: Control) -> int:
