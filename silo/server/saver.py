@@ -10,6 +10,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SiloError
 from silo.ipc.messages import EventKind, LinkSaved, Refused, RefusedWhy, Save, SavedFile, SaveStarted
 from silo.server.events import Events
+from silo.server.memory import give_back
 from silo.server.mirror import Mirror
 from silo.server.robot import Robot
 
@@ -110,6 +111,7 @@ class Saver:
             # whatever a writer does, the next save gets its chance, and whoever waits for this one hears of it
             log.exception("save %d failed", job.number)
             self._failed(job, f"{type(error).__name__}: {error}", [])
+        give_back()
         return True
 
     def _do(self, job: _Job) -> None:
