@@ -16,6 +16,7 @@ from textual.widgets.option_list import Option
 from silo_tui.model.table import PendingChange
 
 MAX_LINES = 400
+BORDER_AND_TITLE_ROWS = 5
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,11 @@ class Question(ModalScreen[str | None]):
         """The first choice has the focus."""
         self.query_one(OptionList).focus()
         self.query_one(OptionList).highlighted = 0
+
+    def on_resize(self, event: events.Resize) -> None:
+        """A long body scrolls: the choices are always on the screen."""
+        room = event.size.height * 9 // 10 - len(self._choices) - BORDER_AND_TITLE_ROWS
+        self.query_one(".dialog-body").styles.max_height = max(3, room)
 
     def on_key(self, event: events.Key) -> None:
         """A choice by its key; the screen below must not get it too."""

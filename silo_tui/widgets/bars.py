@@ -147,6 +147,8 @@ class InfoLine(Widget):
             parts.append(self._said)
         if not parts and len(rows.shown):
             parts.append(f"{rows.position + 1} of {len(rows.shown)}")
+        while self._said and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
+            parts.pop(0)  # what was said last is read whole
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
 
 
@@ -168,6 +170,8 @@ class MonitorLine(Widget):
         words = self._words()
         if words:
             parts.append(words)
+        while self._said and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
+            parts.pop(0)  # what was said last is read whole
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
 
 

@@ -235,3 +235,16 @@ async def test_a_picture_of_the_screen_is_an_svg(fake, opened, tmp_path):
         await screen.press("enter")
         await screen.shows("picture of the screen")
         assert "<svg" in (tmp_path / "x.svg").read_text()
+
+
+async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, opened):
+    async with opened(fake, size=(80, 24)) as screen:
+        await screen.press("*", "d", "5", "enter", "a")
+        await screen.shows("Keep them pending")
+        await screen.shows("Discard all edits")
+
+
+async def test_what_was_said_last_is_read_whole_on_a_small_screen(fake, opened):
+    async with opened(fake, size=(80, 24)) as screen:
+        await screen.press("*", "d", "5", "enter", "d", "0", "enter")
+        await screen.shows("2147483647")
