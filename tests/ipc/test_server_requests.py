@@ -200,24 +200,23 @@ def test_message_beyond_every_limit_is_not_taken_in(bench, client, raw) -> None:
     assert client.status().helper_pid == bench.serving.helper_pid
 
 
-@pytest.mark.parametrize(
-    "request_",
-    [
-        OpenView(view="../x", values=["/log/x"]),
-        OpenView(view="a-1", values=["/log/x"], rate_hz=float("nan")),
-        OpenView(view="a-1", values=["/log/x"], rate_hz=-1.0),
-        OpenView(view="a-1", plots=["/log/x"], column_ns=0),
-        OpenView(view="a-1", values=["x"] * 20_001),
-        GetHistory(names=[], start_ns=0, end_ns=10, column_ns=1),
-        GetHistory(names=["/log/x"], start_ns=0, end_ns=10**18, column_ns=1_000),
-        GetHistory(names=["/log/x"], start_ns=10, end_ns=0, column_ns=1_000),
-        GetHistory(names=["/log/x"], start_ns=0, end_ns=10, column_ns=-5),
-    ],
-    ids=repr,
-)
-def test_absurd_wishes_are_refused(raw, request_) -> None:
-    (answer,) = raw(msgspec.msgpack.encode(request_))
-    assert (answer["type"], answer["why"]) == ("Refused", "invalid")
+ABSURD = [
+    OpenView(view="../x", values=["/log/x"]),
+    OpenView(view="a-1", values=["/log/x"], rate_hz=float("nan")),
+    OpenView(view="a-1", values=["/log/x"], rate_hz=-1.0),
+    OpenView(view="a-1", plots=["/log/x"], column_ns=0),
+    OpenView(view="a-1", values=["x"] * 20_001),
+    GetHistory(names=[], start_ns=0, end_ns=10, column_ns=1),
+    GetHistory(names=["/log/x"], start_ns=0, end_ns=10**18, column_ns=1_000),
+    GetHistory(names=["/log/x"], start_ns=10, end_ns=0, column_ns=1_000),
+    GetHistory(names=["/log/x"], start_ns=0, end_ns=10, column_ns=-5),
+]
+
+
+def test_absurd_wishes_are_refused(raw) -> None:
+    for wish in ABSURD:
+        (answer,) = raw(msgspec.msgpack.encode(wish))
+        assert (answer["type"], answer["why"]) == ("Refused", "invalid"), wish
 
 
 def test_name_of_a_client_can_not_steer_a_terminal(raw, heard, bench) -> None:

@@ -99,13 +99,13 @@ def test_saving_into_a_missing_folder_is_refused(client) -> None:
 ESCAPES = ["../a.yaml", "/etc/a.yaml", "x/../../a.yaml", "link.yaml", "folder/a.yaml", "a\x00.yaml", "a\n.yaml"]
 
 
-@pytest.mark.parametrize("path", [*ESCAPES, "a.txt", "a", ".", "y" * 2000 + ".yaml"], ids=ascii)
-def test_paths_that_clients_may_not_use(bench, client, tmp_path, path) -> None:
+def test_paths_that_clients_may_not_use(bench, client, tmp_path) -> None:
     (tmp_path / "a.yaml").write_text(SCRIPT)
     (bench.script.parent / "link.yaml").symlink_to(tmp_path / "a.yaml")
     (bench.script.parent / "folder").symlink_to(tmp_path)
-    for call in (client.read_script, client.diff_script, client.load_script, client.save_script):
-        assert refused(call, path) in (RefusedWhy.FORBIDDEN, RefusedWhy.INVALID)
+    for path in [*ESCAPES, "a.txt", "a", ".", "y" * 2000 + ".yaml"]:
+        for call in (client.read_script, client.diff_script, client.load_script, client.save_script):
+            assert refused(call, path) in (RefusedWhy.FORBIDDEN, RefusedWhy.INVALID), path
     assert (tmp_path / "a.yaml").read_text() == SCRIPT
 
 
