@@ -289,18 +289,16 @@ class SegmentReader:
         if not ORDERED_STORES:
             self.alive()  # of a writer that was killed, the newest row counts too
         ticks = self.ticks
+        saved = [element for element in schema.elements if element.info.options.action.saves]
+        due = {element.ring: -(-ticks // element.info.options.divider) for element in saved}
+        looping = [ring for ring in due if schema.rings[ring].buffer_type is BufferType.LOOPING]
+        # what is being overwritten comes first: a growing buffer of 100 MB takes longer than a looping one has to spare
+        copies = {ring: self.rows(ring, self._oldest_wanted(ring, due[ring])) for ring in looping}
         stamps = self._time_stamps(ticks)
         first_tick = ticks - len(stamps)
-        elements: list[RecordedElement] = []
-        copies: dict[int, Rows] = {}
-        for element in schema.elements:
-            options = element.info.options
-            if not options.action.saves:
-                continue
-            due = -(-ticks // options.divider)
-            if element.ring not in copies:
-                copies[element.ring] = self.rows(element.ring, self._oldest_wanted(element.ring, due))
-            elements.append(self._recorded(element, copies[element.ring], due, first_tick))
+        for ring in due.keys() - copies.keys():
+            copies[ring] = self.rows(ring, 0, due[ring])
+        elements = [self._recorded(element, copies[element.ring], due[element.ring], first_tick) for element in saved]
         return Recording(
             logger=schema.logger,
             time_ns=stamps,
