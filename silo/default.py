@@ -67,10 +67,12 @@ def restart() -> None:
 
 
 def save(
-    types: Iterable[FileType | str] | FileType | str = (FileType.SILO,), name: str | None = None
+    types: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+    name: str | None = None,
+    folder: str | os.PathLike[str] | None = None,
 ) -> list[SavedFile]:
     """`Logger.save` of the default logger."""
-    return _default.save(types, name)
+    return _default.save(types, name, folder)
 
 
 def serve(*, group: str | None = None, config: str | os.PathLike[str] | None = None) -> Any:

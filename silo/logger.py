@@ -10,6 +10,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -215,11 +216,15 @@ class Logger(Configuration):
             return self._new_values.read(self._run.reader, info.name)
 
     def save(
-        self, types: Iterable[FileType | str] | FileType | str = (FileType.SILO,), name: str | None = None
+        self,
+        types: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        name: str | None = None,
+        folder: str | os.PathLike[str] | None = None,
     ) -> list[SavedFile]:
-        """Save what the buffers hold to files in the logger's folder; collection goes on and nothing is emptied.
+        """Save what the buffers hold to files; collection goes on and nothing is emptied.
 
         types: `"silo"`, `"csv"`, `"bag"`. name: a file name without ending, instead of `<logger>_<date>_<run number>`.
+        folder: where to, instead of the logger's folder (should that be full, or not be there).
         Served loggers save in their helper process. Raises SaveError (nothing stands under the final name, the data is
         still in memory), StateError before the first start.
         """
@@ -230,11 +235,11 @@ class Logger(Configuration):
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
         ticks = run.segment.ticks
         if self._serving is not None and self._serving.alive:
-            saved = self._serving.save(chosen, name or "")
+            saved = self._serving.save(chosen, name or "", str(Path(folder).resolve()) if folder else "")
         else:
             from silo.files import write
 
-            saved = write(self.snapshot(), self.options.folder, self.options.name, chosen, name)
+            saved = write(self.snapshot(), folder or self.options.folder, self.options.name, chosen, name)
         with self._lock:
             if run is self._run:  # else it was started anew meanwhile
                 self._saved_ticks = max(self._saved_ticks, ticks)

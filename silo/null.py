@@ -138,7 +138,10 @@ class NullLogger:
         return NewValues(np.empty(0, np.int64), np.empty(0), 0)
 
     def save(
-        self, types: Iterable[FileType | str] | FileType | str = (FileType.SILO,), name: str | None = None
+        self,
+        types: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        name: str | None = None,
+        folder: str | os.PathLike[str] | None = None,
     ) -> list[SavedFile]:
         """Write nothing; no files."""
         return []

@@ -277,13 +277,14 @@ class Serving:
             if self.alive:
                 os.eventfd_write(self._wake, 1)
 
-    def save(self, types: list[FileType], name: str) -> list[SavedFile]:
+    def save(self, types: list[FileType], name: str, folder: str = "") -> list[SavedFile]:
         """Save in the helper process; waits without holding the GIL. Raises SaveError."""
         number = next(self._numbers)
         started: concurrent.futures.Future[SaveFuture] = concurrent.futures.Future()
         self._replies[number] = started
         try:
-            self._send(LinkRequest(number, Save(types=types, name=name, client="the robot program")))
+            request = Save(types=types, name=name, folder=folder, client="the robot program")
+            self._send(LinkRequest(number, request))
         except OSError as error:
             raise SaveError("the helper process died before it could save: call save() again") from error
         return started.result().result()

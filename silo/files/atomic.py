@@ -38,7 +38,7 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
         raise
     except OSError as error:
         _remove(part)
-        raise SaveError(f"can't save '{final}': {reason(error)}; nothing was left under that name") from error
+        raise _refused(final, error) from error
     except BaseException:
         _remove(part)
         raise
@@ -67,7 +67,7 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise
     except OSError as error:
         _remove(part)
-        raise SaveError(f"can't save '{final}': {reason(error)}; nothing was left under that name") from error
+        raise _refused(final, error) from error
     except BaseException:
         _remove(part)
         raise
@@ -87,8 +87,26 @@ def write_all(file_descriptor: int, buffers: list[memoryview], offset: int) -> N
 
 
 def reason(error: OSError) -> str:
-    """Why the system refused, in words that help: `No space left on device`."""
+    """Why the system refused: `No space left on device`."""
     return error.strerror or str(error)
+
+
+def _refused(final: Path, error: OSError) -> SaveError:
+    """What failed, why, and the way out."""
+    advice = "choose another folder"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        advice = f"{_free(final.parent)}make room or choose another folder"
+    elif error.errno == errno.EFBIG:
+        advice = "raise the limit of this process for files (`ulimit -f`) or choose another folder"
+    elif error.errno == errno.ENAMETOOLONG:
+        advice = "choose a shorter name"
+    return SaveError(f"can't save '{final}': {reason(error)}; {advice}; nothing was left under that name")
+
+
+def _free(folder: Path) -> str:
+    with suppress(OSError):
+        return f"{shutil.disk_usage(folder).free / 1e6:.0f} MB are free in '{folder}': "
+    return ""
 
 
 def _temporary_name(final: Path) -> Path:

@@ -74,7 +74,7 @@ def check_name(name: str) -> str:
     elif len(name.encode("utf-8")) > 200:
         problem = f"it has {len(name.encode('utf-8'))} bytes, 200 are possible"
     if problem:
-        raise SaveError(f"{name!r} can't be the name of a log: {problem}")
+        raise SaveError(f"{name!r} can't be the name of a log: {problem}; choose a name like 'first_walk'")
     return name
 
 

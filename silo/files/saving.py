@@ -45,7 +45,9 @@ def write(
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SaveError(f"can't make the folder '{folder}': {reason(error)}; choose another one") from error
+        raise SaveError(
+            f"can't make the folder '{folder}': {reason(error)}; choose another one; the log is still in memory"
+        ) from error
     paths = _paths(Path(folder), logger, chosen, name)
     saved: list[SavedFile] = []
     failed: list[str] = []
@@ -58,7 +60,7 @@ def write(
             failed.append(str(error))
     if failed:
         rest = f"; saved: {', '.join(file.path for file in saved)}" if saved else ""
-        raise PartlySavedError("; ".join(failed) + rest, saved)
+        raise PartlySavedError(f"{'; '.join(failed)}; the log is still in memory{rest}", saved)
     return saved
 
 

@@ -186,11 +186,13 @@ class Restart(Request, frozen=True):
 class Save(Request, frozen=True):
     """Save the data in the helper process. Answered by `SaveStarted` at once; progress and result come as events.
 
-    `name` replaces the usual file name (a plain name: no `/`, no leading dot).
+    `name` replaces the usual file name (a plain name: no `/`, no leading dot). `folder` (absolute) replaces the
+    logger's own; only the robot program may choose it.
     """
 
     types: list[FileType]
     name: str = ""
+    folder: str = ""
 
 
 class LoadScript(Request, frozen=True):

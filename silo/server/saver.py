@@ -59,7 +59,13 @@ class Saver:
         self._jobs.join()
 
     def prepare(self, request: Save, *, for_robot: bool = False) -> "_Job | Refused":
-        """A job for `submit`, or why it can't be done."""
+        """A job for `submit`, or why it can't be done, which all clients are told."""
+        job = self._prepared(request, for_robot)
+        if isinstance(job, Refused):
+            self._events.tell(EventKind.SAVE_FAILED, job.text, by=request.client)
+        return job
+
+    def _prepared(self, request: Save, for_robot: bool) -> "_Job | Refused":
         from silo.files.naming import check_name
 
         types = list(dict.fromkeys(request.types))
@@ -80,7 +86,8 @@ class Saver:
             self._number += 1
             number = self._number
         checked = Save(types=types, name=request.name, client=request.client)
-        return _Job(number, checked, reader, robot.folder, robot.logger, robot.segment, for_robot)
+        folder = request.folder if for_robot and request.folder else robot.folder
+        return _Job(number, checked, reader, folder, robot.logger, robot.segment, for_robot)
 
     def submit(self, job: _Job) -> None:
         """Has a job done."""

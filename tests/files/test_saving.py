@@ -146,7 +146,9 @@ def fail_writing(monkeypatch, error):
 
 def test_a_full_disk_is_told_and_leaves_nothing(recording, tmp_path, monkeypatch):
     fail_writing(monkeypatch, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
-    with pytest.raises(SaveError, match=r"x\.silo': No space left on device; nothing was left"):
+    with pytest.raises(
+        SaveError, match=r"x\.silo': No space left on device; .* make room or choose another folder; nothing was left"
+    ):
         silo_writer.write_silo(recording, tmp_path / "x.silo")
     assert names(tmp_path) == []
 
