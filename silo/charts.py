@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from silo.calculus import Floats, derivative, spectrum
 from silo.errors import ElementError
-from silo.picking import Floats, Picked, derivative, pick, spectrum, window
+from silo.picking import Picked, pick, window
 from silo.plotting import Chart, Curve
 from silo.recording import Recording
 

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.arithmetic import aligned
 from silo.errors import ElementError
 from silo.files.extras import need
-from silo.signals import Signal, aligned
+from silo.signals import Signal
 
 _WHAT = "rotations"
 

@@ -13,9 +13,10 @@ from typing import Any, Literal, TypeAlias, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from silo import picking
+from silo import calculus
+from silo.arithmetic import combined, wide
 from silo.errors import ElementError
-from silo.units import product, quotient, unit_of
+from silo.units import product, quotient
 
 Operand: TypeAlias = Union["Signal", float, int, NDArray[Any]]
 
@@ -178,16 +179,12 @@ class Signal:
 
     def derivative(self) -> "Signal":
         """Change per second, by central differences over the real time stamps."""
-        columns = [picking.derivative(self.times, column) for column in self._columns("differentiate")]
+        columns = [calculus.derivative(self.times, column) for column in self._columns("differentiate")]
         return self._with(columns, quotient(self.unit, "s"), f"d({self.name})")
 
     def integral(self) -> "Signal":
         """Area under the signal since its first sample, by trapezoids; a NaN sample adds nothing."""
-        steps = np.diff(self.times)
-        columns = []
-        for column in self._columns("integrate"):
-            areas = np.nan_to_num((column[1:] + column[:-1]) / 2 * steps, nan=0.0)
-            columns.append(np.concatenate([np.zeros(min(1, len(column))), np.cumsum(areas)]))
+        columns = [calculus.integral(self.times, column) for column in self._columns("integrate")]
         return self._with(columns, product(self.unit, "s"), f"integral({self.name})")
 
     def spectrum(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -195,7 +192,7 @@ class Signal:
 
         Hann window, mean taken out, samples put on an even grid first; fewer than 4 samples have none.
         """
-        found = [picking.spectrum(self.times, column) for column in self._columns("take the spectrum of")]
+        found = [calculus.spectrum(self.times, column) for column in self._columns("take the spectrum of")]
         if not found:
             return np.zeros(0), np.zeros(0)
         if len({len(frequencies) for frequencies, _ in found}) > 1:
@@ -212,37 +209,37 @@ class Signal:
     # ------------------------------------------------------------------------------------------------------ arithmetic
 
     def __add__(self, other: Operand) -> "Signal":
-        return self._binary(other, operator.add, "+")
+        return combined(self, other, operator.add, "+")
 
     def __radd__(self, other: Operand) -> "Signal":
-        return self._binary(other, operator.add, "+", swapped=True)
+        return combined(self, other, operator.add, "+", swapped=True)
 
     def __sub__(self, other: Operand) -> "Signal":
-        return self._binary(other, operator.sub, "-")
+        return combined(self, other, operator.sub, "-")
 
     def __rsub__(self, other: Operand) -> "Signal":
-        return self._binary(other, operator.sub, "-", swapped=True)
+        return combined(self, other, operator.sub, "-", swapped=True)
 
     def __mul__(self, other: Operand) -> "Signal":
-        return self._binary(other, operator.mul, "*")
+        return combined(self, other, operator.mul, "*")
 
     def __rmul__(self, other: Operand) -> "Signal":
-        return self._binary(other, operator.mul, "*", swapped=True)
+        return combined(self, other, operator.mul, "*", swapped=True)
 
     def __truediv__(self, other: Operand) -> "Signal":
-        return self._binary(other, operator.truediv, "/")
+        return combined(self, other, operator.truediv, "/")
 
     def __rtruediv__(self, other: Operand) -> "Signal":
-        return self._binary(other, operator.truediv, "/", swapped=True)
+        return combined(self, other, operator.truediv, "/", swapped=True)
 
     def __pow__(self, exponent: float) -> "Signal":
-        return self._binary(exponent, operator.pow, "**")
+        return combined(self, exponent, operator.pow, "**")
 
     def __neg__(self) -> "Signal":
-        return replace(self, name=f"-{self.name}", values=-_wide(self), labels={})
+        return replace(self, name=f"-{self.name}", values=-wide(self), labels={})
 
     def __abs__(self) -> "Signal":
-        return replace(self, name=f"abs({self.name})", values=np.abs(_wide(self)), labels={})
+        return replace(self, name=f"abs({self.name})", values=np.abs(wide(self)), labels={})
 
     # ufuncs of arrays must leave `array * signal` to the signal
     __array_ufunc__ = None
@@ -272,6 +269,12 @@ class Signal:
         from silo.frames import inverse
 
         return inverse(self)
+
+    def numbers(self, purpose: str) -> NDArray[Any]:
+        """The values, bools as int64. Raises `ElementError`, which names the purpose, where they are no numbers."""
+        if self.values.dtype.kind not in "biufc":
+            raise ElementError(f"can't {purpose} '{self.name}': its values are no numbers ({self.dtype})")
+        return self.values.astype(np.int64) if self.values.dtype.kind == "b" else self.values
 
     def to_numpy(self) -> NDArray[Any]:
         """The values, without a copy where they stand together in the file."""
@@ -328,7 +331,7 @@ class Signal:
     def _statistic(
         self, function: Callable[..., Any], start_s: float | None, stop_s: float | None, exact: bool = False
     ) -> Any:
-        values = self._numbers("take statistics of")[self._window(start_s, stop_s)]
+        values = self.numbers("take statistics of")[self._window(start_s, stop_s)]
         if not len(values):
             low = "its start" if start_s is None else f"{start_s:g} s"
             high = "its end" if stop_s is None else f"{stop_s:g} s"
@@ -346,13 +349,8 @@ class Signal:
             return "it has no sample"
         return f"it has samples from {self.times[0]:g} to {self.times[-1]:g} s"
 
-    def _numbers(self, purpose: str) -> NDArray[Any]:
-        if self.values.dtype.kind not in "biufc":
-            raise ElementError(f"can't {purpose} '{self.name}': its values are no numbers ({self.dtype})")
-        return self.values.astype(np.int64) if self.values.dtype.kind == "b" else self.values
-
     def _columns(self, purpose: str) -> list[NDArray[np.float64]]:
-        values = self._numbers(purpose)
+        values = self.numbers(purpose)
         if values.dtype.kind == "c":
             raise ElementError(f"can't {purpose} complex '{self.name}': take .component('real') or ('imag')")
         flat = values.reshape(len(self), -1) if len(self) else values.reshape(0, max(1, len(self.components)))
@@ -361,54 +359,3 @@ class Signal:
     def _with(self, columns: list[NDArray[np.float64]], unit: str, name: str) -> "Signal":
         values = np.stack(columns, axis=-1).reshape(self.values.shape)
         return replace(self, name=name, values=values, unit=unit, labels={})
-
-    def _binary(
-        self, other: Operand, function: Callable[[Any, Any], Any], sign: str, swapped: bool = False
-    ) -> "Signal":
-        base, unit, shown = self, self.unit, str(other)
-        mine, theirs = _wide(self), other
-        if isinstance(other, Signal):
-            base, left, right = aligned(self, other)
-            mine, theirs, shown = _wide(left), _wide(right), other.name
-            mine, theirs = _broadcast(mine, theirs)
-            unit = unit_of(self.unit, other.unit, sign)
-        elif sign == "/" and swapped:
-            unit = quotient("-", self.unit)
-        elif sign == "**":
-            unit = "-" if self.unit == "-" else f"{self.unit}^{shown}"
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            values = function(theirs, mine) if swapped else function(mine, theirs)
-        name = f"({shown} {sign} {self.name})" if swapped else f"({self.name} {sign} {shown})"
-        made = self if values.ndim == self.values.ndim or not isinstance(other, Signal) else other
-        return replace(made, name=name, values=values, time_ns=base.time_ns, divider=base.divider, unit=unit, labels={})
-
-
-def _wide(signal: Signal) -> NDArray[Any]:
-    """The values in a type that doesn't wrap around: small integers and bools as int64."""
-    values = signal._numbers("calculate with")
-    if values.dtype.kind == "u" and values.dtype.itemsize == 8:
-        return values.astype(np.float64)
-    return values.astype(np.int64) if values.dtype.kind in "iu" else values
-
-
-def aligned(one: Signal, other: Signal) -> tuple[Signal, Signal, Signal]:
-    """Both at the stamps of the faster one, and that one; stamps at which the other has no value yet are left out."""
-    if np.array_equal(one.time_ns, other.time_ns):
-        return one, one, other
-    fast, slow = (one, other) if _step(one) <= _step(other) else (other, one)
-    held = slow.resample(fast)
-    fast = replace(fast, values=fast.values[len(fast) - len(held) :], time_ns=held.time_ns)
-    return fast, *((fast, held) if slow is other else (held, fast))
-
-
-def _step(signal: Signal) -> float:
-    return float(np.median(np.diff(signal.time_ns))) if len(signal) > 1 else float("inf")
-
-
-def _broadcast(one: NDArray[Any], other: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """A scalar signal meets each component of a vector or matrix."""
-    dimensions = max(one.ndim, other.ndim)
-    return (
-        one.reshape(one.shape + (1,) * (dimensions - one.ndim)),
-        other.reshape(other.shape + (1,) * (dimensions - other.ndim)),
-    )

@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.calculus import derivative, spectrum
 from silo.charts import Wish, make_chart
 from silo.errors import ElementError, SiloError
 from silo.model import BufferType, Entry
-from silo.picking import derivative, pick, spectrum
+from silo.picking import pick
 from silo.plotting import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
