@@ -239,6 +239,8 @@ class Serving:
 
     def _helper_died(self) -> None:
         """Start a new helper; its predecessor may have been killed. The control loop notices nothing."""
+        if not self.alive:
+            return  # it ended because the logger is being closed
         self._socket.close()
         self._process.kill()
         code = self._process.wait()
@@ -302,15 +304,15 @@ class Serving:
             return
         with self._waking:
             self.alive = False
+        os.eventfd_write(self._wake, 1)
+        if self._thread is not threading.current_thread():
+            self._thread.join()  # the goodbye goes to the helper that is there then
+            os.close(self._wake)
         if say_goodbye:
             try:
                 self._send(Goodbye())
             except OSError:
                 log.info("%s: the helper process was gone already", self._logger.options.name)
-        os.eventfd_write(self._wake, 1)
-        if self._thread is not threading.current_thread():
-            self._thread.join()
-            os.close(self._wake)
         self._socket.close()
         self._fail_pending(ConnectionLostError("the logger was closed meanwhile"))
         if say_goodbye:
