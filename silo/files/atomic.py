@@ -105,7 +105,7 @@ def _refused(final: Path, error: OSError) -> SaveError:
 
 def _free(folder: Path) -> str:
     with suppress(OSError):
-        return f"{shutil.disk_usage(folder).free / 1e6:.0f} MB are free in '{folder}': "
+        return f"{shutil.disk_usage(folder).free / 1e6:.1f} MB are free in '{folder}': "
     return ""
 
 

@@ -5,21 +5,26 @@ A robot program, its helper process, clients and commands, each a process or a s
 
 import os
 import resource
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import silo
 from silo.collecting.runtime import shared_memory_root
+from silo.collecting.schema import RingSchema
+from silo.collecting.segment_reader import SegmentReader
 from silo.errors import RefusedError, SaveError
 from silo.ipc.client import Client
 from silo.ipc.messages import EventKind
-from silo.model import FileType
+from silo.model import BufferType, FileType
 
 PROGRAM = Path(__file__).with_name("saving_robot.py")
 LARGE, SMALL = 7000, 50  # ticks: 100 MB, or next to nothing
@@ -80,9 +85,6 @@ def saved_by_client(robot: Robot, client: Client, name: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def large_runtime() -> Iterator[Path]:
-    import shutil
-    import tempfile
-
     folder = Path(tempfile.mkdtemp(prefix="silo-test-", dir=shared_memory_root()))
     yield folder
     shutil.rmtree(folder, ignore_errors=True)
@@ -187,6 +189,28 @@ def test_all_ticks_of_a_robot_that_saves_are_logged(small) -> None:
         small.asked(f"save silo n{number} -")
     ticks, lost, turns = map(int, small.asked("end").split())
     assert (ticks, lost) == (turns, 0)
+
+
+def test_a_growing_buffer_that_takes_long_to_copy_costs_the_looping_ones_nothing(new_logger, monkeypatch) -> None:
+    log = new_logger(frequency=100, max_time=0)
+    log.array("a_grows", 3, buffer_type=BufferType.GROWING)
+    log.array("loops", 3, buffer_size=50)
+    log.start()
+    for _ in range(100):
+        log.collect()
+    copy = SegmentReader._copy
+
+    def copy_slowly(reader: SegmentReader, ring: RingSchema, begin: int, end: int) -> NDArray[np.uint64]:
+        if ring.buffer_type is BufferType.GROWING:
+            for _ in range(500):
+                log.collect()
+        return copy(reader, ring, begin, end)
+
+    monkeypatch.setattr(SegmentReader, "_copy", copy_slowly)
+    recording = log.snapshot()
+    assert log.ticks > 500
+    assert (recording.offset, recording.warnings) == (100, ())
+    assert {element.name: element.count for element in recording.elements} == {"/log/a_grows": 100, "/log/loops": 50}
 
 
 # ------------------------------------------------------------------------------------------------- saves that fail
