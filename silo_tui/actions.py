@@ -42,7 +42,8 @@ _KEY_TEXTS = {
     "slash": "/", "asterisk": "*", "question_mark": "?", "colon": ":", "equals_sign": "=",
     "escape": "Esc", "enter": "Enter",
     "space": "space", "up": "↑", "down": "↓", "left": "←", "right": "→", "plus": "+", "minus": "-", "underscore": "_",
-    "pageup": "PgUp", "pagedown": "PgDn", "home": "Home", "end": "End", "full_stop": ".", "tab": "Tab",
+    "pageup": "PgUp", "pagedown": "PgDn", "home": "Home", "end": "End", "full_stop": ".", "tab": "Tab", "comma": ",",
+    "circumflex_accent": "^", "dollar_sign": "$",
     "shift+left": "⇧←", "shift+right": "⇧→", "ctrl+r": "^r", "ctrl+p": "^p", "ctrl+d": "^d", "ctrl+u": "^u",
     "ctrl+l": "^l", "ctrl+q": "^q",
 }  # fmt: skip
@@ -52,23 +53,32 @@ _MONITOR = ("monitor",)
 _DETAIL = ("detail",)
 _LOGGERS = ("loggers",)
 _BOTH = ("table", "monitor")
+# the same screens on a file: what changes a logger has no place there
+_FILE = ("file",)
+_FILE_MONITOR = ("file_monitor",)
+_FILE_DETAIL = ("file_detail",)
+_TABLES = _TABLE + _FILE
+_MONITORS = _MONITOR + _FILE_MONITOR
+_DETAILS = _DETAIL + _FILE_DETAIL
+_FILE_PLOTS = _FILE_MONITOR + _FILE_DETAIL
+FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL
 
 DEEDS: tuple[Deed, ...] = (
     # ------------------------------------------------------------------------------------------------- moving
-    Deed("down", "j,down", "Down", "next element", "Move", _TABLE),
-    Deed("up", "k,up", "Up", "previous element", "Move", _TABLE),
-    Deed("top", "g,home", "Top", "first element", "Move", _TABLE),
-    Deed("bottom", "G,end", "Bottom", "last element", "Move", _TABLE),
-    Deed("half_down", "ctrl+d,pagedown", "Page down", "half a page down", "Move", _TABLE),
-    Deed("half_up", "ctrl+u,pageup", "Page up", "half a page up", "Move", _TABLE),
+    Deed("down", "j,down", "Down", "next element", "Move", _TABLES),
+    Deed("up", "k,up", "Up", "previous element", "Move", _TABLES),
+    Deed("top", "g,home", "Top", "first element", "Move", _TABLES),
+    Deed("bottom", "G,end", "Bottom", "last element", "Move", _TABLES),
+    Deed("half_down", "ctrl+d,pagedown", "Page down", "half a page down", "Move", _TABLES),
+    Deed("half_up", "ctrl+u,pageup", "Page up", "half a page up", "Move", _TABLES),
     Deed("left", "h,left", "Field left", "previous field", "Move", _TABLE),
     Deed("right", "l,right", "Field right", "next field", "Move", _TABLE),
     # ------------------------------------------------------------------------------------------ finding, marking
-    Deed("filter", "slash", "Filter", "show only some elements", "Find and mark", _TABLE, 2),
-    Deed("mark", "space", "Mark", "mark or unmark, and move on", "Find and mark", _TABLE, 1),
-    Deed("mark_shown", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Find and mark", _TABLE, 13),
-    Deed("range", "V", "Range", "begin a range, move, V again to mark it", "Find and mark", _TABLE),
-    Deed("sort", "o", "Order", "sort by the next column", "Find and mark", _TABLE),
+    Deed("filter", "slash", "Filter", "show only some elements", "Find and mark", _TABLES, 2),
+    Deed("mark", "space", "Mark", "mark or unmark, and move on", "Find and mark", _TABLES, 1),
+    Deed("mark_shown", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Find and mark", _TABLES, 13),
+    Deed("range", "V", "Range", "begin a range, move, V again to mark it", "Find and mark", _TABLES),
+    Deed("sort", "o", "Order", "sort by the next column", "Find and mark", _TABLES),
     # ------------------------------------------------------------------------------------------------- editing
     Deed("edit", "e,enter", "Edit", "edit the field under the cursor in place", "Edit", _TABLE, 3, writes=True),
     Deed("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 4, writes=True),
@@ -90,31 +100,44 @@ DEEDS: tuple[Deed, ...] = (
     Deed("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE),
     # ------------------------------------------------------------------------------------------------- looking
     Deed("monitor", "m", "Monitor", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7),
-    Deed("inspector", "i", "Inspector", "show or hide the pane on the right", "Look", _TABLE),
-    Deed("plot_down", "j,down", "Next", "next plot", "Plots", _MONITOR),
-    Deed("plot_up", "k,up", "Previous", "previous plot", "Plots", _MONITOR),
+    Deed("inspector", "i", "Inspector", "show or hide the pane on the right", "Look", _TABLES),
+    Deed("plot_down", "j,down", "Next", "next plot", "Plots", _MONITORS),
+    Deed("plot_up", "k,up", "Previous", "previous plot", "Plots", _MONITORS),
     Deed("plot_top", "g,home", "First", "first plot", "Plots", _MONITOR),
     Deed("plot_bottom", "G,end", "Last", "last plot", "Plots", _MONITOR),
     Deed("pause", "space,p", "Pause", "hold the picture; the logger goes on", "Plots", _MONITOR, 1),
-    Deed("closer", "plus,equals_sign", "Shorter", "shorter time span", "Plots", _MONITOR, 2, shown_key="+"),
-    Deed("wider", "minus", "Longer", "longer time span", "Plots", _MONITOR, 3),
-    Deed("cursor_left", "h,left", "Cursor", "cursor to the left", "Plots", _MONITOR, 4, shown_key="←→"),
-    Deed("cursor_right", "l,right", "Cursor right", "cursor to the right", "Plots", _MONITOR),
-    Deed("cursor_far_left", "shift+left,H", "Far left", "cursor ten to the left", "Plots", _MONITOR),
-    Deed("cursor_far_right", "shift+right,L", "Far right", "cursor ten to the right", "Plots", _MONITOR),
-    Deed("scale", "y", "Y scale", "hold the y scale, or let it follow", "Plots", _MONITOR, 5),
-    Deed("detail", "enter,d", "Detail", "one large plot with axes", "Plots", _MONITOR, 6),
-    Deed("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITOR, 10),
+    Deed("closer", "plus,equals_sign", "Shorter", "shorter time span", "Plots", _MONITORS, 2, shown_key="+"),
+    Deed("wider", "minus", "Longer", "longer time span", "Plots", _MONITORS, 3),
+    Deed("cursor_left", "h,left", "Cursor", "cursor to the left", "Plots", _MONITORS, 4, shown_key="←→"),
+    Deed("cursor_right", "l,right", "Cursor right", "cursor to the right", "Plots", _MONITORS),
+    Deed("cursor_far_left", "shift+left,H", "Far left", "cursor ten to the left", "Plots", _MONITORS),
+    Deed("cursor_far_right", "shift+right,L", "Far right", "cursor ten to the right", "Plots", _MONITORS),
+    Deed("scale", "y", "Y scale", "hold the y scale, or let it follow", "Plots", _MONITORS, 5),
+    Deed("detail", "enter,d", "Detail", "one large plot with axes", "Plots", _MONITORS, 6),
+    Deed("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
     Deed(
         "publish", "P", "Publish", "prepare the edit that publishes a save-only element", "Plots", _MONITOR, writes=True
     ),
-    Deed("mode", "tab,v", "Mode", "over time, x-y, spectrum", "Detail plot", _DETAIL, 1),
-    Deed("detail_closer", "plus,equals_sign", "Shorter", "shorter time span", "Detail plot", _DETAIL, 2, shown_key="+"),
-    Deed("detail_wider", "minus", "Longer", "longer time span", "Detail plot", _DETAIL, 3),
-    Deed("detail_left", "h,left", "Earlier", "move the window back", "Detail plot", _DETAIL, 4),
-    Deed("detail_right", "l,right", "Later", "move the window on", "Detail plot", _DETAIL, 5),
-    Deed("detail_swap", "s", "Swap", "swap x and y", "Detail plot", _DETAIL, 6),
+    Deed("mode", "tab,v", "Mode", "over time, x-y, spectrum", "Detail plot", _DETAILS, 1),
+    Deed(
+        "detail_closer", "plus,equals_sign", "Shorter", "shorter time span", "Detail plot", _DETAILS, 2, shown_key="+"
+    ),
+    Deed("detail_wider", "minus", "Longer", "longer time span", "Detail plot", _DETAILS, 3),
+    Deed("detail_left", "h,left", "Earlier", "move the window back", "Detail plot", _DETAILS, 4),
+    Deed("detail_right", "l,right", "Later", "move the window on", "Detail plot", _DETAILS, 5),
+    Deed("detail_swap", "s", "Swap", "swap x and y", "Detail plot", _DETAILS, 6),
     Deed("detail_refresh", "r", "Refresh", "draw with what came since", "Detail plot", _DETAIL, 7),
+    # --------------------------------------------------------------------------------------------------- files
+    Deed("plot", "m,enter", "Plot", "plot what is marked, or the element under the cursor", "Look", _FILE, 3),
+    Deed("first_plot", "g", "First", "first plot", "Plots", _FILE_MONITOR),
+    Deed("last_plot", "G", "Last", "last plot", "Plots", _FILE_MONITOR),
+    Deed("earlier", "pageup,b", "Earlier", "half a window back", "File", _FILE_MONITOR, 7, shown_key="PgUp"),
+    Deed("later", "pagedown,f", "Later", "half a window on", "File", _FILE_MONITOR, 8, shown_key="PgDn"),
+    Deed("file_start", "home,circumflex_accent", "Start", "start of the file", "File", _FILE_PLOTS, 9),
+    Deed("file_end", "end,dollar_sign", "End", "end of the file", "File", _FILE_PLOTS, 10),
+    Deed("whole_file", "0", "Whole file", "all of the file", "File", _FILE_PLOTS, 7),
+    Deed("next_sample", "full_stop", "Next sample", "cursor to the next sample of the plot", "File", _FILE_MONITOR),
+    Deed("previous_sample", "comma", "Sample before", "cursor to the sample before", "File", _FILE_MONITOR),
     # ------------------------------------------------------------------------------------------------- loggers
     Deed("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", _TABLE),
     Deed("next_logger", "j,down", "Next", "next logger", "Loggers", _LOGGERS),
@@ -126,7 +149,7 @@ DEEDS: tuple[Deed, ...] = (
     Deed("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?"),
     Deed("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",)),
     Deed("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",)),
-    Deed("quit", "q,ctrl+c", "Quit", "end silo-tui; the logger goes on", "Go", ("any",), 12),
+    Deed("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on", "Go", ("any",), 12),
     Deed("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",)),
 )
 
@@ -136,6 +159,12 @@ BY_ID = {deed.id: deed for deed in DEEDS}
 def deeds_for(scope: str) -> list[Deed]:
     """What can be done on a screen."""
     return [deed for deed in DEEDS if scope in deed.scopes or "any" in deed.scopes]
+
+
+def deeds_like(scope: str) -> list[Deed]:
+    """What can be done where a screen belongs to: on loggers, or on a file."""
+    on_file = scope in FILE_SCOPES
+    return [deed for deed in DEEDS if any(each == "any" or (each in FILE_SCOPES) == on_file for each in deed.scopes)]
 
 
 def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:

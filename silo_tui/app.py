@@ -3,7 +3,7 @@
 
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import App
 from textual.command import CommandPalette
@@ -22,6 +22,9 @@ from silo_tui.screens.base import SiloScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.session import LiveSource, Session
 
+if TYPE_CHECKING:
+    from silo_tui.file_session import FileSession
+
 
 class SiloApp(App[None]):
     """silo-tui."""
@@ -33,7 +36,14 @@ class SiloApp(App[None]):
     COMMANDS: ClassVar[set[Any]] = {DeedProvider}
 
     def __init__(
-        self, finder: Finder, *, name: str = "", demo: Demo | None = None, read_only: bool = False, rate_hz: float = 5.0
+        self,
+        finder: Finder,
+        *,
+        name: str = "",
+        demo: Demo | None = None,
+        read_only: bool = False,
+        rate_hz: float = 5.0,
+        file: "FileSession | None" = None,
     ) -> None:
         super().__init__()
         for each in theme.THEMES:
@@ -46,6 +56,7 @@ class SiloApp(App[None]):
         self._opener = Opener(self, finder, name, demo, read_only=read_only)
         self._read_only = read_only
         self._session: Session | None = None
+        self._file = file  # shown instead of a logger
         self._flow_running = False
         self._news = asyncio.Lock()  # events are followed in their order
         self.script_names: tuple[str, ...] = ()
@@ -127,10 +138,22 @@ class SiloApp(App[None]):
         loop = asyncio.get_running_loop()
         if not self.is_headless:
             terminal.end_on_signals(loop, self.exit, self.release)
+        if self._file is not None:
+            await self._show_file(self._file)
+            return
         await self.push_screen(self._opener.first_screen)
         self.set_interval(1 / self.rate_hz, self._poll)
         self.set_interval(1.0, self._second)
         self.run_worker(self._opener.search(), group="search", exclusive=True)
+
+    async def _show_file(self, file: "FileSession") -> None:
+        """A log that was opened; nothing of it changes by itself."""
+        from silo_tui.screens.file_table import FileTableScreen
+
+        self.take_session(file)
+        await self.push_screen(FileTableScreen(file))
+        self.table_changed()
+        self.status_changed()
 
     def take_session(self, session: Session | None) -> None:
         """Another logger is open, or none."""

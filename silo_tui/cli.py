@@ -5,8 +5,12 @@ Heavy imports wait until it is clear that a screen is wanted.
 
 import os
 import sys
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from silo_tui.file_session import FileSession
 
 # measured: OpenBLAS starts a thread per core when NumPy is imported, 70 ms that nothing here needs
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -15,13 +19,14 @@ EXAMPLES = """\b
 Examples:
   silo-tui                 the only logger here, or a list
   silo-tui anymal          the logger called anymal
+  silo-tui logs/run.silo   a saved log, with a cursor that reads values
   silo-tui --demo          a simulated robot to try it on
   ssh -C robot -t silo-tui over SSH; -C makes a frame of 31 kB one of 0.7
 """
 
 
 @click.command(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
-@click.argument("logger", required=False, default="")
+@click.argument("target", required=False, default="", metavar="[LOGGER | FILE]")
 @click.option("--config", default="", metavar="FILE", help="Zenoh configuration of a robot elsewhere.")
 @click.option("--demo", is_flag=True, help="Start a simulated robot, open it, and end it on quitting.")
 @click.option("--read-only", is_flag=True, help="Look only: nothing that changes the logger.")
@@ -34,28 +39,64 @@ Examples:
     help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text.",
 )
 @click.version_option(package_name="silo-logger", prog_name="silo-tui")
-def command(logger: str, config: str, demo: bool, read_only: bool, rate: float, mouse: bool | None) -> None:
-    """Configure and watch the loggers of this computer.
+def command(target: str, config: str, demo: bool, read_only: bool, rate: float, mouse: bool | None) -> None:
+    """Configure and watch the loggers of this computer, or look at a saved log.
 
-    LOGGER is the name of one of them. Press ? for all keys.
+    LOGGER is the name of one of them. FILE is a .silo, .csv or .mcap file, a bag folder, the beginning of a file name
+    or a run number. A logger that runs is meant before a file of the same name; a path with one of these endings or
+    a / is always a file. Press ? for all keys.
     """
-    if demo and logger:
-        raise click.UsageError(f"--demo brings its own logger; leave out {logger!r}")
+    if demo and target:
+        raise click.UsageError(f"--demo brings its own logger; leave out {target!r}")
     if config and demo:
         raise click.UsageError("--demo runs here; leave out --config")
+    file = None if config else _file(target)
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.ClickException("silo-tui needs a terminal; `silo watch` writes plain lines, also into a pipe")
-    sys.exit(_run(logger, config, demo=demo, read_only=read_only, rate_hz=rate, mouse=mouse))
+    sys.exit(_run(target, config, file, demo=demo, read_only=read_only, rate_hz=rate, mouse=mouse))
 
 
-def _run(logger: str, config: str, *, demo: bool, read_only: bool, rate_hz: float, mouse: bool | None) -> int:
+def _file(target: str) -> "FileSession | None":
+    """The log that is meant, opened; None where a logger is meant."""
+    if not target:
+        return None
+    from silo.errors import SiloError
+    from silo_tui.connect import ClientFinder
+    from silo_tui.file_opening import file_meant
+
+    try:
+        path = file_meant(target, lambda: [logger.name for logger in ClientFinder().find().loggers])
+        if path is None:
+            return None
+        from silo_tui.file_session import open_file
+
+        return open_file(path)
+    except (SiloError, OSError) as error:
+        raise click.ClickException(str(error)) from error
+
+
+def _run(
+    logger: str,
+    config: str,
+    file: "FileSession | None",
+    *,
+    demo: bool,
+    read_only: bool,
+    rate_hz: float,
+    mouse: bool | None,
+) -> int:
     from silo_tui import terminal
     from silo_tui.app import SiloApp
     from silo_tui.connect import ClientFinder
     from silo_tui.demo import Demo
 
     app = SiloApp(
-        ClientFinder(config), name=logger, demo=Demo() if demo else None, read_only=read_only, rate_hz=rate_hz
+        ClientFinder(config),
+        name=logger,
+        demo=Demo() if demo else None,
+        read_only=read_only,
+        rate_hz=rate_hz,
+        file=file,
     )
     try:
         app.run(mouse=not terminal.over_ssh() if mouse is None else mouse)

@@ -51,6 +51,7 @@ class PlotWindow:
     cursor: int | None = None  # columns from the right edge
     fixed_scale: bool = False
     scales: dict[str, tuple[float, float]] = field(default_factory=dict)
+    spans: tuple[float, ...] = SPANS_S
 
     @property
     def paused(self) -> bool:
@@ -68,10 +69,10 @@ class PlotWindow:
 
     def zoom(self, *, closer: bool) -> bool:
         """The next shorter or longer span; False at the end of the list."""
-        place = SPANS_S.index(self.span_s) + (-1 if closer else 1)
-        if not 0 <= place < len(SPANS_S):
+        place = self.spans.index(self.span_s) + (-1 if closer else 1)
+        if not 0 <= place < len(self.spans):
             return False
-        self.span_s = SPANS_S[place]
+        self.span_s = self.spans[place]
         return True
 
     def move_cursor(self, cells: int, columns: int) -> int:

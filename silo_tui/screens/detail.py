@@ -58,7 +58,7 @@ class DetailScreen(SiloScreen):
         """Title, plot, keys."""
         yield Static("", id="detail-title", markup=False)
         yield Static("drawing …", id="detail-plot", markup=False)
-        yield KeyBar("detail")
+        yield KeyBar(self.scope)
 
     def on_resize(self, event: events.Resize) -> None:
         """Another size, another drawing."""
@@ -77,13 +77,19 @@ class DetailScreen(SiloScreen):
         self._title()
 
     def _title(self) -> None:
-        parts = [f"silo {self.session.name}", self.mode, text.span(self.span_s)]
-        back = (self.source.end_ns - self.end_ns) / SECOND_NS
-        if back > 0.5:
-            parts.append(f"ends {text.span(back)} before the newest")
+        parts = [f"silo {self.session.name}", self.mode, self._place()]
         if self._said:
             parts.append(self._said)
         self.query_one("#detail-title", Static).update("  ".join(parts))
+
+    def _place(self) -> str:
+        back = (self.source.end_ns - self.end_ns) / SECOND_NS
+        return text.span(self.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
+
+    @property
+    def zero_ns(self) -> int:
+        """The moment that the axis calls 0."""
+        return self.end_ns
 
     def _begin(self) -> None:
         self.run_worker(self._draw(), group="draw", exclusive=True)
@@ -121,7 +127,7 @@ class DetailScreen(SiloScreen):
         count = past.low.shape[1]
         if not count or np.isnan(past.low).all():
             return None
-        seconds = ((past.first + np.arange(count)) * past.column_ns - self.end_ns) / SECOND_NS
+        seconds = ((past.first + np.arange(count)) * past.column_ns - self.zero_ns) / SECOND_NS
         units = list(dict.fromkeys(plotted.element.unit for plotted in self.plots))
         labels = [self._label(plotted) for plotted in self.plots]
         if self.mode == "x-y" and len(self.plots) > 1:

@@ -12,7 +12,7 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
-from silo_tui.actions import DEEDS, deeds_for
+from silo_tui.actions import FILE_SCOPES, deeds_for, deeds_like
 
 NOTES = (
     ("Signs", (
@@ -30,6 +30,17 @@ NOTES = (
         (":set div=5 size=10s", "edit what is marked; also buf= act= on="), (":data silo csv bag NAME", "save data"),
         (":goto NAME", "put the cursor there"), (":sort div", "order by a column"),
         (":picture FILE.svg", "the screen as a picture"),
+    )),
+)  # fmt: skip
+
+FILE_NOTES = (
+    ("Signs", (
+        (">", "marked: the plots are of all that is marked"), ("= 1.23", "the value that held at the cursor"),
+        ("min max mean", "of the samples in the window"),
+    )),
+    ("Filter", (
+        ("torque LF", "both words in the name"), ("/log/*/q", "globs"), ("-word", "not"), ("unit:Nm", "unit"),
+        ("div>1 size>=1000", "divider, samples"), ("buf:loop kind:vector type:f4", "buffer, kind, type"),
     )),
 )  # fmt: skip
 
@@ -61,13 +72,14 @@ class HelpScreen(ModalScreen[None]):
 
     def _page(self) -> Group:
         here = {deed.id for deed in deeds_for(self._scope)}
-        groups = list(dict.fromkeys(deed.group for deed in DEEDS))
-        groups.sort(key=lambda group: not any(deed.group == group and deed.id in here for deed in DEEDS))
+        deeds = deeds_like(self._scope)
+        groups = list(dict.fromkeys(deed.group for deed in deeds))
+        groups.sort(key=lambda group: not any(deed.group == group and deed.id in here for deed in deeds))
         parts: list[Text | Grid] = []
         for group in groups:
-            lines = [(deed.key_text, deed.help) for deed in DEEDS if deed.group == group]
+            lines = [(deed.key_text, deed.help) for deed in deeds if deed.group == group]
             parts += [Text(group, style="underline"), _grid(lines, 13), Text("")]
-        for title, notes in NOTES:
+        for title, notes in FILE_NOTES if self._scope in FILE_SCOPES else NOTES:
             parts += [Text(title, style="underline"), _grid(notes, 28), Text("")]
         return Group(*parts)
 

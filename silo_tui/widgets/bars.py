@@ -170,7 +170,7 @@ class MonitorLine(Widget):
         words = self._words()
         if words:
             parts.append(words)
-        while self._said and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
+        while words and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
             parts.pop(0)  # what was said last is read whole
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
 

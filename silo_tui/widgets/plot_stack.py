@@ -3,6 +3,7 @@
 Measured: 5 - 8 ms for a screen full; twenty of Textual's Sparkline widgets at 10 Hz cost a quarter of a core.
 """
 
+import math
 from typing import ClassVar
 
 from rich.segment import Segment
@@ -137,14 +138,7 @@ class PlotStack(Widget):
         unit = "" if plotted.element.unit == "-" else f" {plotted.element.unit}"
         facts = ""
         if plotted.numeric and self.source.is_live(plotted.element.name):
-            picture = self._picture(index)
-            if picture.at_cursor is not None:
-                low, high = picture.at_cursor
-                facts = f"at cursor {self._value(plotted, low)}"
-                facts += f" … {self._value(plotted, high)}" if high != low else ""
-            elif picture.smallest == picture.smallest:
-                facts = f"min {text.compact(picture.smallest)}  max {text.compact(picture.largest)}"
-                facts += f"  now {self._now(plotted)}"
+            facts = self._facts(index, plotted)
         width = self.size.width
         mark = ">" if index == self.chosen else " "
         room = width - len(facts) - len(unit) - 4
@@ -154,6 +148,18 @@ class PlotStack(Widget):
         name = text.shorten_left(name, max(8, room))
         gap = max(1, width - 1 - len(mark) - len(name) - len(unit) - len(facts))
         return [Segment(mark + name, style), Segment(unit + " " * gap + facts + " ", quiet)]
+
+    def _facts(self, index: int, plotted: Plotted) -> str:
+        """The numbers at the right end of a title."""
+        picture = self._picture(index)
+        if picture.at_cursor is not None:
+            low, high = picture.at_cursor
+            highest = f" … {self._value(plotted, high)}" if high != low else ""
+            return f"at cursor {self._value(plotted, low)}{highest}"
+        if math.isnan(picture.smallest):
+            return ""
+        range_words = f"min {text.compact(picture.smallest)}  max {text.compact(picture.largest)}"
+        return f"{range_words}  now {self._now(plotted)}"
 
     def _now(self, plotted: Plotted) -> str:
         reading = self.readings.get(plotted.element.name)
@@ -194,10 +200,15 @@ class PlotStack(Widget):
     def _time_axis(self) -> list[Segment]:
         width = self.plot_width
         line = [" "] * width
-        end = "now" if self.source.live and not self.window.paused else "0"
         for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-            word = end if share == 1.0 else "-" + text.span(self.window.span_s * (1 - share))
+            word = self._axis_word(share)
             start = min(width - len(word), max(0, round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
             if all(char == " " for char in line[max(0, start - 1) : start + len(word) + 1]):
                 line[start : start + len(word)] = word
         return [Segment(" " * (AXIS + 1) + "".join(line), self._style("plot--quiet"))]
+
+    def _axis_word(self, share: float) -> str:
+        """What stands under a place of the time axis, 0 ... 1 from left to right."""
+        if share == 1.0:
+            return "now" if self.source.live and not self.window.paused else "0"
+        return "-" + text.span(self.window.span_s * (1 - share))

@@ -1,7 +1,7 @@
 """Choosing a logger, scripts, saving data, the command line, help, and the palette."""
 
 from silo.model import FileType
-from silo_tui.actions import DEEDS, bindings_for, footer_for
+from silo_tui.actions import DEEDS, FILE_SCOPES, bindings_for, footer_for
 from silo_tui.model.fields import Field
 from silo_tui.screens.table import TableScreen
 
@@ -174,7 +174,7 @@ def test_no_key_is_one_that_terminals_eat():
 
 
 def test_no_key_does_two_things_on_one_screen():
-    for scope in ("table", "monitor", "detail", "loggers"):
+    for scope in ("table", "monitor", "detail", "loggers", *FILE_SCOPES):
         keys = [key for binding in bindings_for(scope) for key in binding.key.split(",")]
         assert sorted(set(keys)) == sorted(keys), scope
 
@@ -186,10 +186,14 @@ def test_a_read_only_key_bar_shows_nothing_that_writes():
 def test_every_deed_has_its_method():
     from silo_tui.app import SiloApp
     from silo_tui.screens.detail import DetailScreen
+    from silo_tui.screens.file_detail import FileDetailScreen
+    from silo_tui.screens.file_monitor import FileMonitorScreen
+    from silo_tui.screens.file_table import FileTableScreen
     from silo_tui.screens.loggers import LoggersScreen
     from silo_tui.screens.monitor import MonitorScreen
 
     screens = {"table": TableScreen, "monitor": MonitorScreen, "detail": DetailScreen, "loggers": LoggersScreen}
+    screens |= {"file": FileTableScreen, "file_monitor": FileMonitorScreen, "file_detail": FileDetailScreen}
     for deed in DEEDS:
         for scope in deed.scopes if "any" not in deed.scopes else screens:
             assert hasattr(screens[scope], f"deed_{deed.id}") or hasattr(SiloApp, f"deed_{deed.id}"), (scope, deed.id)

@@ -1,0 +1,293 @@
+"""A recording as a source of plots: minimum, maximum and mean per column, and the values that held at a time.
+
+Nothing is read before it is on the screen. What was read is kept per zoom level in tiles of 64 columns, so that
+panning reads only what is new; the tick where each column begins is found once for all signals.
+"""
+
+import asyncio
+import math
+import threading
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.model import Action, ElementInfo, ElementOptions
+from silo.recording import RecordedElement, Recording
+from silo_tui.model.columns import Floats
+from silo_tui.model.live import Reading
+from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S
+from silo_tui.model.source import Column
+
+TILE = 64
+MAX_TILES = 4096  # 8 MB
+SHORT_SPANS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
+LONG_SPANS_S = (7200.0, 18000.0, 36000.0, 86400.0, 259200.0)
+WHOLE = 1.02  # a little more than all, because columns begin at round times
+
+Stamps = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What a stretch of an entry holds: NaN where there is no number."""
+
+    smallest: float
+    largest: float
+    mean: float
+    samples: int  # that are numbers
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """Sample i of `values` belongs to tick `first + i * divider`."""
+
+    values: NDArray[Any]
+    first: int
+    divider: int
+
+
+@dataclass(frozen=True)
+class _Tile:
+    """64 columns of an entry: NaN where empty; `total` and `count` are of the samples that are numbers."""
+
+    low: Floats
+    high: Floats
+    total: Floats
+    count: Stamps
+
+
+class RecordingSource:
+    """A recording behind the monitor; `names` are those of its elements, each once. Safe for several threads."""
+
+    live = False
+
+    def __init__(self, recording: Recording, names: Sequence[str]) -> None:
+        self.recording = recording
+        self.elements = [_info(name, element) for name, element in zip(names, recording.elements, strict=True)]
+        # where a clock was set back, the samples stand at the latest time before: none is hidden
+        times = recording.time_ns
+        self.clock_jumps = int((np.diff(times) < 0).sum())
+        self._times: Stamps = np.maximum.accumulate(times) if self.clock_jumps else np.ascontiguousarray(times)
+        self._places = {name: place for place, name in enumerate(names)}
+        self._signals: dict[str, _Signal] = {}
+        for info, element in zip(self.elements, recording.elements, strict=True):
+            for entry, recorded in zip(info.entries, element.entries, strict=True):
+                signal = _Signal(recorded.values, element.first, element.divider)
+                self._signals.setdefault(info.name + entry.suffix, signal)
+        self._period_ns = _period(self._times, recording.frequency_hz)
+        self._tiles: OrderedDict[tuple[str, int, int], _Tile] = OrderedDict()
+        self._edges: OrderedDict[tuple[int, int], Stamps] = OrderedDict()
+        self._lock = threading.Lock()
+
+    # ------------------------------------------------------------------------------------------------ what is
+
+    @property
+    def begin_ns(self) -> int:
+        """The first time stamp."""
+        return int(self._times[0])
+
+    @property
+    def end_ns(self) -> int:
+        """The last time stamp."""
+        return int(self._times[-1])
+
+    @property
+    def spans_s(self) -> tuple[float, ...]:
+        """The spans that one zooms through; the last one is the whole recording."""
+        whole = (self.end_ns - self.begin_ns) / SECOND_NS * WHOLE or 1.0
+        return (*(span for span in SHORT_SPANS_S + SPANS_S + LONG_SPANS_S if span < whole), whole)
+
+    def element(self, name: str) -> ElementInfo | None:
+        """The element of that name."""
+        place = self._places.get(name)
+        return self.elements[place] if place is not None else None
+
+    def period_ns(self, element: str) -> int:
+        """Time between two samples of an element, as it mostly was."""
+        place = self._places.get(element)
+        return self._period_ns * (self.recording.elements[place].divider if place is not None else 1)
+
+    def is_live(self, element: str) -> bool:
+        """Whether there is data to plot: of all that is in a file."""
+        return element in self._places
+
+    def clamp_end(self, end_ns: int, span_ns: int) -> int:
+        """The right edge of a window so that it lies in the recording."""
+        return min(self.end_ns, max(end_ns, self.begin_ns + span_ns))
+
+    # ------------------------------------------------------------------------------------------------ columns
+
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
+        """Columns of a stretch of time, read in a thread."""
+        return await asyncio.to_thread(self.columns, names, start_ns, end_ns, column_ns)
+
+    def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
+        """Columns from the one of `start_ns` to the one of `end_ns`, at most the newest 4097.
+
+        Where a signal has fewer samples than there are columns, a column without one shows the value that held.
+        """
+        stop = end_ns // column_ns + 1
+        first = max(start_ns // column_ns, stop - MAX_COLUMNS - 1)
+        low, high = np.full((len(names), stop - first), np.nan), np.full((len(names), stop - first), np.nan)
+        with self._lock:
+            for row, name in enumerate(names):
+                signal = self._signals.get(name)
+                if signal is None:
+                    continue
+                tiles = self._covering(name, first, stop, column_ns)
+                skip = first % TILE
+                low[row] = np.concatenate([tile.low for tile in tiles])[skip : skip + stop - first]
+                high[row] = np.concatenate([tile.high for tile in tiles])[skip : skip + stop - first]
+                if column_ns < signal.divider * self._period_ns:
+                    self._hold(signal, first, column_ns, low[row], high[row])
+        return Column(tuple(names), first, column_ns, low, high)
+
+    def facts(self, name: str, first: int, stop: int, column_ns: int) -> Facts:
+        """Minimum, maximum and mean of the samples in columns `first ... stop - 1`."""
+        with self._lock:
+            tiles = self._covering(name, first, stop, column_ns) if name in self._signals else []
+        if not tiles:
+            return Facts(math.nan, math.nan, math.nan, 0)
+        inside = slice(first % TILE, first % TILE + stop - first)
+        low, high = (np.concatenate([getattr(tile, part) for tile in tiles])[inside] for part in ("low", "high"))
+        total = np.concatenate([tile.total for tile in tiles])[inside]
+        samples = int(np.concatenate([tile.count for tile in tiles])[inside].sum())
+        if not samples:
+            return Facts(math.nan, math.nan, math.nan, 0)
+        with np.errstate(invalid="ignore", over="ignore"):
+            mean = float(total.sum()) / samples
+        return Facts(float(np.nanmin(low)), float(np.nanmax(high)), mean, samples)
+
+    def _covering(self, name: str, first: int, stop: int, column_ns: int) -> list[_Tile]:
+        return [self._tile(name, column_ns, number) for number in range(first // TILE, (stop - 1) // TILE + 1)]
+
+    def _tile(self, name: str, column_ns: int, number: int) -> _Tile:
+        key = (name, column_ns, number)
+        tile = self._tiles.pop(key, None)
+        if tile is None:
+            signal = self._signals[name]
+            tile = _reduce(signal.values, _samples(signal, self._ticks(column_ns, number)))
+        self._tiles[key] = tile
+        while len(self._tiles) > MAX_TILES:
+            self._tiles.popitem(last=False)
+        return tile
+
+    def _ticks(self, column_ns: int, number: int) -> Stamps:
+        """Shape `(65,)`: the first tick of each column of a tile, and of the one after."""
+        key = (column_ns, number)
+        edges = self._edges.pop(key, None)
+        if edges is None:
+            edges = self._first_ticks(number * TILE, TILE + 1, column_ns)
+        self._edges[key] = edges
+        while len(self._edges) > MAX_TILES:
+            self._edges.popitem(last=False)
+        return edges
+
+    def _first_ticks(self, first: int, count: int, column_ns: int) -> Stamps:
+        # by Python's integers, because the last column may begin after the end of int64
+        limit = 2**63 - 1
+        starts = np.array([min(column * column_ns, limit) for column in range(first, first + count)], np.int64)
+        return np.searchsorted(self._times, starts, "left").astype(np.int64)
+
+    def _hold(self, signal: _Signal, first: int, column_ns: int, low: Floats, high: Floats) -> None:
+        """Fills columns without sample after the first one, up to the end of the recording."""
+        edges = _samples(signal, self._first_ticks(first, len(low) + 1, column_ns))
+        empty = np.flatnonzero((edges[1:] == edges[:-1]) & (edges[:-1] > 0))
+        empty = empty[first + empty <= self.end_ns // column_ns]
+        low[empty] = high[empty] = _floats(signal.values[edges[empty] - 1])
+
+    # ----------------------------------------------------------------------------------------- values at a time
+
+    def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:
+        """What held at a time: the newest sample up to then; nothing before the first one."""
+        tick = int(np.searchsorted(self._times, time_ns, "right")) - 1
+        return {name: self._reading(self._places[name], tick, time_ns) for name in names if name in self._places}
+
+    def _reading(self, place: int, tick: int, time_ns: int) -> Reading:
+        element = self.recording.elements[place]
+        at = min((tick - element.first) // element.divider, element.count - 1)
+        newest = np.full(len(element.entries), np.nan)
+        texts: dict[int, str] = {}
+        if at < 0:
+            return Reading(newest, texts, 0, element.lost, time_ns)
+        for position, entry in enumerate(element.entries):
+            if entry.values.dtype.kind in "SU":
+                texts[position] = _word(entry.values[at])
+            else:
+                newest[position] = _floats(entry.values[at : at + 1])[0]
+        return Reading(newest, texts, element.count, element.lost, time_ns)
+
+    def neighbour(self, name: str, time_ns: int, step: int) -> int:
+        """Time of the next (`step` 1) or previous (-1) sample of an entry; the same time where there is none."""
+        signal = self._signals.get(name)
+        if signal is None or not len(signal.values):
+            return time_ns
+        tick = int(np.searchsorted(self._times, time_ns, "right" if step > 0 else "left"))
+        # the first sample at or after that tick, or the last one before it
+        at = -((signal.first - tick) // signal.divider) if step > 0 else (tick - 1 - signal.first) // signal.divider
+        at = max(0, at) if step > 0 else at
+        if not 0 <= at < len(signal.values):
+            return time_ns
+        return int(self._times[signal.first + at * signal.divider])
+
+
+def _info(name: str, element: RecordedElement) -> ElementInfo:
+    options = ElementOptions(
+        divider=max(1, element.divider),
+        action=Action.SAVE_AND_PUBLISH,
+        buffer_type=element.buffer_type,
+        buffer_size=max(1, element.count),
+    )
+    entries = tuple(entry.entry for entry in element.entries)
+    return ElementInfo(name, element.unit, element.kind, element.shape, entries, options, element.description)
+
+
+def _period(times: Stamps, frequency_hz: float | None) -> int:
+    steps = np.diff(times[:10_000])
+    steps = steps[steps > 0]
+    if len(steps):
+        return int(np.median(steps))
+    return round(SECOND_NS / frequency_hz) if frequency_hz else SECOND_NS
+
+
+def _samples(signal: _Signal, ticks: Stamps) -> Stamps:
+    """The first sample at or after each tick, as a number between 0 and the count."""
+    return np.clip(-((signal.first - ticks) // signal.divider), 0, len(signal.values))
+
+
+def _reduce(values: NDArray[Any], edges: Stamps) -> _Tile:
+    """Columns of samples; column k has those from `edges[k]` to `edges[k + 1]`."""
+    width = len(edges) - 1
+    low, high, total = np.full(width, np.nan), np.full(width, np.nan), np.zeros(width)
+    count = np.zeros(width, np.int64)
+    filled = np.flatnonzero(edges[1:] > edges[:-1])
+    if len(filled):
+        piece = _floats(values[edges[0] : edges[-1]])
+        starts = edges[filled] - edges[0]
+        good = ~np.isnan(piece)
+        low[filled], high[filled] = np.fmin.reduceat(piece, starts), np.fmax.reduceat(piece, starts)
+        with np.errstate(invalid="ignore", over="ignore"):
+            total[filled] = np.add.reduceat(np.where(good, piece, 0.0), starts)
+        count[filled] = np.add.reduceat(good, starts, dtype=np.int64)
+    return _Tile(low, high, total, count)
+
+
+def _floats(values: NDArray[Any]) -> Floats:
+    """Any numbers as float64: dates as they count, complex numbers by their real part, the rest as NaN."""
+    kind = values.dtype.kind
+    if kind in "Mm":
+        return np.where(np.isnat(values), np.nan, values.astype(np.int64).astype(np.float64))
+    if kind == "c":
+        return np.asarray(values.real, np.float64)
+    if kind not in "biuf":
+        return np.full(len(values), np.nan)
+    with np.errstate(over="ignore"):
+        return values.astype(np.float64)
+
+
+def _word(value: Any) -> str:
+    return value.decode("utf-8", "backslashreplace") if isinstance(value, bytes) else str(value)

@@ -1,0 +1,59 @@
+# ruff: noqa: D102 - what a deed does stands in actions.py, once
+"""The detail plot on a file: its time counts from the first time stamp, its window goes over the whole recording."""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from textual.binding import Binding
+
+from silo_tui.actions import bindings_for
+from silo_tui.file_session import FileSession
+from silo_tui.model import text
+from silo_tui.model.plots import SECOND_NS, Plotted
+from silo_tui.screens.detail import DetailScreen
+
+
+class FileDetailScreen(DetailScreen, inherit_bindings=False):
+    """A plot of up to six entries of a file."""
+
+    scope = "file_detail"
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file_detail")
+
+    def __init__(self, session: FileSession, plots: Sequence[Plotted], end_ns: int, span_s: float) -> None:
+        super().__init__(session, session.source, plots, end_ns, span_s)
+        self.file = session
+
+    @property
+    def zero_ns(self) -> int:
+        """The moment that the axis calls 0."""
+        return self.file.source.begin_ns
+
+    def _place(self) -> str:
+        end = (self.end_ns - self.file.source.begin_ns) / SECOND_NS
+        return f"{max(0.0, end - self.span_s):.6g} … {end:.6g} s ({text.span(self.span_s)})"
+
+    def _show(self, end_ns: int) -> None:
+        self.end_ns = self.file.source.clamp_end(end_ns, round(self.span_s * SECOND_NS))
+        self.draw_soon()
+
+    def _zoom(self, step: int) -> None:
+        spans = self.file.source.spans_s
+        middle = self.end_ns - round(self.span_s * SECOND_NS) // 2
+        self.span_s = spans[max(0, min(len(spans) - 1, spans.index(self.span_s) + step))]
+        self._show(middle + round(self.span_s * SECOND_NS) // 2)
+
+    def deed_detail_left(self) -> None:
+        self._show(self.end_ns - round(self.span_s * SECOND_NS) // 4)
+
+    def deed_detail_right(self) -> None:
+        self._show(self.end_ns + round(self.span_s * SECOND_NS) // 4)
+
+    def deed_file_start(self) -> None:
+        self._show(self.file.source.begin_ns)
+
+    def deed_file_end(self) -> None:
+        self._show(self.file.source.end_ns)
+
+    def deed_whole_file(self) -> None:
+        self.span_s = self.file.source.spans_s[-1]
+        self._show(self.file.source.end_ns)

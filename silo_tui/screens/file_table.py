@@ -1,0 +1,144 @@
+# ruff: noqa: D102 - what a deed does stands in actions.py, once
+"""What is in a file: the table of a logger with other columns and without what edits."""
+
+import math
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.widgets import Static
+
+from silo.errors import SiloError
+from silo_tui.actions import bindings_for
+from silo_tui.file_session import FileSession
+from silo_tui.model.columns import ColumnStore
+from silo_tui.model.plots import SECOND_NS
+from silo_tui.model.table import Rows
+from silo_tui.screens.table import WIDE, TableScreen
+from silo_tui.widgets.bars import InfoLine, KeyBar
+from silo_tui.widgets.inputs import Line
+from silo_tui.widgets.live_pane import TREND
+from silo_tui.widgets.recorded import (
+    FileBanner,
+    FileBar,
+    RecordedHead,
+    RecordedInspector,
+    RecordedPane,
+    RecordedTable,
+)
+
+VALUES = 96  # from this width values stand beside the table
+
+
+class FileTableScreen(TableScreen, inherit_bindings=False):
+    """The elements of a file."""
+
+    scope = "file"
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file")
+
+    def __init__(self, session: FileSession) -> None:
+        super().__init__(session, read_only=True)
+        self.file = session
+
+    def compose(self) -> ComposeResult:
+        """Facts of the file, what is wrong with it, table with values and inspector, information, keys."""
+        session = self.file
+        self.table = table = RecordedTable(session)
+        self.pane = RecordedPane(session, table)
+        self.inspector = RecordedInspector(session)
+        self.status_bar = FileBar(session)
+        self.banner = FileBanner(session)
+        self.info = InfoLine(session)
+        self.live_head = Static("", id="live-head", markup=False)
+        self.table_head = RecordedHead(table)
+        yield self.status_bar
+        yield self.banner
+        with Horizontal(id="body"):
+            with Vertical(id="left"):
+                with Horizontal(id="heads"):
+                    yield self.table_head
+                    yield self.live_head
+                with Horizontal(id="panes"):
+                    yield self.table
+                    yield self.pane
+            yield self.inspector
+        yield Static("", id="empty", markup=False)
+        yield self.info
+        yield Line(self._complete_filter, "words, globs, unit:Nm div>1 size>1000 buf:loop", "filter-line")
+        yield KeyBar("file")
+
+    def on_mount(self) -> None:
+        """What the file lacks is told at once."""
+        self.banner.update()
+
+    def _lay_out(self, width: int) -> None:
+        inspector = self._inspector_wanted and width >= WIDE
+        pane_width = 34 if width < 140 else min(64, 36 + (width - 130) // 3)
+        self.inspector.display = inspector
+        self.inspector.styles.width = pane_width
+        rest = width - (pane_width if inspector else 0)
+        # the inspector has the value too, and a plot
+        self.pane.lay_out(12 if rest >= VALUES else 0, trend=rest >= VALUES)
+        self.live_head.update(self.pane.head)
+        self.live_head.styles.width = self.pane.wanted_width
+        self.table_head.refresh()
+        self.wish_soon()
+
+    def wish_again(self) -> None:
+        """Values and columns of what is on the screen."""
+        if self.silo.upper_screen is not self:
+            return
+        table, file = self.session.table, self.file
+        rows = self.table.rows_on_screen()
+        row = self.session.rows.row
+        rows += [row] if row is not None and row not in rows else []
+        file.read([table.names[each] for each in rows])
+        plots: list[str] = []
+        if self.pane.trend_width:
+            plots = [table.entry_names(each)[0] for each in rows if table.elements[each].entries]
+        if self.inspector.display:
+            plots += [name for name in self.inspector.plot_names() if name not in plots]
+        columns = max(2 * TREND, 2 * self.inspector.content_size.width if self.inspector.display else 0)
+        column_ns = max(1, math.ceil(file.source.spans_s[-1] * SECOND_NS / columns))
+        old = self.session.columns
+        if (old.names, old.count, old.column_ns) != (tuple(plots), columns, column_ns):
+            store = ColumnStore(plots, columns, column_ns)
+            self.run_worker(self._read_columns(store), group="history", exclusive=True)
+        self.live_head.update(self.pane.head)
+        self.pane.live_changed()
+        self.inspector.refresh()
+
+    async def _read_columns(self, store: ColumnStore) -> None:
+        source = self.file.source
+        try:
+            past = await source.history(store.names, source.begin_ns, source.end_ns, store.column_ns)
+        except SiloError as error:
+            self.say(str(error))
+            return
+        store.advance_to(past.first + past.low.shape[1])
+        store.merge(past.names, past.first, past.low, past.high)
+        self.session.columns = store
+        self.pane.live_changed()
+        self.inspector.refresh()
+
+    # --------------------------------------------------------------------------------------------------- deeds
+
+    def deed_sort(self) -> None:
+        super().deed_sort()
+        if self.session.rows.sort == "act":  # files don't tell
+            super().deed_sort()
+
+    def deed_edit(self) -> None:
+        self.deed_plot()
+
+    def deed_plot(self) -> None:
+        from silo_tui.screens.file_monitor import FileMonitorScreen
+
+        chosen: Rows = self.session.rows.targets()
+        names = [self.session.table.names[int(row)] for row in chosen]
+        names = [name for name in names if self.file.rows_of[name].samples]
+        if names:
+            self.app.push_screen(FileMonitorScreen(self.file, names))
+        else:
+            self.say("no samples of it in this file" if len(chosen) else "nothing to plot")
