@@ -18,7 +18,7 @@ from silo import ending
 from silo.collecting.run import Run
 from silo.collecting.schema import STOP_TEXTS, StopReason
 from silo.configuration import Configuration
-from silo.errors import SegmentError, StateError
+from silo.errors import SegmentError, SiloError, StateError
 from silo.ipc.messages import SavedFile, State
 from silo.model import FileType, Storage
 from silo.new_values import NewValues, NewValuesReader
@@ -73,8 +73,8 @@ class Logger(Configuration):
             memory_limit_mb=memory_limit_mb,
             checked=checked,
         )
-        super().__init__(options)
         self._clock = nanosecond_clock(clock)
+        super().__init__(options)
         self._run: Run | None = None
         self._collect: Callable[[], None] = _idle
         self._run_number = 0
@@ -291,34 +291,58 @@ class Logger(Configuration):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close; after an error, keep what was logged: the helper process saves it, or `silo recover` does."""
-        if kind is None or issubclass(kind, KeyboardInterrupt | SystemExit):
+        """Close; after Ctrl-C or an error, save what was not saved yet."""
+        if kind is None:
             self.close()
         else:
             self.abandon()
 
     def abandon(self) -> None:
-        """End without `close()`: unsaved data is left for the helper process, else for `silo recover`."""
+        """End without `close()`, as at the end of a process: unsaved data is saved as `.silo`, and it is said where.
+
+        A served logger leaves that to its helper process. Where saving fails, `silo recover` can do it later.
+        """
         if self._closed:
             return
-        if not self.has_unsaved:
+        if not self.has_unsaved or self._run is None:
             self.close()
             return
         self.stop()
         self._closed = True
-        if self._serving is not None and self._serving.alive:
-            self._serving.abandon()
+        if self._serving is not None:
+            if self._serving.alive:
+                self._serving.abandon()
+            if self._serving.left == (self.segment_path, self.ticks):
+                return  # the helper process saves them and deletes the segment
+        from silo.files import write
+
+        options = self.options
+        try:
+            saved = write(self._run.reader.snapshot(), options.folder, options.name, [FileType.SILO])
+        except SiloError as failure:
+            self._say_where_it_is(f": {failure}")
             return
-        print(
-            f"silo: logger '{self.options.name}' ended without save() or close(); {self.ticks} ticks are kept in "
-            f"{self._run.segment.path if self._run else ''}: run `silo recover` to save them",
-            file=sys.stderr,
-        )
+        self._run.drop()
+        paths = ", ".join(file.path for file in saved)
+        print(f"silo: logger '{options.name}' ended without save() or close(); saved {paths}", file=sys.stderr)
 
     def __del__(self) -> None:
-        """A logger that the program forgot: its thread and memory end, unsaved data is kept."""
-        if not getattr(self, "_closed", True):
+        """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""
+        if getattr(self, "_closed", True):
+            return
+        if self.has_unsaved and (self._serving is None or not self._serving.alive):
+            self.stop()
+            self._closed = True
+            self._say_where_it_is("")  # the collector may run in any thread: no place to write files
+        else:
             self.abandon()
+
+    def _say_where_it_is(self, problem: str) -> None:
+        print(
+            f"silo: logger '{self.options.name}' ended without save() or close(){problem}; {self.ticks} ticks are kept "
+            f"in {self.segment_path}: run `silo recover` to save them",
+            file=sys.stderr,
+        )
 
     def _tell(self) -> None:
         """Let the helper process know of a new state or table. Never waits."""

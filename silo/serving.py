@@ -76,6 +76,7 @@ class Serving:
         self._by = ""
         self._spawned: list[float] = []
         self.alive = True
+        self.left: tuple[str, int] | None = None  # the segment and the ticks that the helper was told to save
         self._spawn()
         self._thread = threading.Thread(target=self._serve, name="silo-link", daemon=True)
         self._thread.start()
@@ -297,6 +298,7 @@ class Serving:
 
     def abandon(self) -> None:
         """End without a goodbye: the helper process saves what was collected."""
+        self.left = (self._logger.segment_path, self._logger.ticks)
         self._end(say_goodbye=False)
 
     def _end(self, *, say_goodbye: bool) -> None:
@@ -328,8 +330,8 @@ class Serving:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close; after an error, the helper process saves what was not saved yet."""
-        if kind is None or issubclass(kind, KeyboardInterrupt | SystemExit) or not self._logger.has_unsaved:
+        """Close; after Ctrl-C or an error, the helper process saves what was not saved yet."""
+        if kind is None or not self._logger.has_unsaved:
             self.close()
         else:
             self.abandon()

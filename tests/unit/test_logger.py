@@ -212,8 +212,20 @@ def test_a_restart_leaves_one_segment(counting):
     assert list_segments() == [Path(logger.segment_path)]
 
 
-def test_after_an_error_unsaved_data_is_kept_for_recovery(counting, capsys):
-    logger = counting()
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, SystemExit])
+def test_after_an_error_unsaved_data_is_saved(counting, capsys, tmp_path, error):
+    logger = counting({"folder": tmp_path})
+    with pytest.raises(error), logger:
+        logger.collect()
+        raise error
+    (file,) = tmp_path.glob("*.silo")
+    assert list(silo.open_log(file)["/log/x"].values) == list(range(logger.ticks))
+    assert str(file) in capsys.readouterr().err
+    assert list_segments() == []
+
+
+def test_unsaved_data_that_can_not_be_saved_is_kept_for_recovery(counting, capsys):
+    logger = counting({"folder": "/proc/none"})
     with pytest.raises(ZeroDivisionError), logger:
         logger.collect()
         raise ZeroDivisionError
@@ -241,7 +253,7 @@ def test_a_logger_that_the_program_forgot_without_data_leaves_nothing(tmp_path):
     assert list_segments() == []
 
 
-def test_a_program_that_ends_without_close_leaves_its_unsaved_data(tmp_path, runtime_folder):
+def test_a_program_that_ends_without_close_saves_its_unsaved_data(tmp_path, runtime_folder):
     program = f"""
 import silo
 log = silo.Logger("left", folder={str(tmp_path)!r}, script="none.yaml")
@@ -256,8 +268,9 @@ log.collect()
         text=True,
         check=True,
     )
-    assert "1 ticks are kept" in run.stderr
-    assert len(list_segments()) == 1
+    (file,) = tmp_path.glob("*.silo")
+    assert str(file) in run.stderr
+    assert list_segments() == []
 
 
 def test_a_failed_start_leaves_no_file_behind(new_logger, runtime_folder, monkeypatch):
