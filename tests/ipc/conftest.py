@@ -139,6 +139,12 @@ class RobotProcess:
         self.process.kill()
         self.process.wait()
 
+    def end(self) -> None:
+        """Ends program and helper; what they logged stays unsaved."""
+        self.kill()
+        self.process.stdout.close()
+        end_helper(self.helper_pid)
+
 
 @pytest.fixture
 def robots(runtime: Path, tmp_path: Path) -> Iterator[Callable[..., RobotProcess]]:
@@ -151,9 +157,7 @@ def robots(runtime: Path, tmp_path: Path) -> Iterator[Callable[..., RobotProcess
 
     yield start
     for robot in started:
-        robot.kill()
-        robot.process.stdout.close()
-        end_helper(robot.helper_pid)
+        robot.end()
 
 
 def end_helper(pid: int) -> None:

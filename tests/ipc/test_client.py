@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -172,7 +173,17 @@ class TestOtherUsers:
     def robot_of(self, robots, monkeypatch: pytest.MonkeyPatch):
         """Starts a robot program in the real place."""
         monkeypatch.delenv("SILO_RUNTIME_DIR")
-        yield lambda *group: robots("silo-test-theirs", *group)
+        started = []
+
+        def start(*group: str):
+            started.append(robots("silo-test-theirs", *group))
+            return started[-1]
+
+        yield start
+        for robot in started:  # killed with its helper, or its log would be offered for recovery ever after
+            robot.end()
+            for left in Path("/dev/shm/silo-0").glob(f"silo-test-theirs.{robot.pid}.*"):
+                left.unlink()
         shutil.rmtree(f"/dev/shm/silo-0-{self.shared_gid}", ignore_errors=True)
         shutil.rmtree("/dev/shm/silo-54322", ignore_errors=True)
 
