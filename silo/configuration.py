@@ -101,9 +101,10 @@ class Configuration:
         """
         self._check_open()
         full = join_name(self.options.prefix, group, name or name_of(source, attr))
-        if buffer_size is None and isinstance(divider, int) and divider >= 1:
-            buffer_size = self.options.default_buffer_size(divider)
-        options = checked(full, ElementOptions(enabled, divider, action, buffer_type, buffer_size or 0))
+        if buffer_size is None:
+            valid = isinstance(divider, int) and divider >= 1
+            buffer_size = self.options.default_buffer_size(divider) if valid else 1
+        options = checked(full, ElementOptions(enabled, divider, action, buffer_type, buffer_size))
         parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=string_bytes)
         entries = tuple(
             entry_of(scalar, part.labels) for part in parts for scalar in part.scalars(strides_of(part.source))

@@ -54,11 +54,20 @@ def connect(name: str | None) -> "Client":
     return Client.connect(found)
 
 
-def split_logger(words: Sequence[str]) -> tuple[str | None, list[str]]:
-    """A leading name of a logger, if there is one, and the other words: patterns hold `/` or `*`, settings `=`."""
-    if words and _LOGGER.fullmatch(words[0]):
-        return words[0], list(words[1:])
-    return None, list(words)
+def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str | None, list[str]]:
+    """A leading name of a logger, if there is one, and the other words: patterns hold `/` or `*`, settings `=`.
+
+    With `or_pattern`, a plain word that names no logger is a pattern too, as long as only one logger can be meant.
+    """
+    if not words or not _LOGGER.fullmatch(words[0]):
+        return None, list(words)
+    if or_pattern:
+        from silo.ipc.discovery import discover
+
+        loggers = discover(config=configuration()).loggers
+        if len(loggers) == 1 and words[0] not in (loggers[0].name, loggers[0].label):
+            return None, list(words)
+    return words[0], list(words[1:])
 
 
 # --------------------------------------------------------------------------------------------------------- completion

@@ -148,7 +148,7 @@ def set_command(words: tuple[str, ...], dry_run: bool, restart: bool) -> None:
       silo set demo /log/base '*/torque' divider=5 size=10s
       silo set '*/encoder_count' off --dry-run
     """
-    logger, rest = split_logger(words)
+    logger, rest = split_logger(words, or_pattern=True)
     patterns, settings_words = split_settings(rest)
     if not patterns or not settings_words:
         raise click.UsageError("give a pattern and a setting: silo set demo '*/torque' divider=5")

@@ -52,6 +52,7 @@ def ls(as_json: bool) -> None:
         show_json([answer.status or {"logger": answer.found.label, "error": answer.error} for answer in answers])
         return
     if not answers:
+        _tell_orphans()
         raise ConnectionLostError(not_found_text("", discovery))
     header = ("LOGGER", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
     show_rows([header, *map(_ls_row, answers)], right=(2, 3, 4, 5, 6, 7))
@@ -63,6 +64,18 @@ def ls(as_json: bool) -> None:
     for folder in discovery.forbidden:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
+    _tell_orphans()
+
+
+def _tell_orphans() -> None:
+    """What programs left behind that nobody would find without being told."""
+    from silo.collecting.runtime import orphaned_segments
+
+    count = len(orphaned_segments())
+    if count:
+        click.echo(
+            f"{many(count, 'recording')} of programs that died may be in no file: `silo recover --list`", err=True
+        )
 
 
 def _ls_row(answer: "Answer") -> tuple[str, ...]:

@@ -82,7 +82,7 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
       silo watch demo /log/base/pose '*/LF/*/torque'
       silo watch demo /log/battery --rate 1 --json | jq .values
     """
-    logger, patterns = split_logger(words)
+    logger, patterns = split_logger(words, or_pattern=True)
     if not patterns:
         raise click.UsageError("give at least one pattern: silo watch demo /log/base   (`silo info -e` lists all)")
     try:

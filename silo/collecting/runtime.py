@@ -55,6 +55,12 @@ def list_segments(folder: Path | None = None) -> list[Path]:
     return found
 
 
+def orphaned_segments() -> list[Path]:
+    """Segments in the runtime folder whose process is gone, told by their names alone."""
+    pids = {path: path.name.rsplit(".", 3)[1:2] for path in list_segments()}
+    return [path for path, pid in pids.items() if pid and pid[0].isdecimal() and not process_start(int(pid[0]))]
+
+
 def available_memory_bytes() -> int:
     """What the kernel says could be taken without swapping; very much where it doesn't say."""
     try:

@@ -93,7 +93,8 @@ def read_text(path: Path) -> str:
             data = file.read(MAX_TEXT_BYTES + 1)
     except FileNotFoundError:
         raise ScriptRefusedError(
-            RefusedWhy.NOT_FOUND, f"{path}: no such script; write one with `silo script save`"
+            RefusedWhy.NOT_FOUND,
+            f"{path}: no such script; paths begin in the folder of the logger's script, see `silo script list`",
         ) from None
     except OSError as error:
         raise ScriptRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {error.strerror}") from error
@@ -103,9 +104,13 @@ def read_text(path: Path) -> str:
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
-    """Raises ScriptRefusedError if a script must not be written there."""
-    if not path.parent.is_dir():
-        raise ScriptRefusedError(RefusedWhy.NOT_FOUND, f"{path.parent}: no such folder on the robot; make it first")
+    """Raises ScriptRefusedError if a script must not be written there; its folder is made where missing."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ScriptRefusedError(
+            RefusedWhy.FAILED, f"{path.parent}: can't make this folder: {error.strerror}"
+        ) from error
     if path.exists():
         if not path.is_file():
             raise ScriptRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")

@@ -307,3 +307,21 @@ def test_watching_a_stopped_logger_says_that_it_is_stopped(log: silo.Logger, com
 
 def test_the_clock_of_a_logger_that_never_ran_is_dashes() -> None:
     assert show_clock(0) == "--:--:--.---"
+
+
+def test_ls_tells_of_recordings_that_are_in_no_file(command: Run) -> None:
+    program = "import os, silo; log = silo.Logger('lost'); log.array('x'); log.start(); log.collect(); os._exit(1)"
+    subprocess.run(
+        [sys.executable, "-c", program], check=False, env=dict(os.environ, PYTHONPATH=str(Path(__file__).parents[2]))
+    )
+    assert "1 recording of programs that died may be in no file: `silo recover --list`" in command("ls").err
+
+
+def test_a_word_that_names_no_logger_is_a_pattern_where_one_logger_runs(log: silo.Logger, command: Run) -> None:
+    assert command("set", "joints", "divider=3").code == 0
+    assert {info.options.divider for info in log.elements if "/joints/" in info.name} == {3}
+
+
+def test_a_script_is_saved_into_a_folder_that_was_missing(log: silo.Logger, command: Run, folder: Path) -> None:
+    assert command("script", "save", "new/walk.yaml").code == 0
+    assert (folder / "new" / "walk.yaml").exists()

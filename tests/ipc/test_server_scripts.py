@@ -92,8 +92,9 @@ def test_missing_script_is_told(client) -> None:
     assert refused(client.load_script, "nix.yaml") is RefusedWhy.NOT_FOUND
 
 
-def test_saving_into_a_missing_folder_is_refused(client) -> None:
-    assert refused(client.save_script, "nix/a.yaml") is RefusedWhy.NOT_FOUND
+def test_saving_into_a_missing_folder_makes_it(bench, client) -> None:
+    client.save_script("new/a.yaml")
+    assert (bench.script.parent / "new" / "a.yaml").is_file()
 
 
 ESCAPES = ["../a.yaml", "/etc/a.yaml", "x/../../a.yaml", "link.yaml", "folder/a.yaml", "a\x00.yaml", "a\n.yaml"]
