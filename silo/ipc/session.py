@@ -202,6 +202,10 @@ def open_client(path: Path | None, config: str | None = None) -> zenoh.Session:
     try:
         return zenoh.open(settings)
     except zenoh.ZError as error:
+        if path is not None and config is None:
+            # Zenoh's words here are only "unable to connect"
+            text = f"{path}: its helper process doesn't answer: it is frozen, overloaded or ending; try again"
+            raise ConnectionLostError(text) from error
         where = str(path) if path is not None else f"what {config} names"
         raise ConnectionLostError(f"can't connect to {where}: {_reason(error)}{_hint(config)}") from error
 
