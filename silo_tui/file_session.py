@@ -6,6 +6,7 @@ It has no link, so that nothing of it can be asked of a robot; `time_ns` is the 
 import os
 import warnings
 from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
 
 from silo import reports
@@ -14,6 +15,8 @@ from silo.ipc.messages import State, Status, Table
 from silo.log import Log, LogWarning, open_log
 from silo_tui.model.recorded import RecordingSource
 from silo_tui.session import Session
+
+EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
 
 
 class FileSession(Session):
@@ -50,6 +53,13 @@ class FileSession(Session):
     def seconds(self) -> float:
         """The moment whose values are shown, in seconds from the first time stamp."""
         return (self.time_ns - self.source.begin_ns) / 1e9
+
+    @property
+    def clock(self) -> str:
+        """That moment by the clock on the wall; empty where the logger had a clock of its own."""
+        if self.time_ns < EPOCH_FROM_NS:
+            return ""
+        return f"{datetime.fromtimestamp(self.time_ns // 1_000_000 / 1000):%Y-%m-%d %H:%M:%S.%f}"[:-3]
 
     def read(self, names: Sequence[str]) -> None:
         """Brings the values of these elements at the moment shown."""

@@ -99,7 +99,7 @@ class RecordingSource:
     def spans_s(self) -> tuple[float, ...]:
         """The spans that one zooms through; the last one is the whole recording."""
         whole = (self.end_ns - self.begin_ns) / SECOND_NS * WHOLE or 1.0
-        return (*(span for span in SHORT_SPANS_S + SPANS_S + LONG_SPANS_S if span < whole), whole)
+        return (*(span for span in SHORT_SPANS_S + SPANS_S + LONG_SPANS_S if span < 0.7 * whole), whole)
 
     def element(self, name: str) -> ElementInfo | None:
         """The element of that name."""

@@ -9,11 +9,12 @@ from textual.binding import Binding
 from silo_tui.actions import bindings_for
 from silo_tui.file_session import FileSession
 from silo_tui.model import text
+from silo_tui.model.columns import ColumnStore
 from silo_tui.model.plots import PlotWindow
 from silo_tui.screens.file_detail import FileDetailScreen
 from silo_tui.screens.monitor import MonitorScreen
-from silo_tui.widgets.bars import KeyBar, MonitorLine
-from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedStack
+from silo_tui.widgets.bars import KeyBar
+from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedLine, RecordedStack
 
 
 class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
@@ -33,7 +34,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         """Facts of the file, what is wrong with it, plots, line of facts, keys."""
         self.status_bar = FileBar(self.file)
         self.banner = FileBanner(self.file)
-        self.line = MonitorLine(self.window, self._words)
+        self.line = RecordedLine(self.window, self._words)
         yield self.status_bar
         yield self.banner
         yield self.stack
@@ -41,7 +42,8 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         yield KeyBar("file_monitor")
 
     def _words(self) -> str:
-        words = [f"cursor at {self.file.seconds:.9g} s"]
+        clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""
+        words = [f"cursor at {self.file.seconds:.9g} s{clock}"]
         total, fitting = len(self.stack.plots), self.stack.fitting
         if total > fitting:
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
@@ -58,13 +60,22 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         end = self.window.paused_end_ns
         return self.file.source.end_ns if end is None else end
 
-    async def _fill(self, store: object, names: list[str]) -> None:
-        await super()._fill(store, names)  # type: ignore[arg-type]
+    def wish_again(self) -> None:
+        """Reads what is on the screen; nothing is taken from the last picture, the source keeps what it read."""
+        if self.silo.upper_screen is not self:
+            return
+        names = [plotted.name for plotted in self.stack.on_screen() if plotted.numeric]
+        columns = self.stack.columns
+        store = ColumnStore(names, columns, self.window.column_ns(columns))
+        self.run_worker(self._fill(store, names), group="history", exclusive=True)
+
+    async def _fill(self, store: ColumnStore, names: list[str]) -> None:
+        await super()._fill(store, names)
         self._show_moment()
 
     def _show(self, end_ns: int) -> None:
         """Puts the right edge of the window there, as far as there is something to see."""
-        self.window.paused_end_ns = self.file.source.clamp_end(end_ns, self.window.span_ns)
+        self.window.paused_end_ns = self.file.source.clamp_end(end_ns, self.window.span_ns - self._column_ns)
         self._show_moment()
         self.wish_again()
 

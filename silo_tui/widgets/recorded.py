@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from rich.segment import Segment
 from rich.text import Text
+from textual.app import RenderResult
 from textual.geometry import Region
 from textual.strip import Strip
 
@@ -15,7 +16,7 @@ from silo_tui.model import braille, text
 from silo_tui.model.fields import BUFFER_WORDS, Field
 from silo_tui.model.live import Reading, value_text
 from silo_tui.model.plots import Plotted, PlotWindow, plots_of
-from silo_tui.widgets.bars import Banner, StatusBar, color
+from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar, color
 from silo_tui.widgets.element_table import FLAGS, UNIT, ElementTable, TableHead
 from silo_tui.widgets.inspector import Inspector
 from silo_tui.widgets.live_pane import LivePane
@@ -259,6 +260,19 @@ class FileBanner(Banner):
         return text.clean(found[0]) + more if found else ""
 
 
+class RecordedLine(MonitorLine):
+    """Span and scale of the monitor, the moment that its cursor is at."""
+
+    def render(self) -> RenderResult:
+        """The line."""
+        window = self._window
+        whole = window.span_s == window.spans[-1]
+        parts = ["whole file" if whole else f"{text.span(window.span_s)} shown"]
+        parts += ["y held"] if window.fixed_scale else []
+        parts.append(self._words())
+        return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
+
+
 class RecordedStack(PlotStack):
     """Plots of a file: the value at the cursor, minimum, maximum and mean of the window; the axis counts its time."""
 
@@ -280,5 +294,5 @@ class RecordedStack(PlotStack):
     def _axis_word(self, share: float) -> str:
         store = self.store
         at = (store.end - self.columns * (1 - share)) * store.column_ns - self._file.source.begin_ns
-        digits = max(0, min(6, 1 - int(np.floor(np.log10(self.window.span_s / 4)))))
+        digits = max(0, min(9, 2 - int(np.floor(np.log10(self.window.span_s / 4)))))
         return f"{at / 1e9 + 0.0:.{digits}f} s"

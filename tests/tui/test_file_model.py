@@ -1,0 +1,171 @@
+"""Columns and values of a recording, against the samples themselves."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo_tui.model.recorded import RecordingSource
+
+START_NS = 1_790_000_000_123_456_789
+STEP_NS = 2_500_000
+
+
+def element(name, values, divider=1, first=0, labels=None, lost=0):
+    values = np.asarray(values)
+    entry = RecordedEntry(f"/log/{name}", Entry("", values.dtype.str, labels), values)
+    return RecordedElement(f"/log/{name}", "-", "scalar", (), divider, BufferType.LOOPING, first, (entry,), lost=lost)
+
+
+def source(*elements, ticks=1000, times=None):
+    times = START_NS + STEP_NS * np.arange(ticks, dtype=np.int64) if times is None else np.asarray(times, np.int64)
+    recording = Recording("robot", times, len(times), elements, frequency_hz=400.0)
+    return RecordingSource(recording, [each.name for each in elements])
+
+
+def columns(of, name="/log/a", column_ns=50_000_000):
+    return of.columns([name], of.begin_ns, of.end_ns, column_ns)
+
+
+@given(
+    data=st.data(),
+    count=st.integers(1, 300),
+    divider=st.integers(1, 7),
+    column_ns=st.integers(STEP_NS * 8, 10**9),
+)
+@settings(max_examples=60, deadline=None)
+def test_a_column_holds_the_extremes_of_its_samples(data, count, divider, column_ns):
+    numbers = st.floats(allow_nan=True, allow_infinity=True, width=64)
+    values = np.array(data.draw(st.lists(numbers, min_size=count, max_size=count)))
+    of = source(element("a", values, divider), ticks=(count - 1) * divider + 1)
+    past = columns(of, column_ns=column_ns)
+    places = (of.recording.time_ns[::divider][:count] // column_ns) - past.first
+    low, high = np.full(past.low.shape[1], np.nan), np.full(past.low.shape[1], np.nan)
+    np.fmin.at(low, places, values)
+    np.fmax.at(high, places, values)
+    there = np.zeros(len(low), bool)
+    there[places] = True
+    np.testing.assert_array_equal(past.low[0][there], low[there])
+    np.testing.assert_array_equal(past.high[0][there], high[there])
+
+
+def test_a_spike_of_one_sample_shows_at_every_zoom():
+    values = np.zeros(100_000)
+    values[77_777] = 40.0
+    of = source(element("a", values), ticks=100_000)
+    for span_s in of.spans_s:
+        span_ns = round(span_s * 1e9)
+        end = of.clamp_end(int(of.recording.time_ns[77_777]) + span_ns // 2, span_ns)
+        past = of.columns(["/log/a"], end - span_ns, end, max(1, -(-span_ns // 140)))
+        assert np.nanmax(past.high) == 40.0, span_s
+
+
+def test_facts_are_of_the_samples_in_the_window_without_nan():
+    values = np.arange(1000.0)
+    values[::3] = np.nan
+    of = source(element("a", values))
+    facts = of.facts("/log/a", of.begin_ns // 10**7, of.end_ns // 10**7 + 1, 10**7)
+    assert (facts.smallest, facts.largest) == (1.0, 998.0)
+    assert facts.mean == pytest.approx(np.nanmean(values))
+    assert facts.samples == np.isfinite(values).sum()
+
+
+def test_a_signal_without_a_number_has_no_facts():
+    of = source(element("a", np.full(1000, np.nan)))
+    facts = of.facts("/log/a", of.begin_ns // 10**7, of.end_ns // 10**7 + 1, 10**7)
+    assert np.isnan([facts.smallest, facts.largest, facts.mean]).all()
+
+
+def test_between_slow_samples_a_close_look_shows_the_value_that_held():
+    of = source(element("a", [1.0, 2.0, 3.0], divider=400), ticks=1000)
+    begin = of.begin_ns + 1_500_000_000
+    past = of.columns(["/log/a"], begin, begin + 50_000_000, 1_000_000)
+    assert (past.low == 2.0).all()
+
+
+def test_nothing_is_shown_before_the_first_sample():
+    of = source(element("a", np.ones(100), first=900))
+    past = columns(of, column_ns=1_000_000)
+    before = past.first + np.arange(past.low.shape[1]) < int(of.recording.time_ns[900]) // 1_000_000
+    assert np.isnan(past.low[0][before]).all()
+    assert (past.low[0][~before] == 1.0).all()
+
+
+@pytest.mark.parametrize(
+    ("values", "low", "high"),
+    [
+        (np.array([True, False] * 500), 0, 1),
+        (np.array([3, -7] * 500, "i1"), -7, 3),
+        (np.array([1, 2**63] * 500, "u8"), 1, 2.0**63),
+        (np.array([0.5, 2] * 500, "f2"), 0.5, 2),
+        (np.array([1 + 5j, -2j] * 500), 0, 1),
+        (np.array(["NaT", "1970-01-01T00:00:05"] * 500, "M8[s]"), 5, 5),
+    ],
+    ids=["bool", "int8", "uint64", "float16", "complex", "date"],
+)
+def test_numbers_of_every_type_are_drawn(values, low, high):
+    past = columns(source(element("a", values)))
+    assert (np.nanmin(past.low), np.nanmax(past.high)) == (low, high)
+
+
+def test_what_was_read_is_kept_for_panning():
+    values = np.arange(1000.0)
+    of = source(element("a", values))
+    before = columns(of).low
+    values[:] = -1.0
+    np.testing.assert_array_equal(columns(of).low, before)
+
+
+def test_times_that_go_back_hide_no_sample():
+    times = START_NS + STEP_NS * np.r_[np.arange(500), np.arange(300, 800)]
+    values = np.zeros(1000)
+    values[600] = 9.0
+    of = source(element("a", values), times=times)
+    assert of.clock_jumps == 1
+    assert np.nanmax(columns(of).high) == 9.0
+
+
+def test_a_reading_is_the_newest_sample_up_to_that_time():
+    of = source(element("a", [1.0, 2.0, 3.0], divider=10, first=5), ticks=100)
+    at = lambda tick, more=0: of.readings(["/log/a"], START_NS + tick * STEP_NS + more)["/log/a"]  # noqa: E731 - short
+    assert not at(4).held
+    assert at(5).newest[0] == 1.0
+    assert at(14, STEP_NS - 1).newest[0] == 1.0
+    assert at(15).newest[0] == 2.0
+    assert at(99).newest[0] == 3.0
+
+
+def test_a_reading_of_a_string_is_its_text():
+    of = source(element("a", np.array([b"idle", b"w\xc3\xa4lk"] * 50, "S8")), ticks=100)
+    assert of.readings(["/log/a"], of.end_ns)["/log/a"].texts == {0: "wälk"}
+
+
+def test_the_next_and_the_previous_sample_are_found():
+    of = source(element("a", [1.0, 2.0, 3.0], divider=10, first=5), ticks=100)
+    at = lambda tick: START_NS + tick * STEP_NS  # noqa: E731 - short
+    assert of.neighbour("/log/a", at(0), 1) == at(5)
+    assert of.neighbour("/log/a", at(5), 1) == at(15)
+    assert of.neighbour("/log/a", at(16), -1) == at(15)
+    assert of.neighbour("/log/a", at(5), -1) == at(5)
+    assert of.neighbour("/log/a", at(25), 1) == at(25)
+
+
+def test_the_last_span_is_the_whole_file():
+    of = source(element("a", np.zeros(1000)))
+    assert of.spans_s == tuple(sorted(of.spans_s))
+    assert of.spans_s[-1] * 1e9 >= of.end_ns - of.begin_ns
+    assert of.spans_s[-2] * 1e9 < of.end_ns - of.begin_ns
+
+
+def test_a_file_of_one_tick_can_be_looked_at():
+    of = source(element("a", [7.0]), ticks=1)
+    past = of.columns(["/log/a"], of.end_ns - 10**9, of.end_ns, 10**7)
+    assert np.nanmax(past.high) == 7.0
+
+
+def test_an_element_without_samples_is_empty():
+    of = source(element("a", np.zeros(0)), element("b", np.zeros(1000)))
+    assert np.isnan(columns(of).low).all()
+    assert not of.readings(["/log/a"], of.end_ns)["/log/a"].held

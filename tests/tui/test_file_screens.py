@@ -1,0 +1,327 @@
+"""A saved log on the screen, driven by keys."""
+
+from contextlib import asynccontextmanager
+
+import numpy as np
+import pytest
+
+from silo.files.silo_writer import write_silo
+from silo.log import Log
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo_tui.actions import BY_ID, FILE_SCOPES, deeds_for
+from silo_tui.app import SiloApp
+from silo_tui.file_session import FileSession, open_file
+from silo_tui.model.fields import Field
+from silo_tui.screens.file_detail import FileDetailScreen
+from silo_tui.screens.file_table import FileTableScreen
+
+START_NS = 1_790_000_000_000_000_000
+STEP_NS = 2_500_000
+TICKS = 8000
+SIZES = [(80, 24), (120, 40)]
+
+
+def element(name, values, unit="-", divider=1, first=0, suffixes=("",), kind="scalar", labels=None, lost=0):
+    columns = values if len(suffixes) > 1 else [values]
+    entries = tuple(
+        RecordedEntry(f"/log/{name}{suffix}", Entry(suffix, column.dtype.str, labels), column)
+        for suffix, column in zip(suffixes, columns, strict=True)
+    )
+    shape = (len(suffixes),) if len(suffixes) > 1 else ()
+    return RecordedElement(f"/log/{name}", unit, kind, shape, divider, BufferType.LOOPING, first, entries, lost=lost)
+
+
+def recording(**changes):
+    seconds = np.arange(TICKS) / 400
+    torque = np.sin(seconds)
+    torque[4000] = 40.0  # at 10 s
+    elements = (
+        element("legs/LF/torque", torque, "Nm"),
+        element(
+            "base/position", np.stack([seconds, seconds**2, -seconds]), "m", suffixes=("_x", "_y", "_z"), kind="vector"
+        ),
+        element(
+            "state/gait", (seconds[::4] // 5).astype("i4") % 3, divider=4, labels={0: "stand", 1: "walk", 2: "trot"}
+        ),
+        element("state/operator", np.array([b"ann"] * 100 + [b"bob"] * 100, "S8"), divider=40),
+        element("imu/temperature", np.full(100, 36.5), "degC", divider=40, first=4000, lost=3),
+    )
+    times = START_NS + STEP_NS * np.arange(TICKS, dtype=np.int64)
+    facts = {"elements": elements, "frequency_hz": 400.0, "started_ns": START_NS, **changes}
+    return Recording("robot", times, TICKS, **facts)
+
+
+@pytest.fixture
+def path(tmp_path):
+    found = tmp_path / "robot_20260921_14-00-00_00007.silo"
+    write_silo(recording(), found)
+    return found
+
+
+@pytest.fixture
+def on_file(new_finder, screen_of):
+    """`async with on_file(path, size) as screen:` waits until the table is there."""
+
+    @asynccontextmanager
+    async def open_app(path, size=(80, 24)):
+        async with screen_of(SiloApp(new_finder(), file=open_file(path)), size) as screen:
+            await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the table")
+            await screen.pilot.pause()
+            yield screen
+
+    return open_app
+
+
+def monitor(screen):
+    return screen.app.screen
+
+
+async def plot(screen, words):
+    await screen.type(f"/{words}")
+    await screen.press("enter", "m")
+    await screen.until(lambda: not monitor(screen).stack.store.empty, "plots")
+    await screen.pilot.pause()
+
+
+def to(screen):
+    """Where the cursor is, in seconds."""
+    return screen.session.seconds
+
+
+@pytest.mark.parametrize("size", SIZES)
+async def test_the_header_says_file_duration_ticks_and_losses(path, on_file, size):
+    async with on_file(path, size) as screen:
+        head = screen.text.splitlines()[0]
+        assert path.name in head
+        assert "20 s" in head
+        assert "8 000 ticks" in head
+        assert "lost 3" in head
+
+
+@pytest.mark.parametrize("size", SIZES)
+async def test_the_table_says_what_is_in_the_file(path, on_file, size):
+    async with on_file(path, size) as screen:
+        lines = {line.split()[0]: line.split() for line in screen.text.splitlines()[2:8] if line.split()}
+        assert lines["/legs/LF/torque"][1:4] == ["Nm", "1", "8000"]
+        assert "f64[3]" in lines["/base/position"]
+        assert "enum" in lines["/state/gait"]
+        assert lines["/imu/temperature"][2:4] == ["40", "100"]
+        assert {"loop", "3"} <= set(lines["/imu/temperature"])
+
+
+async def test_a_wide_table_shows_values_and_the_inspector(path, on_file):
+    async with on_file(path, (160, 50)) as screen:
+        await screen.shows("at 19.9975 s")
+        await screen.shows("stand")
+        await screen.shows("bob")
+        await screen.press("G")
+        await screen.shows("divider   40")
+
+
+async def test_the_filter_and_marks_work_as_on_a_logger(path, on_file):
+    async with on_file(path) as screen:
+        await screen.type("/unit:Nm")
+        await screen.press("enter")
+        await screen.shows("1 of 5")
+        await screen.press("asterisk")
+        await screen.shows("1 marked")
+
+
+async def test_sorting_leaves_out_what_files_don_t_tell(path, on_file):
+    async with on_file(path) as screen:
+        for sort in ("added", "unit", "div", "size", "buf", "name"):
+            await screen.press("o")
+            assert screen.session.rows.sort == sort
+
+
+@pytest.mark.parametrize("size", SIZES)
+async def test_plots_show_the_whole_file_with_its_facts(path, on_file, size):
+    async with on_file(path, size) as screen:
+        await plot(screen, "torque")
+        await screen.shows("whole file")
+        await screen.shows("max 40")
+        await screen.shows("mean ")
+
+
+async def test_all_marked_elements_are_plotted(path, on_file):
+    async with on_file(path, (120, 40)) as screen:
+        await screen.press("asterisk", "m")
+        await screen.until(lambda: not monitor(screen).stack.store.empty)
+        names = [plotted.name for plotted in monitor(screen).stack.plots]
+        assert len(names) == 7
+
+
+async def test_the_cursor_reads_the_value_that_held(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "gait")
+        await screen.shows("= stand")
+        await screen.press("home")
+        await screen.until(lambda: to(screen) == 0)
+        for _ in range(25):
+            await screen.press("right")
+        await screen.until(lambda: 5 < to(screen) < 10, f"walking {to(screen)}")
+        await screen.shows("= walk")
+
+
+async def test_the_cursor_reads_texts(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "operator")
+        await screen.shows("bob")
+        await screen.press("home")
+        await screen.shows("ann")
+
+
+async def test_before_its_first_sample_a_signal_has_no_value(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "temperature")
+        await screen.shows("= 36.5")
+        await screen.press("home")
+        await screen.shows("= -")
+
+
+async def test_home_and_end_jump_to_the_ends_of_the_file(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "torque")
+        await screen.press("plus", "plus", "plus")
+        await screen.press("home")
+        await screen.until(lambda: to(screen) == 0 and monitor(screen).window.cursor is not None)
+        await screen.press("end")
+        await screen.until(lambda: to(screen) == 19.9975 and monitor(screen).window.cursor is not None)
+
+
+async def test_zooming_keeps_the_cursor_on_its_moment(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "torque")
+        await screen.press("home", "L", "L", "L")
+        await screen.pilot.pause(0.05)
+        before = to(screen)
+        for _ in range(40):
+            await screen.press("plus")
+        await screen.shows("that is the shortest span")
+        assert to(screen) == before
+        assert monitor(screen).window.span_s == 0.001
+        await screen.until(lambda: monitor(screen).stack.store.column_ns < 10_000)
+        await screen.until(lambda: monitor(screen).window.cursor is not None)
+
+
+async def test_a_window_walks_over_the_whole_file_both_ways(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "torque")
+        await screen.press("plus", "plus", "plus", "plus")
+        span_ns = monitor(screen).window.span_ns
+        for _ in range(100):
+            await screen.press("pageup")
+        await screen.shows("beginning of the file")
+        source = screen.session.source
+        await screen.until(lambda: abs(monitor(screen).window.paused_end_ns - source.begin_ns - span_ns) < span_ns / 10)
+        store = monitor(screen).stack.store
+        assert store.first <= source.begin_ns // store.column_ns
+        for _ in range(100):
+            await screen.press("pagedown")
+        await screen.until(lambda: monitor(screen).window.paused_end_ns == source.end_ns)
+
+
+async def test_a_cursor_that_leaves_the_window_takes_it_along(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "torque")
+        await screen.press("plus", "plus", "plus", "plus", "plus")
+        for _ in range(30):
+            await screen.press("H")
+        await screen.until(lambda: monitor(screen).window.cursor is not None)
+        assert to(screen) < 19.9975 - monitor(screen).window.span_s
+
+
+async def test_full_stop_and_comma_step_from_sample_to_sample(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "gait")
+        await screen.press("home", "full_stop")
+        assert to(screen) == pytest.approx(0.01)
+        await screen.press("full_stop", "comma", "comma")
+        assert to(screen) == 0
+        await screen.press("comma")
+        await screen.shows("first sample")
+
+
+async def test_zero_shows_the_whole_file_again(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "torque")
+        await screen.press("plus", "plus")
+        await screen.shows("s shown")
+        await screen.press("0")
+        await screen.shows("whole file")
+
+
+async def test_the_facts_are_of_the_window(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "torque")
+        await screen.press("plus", "plus", "plus", "end")
+        await screen.until(lambda: "max 40" not in screen.text)
+
+
+async def test_the_detail_plot_counts_time_from_the_start(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "torque")
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileDetailScreen))
+        await screen.shows("time [s]")
+        await screen.press("plus", "home")
+        await screen.shows("0 … 10 s")
+        await screen.press("escape")
+        await screen.shows("whole file")
+
+
+@pytest.mark.parametrize("size", SIZES)
+async def test_nothing_that_changes_a_logger_is_offered(path, on_file, size):
+    async with on_file(path, size) as screen:
+        for word in ("Edit", "Apply", "Start", "Save", "On/Off", "Loggers"):
+            assert word not in screen.text.splitlines()[-1]
+        await screen.press("question_mark")
+        await screen.shows("Keys")
+        for word in ("pending", "buffer size", "start or stop", "script"):
+            assert word not in screen.text
+
+
+def test_no_deed_on_a_file_writes():
+    assert not [deed.id for scope in FILE_SCOPES for deed in deeds_for(scope) if deed.writes]
+    assert not {"undo", "redo", "discard", "pause", "refresh", "loggers", "command"} & {
+        deed.id for scope in FILE_SCOPES for deed in deeds_for(scope)
+    }
+    assert BY_ID["whole_file"].scopes == ("file_monitor", "file_detail")
+
+
+async def test_keys_that_edit_a_logger_change_nothing(path, on_file):
+    async with on_file(path) as screen:
+        before = screen.session.table.values.copy()
+        await screen.press("t", "d", "5", "b", "p", "u", "a", "S", "w", "x")
+        assert not screen.session.table.pending.any()
+        np.testing.assert_array_equal(screen.session.table.values[Field.DIVIDER], before[Field.DIVIDER])
+
+
+async def test_a_damaged_file_says_what_is_missing(path, on_file):
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 2 // 3])
+    async with on_file(path) as screen:
+        await screen.until(lambda: screen.session.warnings)
+        assert screen.session.warnings[0][:30] in screen.text.splitlines()[1]
+        await screen.press("m")
+        await screen.until(lambda: not monitor(screen).stack.store.empty)
+        await screen.shows(screen.session.warnings[0][:30])
+
+
+async def test_a_csv_file_looks_the_same(path, tmp_path, on_file):
+    from silo.files.convert import convert
+
+    convert(path, tmp_path / "log.csv")
+    async with on_file(tmp_path / "log.csv") as screen:
+        assert "log.csv" in screen.text.splitlines()[0]
+        await plot(screen, "torque")
+        await screen.shows("max 40")
+
+
+async def test_an_element_without_samples_says_so(new_finder, screen_of):
+    empty = recording(elements=(element("never", np.zeros(0)), element("torque", np.zeros(TICKS))))
+    async with screen_of(SiloApp(new_finder(), file=FileSession(Log(empty, "log.silo")))) as screen:
+        await screen.shows("/never")
+        await screen.press("m")
+        await screen.shows("no samples")
