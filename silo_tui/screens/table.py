@@ -383,12 +383,15 @@ class TableScreen(SiloScreen):
     def on_input_changed(self, event: Input.Changed) -> None:
         """The filter works while it is typed."""
         if event.input.id == "filter-line" and event.input.display:
-            self.session.rows.set_filter(event.value)
+            self.session.rows.set_filter(event.input.value)  # of keys that came at once, what they made
             self.table_changed()
 
     def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
         """Enter in one of the lines; a cell was taken when it was checked."""
         self._back_to_table()
+        if event.line.id == "filter-line":  # typed and entered at once, the line is gone before it says that it changed
+            self.session.rows.set_filter(event.value)
+            self.table_changed()
         if event.line.id == "command-line" and event.value.strip(": "):
             self.silo.run_command(event.value)
 

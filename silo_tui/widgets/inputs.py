@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from textual import events
+from textual.binding import Binding
 from textual.geometry import Region
 from textual.message import Message
 from textual.suggester import Suggester
@@ -12,6 +13,11 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from silo_tui.model.fields import Field
+
+# what Input binds keys to: backspace, arrows and the like
+EDITING = {
+    key: binding.action for binding in Input.BINDINGS if isinstance(binding, Binding) for key in binding.key.split(",")
+}
 
 
 class LineSuggester(Suggester):
@@ -30,8 +36,8 @@ class LineSuggester(Suggester):
 class Fleeting(Input):
     """An input that is there only while somebody types in it.
 
-    Enter, Esc and Tab are taken as keys and not as bindings, and what was typed behind them is handed on: a slow link
-    brings several keys at once, and a binding would act before or after keys that were pressed after or before it.
+    All its keys are taken as keys and not as bindings, and what was typed behind Enter, Esc or Tab is handed on: a slow
+    link brings several keys at once, and a binding would act before or after keys that were pressed after or before it.
     """
 
     DEFAULT_CSS = "Fleeting { display: none; height: 1; border: none; padding: 0; }"
@@ -75,6 +81,8 @@ class Fleeting(Input):
             self._end(self.Left(self))
         elif event.key == "tab":
             self.complete()
+        elif (action := EDITING.get(event.key)) is not None:
+            await self.run_action(action)
         else:
             return
         event.stop()
@@ -100,6 +108,11 @@ class Line(Fleeting):
         super().__init__(id, placeholder=placeholder, suggester=LineSuggester(complete), select_on_focus=False)
         self._complete_line = complete
         self._turn: list[str] = []
+
+    def on_mount(self) -> None:
+        """A suggestion differs from what was typed by its colour alone: without many colours, Tab has to do."""
+        if self.app.no_color or self.app.current_theme.name.startswith("ansi"):
+            self.suggester = None
 
     def complete(self) -> None:
         """Takes the next completion; Tab again takes the one after."""
