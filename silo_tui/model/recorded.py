@@ -115,6 +115,16 @@ class RecordingSource:
         """Whether there is data to plot: of all that is in a file."""
         return element in self._places
 
+    def extent_ns(self, names: Sequence[str]) -> tuple[int, int]:
+        """The first and the last moment that any of these elements has a sample of; of all where none has."""
+        elements = [self.recording.elements[self._places[name]] for name in names if name in self._places]
+        elements = [element for element in elements if element.count]
+        if not elements:
+            return self.begin_ns, self.end_ns
+        first = min(element.first for element in elements)
+        last = max(element.first + (element.count - 1) * element.divider for element in elements)
+        return int(self._times[first]), int(self._times[last])
+
     def clamp_end(self, end_ns: int, span_ns: int) -> int:
         """The right edge of a window so that it lies in the recording."""
         return min(self.end_ns, max(end_ns, self.begin_ns + span_ns))

@@ -19,9 +19,12 @@ class FileDetailScreen(DetailScreen, inherit_bindings=False):
     scope = "file_detail"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file_detail")
 
-    def __init__(self, session: FileSession, plots: Sequence[Plotted], end_ns: int, span_s: float) -> None:
+    def __init__(
+        self, session: FileSession, plots: Sequence[Plotted], end_ns: int, span_s: float, spans: tuple[float, ...]
+    ) -> None:
         super().__init__(session, session.source, plots, end_ns, span_s)
         self.file = session
+        self.spans = spans
 
     @property
     def zero_ns(self) -> int:
@@ -37,7 +40,7 @@ class FileDetailScreen(DetailScreen, inherit_bindings=False):
         self.draw_soon()
 
     def _zoom(self, step: int) -> None:
-        spans = self.file.source.spans_s
+        spans = self.spans
         middle = self.end_ns - round(self.span_s * SECOND_NS) // 2
         self.span_s = spans[max(0, min(len(spans) - 1, spans.index(self.span_s) + step))]
         self._show(middle + round(self.span_s * SECOND_NS) // 2)
@@ -55,5 +58,5 @@ class FileDetailScreen(DetailScreen, inherit_bindings=False):
         self._show(self.file.source.end_ns)
 
     def deed_whole_file(self) -> None:
-        self.span_s = self.file.source.spans_s[-1]
+        self.span_s = self.spans[-1]
         self._show(self.file.source.end_ns)

@@ -10,7 +10,8 @@ from silo_tui.actions import bindings_for
 from silo_tui.file_session import FileSession
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.plots import PlotWindow
+from silo_tui.model.plots import SECOND_NS, PlotWindow
+from silo_tui.model.recorded import WHOLE
 from silo_tui.screens.file_detail import FileDetailScreen
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.widgets.bars import KeyBar
@@ -26,8 +27,11 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
     def __init__(self, session: FileSession, names: list[str]) -> None:
         super().__init__(session, session.source, names)
         self.file = session
+        begin, end = session.source.extent_ns(names)
         spans = session.source.spans_s
-        self.window = PlotWindow(spans[-1], session.source.end_ns, spans=spans)
+        fitting = (end - begin) / SECOND_NS * WHOLE  # a looping buffer has the end of a long run only
+        span = fitting if spans[0] < fitting < 0.7 * spans[-1] else spans[-1]
+        self.window = PlotWindow(span, end, spans=tuple(sorted({*spans, span})))
         self.stack = RecordedStack(session, names, self.window)
 
     def compose(self) -> ComposeResult:
@@ -185,7 +189,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         if not plots:
             self.say(f"{text.plural(len(self.stack.plots), 'text')}: nothing to draw")
             return
-        self.app.push_screen(FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s))
+        self.app.push_screen(FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s, self.window.spans))
 
     def deed_back(self) -> None:
         self.silo.leave_screen()

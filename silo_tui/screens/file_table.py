@@ -2,6 +2,7 @@
 """What is in a file: the table of a logger with other columns and without what edits."""
 
 import math
+from collections.abc import Sequence
 from typing import ClassVar
 
 from textual.app import ComposeResult
@@ -9,11 +10,9 @@ from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Static
 
-from silo.errors import SiloError
 from silo_tui.actions import bindings_for
 from silo_tui.file_session import FileSession
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.plots import SECOND_NS
 from silo_tui.model.table import Rows
 from silo_tui.screens.table import WIDE, TableScreen
 from silo_tui.widgets.bars import InfoLine, KeyBar
@@ -46,7 +45,7 @@ class FileTableScreen(TableScreen, inherit_bindings=False):
         session = self.file
         self.table = table = RecordedTable(session)
         self.pane = RecordedPane(session, table)
-        self.inspector = RecordedInspector(session)
+        self.inspector: RecordedInspector = RecordedInspector(session)
         self.status_bar = FileBar(session)
         self.banner = FileBanner(session)
         self.info = InfoLine(session)
@@ -94,33 +93,35 @@ class FileTableScreen(TableScreen, inherit_bindings=False):
         row = self.session.rows.row
         rows += [row] if row is not None and row not in rows else []
         file.read([table.names[each] for each in rows])
-        plots: list[str] = []
+        source = file.source
         if self.pane.trend_width:
-            plots = [table.entry_names(each)[0] for each in rows if table.elements[each].entries]
-        if self.inspector.display:
-            plots += [name for name in self.inspector.plot_names() if name not in plots]
-        columns = max(2 * TREND, 2 * self.inspector.content_size.width if self.inspector.display else 0)
-        column_ns = max(1, math.ceil(file.source.spans_s[-1] * SECOND_NS / columns))
-        old = self.session.columns
-        if (old.names, old.count, old.column_ns) != (tuple(plots), columns, column_ns):
-            store = ColumnStore(plots, columns, column_ns)
-            self.run_worker(self._read_columns(store), group="history", exclusive=True)
+            trends = [table.entry_names(each)[0] for each in rows if table.elements[each].entries]
+            store = _empty_store(trends, 2 * TREND, source.begin_ns, source.end_ns)
+            if not _alike(store, self.session.columns):
+                self.run_worker(self._read_trends(store), group="trends", exclusive=True)
+        if self.inspector.display and row is not None:
+            begin, end = source.extent_ns([table.names[row]])
+            store = _empty_store(self.inspector.plot_names(), 2 * max(8, self.inspector.content_size.width), begin, end)
+            if not _alike(store, self.inspector.store):
+                self.run_worker(self._read_plots(store, begin, end), group="plots", exclusive=True)
         self.live_head.update(self.pane.head)
         self.pane.live_changed()
         self.inspector.refresh()
 
-    async def _read_columns(self, store: ColumnStore) -> None:
-        source = self.file.source
-        try:
-            past = await source.history(store.names, source.begin_ns, source.end_ns, store.column_ns)
-        except SiloError as error:
-            self.say(str(error))
-            return
-        store.advance_to(past.first + past.low.shape[1])
-        store.merge(past.names, past.first, past.low, past.high)
+    async def _read_trends(self, store: ColumnStore) -> None:
+        await self._read(store, self.file.source.begin_ns, self.file.source.end_ns)
         self.session.columns = store
         self.pane.live_changed()
+
+    async def _read_plots(self, store: ColumnStore, begin_ns: int, end_ns: int) -> None:
+        await self._read(store, begin_ns, end_ns)
+        self.inspector.store = store
         self.inspector.refresh()
+
+    async def _read(self, store: ColumnStore, begin_ns: int, end_ns: int) -> None:
+        past = await self.file.source.history(store.names, begin_ns, end_ns, store.column_ns)
+        store.advance_to(past.first + past.low.shape[1])
+        store.merge(past.names, past.first, past.low, past.high)
 
     # --------------------------------------------------------------------------------------------------- deeds
 
@@ -142,3 +143,12 @@ class FileTableScreen(TableScreen, inherit_bindings=False):
             self.app.push_screen(FileMonitorScreen(self.file, names))
         else:
             self.say("no samples of it in this file" if len(chosen) else "nothing to plot")
+
+
+def _empty_store(names: Sequence[str], columns: int, begin_ns: int, end_ns: int) -> ColumnStore:
+    """Room for all from `begin_ns` to `end_ns`."""
+    return ColumnStore(names, columns, max(1, math.ceil((end_ns - begin_ns) / (columns - 1))))
+
+
+def _alike(one: ColumnStore, other: ColumnStore) -> bool:
+    return (one.names, one.count, one.column_ns) == (other.names, other.count, other.column_ns)

@@ -6,7 +6,7 @@ from textual.widget import Widget
 
 from silo.model import ElementInfo
 from silo_tui.model import braille, text
-from silo_tui.model.columns import hold
+from silo_tui.model.columns import ColumnStore, hold
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.model.live import Reading, entry_text, fill_share
 from silo_tui.session import Session
@@ -26,6 +26,11 @@ class Inspector(Widget):
         self.session = session
         self._shown = Text()
         self._ready: Text | None = None
+
+    @property
+    def columns(self) -> ColumnStore:
+        """What the small plots show."""
+        return self.session.columns
 
     def live_changed(self) -> None:
         """Paints anew if it reads differently; a logger that stands still costs nothing."""
@@ -128,7 +133,7 @@ class Inspector(Widget):
 
     def _plots(self, pane: Text, width: int) -> None:
         names = self.plot_names()
-        columns = self.session.columns
+        columns = self.columns
         names = [name for name in names if columns.row(name) is not None]
         room = self.content_size.height - pane.plain.count("\n") - 1
         if not names or columns.empty or room < 4:

@@ -13,6 +13,7 @@ from silo.model import ElementInfo
 from silo.reports import ElementReport
 from silo_tui.file_session import FileSession
 from silo_tui.model import braille, text
+from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import BUFFER_WORDS, Field
 from silo_tui.model.live import Reading, value_text
 from silo_tui.model.plots import Plotted, PlotWindow, plots_of
@@ -193,6 +194,12 @@ class RecordedInspector(Inspector):
     def __init__(self, session: FileSession) -> None:
         super().__init__(session)
         self._file = session
+        self.store = ColumnStore((), 1, 1)
+
+    @property
+    def columns(self) -> ColumnStore:
+        """Of the time that the element has samples of."""
+        return self.store
 
     def _facts(self, pane: Text, element: ElementInfo, row: int, reading: Reading | None) -> None:
         report = self._file.rows_of[element.name]
