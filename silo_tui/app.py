@@ -118,8 +118,10 @@ class SiloApp(App[None]):
             screen.say(words)
 
     def fail(self, words: str) -> None:
-        """Shows an error."""
-        self.notify(words, severity="error", timeout=12, markup=False)
+        """Shows an error; behind a dialog, its first line stays on the screen below."""
+        if self.screen.is_modal:
+            self.say(words.partition("\n")[0])
+        self.notify(words, severity="error", timeout=6, markup=False)
 
     def table_changed(self) -> None:
         """Tells the screens."""
