@@ -98,7 +98,10 @@ class Serving:
         self._channel = LinkChannel(ours)
         self._socket = ours
         self._table_sent = -1
-        self._push_state()
+        try:
+            self._push_state()
+        except OSError:
+            log.debug("the helper process ended before it read its first message")  # why is asked for next
         self._wait_until_ready()
 
     def _wait_until_ready(self) -> None:
@@ -140,7 +143,7 @@ class Serving:
                         self._helper_died()
                     else:
                         self._handle(message)
-            except OSError:
+            except (OSError, SiloError):  # gone, or what it sends is no message
                 self._helper_died()
 
     def _handle(self, message: object) -> None:
@@ -245,8 +248,7 @@ class Serving:
         self._socket.close()
         self._process.kill()
         code = self._process.wait()
-        error = ConnectionLostError("the helper process died; a new one is being started: try again")
-        self._fail_pending(error)
+        self._fail_pending("the helper process died while it saved; a new one is being started: save again")
         recent = [moment for moment in self._spawned if time.monotonic() - moment < RESPAWN_WINDOW_S]
         name = self._logger.options.name
         if len(recent) >= MAX_RESPAWNS:
@@ -264,11 +266,11 @@ class Serving:
             log.error("%s: %s; logging goes on without it", name, failure)  # noqa: TRY400  # the words say it all
             self.alive = False
 
-    def _fail_pending(self, error: Exception) -> None:
-        for reply in self._replies.values():
-            reply.set_exception(error)
-        for save in self._saves.values():
-            save.set_exception(error)
+    def _fail_pending(self, reason: str) -> None:
+        for reply in list(self._replies.values()):
+            reply.set_exception(SaveError(reason))
+        for save in list(self._saves.values()):
+            save.set_exception(SaveError(reason))
         self._replies.clear()
         self._saves.clear()
 
@@ -316,7 +318,7 @@ class Serving:
             except OSError:
                 log.info("%s: the helper process was gone already", self._logger.options.name)
         self._socket.close()
-        self._fail_pending(ConnectionLostError("the logger was closed meanwhile"))
+        self._fail_pending("the logger was closed meanwhile")
         if say_goodbye:
             try:
                 self._process.wait(READY_TIMEOUT_S)

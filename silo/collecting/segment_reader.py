@@ -133,6 +133,10 @@ class SegmentReader:
         if max(ends) > self._size_bytes:
             raise SegmentError(f"{self.path}: cut short, {self._size_bytes} of {max(ends)} bytes are there")
 
+    def fileno(self) -> int:
+        """The open file, to be handed to another process: it stays readable when the segment is deleted."""
+        return self._file.fileno()
+
     def close(self) -> None:
         """Let go of the file. Arrays that were handed out stay valid."""
         self._file.close()

@@ -26,6 +26,7 @@ class Found:
     config: str = ""
     host: str = ""
     dead: bool = False  # the robot program is gone, its helper still tells what became of the data
+    since: float = 0.0  # when it began to listen, or died; seconds since 1970
 
     @property
     def label(self) -> str:
@@ -61,9 +62,14 @@ def discover(timeout_s: float = 1.0, config: str = "") -> Discovery:
     if config:
         return Discovery(_remote(config, timeout_s), [])
     all_found = [found for folder in usable_folders() for found in _scan(folder)]
-    living = {(found.name, found.user) for found in all_found if not found.dead}
-    loggers = [found for found in all_found if not (found.dead and (found.name, found.user) in living)]
+    loggers = [found for found in all_found if not (found.dead and _has_successor(found, all_found))]
     return Discovery(sorted(loggers, key=lambda found: (found.name, found.pid)), forbidden_folders())
+
+
+def _has_successor(gone: Found, others: list[Found]) -> bool:
+    """Whether a logger of this name was started after this one died."""
+    same = [found for found in others if not found.dead and (found.name, found.user) == (gone.name, gone.user)]
+    return any(found.since >= gone.since for found in same)
 
 
 def _scan(folder: Path) -> list[Found]:
@@ -72,11 +78,14 @@ def _scan(folder: Path) -> list[Found]:
         match = _SOCKET.fullmatch(path.name)
         if match is None or owner_is_gone(path):
             continue
+        mark = dead_mark(path)
+        dead = mark.exists()
         try:
             owner = user_name(path.lstat().st_uid)
+            since = (mark if dead else path).lstat().st_mtime
         except FileNotFoundError:
             continue
-        loggers.append(Found(match["name"], int(match["pid"]), str(path), owner, dead=dead_mark(path).exists()))
+        loggers.append(Found(match["name"], int(match["pid"]), str(path), owner, dead=dead, since=since))
     return loggers
 
 

@@ -114,6 +114,8 @@ class Saver:
             return False
         try:
             self._do(job)
+        except SiloError as error:
+            self._failed(job, str(error), [])
         except Exception as error:
             # whatever a writer does, the next save gets its chance, and whoever waits for this one hears of it
             log.exception("save %d failed", job.number)
@@ -122,7 +124,7 @@ class Saver:
         return True
 
     def _do(self, job: _Job) -> None:
-        from silo.files import write
+        from silo.server.writing import WriteOrder, write_log
 
         names = ", ".join(file_type.name.lower() for file_type in job.request.types)
         by = job.request.client
@@ -137,13 +139,13 @@ class Saver:
                 text = f"saving {names}: {share:.0%}"
                 self._events.tell(EventKind.SAVING, text, by=by, job=job.number, progress=share)
 
-        try:
-            recording = job.reader.snapshot()
-            files = write(recording, job.folder, job.logger, job.request.types, job.request.name or None, progress)
-        except SiloError as error:
-            self._failed(job, str(error), list(getattr(error, "saved", ())))
+        order = WriteOrder(job.folder, job.logger, job.request.types, job.request.name)
+        report = write_log(job.reader, order, progress)
+        files = report.files
+        if report.error:
+            self._failed(job, report.error, files)
             return
-        self._mirror.mark_saved(job.segment, recording.offset)
+        self._mirror.mark_saved(job.segment, report.ticks)
         self._events.tell(EventKind.SAVED, f"saved {describe(files)}", by=by, job=job.number, progress=1.0, files=files)
         if job.for_robot:
             self._robot.send(LinkSaved(job.number, files, ""))
