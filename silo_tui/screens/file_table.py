@@ -101,7 +101,8 @@ class FileTableScreen(TableScreen, inherit_bindings=False):
                 self.run_worker(self._read_trends(store), group="trends", exclusive=True)
         if self.inspector.display and row is not None:
             begin, end = source.extent_ns([table.names[row]])
-            store = _empty_store(self.inspector.plot_names(), 2 * max(8, self.inspector.content_size.width), begin, end)
+            names = self.inspector.plot_names() if end > begin else ()  # nothing to see of one sample
+            store = _empty_store(names, 2 * max(8, self.inspector.content_size.width), begin, end)
             if not _alike(store, self.inspector.store):
                 self.run_worker(self._read_plots(store, begin, end), group="plots", exclusive=True)
         self.live_head.update(self.pane.head)

@@ -262,9 +262,10 @@ class FileBanner(Banner):
         self._file = session
 
     def _words(self) -> str:
-        found = self._file.warnings
-        more = f" (and {len(found) - 1} more, see `silo info`)" if len(found) > 1 else ""
-        return text.clean(found[0]) + more if found else ""
+        words = "; ".join(text.clean(warning) for warning in self._file.warnings)
+        room = 2 * self.app.size.width - 16  # two lines, and what breaking at words costs
+        rest = " … (all: silo info FILE)"
+        return words if len(words) <= room else words[: room - len(rest)] + rest
 
 
 class RecordedLine(MonitorLine):
@@ -293,10 +294,15 @@ class RecordedStack(PlotStack):
         store = self.store
         facts = self._file.source.facts(plotted.name, store.end - self.columns, store.end, store.column_ns)
         words = f"= {self._now(plotted)}"
-        if facts.samples and self.size.width >= 60:
-            words += f"  min {text.compact(facts.smallest)}  max {text.compact(facts.largest)}"
-            words += f"  mean {text.compact(facts.mean)}"
-        return words
+        if not facts.samples or self.size.width < 60:
+            return words
+        ends = [self._value(plotted, end) for end in (facts.smallest, facts.largest)]
+        if plotted.entry.labels or plotted.entry.dtype[1:2] in "Mm":  # their mean means nothing
+            return words + ("" if ends[0] == ends[1] else f"  ({ends[0]} … {ends[1]})")
+        if plotted.entry.dtype[1:2] == "b":
+            return f"{words}  true {facts.mean:.1%}"
+        words += f"  min {text.compact(facts.smallest)}  max {text.compact(facts.largest)}"
+        return f"{words}  mean {text.compact(facts.mean)}"
 
     def _axis_word(self, share: float) -> str:
         store = self.store

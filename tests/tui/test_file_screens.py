@@ -304,6 +304,7 @@ async def test_a_damaged_file_says_what_is_missing(path, on_file):
     async with on_file(path) as screen:
         await screen.until(lambda: screen.session.warnings)
         assert screen.session.warnings[0][:30] in screen.text.splitlines()[1]
+        assert any("name" in line for line in screen.text.splitlines()[2:4]), "two lines at most"
         await screen.press("m")
         await screen.until(lambda: not monitor(screen).stack.store.empty)
         await screen.shows(screen.session.warnings[0][:30])
@@ -325,3 +326,36 @@ async def test_an_element_without_samples_says_so(new_finder, screen_of):
         await screen.shows("/never")
         await screen.press("m")
         await screen.shows("no samples")
+
+
+async def test_the_end_of_a_long_run_fills_the_window(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "temperature")
+        low, _ = monitor(screen).stack.store.window("/log/imu/temperature", monitor(screen).stack.store.end, 130)
+        assert np.isfinite(low).sum() > 60
+        assert monitor(screen).window.span_s < 11
+        await screen.press("enter", "plus", "minus", "0", "escape", "0")
+        await screen.shows("whole file")
+
+
+async def test_facts_of_an_enumeration_are_its_labels(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "gait")
+        await screen.shows("(stand … trot)")
+        assert "mean" not in screen.text
+
+
+async def test_taking_the_last_plot_away_leads_back_to_the_table(path, on_file):
+    async with on_file(path) as screen:
+        await plot(screen, "torque")
+        await screen.press("x")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen))
+
+
+async def test_the_values_of_the_table_are_those_at_the_cursor(path, on_file):
+    async with on_file(path, (160, 50)) as screen:
+        await screen.press("G", "k", "m")
+        await screen.until(lambda: not monitor(screen).stack.store.empty)
+        await screen.press("home", "escape")
+        await screen.shows("at 0 s")
+        await screen.shows("ann")
