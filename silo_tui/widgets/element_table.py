@@ -177,7 +177,7 @@ class ElementTable(ScrollView, can_focus=True):
         row = int(self.rows.shown[position])
         is_cursor = position == self.rows.position
         key = (
-            row, width, is_cursor and int(self.field), bool(self.rows.marked[row]), bool(self._range[row]),
+            row, width, int(self.field) if is_cursor else -1, bool(self.rows.marked[row]), bool(self._range[row]),
             self._values[:, row].tobytes(), self._pending[:, row].tobytes(), self._conflicts[:, row].tobytes(),
         )  # fmt: skip
         strip = self._strips.get(key)
