@@ -13,6 +13,7 @@ import struct
 import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -95,7 +96,7 @@ def mcap_writer(arrays: list[np.ndarray]) -> Tick | None:
         from mcap.writer import Writer
     except ImportError:
         return None
-    writer = Writer(open(os.devnull, "wb"))
+    writer = Writer(Path(os.devnull).open("wb"))  # noqa: SIM115  # open as long as the benchmark runs
     writer.start()
     schema = writer.register_schema("float64", "ros2msg", b"float64 value")
     channels = [writer.register_channel(f"/x{i}", "cdr", schema) for i in range(len(arrays))]
@@ -114,7 +115,7 @@ def foxglove(arrays: list[np.ndarray]) -> Tick | None:
         from foxglove import Channel, open_mcap
     except ImportError:
         return None
-    open_mcap(tempfile.mktemp(suffix=".mcap"))
+    open_mcap(f"{tempfile.mkdtemp()}/bench.mcap")
     channels = [Channel(f"/x{i}", message_encoding="json") for i in range(len(arrays))]
 
     def tick() -> None:
@@ -130,7 +131,7 @@ def rerun(arrays: list[np.ndarray]) -> Tick | None:
     except ImportError:
         return None
     rr.init("bench")
-    rr.save(tempfile.mktemp(suffix=".rrd"))
+    rr.save(f"{tempfile.mkdtemp()}/bench.rrd")
     scalar = getattr(rr, "Scalars", None) or rr.Scalar
 
     def tick() -> None:
