@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from silo_tui.finder import FoundLogger
 
 GONE = "the robot program is gone: start it again, silo-tui follows"
-SPLIT = "Stopping ends this recording: what is logged before and after are two recordings."
+SPLIT = "Stopping ends this recording, and starting again begins another."
 
 
 async def start_stop(app: "SiloApp") -> None:
@@ -30,7 +30,7 @@ async def start_stop(app: "SiloApp") -> None:
         app.say(GONE)
         return
     if not session.running:
-        if session.status.ticks and not session.status.saved and not await _start_over(app):
+        if _unsaved(app) and not await _start_over(app):
             return
         await session.start()
         app.say("started")
@@ -47,30 +47,68 @@ async def restart(app: "SiloApp") -> None:
         app.say(GONE)
         return
     if session.running:
-        body = "What was logged so far is dropped unless you save it first (w)."
-        if not await _confirmed(app, "Restart logging?", body, "Restart"):
+        answer = await _ask_around(app, "Restart logging?", Text(SPLIT), Choice("no", "Don't restart"), "restart", "y")
+        if answer is None or (answer == "save" and not await _stop_and_save(app)):
             return
-    elif session.status.ticks and not session.status.saved and not await _start_over(app):
+    elif _unsaved(app) and not await _start_over(app):
         return
     await session.restart()
     app.say("restarted")
     app.status_changed()
 
 
+def _unsaved(app: "SiloApp") -> int:
+    """Ticks that a new start would drop."""
+    session = app.session
+    return 0 if session.status.saved else max(session.status.ticks, session.ticks if session.running else 0)
+
+
 async def _start_over(app: "SiloApp") -> bool:
-    ticks = text.count(app.session.status.ticks)
-    body = f"The last recording ({ticks} ticks) is not saved, and starting drops it."
+    ticks = text.plural_count(_unsaved(app), "tick")
+    body = f"The last recording ({ticks}) is not saved, and starting drops it."
     choices = [
         Choice("no", "Don't start"), Choice("save", "Save it, then start", "s"),
-        Choice("drop", "Start, drop the old data", "d"),
+        Choice("drop", f"Drop {ticks} and start", "d"),
     ]  # fmt: skip
     answer = await app.push_screen_wait(Question("Start without saving?", body, choices))
-    if answer == "save":
-        from silo_tui.screens.save_data import SaveDialog
+    return await _save_all(app) if answer == "save" else answer == "drop"
 
-        files = await app.push_screen_wait(SaveDialog(app.session.status.folder, at_once=True))
-        return bool(files)
-    return answer == "drop"
+
+async def _ask_around(
+    app: "SiloApp", title: str, body: Text, harmless: Choice, steps: str, key: str, others: Sequence[Choice] = ()
+) -> str | None:
+    """Asks before a running logger is stopped and started again; None, an answer of `others`, "save" or "drop".
+
+    "save": what was logged is to be saved in between. "drop": there is nothing to save, or it is to be dropped.
+    """
+    await app.session.refresh_status()  # it may have been saved, and gone on since
+    unsaved = _unsaved(app)
+    choices = [harmless]
+    if unsaved:
+        ticks = text.plural_count(unsaved, "tick")
+        body = Text(f"{ticks} are not saved, and starting again drops them.\n", style="bold").append_text(body)
+        choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {ticks}: {steps}", "d")]
+    else:
+        choices.append(Choice("drop", steps[:1].upper() + steps[1:], key))
+    answer = await app.push_screen_wait(Question(title, body, [*choices, *others]))
+    return None if answer == harmless.value else answer
+
+
+async def _stop_and_save(app: "SiloApp") -> bool:
+    """Stops, then saves, so that the last tick is in the file too. False: stopped, but not saved."""
+    await app.session.stop()
+    app.status_changed()
+    if await _save_all(app):
+        return True
+    app.say("stopped and not saved: nothing else was done, the data is still there (w saves it)")
+    return False
+
+
+async def _save_all(app: "SiloApp") -> bool:
+    from silo_tui.screens.save_data import SaveDialog
+
+    files = await app.push_screen_wait(SaveDialog(app.session.status.folder, at_once=True, go_on=True))
+    return bool(files)
 
 
 async def apply(app: "SiloApp") -> None:
@@ -95,37 +133,32 @@ async def apply(app: "SiloApp") -> None:
             session.table.discard(list(range(len(session.table))))
             app.table_changed()
             app.say("all pending edits discarded; u brings them back")
-        if answer not in {"apply", "around"}:
+        if answer not in {"apply", "save", "drop"}:
             return
-        if await _carry_out(app, around=answer == "around"):
+        if answer == "save" and not await _stop_and_save(app):
+            return
+        if await _carry_out(app, around=answer != "apply"):
             return
 
 
 async def _ask_to_apply(app: "SiloApp", changes: Sequence[PendingChange]) -> str | None:
     elements = len({change.name for change in changes})
     title = f"Apply {text.plural(len(changes), 'edit')} to {text.plural(elements, 'element')}?"
+    keep, discard = Choice("keep", "Keep them pending"), Choice("discard", "Discard all edits")
     body = Text()
     if app.session.running:
         body.append(f"The logger runs, and a running logger takes no edits. {SPLIT}\n\n", style="bold")
-        choices = [
-            Choice("keep", "Keep them pending"), Choice("around", "Stop, apply, start again", "s"),
-            Choice("discard", "Discard all edits"),
-        ]  # fmt: skip
-    else:
-        choices = [
-            Choice("apply", "Apply", "a"),
-            Choice("keep", "Keep them pending"),
-            Choice("discard", "Discard all edits"),
-        ]
+        body.append_text(diff_text(changes))
+        return await _ask_around(app, title, body, keep, "stop, apply, start again", "a", [discard])
     body.append_text(diff_text(changes))
-    return await app.push_screen_wait(Question(title, body, choices))
+    return await app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
 
 
 async def _carry_out(app: "SiloApp", *, around: bool) -> bool:
     """Applies; False when somebody else was faster and the edits are to be looked at again."""
     session = app.session
     try:
-        if around:
+        if around and session.running:
             await session.stop()
         changed = await session.apply()
     except RefusedError as refused:
@@ -194,15 +227,14 @@ async def load_script(app: "SiloApp", path: str = "") -> None:
         if not await _confirmed(app, "Load over pending edits?", body, "Load"):
             return
     around = session.running
-    if around and not await _confirmed(
-        app,
-        "Stop, load, start again?",
-        f"The logger runs, and a running logger takes no script. {SPLIT}",
-        "Stop, load, start",
-    ):
-        return
     if around:
-        await session.stop()
+        body_text = Text(f"The logger runs, and a running logger takes no script. {SPLIT}")
+        no, steps = Choice("no", "Don't load"), "stop, load, start again"
+        answer = await _ask_around(app, "Stop, load, start again?", body_text, no, steps, "y")
+        if answer is None or (answer == "save" and not await _stop_and_save(app)):
+            return
+        if session.running:
+            await session.stop()
     try:
         loaded = await link.call(lambda client: client.load_script(name))
     finally:

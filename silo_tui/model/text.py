@@ -87,6 +87,11 @@ def plural(value: int, noun: str) -> str:
     return f"{value} {noun}" if value == 1 else f"{value} {noun}s"
 
 
+def plural_count(value: int, noun: str) -> str:
+    """`1 tick`, `12 345 ticks`."""
+    return f"{count(value)} {noun}{'' if value == 1 else 's'}"
+
+
 def bar(share: float, width: int) -> str:
     """A bar of `width` cells in eighths of a cell."""
     eighths = round(max(0.0, min(1.0, share)) * width * 8)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from silo_tui.app import SiloApp
 
 FOLLOW_S = 0.05
+HINT = "↑ ↓ move   space or s c b ticks   Enter saves   Esc cancels"
 LABELS = {
     FileType.SILO: "silo  binary; the readers of silo",
     FileType.CSV: "csv   one column per signal",
@@ -32,16 +33,26 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
 
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape", "leave", "Back", show=False),
-        Binding("down", "app.focus_next", show=False),
-        Binding("up", "app.focus_previous", show=False),
-        Binding("ctrl+s", "save", show=False),
+        Binding("down,j", "app.focus_next", show=False),
+        Binding("up,k", "app.focus_previous", show=False),
+        Binding("s", "turn('silo')", show=False),
+        Binding("c", "turn('csv')", show=False),
+        Binding("b", "turn('bag')", show=False),
+        Binding("enter,ctrl+s", "save", show=False),
     ]
 
     def __init__(
-        self, folder: str, types: Sequence[FileType] = (FileType.SILO,), name: str = "", *, at_once: bool = False
-    ):
+        self,
+        folder: str,
+        types: Sequence[FileType] = (FileType.SILO,),
+        name: str = "",
+        *,
+        at_once: bool = False,
+        go_on: bool = False,
+    ) -> None:
         super().__init__()
         self._folder, self._types, self._name, self._at_once = folder, tuple(types), name, at_once
+        self._go_on = go_on  # leaves by itself when the files are there
         self._saving = False
         self._files: list[SavedFile] | None = None
 
@@ -58,13 +69,14 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
             with Horizontal(classes="dialog-buttons"):
                 yield Button("Save", id="save-go", compact=True, variant="primary")
                 yield Button("Cancel", id="save-no", compact=True)
+            yield Static(HINT, id="save-hint", markup=False)
             yield ProgressBar(total=1.0, show_eta=False, id="save-progress")
             yield Static("", id="save-result", markup=False)
 
     def on_mount(self) -> None:
-        """The button has the focus: Enter saves what is chosen."""
+        """The first line has the focus; Enter saves from there too."""
         self.query_one(ProgressBar).display = False
-        self.query_one("#save-go").focus()
+        self.query_one(CheckLine).focus()
         if self._at_once:
             self._begin()
 
@@ -77,15 +89,26 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
 
     def on_input_submitted(self) -> None:
         """Enter in the name saves."""
-        self._begin()
+        self.action_save()
+
+    def action_turn(self, kind: str) -> None:
+        """Ticks a type, or not."""
+        if self._files is None and not self._saving:
+            self.query_one(f"#type-{kind}", CheckLine).action_turn()
 
     def action_save(self) -> None:
-        """Saves from wherever the focus is."""
+        """Saves from wherever the focus is; closes when that is done."""
         if self._files is None:
             self._begin()
+        else:
+            self.action_leave()
 
     def action_leave(self) -> None:
         """Leaves; a save that is under way goes on in the helper process."""
+        if self._saving:
+            cast("SiloApp", self.app).say("the save goes on; its end will be told")
+        elif self._files is None:
+            cast("SiloApp", self.app).say("nothing was saved")
         self.dismiss(self._files)
 
     def _begin(self) -> None:
@@ -125,9 +148,14 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
             self._saving = False
             bar.update(progress=1.0)
             self._files = event.files
+            if self._go_on:
+                self.dismiss(self._files)
+                return
             self._result("\n".join(f"{file.path}\n  {text.size(file.size_bytes)}" for file in event.files))
             self.query_one("#save-go", Button).label = "Close"
             self.query_one("#save-no").display = False
+            self.query_one("#save-hint", Static).update("Enter or Esc closes")
+            self.query_one("#save-go").focus()
         elif event.kind is EventKind.SAVE_FAILED:
             self._saving = False
             bar.display = False

@@ -10,7 +10,7 @@ from textual.widget import Widget
 
 
 class CheckLine(Widget, can_focus=True):
-    """`[x] label`; space, Enter or a click turn it over."""
+    """`[x] label`; space, x or a click turn it over. A `>` in front shows the focus, also without colours."""
 
     DEFAULT_CSS = """
     CheckLine { height: 1; }
@@ -28,7 +28,7 @@ class CheckLine(Widget, can_focus=True):
 
     def render(self) -> RenderResult:
         """The line."""
-        return Text(f"[{'x' if self.value else ' '}] {self._label}")
+        return Text(f"{'>' if self.has_focus else ' '} [{'x' if self.value else ' '}] {self._label}")
 
     def action_turn(self) -> None:
         """Turns it over."""

@@ -2,6 +2,8 @@
 
 from textual import events
 
+from silo.model import FileType
+
 
 def burst(screen, *keys):
     """Keys in one piece, as a slow link or `tmux send-keys` brings them."""
@@ -29,3 +31,65 @@ async def test_a_correction_typed_in_one_piece_is_made_where_it_was_typed(fake, 
     async with opened(fake) as screen:
         burst(screen, *"/LFx", "backspace", *" torqe", "left", "u", "enter")
         await screen.shows("/LF torque: 3 of 72")
+
+
+async def test_applying_around_a_stop_says_what_would_be_dropped_and_saves_it_when_asked(fake, opened):
+    fake.run()
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("t", "a")
+        await screen.shows("4 800 ticks are not saved")
+        await screen.shows("Drop 4 800 ticks: stop, apply, start again")
+        await screen.press("s")
+        await screen.shows("logging again")
+        assert [call[0] for call in fake.calls] == ["stop", "save", "apply", "start"]
+
+
+async def test_a_save_that_fails_in_between_stops_the_rest(fake, opened):
+    fake.run()
+    fake.save_error = "no space left"
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("t", "a")
+        await screen.shows("are not saved")
+        await screen.press("s")
+        await screen.shows("no space left")
+        await screen.press("escape")
+        await screen.shows("stopped and not saved")
+        assert [call[0] for call in fake.calls] == ["stop", "save"]
+        assert screen.session.table.pending_count == (1, 1)
+
+
+async def test_with_everything_saved_a_restart_has_nothing_to_drop(fake, opened):
+    fake.run()
+    fake.saved = True
+    async with opened(fake) as screen:
+        await screen.press("R")
+        await screen.shows("Restart logging?")
+        assert "Drop" not in screen.text
+        await screen.press("y")
+        await screen.shows("restarted")
+
+
+async def test_the_save_dialog_is_walked_through_with_j_and_k(fake, opened):
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("w")
+        await screen.shows("> [x] silo")
+        await screen.press("j")
+        await screen.shows("> [ ] csv")
+        seen = []
+        for key in ("j", "j", "down", "down", "down"):
+            await screen.press(key)
+            seen.append(screen.app.focused.id)
+        assert seen == ["type-bag", "save-name", "save-go", "save-no", "type-silo"]
+
+
+async def test_letters_tick_types_and_are_letters_in_the_name(fake, opened):
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("w", "c", "s", "up", "up", "up", *"bcs", "enter")
+        await screen.until(lambda: fake.calls)
+        assert fake.calls == [("save", [FileType.CSV], "bcs")]
+
+
+async def test_cancelling_a_save_says_that_nothing_was_saved(fake, opened):
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("w", "escape")
+        await screen.shows("nothing was saved")

@@ -44,8 +44,8 @@ async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger,
         await screen.until(lambda: "/log/joints/q" in app.session.live.readings, "live values")
         await screen.shows("save only")
         await screen.press("d", "4", "enter", "a")
-        await screen.shows("Stop, apply, start again")
-        await screen.press("s")
+        await screen.shows("stop, apply, start again")
+        await screen.press("d")
         await screen.shows("logging again")
         assert logger.elements[0].options.divider == 4
         assert logger.state.value == "running"

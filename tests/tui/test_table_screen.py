@@ -127,13 +127,13 @@ async def test_a_running_logger_is_stopped_and_started_only_when_that_was_chosen
     fake.run()
     async with opened(fake) as screen:
         await screen.press("t", "a")
-        await screen.shows("Stop, apply, start again")
+        await screen.shows("stop, apply, start again")
         await screen.press("enter")  # the first choice keeps them pending
         assert fake.calls == []
         assert screen.session.table.pending_count == (1, 1)
         await screen.press("a")
-        await screen.shows("Stop, apply, start again")
-        await screen.press("s")
+        await screen.shows("stop, apply, start again")
+        await screen.press("d")
         await screen.shows("logging again")
         assert [call[0] for call in fake.calls] == ["stop", "apply", "start"]
 
