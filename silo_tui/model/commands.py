@@ -10,6 +10,12 @@ from silo_tui.model.fields import Change, Field, parse_change
 FIELD_WORDS = {
     "on": Field.ENABLED, "div": Field.DIVIDER, "act": Field.ACTION, "buf": Field.BUFFER_TYPE, "size": Field.BUFFER_SIZE,
 }  # fmt: skip
+# the words of `silo set`, of the scripts and of the dialogs mean the same
+FIELD_SYNONYMS = {
+    **FIELD_WORDS, "enabled": Field.ENABLED, "logging": Field.ENABLED, "divider": Field.DIVIDER,
+    "action": Field.ACTION, "buffer": Field.BUFFER_TYPE, "buffer_type": Field.BUFFER_TYPE,
+    "buffer_size": Field.BUFFER_SIZE,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -32,15 +38,18 @@ def read(line: str) -> Spelled:
 
 
 def read_settings(arguments: Sequence[str]) -> list[tuple[Field, Change]]:
-    """`div=5 size=10s buf=loop` as changes. ValueError names what can't be read."""
+    """`div=5 size=10s buf=loop off` as changes. ValueError names what can't be read."""
     if not arguments:
         raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
     found = []
     for argument in arguments:
         word, sign, value = argument.partition("=")
-        if not sign or word not in FIELD_WORDS:
-            raise ValueError(f"{argument!r}: write one of {', '.join(f'{known}=' for known in FIELD_WORDS)}")
-        found.append((FIELD_WORDS[word], parse_change(FIELD_WORDS[word], value)))
+        if argument.lower() in {"on", "off"}:
+            word, sign, value = "on", "=", argument
+        field = FIELD_SYNONYMS.get(word.lower())
+        if not sign or field is None:
+            raise ValueError(f"{argument!r}: write one of {', '.join(f'{known}=' for known in FIELD_WORDS)}, on or off")
+        found.append((field, parse_change(field, value)))
     # the divider first: a size from time depends on it
     return sorted(found, key=lambda pair: pair[0] is not Field.DIVIDER)
 

@@ -130,6 +130,8 @@ class Change:
                 "/": np.ceil(old / self.amount) if self.amount else np.full(values.shape, np.inf),
                 "+": old + self.amount, "-": old - self.amount,
             }[self.operator]  # fmt: skip
+        if field.cycles:
+            return np.asarray(new).astype(np.int64)  # a word, which parse_change knew
         limit = MAX_DIVIDER if field is Field.DIVIDER else MAX_BUFFER_SIZE
         wrong = ~((new >= 1) & (new <= limit))
         if wrong.any():

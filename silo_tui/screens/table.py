@@ -299,11 +299,13 @@ class TableScreen(SiloScreen):
         if rows.row is None:
             return
         self._choose_field(int(field))
+        targets = rows.targets()
+        # of what is edited, not of the cursor's row, which needn't be marked
+        value = int(self.session.table.values[field, targets[0] if len(targets) else rows.row])
         if field.cycles:
-            self._set(field, next_value(field, int(self.session.table.values[field, rows.row])))
+            self._set(field, next_value(field, value))
         else:
-            value = str(int(self.session.table.values[field, rows.row]))
-            self._open_editor(value, select=True)
+            self._open_editor(str(value), select=True)
 
     def _open_editor(self, value: str, *, select: bool) -> None:
         field, count = self.table.field, len(self.session.rows.targets())

@@ -3,6 +3,9 @@
 from textual import events
 
 from silo.model import FileType
+from silo_tui.model.fields import Field
+
+FIRST = "/log/base/orientation"
 
 
 def burst(screen, *keys):
@@ -93,3 +96,32 @@ async def test_cancelling_a_save_says_that_nothing_was_saved(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("w", "escape")
         await screen.shows("nothing was saved")
+
+
+async def test_a_key_that_steps_goes_on_from_what_is_marked_and_not_from_the_cursor(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("space", "space")  # the cursor is on the third row now, which isn't marked
+        values = []
+        for _ in range(3):
+            await screen.press("b")
+            values.append(screen.value(FIRST, Field.BUFFER_TYPE))
+        assert values == ["fixed", "growing", "looping"]
+
+
+async def test_set_knows_the_words_of_the_shell(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type(":set divider=5 buffer=growing action=save size=10s off")
+        await screen.press("enter")
+        await screen.shows("5 fields changed")
+        row = screen.session.table.row(FIRST)
+        assert list(screen.session.table.values[:, row]) == [0, 5, 1, 2, 800]
+
+
+async def test_without_colours_nothing_is_suggested_behind_what_is_typed(fake, opened, monkeypatch):
+    monkeypatch.setenv("NO_COLOR", "1")
+    async with opened(fake) as screen:
+        await screen.type("/unit:N")
+        await screen.pilot.pause(0.2)
+        assert "unit:Nm" not in screen.text
+        await screen.press("tab")
+        await screen.shows("unit:Nm")
