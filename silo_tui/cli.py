@@ -94,7 +94,7 @@ def _run(
         ClientFinder(config),
         name=logger,
         demo=Demo() if demo else None,
-        read_only=read_only,
+        read_only=read_only and file is None,  # nothing of a file can be changed
         rate_hz=rate_hz,
         file=file,
     )

@@ -294,6 +294,9 @@ class RecordedStack(PlotStack):
         store = self.store
         facts = self._file.source.facts(plotted.name, store.end - self.columns, store.end, store.column_ns)
         words = f"= {self._now(plotted)}"
+        report = self._file.rows_of[plotted.element.name]
+        if not facts.samples and report.start_s is not None and self._file.seconds < report.start_s:
+            return f"{words}  begins at {report.start_s:.6g} s"
         if not facts.samples or self.size.width < 60:
             return words
         ends = [self._value(plotted, end) for end in (facts.smallest, facts.largest)]

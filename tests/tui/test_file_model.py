@@ -129,7 +129,10 @@ def test_times_that_go_back_hide_no_sample():
 
 def test_a_reading_is_the_newest_sample_up_to_that_time():
     of = source(element("a", [1.0, 2.0, 3.0], divider=10, first=5), ticks=100)
-    at = lambda tick, more=0: of.readings(["/log/a"], START_NS + tick * STEP_NS + more)["/log/a"]  # noqa: E731 - short
+
+    def at(tick, more=0):
+        return of.readings(["/log/a"], START_NS + tick * STEP_NS + more)["/log/a"]
+
     assert not at(4).held
     assert at(5).newest[0] == 1.0
     assert at(14, STEP_NS - 1).newest[0] == 1.0
@@ -144,7 +147,10 @@ def test_a_reading_of_a_string_is_its_text():
 
 def test_the_next_and_the_previous_sample_are_found():
     of = source(element("a", [1.0, 2.0, 3.0], divider=10, first=5), ticks=100)
-    at = lambda tick: START_NS + tick * STEP_NS  # noqa: E731 - short
+
+    def at(tick):
+        return START_NS + tick * STEP_NS
+
     assert of.neighbour("/log/a", at(0), 1) == at(5)
     assert of.neighbour("/log/a", at(5), 1) == at(15)
     assert of.neighbour("/log/a", at(16), -1) == at(15)

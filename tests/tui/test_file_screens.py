@@ -178,6 +178,8 @@ async def test_before_its_first_sample_a_signal_has_no_value(path, on_file):
         await screen.shows("= 36.5")
         await screen.press("home")
         await screen.shows("= -")
+        await screen.press("plus", "plus")
+        await screen.shows("begins at 10 s")
 
 
 async def test_home_and_end_jump_to_the_ends_of_the_file(path, on_file):
