@@ -8,6 +8,7 @@ from pathlib import Path
 from silo.errors import LogNotFoundError
 from silo.files.naming import LOG_ENDINGS, find_log, is_bag_folder
 
+_WITH_PID = re.compile(r"(?P<logger>.+)\.\d+")
 _STEM = re.compile(r"(?P<logger>.+)_\d{8}_\d\d-\d\d-\d\d_\d{5,}")
 
 
@@ -24,7 +25,9 @@ def file_meant(target: str, running: Callable[[], Collection[str]]) -> Path | No
         if Path(target).is_dir() and not is_bag_folder(Path(target)):
             raise LogNotFoundError(f"'{target}' is a folder without a bag in it; name one of its files")
         return find_log(target)
-    if target in running():
+    with_pid = _WITH_PID.fullmatch(target)
+    names = running()
+    if target in names or (with_pid is not None and with_pid["logger"] in names):
         return None
     try:
         found = find_log(target)

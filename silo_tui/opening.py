@@ -54,7 +54,10 @@ class Opener:
             screen = self._app.screen
             if isinstance(screen, LoggersScreen):
                 problems = [problem, *(self._failed.get(each.key, "") for each in found.loggers)]
-                screen.show(found.loggers, found.advice, "\n\n".join(filter(None, problems)))
+                # of several of one name one is to be chosen; else all are shown
+                screen.show(
+                    self._named(found.loggers) or found.loggers, found.advice, "\n\n".join(filter(None, problems))
+                )
             await asyncio.sleep(DEMO_LOOK_S if self.demo is not None and not problem else LOOK_S)
 
     async def show_list(self) -> None:
@@ -114,5 +117,10 @@ class Opener:
         """The one that is opened without asking."""
         if self.demo is not None:
             return next((each for each in loggers if self.demo.owns(each.pid)), None)
-        named = [each for each in loggers if not self._wanted or self._wanted in {each.name, f"{each.name}.{each.pid}"}]
+        named = self._named(loggers)
         return named[0] if len(named) == 1 and named[0].key not in self._failed else None
+
+    def _named(self, loggers: Sequence[FoundLogger]) -> list[FoundLogger]:
+        """Those that are meant by NAME or NAME.PID."""
+        wanted = self._wanted
+        return [each for each in loggers if not wanted or wanted in {each.name, f"{each.name}.{each.pid}"}]

@@ -60,7 +60,12 @@ class LoggersScreen(SiloScreen):
                 options.focus()
         options.display = bool(lines)
         advice = "" if lines else WAITING
-        if lines and self._wanted:
+        if len(lines) > 1 and all(line.name == self._wanted for line in lines):
+            last = lines[-1]
+            advice = f"{len(lines)} loggers are called {self._wanted!r}; choose one, or name it: {last.name}.{last.pid}"
+        elif any(self._wanted in {line.name, f"{line.name}.{line.pid}"} for line in lines):
+            advice = ""  # it is there; why it isn't open is told below
+        elif lines and self._wanted:
             advice = f"There is no logger called {self._wanted!r}; these run:"
         elif self._wanted and not lines:
             advice = f"Waiting for the logger {self._wanted!r}.\n\n{WAITING}"

@@ -125,3 +125,20 @@ async def test_without_colours_nothing_is_suggested_behind_what_is_typed(fake, o
         assert "unit:Nm" not in screen.text
         await screen.press("tab")
         await screen.shows("unit:Nm")
+
+
+async def test_of_two_loggers_of_one_name_those_two_are_offered(new_fake, opened):
+    fakes = [new_fake(name="arm"), new_fake(name="legs"), new_fake(name="legs")]
+    fakes[2].pid = 4712
+    async with opened(*fakes, name="legs", ready=False) as screen:
+        await screen.shows("2 loggers are called 'legs'")
+        await screen.shows("legs.4712")
+        assert "pid 4711" in screen.text
+        assert " arm " not in screen.text
+
+
+async def test_a_logger_is_named_with_its_pid(new_fake, opened):
+    one, two = new_fake(name="legs"), new_fake(name="legs")
+    two.pid = 4712
+    async with opened(one, two, name="legs.4712") as screen:
+        await screen.until(lambda: screen.session.status.pid == 4712)
