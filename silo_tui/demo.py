@@ -29,6 +29,7 @@ class Demo:
         with self._output.open("wb") as output:
             # a session of its own: Ctrl-C and a closed terminal reach us alone, and we end it in order
             program = [sys.executable, "-c", "from silo.cli import main; main()", "demo", "--folder", str(folder)]
+            program += ["--with-parent", str(os.getpid())]  # if we are killed, nobody else ends it
             self._process = subprocess.Popen(
                 program, stdin=subprocess.DEVNULL, stdout=output,
                 stderr=subprocess.STDOUT, start_new_session=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},

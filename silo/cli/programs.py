@@ -53,6 +53,7 @@ def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
 @_common("demo", 400.0)
 @click.option("--elements", type=click.IntRange(5, 200_000), help="So many elements; 500 if not given.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Another seed, other noise and faults.")
+@click.option("--with-parent", type=int, hidden=True, help="End when the parent process, of this pid, is gone.")
 def demo(
     name: str,
     frequency: float,
@@ -63,6 +64,7 @@ def demo(
     save: tuple[str, ...],
     elements: int | None,
     seed: int,
+    with_parent: int | None,
 ) -> None:
     """Run a simulated legged robot that logs 500 elements at 400 Hz, until Ctrl-C.
 
@@ -76,7 +78,9 @@ def demo(
     """
     from silo.demo.program import DemoOptions, run_demo
 
-    options = DemoOptions(name, frequency, elements, time_limit, folder, script, stopped, seed, file_types(save))
+    options = DemoOptions(
+        name, frequency, elements, time_limit, folder, script, stopped, seed, file_types(save), with_parent
+    )
     run_demo(options, click.echo)
 
 

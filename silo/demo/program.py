@@ -1,5 +1,8 @@
 """The program of `silo demo`: a control loop at 400 Hz with silo in it, as one would write it for a real robot."""
 
+import os
+import signal as system_signals
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,6 +15,7 @@ from silo.model import Action, FileType
 from silo.pace import EndSignals, Pace
 
 FREQUENCY_HZ = 400.0
+PARENT_LOOK_S = 1.0
 LOOP_ELEMENTS = 4
 
 
@@ -28,6 +32,7 @@ class DemoOptions:
     stopped: bool = False
     seed: int = 0
     save: tuple[FileType, ...] = ()
+    parent_pid: int | None = None  # end when this process, which started us, is gone
 
 
 def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
@@ -53,6 +58,8 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
         if not options.stopped:
             log.start()
         say(welcome(log))
+        if options.parent_pid is not None:
+            threading.Thread(target=end_with, args=(options.parent_pid,), daemon=True).start()
         pace = Pace(options.frequency_hz)
         end_s = time.monotonic() + (options.time_limit_s or float("inf"))
         while not ending.received and time.monotonic() < end_s:
@@ -65,6 +72,13 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
             skipped[...] = pace.skipped
         log.stop()
         farewell(log, options.save, say)
+
+
+def end_with(parent_pid: int) -> None:
+    """Ends the program in order when its parent is gone: a killed one can't. For a thread, so that the loop pays 0."""
+    while os.getppid() == parent_pid:
+        time.sleep(PARENT_LOOK_S)
+    os.kill(os.getpid(), system_signals.SIGTERM)
 
 
 def make_robot(options: DemoOptions) -> tuple[Robot, Sequence[Signal]]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from silo.demo.program import DemoOptions, farewell, make_robot, register
+from silo.demo.program import DemoOptions, end_with, farewell, make_robot, register
 from silo.logger import Logger
 from silo.model import Action, BufferType, FileType
 from silo.pace import EndSignals, Pace
@@ -137,3 +137,9 @@ def test_the_end_of_a_logger_that_never_started_says_so(demo: Logger) -> None:
     farewell(demo, (FileType.SILO,), said.append)
     demo.close()
     assert said == ["logger 'demo' ended; nothing was logged, so there is nothing to save"]
+
+
+def test_the_robot_ends_in_order_when_the_program_that_started_it_is_gone() -> None:
+    with EndSignals() as ending:
+        end_with(parent_pid=-1)  # as if ours had been killed, and another process had taken us over
+        assert ending.received
