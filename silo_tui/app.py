@@ -112,6 +112,13 @@ class SiloApp(App[None]):
             return False
         return True
 
+    def may_ask(self, label: str) -> bool:
+        """Whether the logger answers; says so when it doesn't."""
+        if not self.has_session or self.session.connected:
+            return True
+        self.say(f"{label}: no link to {self.session.name}; it is tried again by itself")
+        return False
+
     def say(self, words: str) -> None:
         """Shows the result of something on the screen below any dialog."""
         if (screen := self.upper_screen) is not None:

@@ -87,18 +87,25 @@ class CommandRunner:
         if not self._app.may_write(label):
             raise ValueError(f"{label}: this session may only look")
 
+    def _asking(self, label: str) -> bool:
+        self._writing(label)
+        return self._app.may_ask(label)
+
     def _load(self, arguments: Sequence[str]) -> None:
-        self._writing("Load script")
+        if not self._asking("Load script"):
+            return
         self._app.run_flow(flows.load_script(self._app, arguments[0] if arguments else ""))
 
     def _save(self, arguments: Sequence[str]) -> None:
-        self._writing("Save script")
+        if not self._asking("Save script"):
+            return
         self._app.run_flow(flows.save_script(self._app, arguments[0] if arguments else ""))
 
     def _data(self, arguments: Sequence[str]) -> None:
         from silo_tui.screens.save_data import SaveDialog
 
-        self._writing("Save data")
+        if not self._asking("Save data"):
+            return
         types, name = commands.read_save(arguments)
         self._app.push_screen(SaveDialog(self._app.session.status.folder, types, name, at_once=bool(arguments)))
 

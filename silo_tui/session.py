@@ -10,7 +10,7 @@ import numpy as np
 
 from silo.errors import RefusedError
 from silo.ipc.messages import Event, EventKind, RefusedWhy, State, Status
-from silo.model import ElementInfo
+from silo.model import BufferType, ElementInfo, ElementOptions
 from silo_tui.link import ClientLike, HistoryLike, Link, Wish
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.live import Frame, LiveValues
@@ -45,6 +45,7 @@ class Session:
         self.frame_at = 0.0  # monotonic, of the newest frame
         self.lost_since: float | None = None  # monotonic, when the link was lost
         self.saves: dict[int, Event] = {}  # the newest event of each save
+        self.resized: set[str] = set()  # elements with another buffer than the recording that is held was made with
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
     # ------------------------------------------------------------------------------------------------ what is
@@ -100,6 +101,13 @@ class Session:
         """Reads the table again; pending edits are rebased on it."""
         table = await self._link.call(lambda client: client.table())
         if table.revision != self.table.revision or not len(self.table):
+            if not self.running:
+                old = {element.name: element.options for element in self.table.elements}
+                self.resized |= {
+                    element.name
+                    for element in table.elements
+                    if (before := old.get(element.name)) is not None and _buffer(before) != _buffer(element.options)
+                }
             self.table.load(table)
             self.rows.refresh()
             self._entry_counts.clear()
@@ -190,6 +198,7 @@ class Session:
         """Takes a status over."""
         if status.started_ns != self.status.started_ns and self.status is not NO_STATUS:
             self.live.forget()
+            self.resized.clear()
             self.columns = ColumnStore(self.columns.names, self.columns.count, self.columns.column_ns)
         self.status = status
         self.measured_hz, self.ticks, self.lost_total = status.measured_hz, status.ticks, status.lost
@@ -278,6 +287,10 @@ class LiveSource:
         if end_ns <= start_ns:
             names = ()
         return await self._session.history(names, start_ns, end_ns, column_ns)
+
+
+def _buffer(options: ElementOptions) -> tuple[BufferType, int]:
+    return options.buffer_type, options.buffer_size
 
 
 def why(error: RefusedError) -> RefusedWhy | None:

@@ -12,6 +12,9 @@ from silo_tui.widgets.inputs import Fleeting
 if TYPE_CHECKING:
     from silo_tui.app import SiloApp
 
+# edits are pending first and need nobody; these need the logger to answer
+ASK_THE_LOGGER = {"start_stop", "restart", "apply", "save_data", "load_script", "save_script", "refresh"}
+
 
 class SiloScreen(Screen[None]):
     """A full screen of the app."""
@@ -32,6 +35,8 @@ class SiloScreen(Screen[None]):
         """Does what a key, a click, the palette or the command line asks for."""
         deed = BY_ID[deed_id]
         if deed.writes and not self.silo.may_write(deed.label):
+            return
+        if deed_id in ASK_THE_LOGGER and not self.silo.may_ask(deed.label):
             return
         handler: Callable[[], Any] | None = getattr(self, f"deed_{deed_id}", None) or getattr(
             self.silo, f"deed_{deed_id}", None

@@ -225,10 +225,15 @@ class TableScreen(SiloScreen):
         self._move(self.session.rows.position - max(1, self.table.size.height // 2))
 
     def deed_left(self) -> None:
-        self._choose_field(self.table.field - 1)
+        self._choose_shown(-1)
 
     def deed_right(self) -> None:
-        self._choose_field(self.table.field + 1)
+        self._choose_shown(1)
+
+    def _choose_shown(self, step: int) -> None:
+        shown = [field for field in self.table.fields if (field - self.table.field) * step > 0]
+        if shown:
+            self._choose_field(int(min(shown, key=lambda field: abs(field - self.table.field))))
 
     def _choose_field(self, number: int) -> None:
         self.table.field = Field(max(0, min(len(Field) - 1, number)))

@@ -26,6 +26,9 @@ FLAGS, UNIT = 2, 5
 # width of each editable field, with the space before it counted apart
 WIDTHS = {Field.ENABLED: 3, Field.DIVIDER: 4, Field.ACTION: 4, Field.BUFFER_TYPE: 4, Field.BUFFER_SIZE: 7}
 FIXED_WIDTH = FLAGS + 1 + UNIT + sum(1 + width for width in WIDTHS.values())
+NAME_ROOM = 16
+# what goes, in this order, where names would have less room than that; None is the unit
+FIRST_TO_GO = (None, Field.BUFFER_TYPE, Field.ACTION, Field.DIVIDER, Field.BUFFER_SIZE)
 RIGHT_ALIGNED = (Field.DIVIDER, Field.BUFFER_SIZE)
 MAX_STRIPS = 4000
 
@@ -70,7 +73,30 @@ class ElementTable(ScrollView, can_focus=True):
     @property
     def name_width(self) -> int:
         """Cells for names."""
-        return max(8, self.size.width - FIXED_WIDTH)
+        fields = sum(1 + width for width in self.fields.values())
+        return max(8, self.size.width - FLAGS - (1 + UNIT if self.has_unit else 0) - fields)
+
+    @property
+    def hidden(self) -> tuple[Field | None, ...]:
+        """Columns that are not shown because the screen is narrow: whole ones, since cut numbers would be wrong."""
+        room = self.size.width - FIXED_WIDTH
+        count = 0
+        while room < NAME_ROOM and count < len(FIRST_TO_GO):
+            field = FIRST_TO_GO[count]
+            room += 1 + (UNIT if field is None else WIDTHS[field])
+            count += 1
+        return FIRST_TO_GO[:count]
+
+    @property
+    def has_unit(self) -> bool:
+        """Whether units are shown."""
+        return None not in self.hidden
+
+    @property
+    def fields(self) -> dict[Field, int]:
+        """The fields that are shown, and their widths."""
+        hidden = self.hidden
+        return {field: width for field, width in WIDTHS.items() if field not in hidden}
 
     def field_at(self, x: int) -> Field | None:
         """The editable field in a column of the screen."""
@@ -82,15 +108,16 @@ class ElementTable(ScrollView, can_focus=True):
     def field_spans(self) -> dict[Field, tuple[int, int]]:
         """First column and width of each field."""
         spans = {}
-        start = FLAGS + self.name_width + 1 + UNIT
-        for field, width in WIDTHS.items():
+        start = FLAGS + self.name_width + (1 + UNIT if self.has_unit else 0)
+        for field, width in self.fields.items():
             spans[field] = (start + 1, width)
             start += 1 + width
         return spans
 
     def cell_region(self) -> Region:
         """Where the cell under the cursor is on the screen."""
-        start, width = self.field_spans()[self.field]
+        spans = self.field_spans()
+        start, width = spans.get(self.field, (self.size.width - 8, 8))  # a hidden one is edited at the end of the line
         top = self.rows.position - self.scroll_offset.y
         return Region(self.region.x + start, self.region.y + top, width, 1)
 
@@ -230,8 +257,9 @@ class ElementTable(ScrollView, can_focus=True):
         name = self._fitted(text.shorten_left(self.session.short_name(self.session.table.names[row]), width), width)
         yield Segment(name, self._style(*base, *(["table--marked"] if marked else [])))
         quiet = [] if is_cursor else ["table--quiet"]  # grey on the cursor's line is hard to read in 16 colours
-        yield Segment(" " + self._unit(row), self._style(*base, *quiet))
-        for field, cell_width in WIDTHS.items():
+        if self.has_unit:
+            yield Segment(" " + self._unit(row), self._style(*base, *quiet))
+        for field, cell_width in self.fields.items():
             word = word_for(field, int(values[field]))
             if len(word) > cell_width:
                 word = text.compact(float(values[field])) if field in RIGHT_ALIGNED else word[:cell_width]
@@ -284,8 +312,9 @@ class TableHead(ScrollView):
         sort = self._table.rows.sort
         mark = {"name": " ↓name", "added": " ↓added"}.get(sort, " name")
         segments = [Segment(" " * (FLAGS - 1) + mark.ljust(self._table.name_width + 1), plain)]
-        segments.append(Segment((" ↓unit" if sort == "unit" else " unit").ljust(UNIT + 1), plain))
-        for field, width in WIDTHS.items():
+        if self._table.has_unit:
+            segments.append(Segment((" ↓unit" if sort == "unit" else " unit").ljust(UNIT + 1), plain))
+        for field, width in self._table.fields.items():
             word = ("↓" if sort == field.title else "") + field.title
             word = word.rjust(width) if field in RIGHT_ALIGNED else word.ljust(width)
             segments += [Segment(" ", plain), Segment(word, chosen if field is self._table.field else plain)]

@@ -137,7 +137,7 @@ class LivePane(Widget):
         pieces = [(" ", "")]
         size = int(session.table.server[Field.BUFFER_SIZE, row])
         enabled = bool(session.table.server[Field.ENABLED, row])
-        if not enabled or reading is None:
+        if not enabled or reading is None or element.name in session.resized:
             pieces.append((" " * FILL, ""))
         else:
             share = fill_share(reading.held, size)

@@ -1,7 +1,10 @@
 """What somebody meets who opens silo-tui for the first time, and types faster than it was thought."""
 
+import msgspec
+import pytest
 from textual import events
 
+from silo.ipc.messages import State
 from silo.model import FileType
 from silo_tui.model.fields import Field
 
@@ -142,3 +145,45 @@ async def test_a_logger_is_named_with_its_pid(new_fake, opened):
     two.pid = 4712
     async with opened(one, two, name="legs.4712") as screen:
         await screen.until(lambda: screen.session.status.pid == 4712)
+
+
+async def test_a_narrow_screen_leaves_columns_out_and_cuts_no_number(new_fake, robot, opened):
+    long = msgspec.structs.replace(robot[0], options=msgspec.structs.replace(robot[0].options, buffer_size=30000))
+    async with opened(new_fake([long]), size=(60, 24)) as screen:
+        await screen.shows(" 30000 ")
+        await screen.shows(" size ")
+        assert " buf " not in screen.text
+        assert "/base/position" in screen.text
+
+
+async def test_a_field_that_is_not_shown_can_be_edited_all_the_same(fake, opened):
+    async with opened(fake, size=(40, 24)) as screen:
+        await screen.press("s", *"77", "enter", "b")
+        assert screen.value(FIRST, Field.BUFFER_SIZE) == "77"
+        assert screen.value(FIRST, Field.BUFFER_TYPE) == "fixed"
+
+
+@pytest.mark.parametrize("key", ["S", "R", "w", "a", "L", "W"])
+async def test_without_a_link_no_dialog_opens(fake, opened, key):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("t")
+        fake.cut()
+        await screen.shows("NO LINK")
+        await screen.press(key)
+        await screen.shows("no link to robot; it is tried again by itself")
+        assert not screen.app.screen.is_modal
+
+
+async def test_after_an_apply_fill_says_nothing_until_the_new_buffers_are_there(fake, opened):
+    fake.run()
+    fake.state = State.STOPPED
+    fake.saved = True
+    async with opened(fake) as screen:
+        await screen.shows("100%")
+        await screen.press("s", *"9", "enter", "a", "enter")
+        await screen.shows("applied to 1 element")
+        line = next(line for line in screen.text.splitlines() if "/base/orientation" in line)
+        assert "%" not in line
+        await screen.press("S")
+        await screen.until(lambda: not screen.session.resized)
