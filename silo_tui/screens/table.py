@@ -32,6 +32,9 @@ COLUMN_NS = 200_000_000
 COLUMNS = 120
 DEBOUNCE_S = 0.15
 NAME_ROOM = 20
+EDITOR_KEYS = "Enter sets it  Esc leaves it as it was"
+FILTER_KEYS = "Enter keeps the filter  Tab completes  Esc clears it"
+COMMAND_KEYS = "Enter does it  Tab completes  Esc leaves"
 
 
 class TableScreen(SiloScreen):
@@ -243,6 +246,7 @@ class TableScreen(SiloScreen):
     # ---------------------------------------------------------------------------------------- filter and marks
 
     def deed_filter(self) -> None:
+        self.query_one(KeyBar).show_instead(FILTER_KEYS)
         self.query_one("#filter-line", Line).begin(self.session.rows.filter.text)
         self.info.display = False
 
@@ -318,7 +322,8 @@ class TableScreen(SiloScreen):
         examples = "1000  *2  10s" if field is Field.BUFFER_SIZE else "5  *2  50Hz"
         if field.cycles:
             examples = {Field.ENABLED: "on off", Field.ACTION: "save pub both"}.get(field, "loop fix grow")
-        self.say(f"{field.label} of {text.plural(count, 'element')}: {examples} · Enter takes it, Esc leaves")
+        self.info.ask(f"{field.label} of {text.plural(count, 'element')}: {examples}")
+        self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
     def deed_toggle(self) -> None:
         self.edit_field(Field.ENABLED)
@@ -384,6 +389,7 @@ class TableScreen(SiloScreen):
 
     def deed_command(self) -> None:
         self.silo.learn_scripts()
+        self.query_one(KeyBar).show_instead(COMMAND_KEYS)
         self.query_one("#command-line", Line).begin("")
         self.info.display = False
 
@@ -411,6 +417,8 @@ class TableScreen(SiloScreen):
             self.table_changed()
 
     def _back_to_table(self) -> None:
+        self.query_one(KeyBar).show_instead("")
+        self.info.ask("")
         self.info.display = True
         self.info.refresh()
         self.table.focus()
@@ -421,7 +429,7 @@ class TableScreen(SiloScreen):
         try:
             changed = self.change(self.session.rows.targets(), field, parse_change(field, value))
         except ValueError as error:
-            self.say(str(error))
+            self.info.ask(f"? {error}")
             return False
         self._edited(f"{field.label}: {changed} changed" if changed else "nothing to change")
         return True

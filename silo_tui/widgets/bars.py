@@ -118,14 +118,22 @@ class InfoLine(Widget):
         super().__init__()
         self.session = session
         self._said = ""
+        self._prompt = ""
 
     def say(self, words: str) -> None:
         """Shows a result until the next one."""
         self._said = words
         self.refresh()
 
+    def ask(self, words: str) -> None:
+        """Shows what is to be typed, alone, whatever happens meanwhile; empty: no more."""
+        self._prompt = words
+        self.refresh()
+
     def render(self) -> RenderResult:
         """The line."""
+        if self._prompt:
+            return Text(self._prompt, no_wrap=True, overflow="ellipsis")
         session, rows = self.session, self.session.rows
         parts: list[str] = []
         if rows.anchor is not None:
@@ -184,9 +192,17 @@ class KeyBar(Widget):
         super().__init__()
         self.auto_links = False
         self._deeds = footer_for(scope, read_only=read_only)
+        self._instead = ""
+
+    def show_instead(self, words: str) -> None:
+        """Other keys count for a while; empty: those of the screen again."""
+        self._instead = words
+        self.refresh()
 
     def render(self) -> RenderResult:
         """As many keys as fit, those wanted most first."""
+        if self._instead:
+            return Text(f" {self._instead}", no_wrap=True, overflow="ellipsis")
         fitting = self._fitting()
         key_color = color(self.app.theme_variables, "primary")
         line = Text(" ", no_wrap=True, overflow="ellipsis")
