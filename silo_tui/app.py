@@ -348,11 +348,11 @@ class SiloApp(App[None]):
             screen.status_changed()
             screen.wish_again()
 
-    def open_monitor(self, names: Sequence[str]) -> None:
-        """Plots of these elements."""
+    def open_monitor(self, names: Sequence[str], chosen: str = "") -> None:
+        """Plots of these elements, one of them chosen."""
         from silo_tui.screens.monitor import MonitorScreen
 
-        self.push_screen(MonitorScreen(self.session, self.source, names))
+        self.push_screen(MonitorScreen(self.session, self.source, names, chosen))
 
     # ---------------------------------------------------------------------------------------------- command line
 

@@ -13,6 +13,7 @@ from textual.binding import Binding
 from textual.timer import Timer
 
 from silo.errors import SiloError
+from silo.model import Action
 from silo_tui.actions import bindings_for
 from silo_tui.link import Wish
 from silo_tui.model import text
@@ -36,13 +37,19 @@ class MonitorScreen(SiloScreen):
     scope = "monitor"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("monitor")
 
-    def __init__(self, session: Session, source: PlotSource, names: Sequence[str]) -> None:
+    def __init__(self, session: Session, source: PlotSource, names: Sequence[str], chosen: str = "") -> None:
         super().__init__()
         self.session = session
         self.source = source
-        elements = [element for name in names if (element := source.element(name)) is not None]
+        self._waiting: list[str] = []  # save-only elements, left out until they are published
+        if any(source.is_live(name) for name in names):
+            self._waiting = [name for name in names if not source.is_live(name)]
+        shown = [name for name in names if name not in set(self._waiting)]
+        elements = [element for name in shown if (element := source.element(name)) is not None]
         self.window = PlotWindow()
         self.stack = PlotStack(plots_of(elements), self.window, source)
+        places = [place for place, plotted in enumerate(self.stack.plots) if plotted.element.name == chosen]
+        self.stack.chosen = places[0] if places else 0
         self.stack.prefix = session.status.prefix.rstrip("/")
         self._said = ""
         self._asked = self.stack.store  # where the live columns should go
@@ -134,9 +141,12 @@ class MonitorScreen(SiloScreen):
     def table_changed(self) -> None:
         """Somebody may have published or enabled what is plotted."""
         elements = dict.fromkeys(plotted.element.name for plotted in self.stack.plots)
+        published = [name for name in self._waiting if self.source.is_live(name)]
+        self._waiting = [name for name in self._waiting if name not in published]
+        elements.update(dict.fromkeys(published))
         found = [element for name in elements if (element := self.source.element(name)) is not None]
         wanted = {plotted.name for plotted in self.stack.plots}
-        plots = [plotted for plotted in plots_of(found) if plotted.name in wanted]
+        plots = [each for each in plots_of(found) if each.name in wanted or each.element.name in published]
         if plots != self.stack.plots:
             self.stack.plots = plots
             self.stack.choose(self.stack.chosen)
@@ -160,6 +170,8 @@ class MonitorScreen(SiloScreen):
         total, fitting = len(self.stack.plots), self.stack.fitting
         if total > fitting:
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
+        if self._waiting and not self._said:
+            words.append(f"{len(self._waiting)} saved only: P prepares to publish")
         if self._said:
             words.append(self._said)
         return " │ ".join(words)
@@ -250,15 +262,16 @@ class MonitorScreen(SiloScreen):
             self.deed_back()
 
     def deed_publish(self) -> None:
-        """A pending edit; applying it is for the table."""
-        plotted = self.stack.plots[self.stack.chosen]
-        row = self.session.table.row(plotted.element.name)
-        if row is None or self.source.is_live(plotted.element.name):
-            self.say("it is published already")
+        """Pending edits of all that were marked and are not published; applying them is for the table."""
+        names = dict.fromkeys([*(plotted.element.name for plotted in self.stack.plots), *self._waiting])
+        table = self.session.table
+        rows = [row for name in names if (row := table.row(name)) is not None and not self.source.is_live(name)]
+        if not rows:
+            self.say("all of these are published already")
             return
-        self.session.table.edit([row], Field.ACTION, 0)
-        self.session.table.edit([row], Field.ENABLED, 1)
-        self.say("prepared: Esc, then a applies it")
+        table.edit([row for row in rows if not Action(int(table.values[Field.ACTION, row])).publishes], Field.ACTION, 0)
+        table.edit(rows, Field.ENABLED, 1)
+        self.say(f"prepared for {text.plural(len(rows), 'element')}: Esc, then a applies it")
         self.silo.table_changed()
 
     def deed_detail(self) -> None:

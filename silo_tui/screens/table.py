@@ -380,7 +380,8 @@ class TableScreen(SiloScreen):
         rows = self.session.rows
         chosen = rows.targets()
         if len(chosen):
-            self.silo.open_monitor([self.session.table.names[int(row)] for row in chosen])
+            names = self.session.table.names
+            self.silo.open_monitor([names[int(row)] for row in chosen], names[rows.row] if rows.row is not None else "")
 
     def deed_refresh(self) -> None:
         self.silo.reload()
