@@ -25,14 +25,9 @@ from silo.ipc.messages import (
     ApplyEdits,
     Done,
     EditsApplied,
-    Goodbye,
-    LinkReply,
-    LinkRequest,
-    LinkSaved,
     Refused,
     RefusedWhy,
     Restart,
-    RobotState,
     Save,
     SavedFile,
     SaveStarted,
@@ -42,6 +37,7 @@ from silo.ipc.messages import (
 )
 from silo.model import FileType
 from silo.server.link import LinkChannel
+from silo.server.link_messages import Goodbye, LinkReply, LinkRequest, LinkSaved, RobotState
 
 if TYPE_CHECKING:
     from silo.logger import Logger

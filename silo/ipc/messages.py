@@ -1,4 +1,4 @@
-"""What travels between a logger's helper process and its clients, and between the helper and the robot process.
+"""What travels between a logger's helper process and its clients.
 
 All are msgspec structs in msgpack. Requests that only read go to the key `ask`, those that change something to `do`:
 two keys, so that roles can be given by access control. Every request gets exactly one reply.
@@ -398,51 +398,3 @@ class Event(msgspec.Struct, frozen=True):
     job: int = 0
     progress: float = 0.0
     files: list[SavedFile] = []
-
-
-# --------------------------------------------------------------------- between the helper and the robot process (link)
-
-
-class RobotState(msgspec.Struct, frozen=True, tag=True):
-    """Robot to helper: pushed at connection and after every change. `table` only when its revision changed."""
-
-    logger: str
-    pid: int
-    state: State
-    revision: int
-    options_json: bytes  # LoggerOptions
-    folder: str  # absolute
-    script: str  # absolute
-    segment: str  # path of the current or last segment, empty before the first start
-    reason: str
-    by: str
-    table: Table | None = None
-
-
-class LinkRequest(msgspec.Struct, frozen=True, tag=True):
-    """Either way: a request with a number. Helper to robot: ApplyEdits, Start, Stop, Restart; robot to helper: Save."""
-
-    number: int
-    request: ApplyEdits | Start | Stop | Restart | Save
-
-
-class LinkReply(msgspec.Struct, frozen=True, tag=True):
-    """The answer to the request of that number. The robot answers only after it has pushed its new `RobotState`."""
-
-    number: int
-    reply: EditsApplied | Done | Refused | SaveStarted
-
-
-class LinkSaved(msgspec.Struct, frozen=True, tag=True):
-    """Helper to robot: a save asked for through the link came to its end; `error` is empty when it worked."""
-
-    job: int
-    files: list[SavedFile]
-    error: str
-
-
-class Goodbye(msgspec.Struct, frozen=True, tag=True):
-    """Robot to helper: closed on purpose; end without saving. End of file without it means that the robot died."""
-
-
-LinkMessage = RobotState | LinkRequest | LinkReply | LinkSaved | Goodbye

@@ -21,13 +21,8 @@ from silo.ipc.keys import Root
 from silo.ipc.messages import (
     Done,
     EventKind,
-    Goodbye,
-    LinkReply,
-    LinkRequest,
-    LinkSaved,
     Refused,
     RefusedWhy,
-    RobotState,
     Save,
     SaveStarted,
     State,
@@ -37,6 +32,7 @@ from silo.server.answers import Answers
 from silo.server.control import Control
 from silo.server.crash import after_crash
 from silo.server.events import Events
+from silo.server.link_messages import Goodbye, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.server.mirror import Mirror, Now
 from silo.server.publisher import Publisher
 from silo.server.robot import Robot

@@ -6,7 +6,7 @@ import struct
 import msgspec
 
 from silo.errors import ConnectionLostError
-from silo.ipc.messages import LinkMessage
+from silo.server.link_messages import LinkMessage
 
 MAX_BYTES = 256 * 2**20  # a table of a million elements; more is not a message of ours
 _LENGTH = struct.Struct("<I")

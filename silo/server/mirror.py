@@ -15,8 +15,9 @@ import msgspec
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.ipc.folders import user_name
-from silo.ipc.messages import RobotState, State, Status, Table, TableReply
+from silo.ipc.messages import State, Status, Table, TableReply
 from silo.model import ElementInfo, LoggerOptions
+from silo.server.link_messages import RobotState
 
 _encoder = msgspec.msgpack.Encoder()
 

@@ -9,9 +9,6 @@ from silo.ipc.messages import (
     ApplyEdits,
     Done,
     EditsApplied,
-    LinkMessage,
-    LinkReply,
-    LinkRequest,
     Refused,
     RefusedWhy,
     Restart,
@@ -20,6 +17,7 @@ from silo.ipc.messages import (
     Stop,
 )
 from silo.server.link import LinkChannel
+from silo.server.link_messages import LinkMessage, LinkReply, LinkRequest
 
 REPLY_TIMEOUT_S = 5.0
 

@@ -8,8 +8,16 @@ from dataclasses import dataclass
 
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SiloError
-from silo.ipc.messages import EventKind, LinkSaved, Refused, RefusedWhy, Save, SavedFile, SaveStarted
+from silo.ipc.messages import (
+    EventKind,
+    Refused,
+    RefusedWhy,
+    Save,
+    SavedFile,
+    SaveStarted,
+)
 from silo.server.events import Events
+from silo.server.link_messages import LinkSaved
 from silo.server.memory import give_back
 from silo.server.mirror import Mirror
 from silo.server.robot import Robot
