@@ -71,11 +71,6 @@ class Session:
         return self.connected and not self.dead
 
     @property
-    def age_s(self) -> float:
-        """Seconds since the newest values came."""
-        return time.monotonic() - self.frame_at if self.frame_at else 0.0
-
-    @property
     def run_seconds(self) -> float:
         """How long the logger has been running, or did run."""
         end = max(self.frame_time_ns if self.running else 0, self.status.last_tick_ns)
