@@ -77,13 +77,13 @@ def _clean_errors(command: Callable[_Params, _Result]) -> Callable[_Params, _Res
 def convert_command(source: str, target: Path, force: bool) -> None:
     """Convert a log to another format, chosen by the ending of OUT.
 
-    .silo, .csv, .mcap, .bag or no ending (rosbag2 folder), .parquet, .mat, .npz, .h5. IN may be .silo, .csv, or a bag
-    that silo wrote.
+    .silo, .csv, .mcap, .rosbag2 or no ending (rosbag2 folder), .parquet, .mat, .npz, .h5. IN may be .silo, .csv, or a
+    bag that silo wrote. A folder that ends in .bag is written, too, but some tools take it for ROS 1.
 
     \b
     Examples:
       silo convert run.silo run.parquet
-      silo convert 17 walk.bag             (run number 17 of this folder)
+      silo convert 17 walk.rosbag2         (run number 17 of this folder)
       silo convert run.mcap run.silo
     """
     from silo.files.convert import convert

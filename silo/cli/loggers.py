@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from silo.ipc.messages import Status
     from silo.model import ElementInfo
 
-_FILE_ENDINGS = (".silo", ".csv", ".mcap", ".bag")
+_FILE_ENDINGS = (".silo", ".csv", ".mcap", ".rosbag2", ".bag")
 
 
 @click.command()

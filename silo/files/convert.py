@@ -19,7 +19,7 @@ Progress = Callable[[float], None]
 Writer = Callable[[Recording, Path, Progress | None], None]
 
 READABLE = (".silo", ".csv", ".mcap", "a bag folder")
-WRITABLE = (".silo", ".csv", ".mcap", ".bag (a rosbag2 folder)", ".parquet", ".mat", ".npz", ".h5")
+WRITABLE = (".silo", ".csv", ".mcap", ".rosbag2 (a folder; .bag, too)", ".parquet", ".mat", ".npz", ".h5")
 
 
 def convert(
@@ -84,7 +84,7 @@ def writer_for(path: Path) -> Writer:
         from silo.files.csv_file import write_csv
 
         return lambda recording, target, progress: write_csv(recording, target, progress=progress)
-    if ending in ("", ".bag", ".mcap"):
+    if ending in ("", ".rosbag2", ".bag", ".mcap"):
         from silo.files.bag import write_bag
 
         return write_bag

@@ -15,8 +15,9 @@ from silo.errors import LogNotFoundError, SaveError
 from silo.files.atomic import reason
 from silo.model import FileType
 
-ENDINGS = {FileType.SILO: ".silo", FileType.CSV: ".csv", FileType.BAG: ".bag"}
-LOG_ENDINGS = (".silo", ".mcap", ".bag", ".csv")
+# not ".bag": readers like AnyReader of rosbags take what ends so for a bag of ROS 1
+ENDINGS = {FileType.SILO: ".silo", FileType.CSV: ".csv", FileType.BAG: ".rosbag2"}
+LOG_ENDINGS = (".silo", ".mcap", ".rosbag2", ".bag", ".csv")
 _STEM = re.compile(r"(?P<logger>.+)_(?P<when>\d{8}_\d\d-\d\d-\d\d)_(?P<run>\d{5,})")
 
 

@@ -305,8 +305,8 @@ def test_a_name_that_is_taken_is_told_and_the_file_stays(small, clients, until) 
 def test_a_name_that_is_taken_in_one_format_is_taken_in_all(small, clients, until) -> None:
     client = clients(small)
     told = Told(client)
-    (small.folder / "walk.bag").mkdir()
+    (small.folder / "walk.rosbag2").mkdir()
     with pytest.raises(SaveError, match="exists already"):
         client.wait_saved(client.save([FileType.SILO, FileType.BAG], "walk"), 60)
     assert until(lambda: told.texts)
-    assert small.files() == {"walk.bag"}
+    assert small.files() == {"walk.rosbag2"}

@@ -15,9 +15,9 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from silo.files import bag
+from silo.files import bag, write
 from silo.files.bag import write_bag
-from silo.model import BufferType, Entry
+from silo.model import BufferType, Entry, FileType
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 TICKS = 40
@@ -218,6 +218,11 @@ class TestRosbags:
             for connection, stamp, raw in reader.messages():
                 header = reader.deserialize(raw, connection.msgtype).header
                 assert header.stamp.sec * 10**9 + header.stamp.nanosec == stamp
+
+    def test_any_reader_opens_what_a_save_calls_a_bag(self, folder, robot, tmp_path):
+        (saved,) = write(robot, tmp_path, "robot", [FileType.BAG])
+        with AnyReader([Path(saved.path)]) as reader:
+            assert reader.message_count == sum(1 for _ in reader.messages())
 
     def test_type_hashes_are_those_of_ros(self, folder):
         with AnyReader([folder]) as reader:

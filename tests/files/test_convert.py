@@ -22,7 +22,7 @@ from silo.recording import RecordedElement, RecordedEntry, Recording
 
 TICKS = 20
 TIMES = 1_700_000_000_000_000_001 + 2_500_001 * np.arange(TICKS, dtype=np.int64)
-ENDINGS = [".silo", ".csv", ".mcap", ".bag", "", ".parquet", ".mat", ".npz", ".h5"]
+ENDINGS = [".silo", ".csv", ".mcap", ".rosbag2", ".bag", "", ".parquet", ".mat", ".npz", ".h5"]
 FOREIGN = [".parquet", ".mat", ".npz", ".h5"]
 
 
