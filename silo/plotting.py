@@ -177,7 +177,7 @@ def _set_ruler(ruler: Any, values: Sequence[float] | None, count: int, names: Ma
     low, high = min(values), max(values)
     if names:
         shown = {number: name for number, name in sorted(names.items()) if low <= number <= high}
-        ruler.ticks(list(shown), [shorten(name, 14) for name in shown.values()])
+        ruler.ticks(list(shown), [_on_one_line(name) for name in shown.values()])
         return
     if high - low <= max(_FLAT * max(abs(low), abs(high)), _TINY):
         # a flat line runs through the middle; rounding errors are not blown up to the height of the screen
@@ -186,6 +186,12 @@ def _set_ruler(ruler: Any, values: Sequence[float] | None, count: int, names: Ma
     ticks = nice_ticks(low, high, max(count, 2)) or [low, high]
     ruler.lim(low, high)
     ruler.ticks(ticks, tick_texts(ticks))
+
+
+def _on_one_line(name: str) -> str:
+    """The name of a value as plotext can show it: it fails on empty labels and on line feeds."""
+    visible = name.strip() and "".join(letter if letter.isprintable() else "\ufffd" for letter in name)
+    return shorten(visible or "''", 14)
 
 
 def tick_texts(ticks: Sequence[float]) -> list[str]:

@@ -107,6 +107,14 @@ class TestText:
         assert "STAND┤" in text
         assert "WALK┤" in text
 
+    @pytest.mark.parametrize("name", ["", " ", "two\nlines", "\x1b[31m"])
+    def test_any_text_can_name_a_value(self, name):
+        text = draw_text(
+            Chart([Curve("text", np.arange(3.0), np.array([0.0, 1, 0]))], left_ticks={0: name, 1: "b"}), 60, 14
+        )
+        assert len(text.split("\n")) == 14
+        assert "\x1b[31m" not in text
+
     def test_rounding_errors_of_a_constant_are_a_flat_line(self):
         text = draw_text(line(40 + np.arange(TICKS) % 2 * 1e-14), 60, 12, color=False)
         assert sum("⠤" in row or "⠒" in row or "⠉" in row for row in text.split("\n")[:-1]) == 1
