@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.errors import ElementError
 from silo.units import quotient, unit_of
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def combined(
         base, left, right = aligned(one, other)
         mine, theirs, shown = wide(left), wide(right), other.name
         mine, theirs = _broadcast(mine, theirs)
+        _check_shapes(one, other, mine, theirs, sign)
         unit = unit_of(one.unit, other.unit, sign)
     elif sign == "/" and swapped:
         unit = quotient("-", one.unit)
@@ -58,6 +60,16 @@ def aligned(one: "Signal", other: "Signal") -> tuple["Signal", "Signal", "Signal
 
 def _step(signal: "Signal") -> float:
     return float(np.median(np.diff(signal.time_ns))) if len(signal) > 1 else float("inf")
+
+
+def _check_shapes(one: "Signal", other: "Signal", mine: NDArray[Any], theirs: NDArray[Any], sign: str) -> None:
+    try:
+        np.broadcast_shapes(mine.shape, theirs.shape)
+    except ValueError as error:
+        raise ElementError(
+            f"can't calculate '{one.name}' {sign} '{other.name}': one sample has shape {one.values.shape[1:]} and "
+            f"{other.values.shape[1:]}; take signals of one shape, a scalar, or a component"
+        ) from error
 
 
 def _broadcast(one: NDArray[Any], other: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -232,6 +232,12 @@ class TestArithmetic:
         assert made.values.tolist() == [[10, 20], [300, 400]]
         assert (signal([10.0, 100.0]) * signal([[1.0, 2.0], [3.0, 4.0]])).components == ("x", "y")
 
+    def test_shapes_that_do_not_meet_are_told(self):
+        stamps = np.arange(4) * 10**9
+        vector, matrix = Signal("/v", np.zeros((4, 3)), stamps), Signal("/m", np.zeros((4, 2, 3)), stamps)
+        with pytest.raises(ElementError, match=r"'/v' \+ '/m': one sample has shape \(3,\) and \(2, 3\)"):
+            vector + matrix
+
     def test_units_follow(self):
         torque, speed = signal([1.0], unit="Nm"), signal([2.0], unit="rad/s")
         assert (torque * speed).unit == "Nm*rad/s"
