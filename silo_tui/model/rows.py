@@ -46,9 +46,12 @@ class RowList:
         self._place(row)
 
     def set_filter(self, text: str) -> None:
-        """Shows what passes this filter."""
+        """Shows what passes this filter. The cursor stays on its element, or goes to the first one that is shown."""
+        row = self.row
         self.filter = filters.parse(text)
         self.refresh()
+        if row is None or self.row != row:
+            self.move_to(0)
 
     def next_sort(self) -> str:
         """Steps to the next order and returns its name."""

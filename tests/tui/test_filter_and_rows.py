@@ -160,3 +160,10 @@ def test_what_may_be_typed_for_a_field(field, text, old, new):
 def test_what_may_not_be_typed_says_why(field, text, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
         parse_change(field, text).on(field, np.array([10]), np.array([4]), 400.0)
+
+
+def test_the_cursor_goes_to_the_first_element_where_its_own_is_filtered_out(rows):
+    rows.set_filter("RF torque")
+    rows.move_to(len(rows.shown) - 1)
+    rows.set_filter("imu")
+    assert rows.position == 0
