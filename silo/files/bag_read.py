@@ -125,7 +125,7 @@ def _read(data: memoryview) -> Recording:
             if channel in readers:
                 readers[channel].add(chunk, entries["offset"])
         elif opcode == Opcode.DATA_END:
-            complete = True
+            complete = bytes(data[-len(MAGIC) :]) == MAGIC
             break
     if facts is None or times is None:
         raise ValueError(
@@ -259,8 +259,10 @@ def _dtype(entry: EntryFacts) -> np.dtype[Any]:
 def _recording(facts: RecordingFacts, times: NDArray[np.int64], elements: list[_Values], complete: bool) -> Recording:
     warnings = list(facts.warnings)
     missing = sum(values.facts.count - values.whole for values in elements if values.facts.entries)
-    if missing or not complete:
+    if missing:
         warnings.append(f"the file is cut off: {missing} samples are missing at the end")
+    elif not complete:
+        warnings.append("the file is cut off: its index is missing, which other readers need; all samples are there")
     return Recording(
         logger=facts.logger,
         time_ns=times,
