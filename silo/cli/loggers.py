@@ -112,7 +112,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
       silo info demo '*/torque' /log/base    (elements: glob or namespace)
       silo info demo_20260102_10-00-00_00001.silo
     """
-    if len(words) == 1 and words[0].endswith(_FILE_ENDINGS):
+    if len(words) == 1 and (words[0].endswith(_FILE_ENDINGS) or words[0].isdecimal()):
         from silo.cli_files import print_file_info
 
         print_file_info(Path(words[0]), as_json)
