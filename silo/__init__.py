@@ -7,7 +7,8 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from silo.default import add, array, cleanup, close, collect, init, restart, save, serve, start, stop, update
+    from silo.analysis.log import Log, Signal, open_log
+    from silo.collecting.traits import register, vector_at_position
     from silo.errors import (
         ConnectionLostError,
         ElementError,
@@ -20,27 +21,26 @@ if TYPE_CHECKING:
         SourceError,
         StateError,
     )
-    from silo.log import Log, Signal, open_log
-    from silo.logger import Logger
+    from silo.logger.default import add, array, cleanup, close, collect, init, restart, save, serve, start, stop, update
+    from silo.logger.logger import Logger
+    from silo.logger.null import NullLogger
     from silo.model import Action, BufferType, ElementInfo, ElementOptions, FileType, LoggerOptions, Storage
-    from silo.null import NullLogger
     from silo.recording import Recording
-    from silo.traits import register, vector_at_position
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "silo.default": "add array cleanup close collect init restart save serve start stop update",
+    "silo.logger.default": "add array cleanup close collect init restart save serve start stop update",
     "silo.errors": (
         "ConnectionLostError ElementError FileFormatError RefusedError SaveError ScriptError SegmentError SiloError "
         "SourceError StateError"
     ),
-    "silo.log": "Log Signal open_log",
-    "silo.logger": "Logger",
+    "silo.analysis.log": "Log Signal open_log",
+    "silo.logger.logger": "Logger",
     "silo.model": "Action BufferType ElementInfo ElementOptions FileType LoggerOptions Storage",
-    "silo.null": "NullLogger",
+    "silo.logger.null": "NullLogger",
     "silo.recording": "Recording",
-    "silo.traits": "register vector_at_position",
+    "silo.collecting.traits": "register vector_at_position",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

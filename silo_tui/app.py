@@ -10,20 +10,21 @@ from textual.command import CommandPalette
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.messages import Event, EventKind
-from silo_tui import flows, terminal, theme
-from silo_tui.commands import CommandRunner
-from silo_tui.demo import Demo
-from silo_tui.finder import Finder, FoundLogger
-from silo_tui.link import Link, LinkChanged, LoggerEvent, ViewFailed
-from silo_tui.model import commands
-from silo_tui.opening import Opener
-from silo_tui.palette import DeedProvider
+from silo_tui import terminal, theme
+from silo_tui.commands import flows
+from silo_tui.commands.opening import Opener
+from silo_tui.commands.palette import DeedProvider
+from silo_tui.commands.runner import CommandRunner
+from silo_tui.model import command_line as commands
 from silo_tui.screens.base import SiloScreen
 from silo_tui.screens.table import TableScreen
-from silo_tui.session import LiveSource, Session
+from silo_tui.sessions.demo import Demo
+from silo_tui.sessions.finder import Finder, FoundLogger
+from silo_tui.sessions.link import Link, LinkChanged, LoggerEvent, ViewFailed
+from silo_tui.sessions.live import LiveSource, Session
 
 if TYPE_CHECKING:
-    from silo_tui.file_session import FileSession
+    from silo_tui.sessions.recorded import FileSession
 
 
 class SiloApp(App[None]):

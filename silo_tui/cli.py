@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from silo_tui.file_session import FileSession
+    from silo_tui.sessions.recorded import FileSession
 
 # measured: OpenBLAS starts a thread per core when NumPy is imported, 70 ms that nothing here needs
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -61,14 +61,14 @@ def _file(target: str) -> "FileSession | None":
     if not target:
         return None
     from silo.errors import SiloError
-    from silo_tui.connect import ClientFinder
-    from silo_tui.file_opening import file_meant
+    from silo_tui.sessions.connect import ClientFinder
+    from silo_tui.sessions.target import file_meant
 
     try:
         path = file_meant(target, lambda: [logger.name for logger in ClientFinder().find().loggers])
         if path is None:
             return None
-        from silo_tui.file_session import open_file
+        from silo_tui.sessions.recorded import open_file
 
         return open_file(path)
     except (SiloError, OSError) as error:
@@ -87,8 +87,8 @@ def _run(
 ) -> int:
     from silo_tui import terminal
     from silo_tui.app import SiloApp
-    from silo_tui.connect import ClientFinder
-    from silo_tui.demo import Demo
+    from silo_tui.sessions.connect import ClientFinder
+    from silo_tui.sessions.demo import Demo
 
     app = SiloApp(
         ClientFinder(config),

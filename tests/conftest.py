@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from silo.collecting.runtime import shared_memory_root
+from silo.runtime import shared_memory_root
 
 
 @pytest.fixture(autouse=True)
@@ -22,7 +22,7 @@ def runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 @pytest.fixture
 def new_logger(tmp_path: Path) -> Iterator[Callable[..., "object"]]:
     """Makes loggers that keep their files in `tmp_path`, and closes them when the test ends."""
-    from silo.logger import Logger
+    from silo.logger.logger import Logger
 
     made = []
 

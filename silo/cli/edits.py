@@ -67,7 +67,7 @@ def parse_settings(words: Sequence[str]) -> Settings:
 
 
 def _with(settings: Settings, key: str, value: str, word: str) -> Settings:
-    from silo.script import member_of
+    from silo.settings.script import member_of
 
     if key == "enabled":
         if value.lower() not in _SWITCHES:
@@ -159,7 +159,7 @@ def set_command(words: tuple[str, ...], dry_run: bool, restart: bool) -> None:
 
 def _set(client: "Client", patterns: Sequence[str], settings: Settings, *, dry_run: bool, restart: bool) -> None:
     from silo.ipc.messages import Edit, State
-    from silo.script import diff_options
+    from silo.settings.script import diff_options
 
     status, table = client.status(), client.table()
     places = select([element.name for element in table.elements], patterns)

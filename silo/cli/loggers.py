@@ -69,7 +69,7 @@ def ls(as_json: bool) -> None:
 
 def _tell_orphans() -> None:
     """What programs left behind that nobody would find without being told."""
-    from silo.collecting.runtime import orphaned_segments
+    from silo.runtime import orphaned_segments
 
     count = len(orphaned_segments())
     if count:
@@ -113,7 +113,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
       silo info demo_20260102_10-00-00_00001.silo
     """
     if len(words) == 1 and (words[0].endswith(_FILE_ENDINGS) or words[0].isdecimal()):
-        from silo.cli_files import print_file_info
+        from silo.cli.files import print_file_info
 
         print_file_info(Path(words[0]), as_json)
         return

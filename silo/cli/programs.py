@@ -76,7 +76,7 @@ def demo(
       silo demo --time-limit 30 --save silo --save bag --folder /tmp/logs
       silo demo --elements 10000 --stopped
     """
-    from silo.demo.program import DemoOptions, run_demo
+    from silo.programs.demo.program import DemoOptions, run_demo
 
     options = DemoOptions(
         name, frequency, elements, time_limit, folder, script, stopped, seed, file_types(save), with_parent
@@ -104,6 +104,6 @@ def host(
       silo host
       silo host --save csv --time-limit 60
     """
-    from silo.host.program import HostOptions, run_host
+    from silo.programs.host.program import HostOptions, run_host
 
     run_host(HostOptions(name, frequency, time_limit, folder, script, stopped, file_types(save)), click.echo)

@@ -11,7 +11,7 @@ from silo.errors import SaveError, SiloError
 from silo.model import FileType
 
 if TYPE_CHECKING:
-    from silo.server.recovery import StaleSegment
+    from silo.helper.recovery import StaleSegment
 
 
 @click.command()
@@ -43,7 +43,7 @@ def recover(
       silo recover --list
       silo recover --folder /tmp/logs -t silo -t csv
     """
-    from silo.server.recovery import find_stale
+    from silo.helper.recovery import find_stale
 
     stale = find_stale(look_in)
     if only_list:
@@ -68,7 +68,7 @@ def _show(stale: "Sequence[StaleSegment]", as_json: bool) -> None:
 
 def _recover(paths: Sequence[Path], folder: Path | None, types: Sequence[FileType], as_json: bool) -> None:
     """Each segment by itself: one that fails doesn't keep the others. Raises SaveError at the end if any did."""
-    from silo.server.recovery import recover as recover_segment
+    from silo.helper.recovery import recover as recover_segment
 
     files, failed = [], 0
     if folder is not None:

@@ -7,7 +7,7 @@ import click
 
 from silo.cli.common import complete_logger, complete_script, connect, json_option, logger_argument, many, show_json
 from silo.cli.edits import show_changes
-from silo.cli_files import EXIT_DIFFERENT
+from silo.cli.files import EXIT_DIFFERENT
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
@@ -82,7 +82,7 @@ def check(path: Path, logger: str | None) -> None:
       silo script check config/demo.yaml --logger demo
     """
     from silo.errors import ScriptError
-    from silo.script import apply_script, read_script
+    from silo.settings.script import apply_script, read_script
 
     found = read_script(path)
     if logger is not None:

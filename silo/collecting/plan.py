@@ -16,8 +16,8 @@ from silo.collecting.schema import STAMP_WORDS, TIME_RING, ElementSchema, EntryS
 from silo.collecting.scratch import Scratch
 from silo.collecting.segment import chunk_bytes_for
 from silo.collecting.sources import Expression, Reference
+from silo.collecting.traits import Part, entry_of, strides_of
 from silo.model import BufferType, ElementInfo, ElementOptions
-from silo.traits import Part, entry_of, strides_of
 
 LIVE_SECONDS = 2.0  # how long a sample must stay readable for the helper process to publish it
 SLACK_SECONDS = 0.25  # rows kept beyond a looping buffer, so that a snapshot during collection loses none

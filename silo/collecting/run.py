@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from silo.collecting.generate import Collect, generate
 from silo.collecting.plan import Element, Plan, make_plan
-from silo.collecting.runtime import SEGMENT_SUFFIX, boot_id, process_start, runtime_dir
 from silo.collecting.schema import SegmentSchema, StopReason
 from silo.collecting.segment import Segment
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.sources import Reference, abandoned
 from silo.errors import SegmentError
 from silo.model import LoggerOptions, Storage
+from silo.runtime import SEGMENT_SUFFIX, boot_id, process_start, runtime_dir
 
 logger = logging.getLogger("silo")
 _numbers = itertools.count()

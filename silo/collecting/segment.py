@@ -13,7 +13,6 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from silo.collecting.runtime import available_memory_bytes
 from silo.collecting.schema import (
     LAYOUT_VERSION,
     LINE_WORDS,
@@ -31,6 +30,7 @@ from silo.collecting.schema import (
 )
 from silo.errors import SegmentError
 from silo.model import BufferType
+from silo.runtime import available_memory_bytes
 
 CHUNK_BYTES = 1 << 20
 SPARE_CHUNKS = 4096  # words of the directory for time stamps past the memory limit: 268 million ticks

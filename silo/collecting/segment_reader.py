@@ -12,7 +12,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.runtime import boot_id, process_start
 from silo.collecting.schema import (
     LAYOUT_VERSION,
     LINE_WORDS,
@@ -35,6 +34,7 @@ from silo.collecting.schema import (
 from silo.errors import SegmentError
 from silo.model import BufferType
 from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.runtime import boot_id, process_start
 
 # the writer may be filling the row after the head, whose slot holds an old row; elsewhere than on x86 one row further
 UNSAFE_ROWS = 1 if ORDERED_STORES else 2

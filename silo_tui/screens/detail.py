@@ -24,11 +24,11 @@ from silo_tui.model.columns import Floats
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, Plotted
 from silo_tui.model.source import Column, PlotSource
 from silo_tui.screens.base import SiloScreen
-from silo_tui.session import Session
+from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
 
 if TYPE_CHECKING:
-    from silo.plotting import Chart
+    from silo.analysis.plotting import Chart
 
 MODES = ("time", "x-y", "spectrum")
 MAX_SERIES = 6
@@ -95,7 +95,7 @@ class DetailScreen(SiloScreen):
         self.run_worker(self._draw(), group="draw", exclusive=True)
 
     async def _draw(self) -> None:
-        from silo.plotting import draw_text
+        from silo.analysis.plotting import draw_text
 
         plot = self.query_one("#detail-plot", Static)
         size = plot.size
@@ -122,7 +122,7 @@ class DetailScreen(SiloScreen):
         return max(math.ceil(span_ns / columns), period if self.mode != "time" else 1)
 
     def _chart(self, past: Column) -> "Chart | None":
-        from silo.plotting import Chart, Curve
+        from silo.analysis.plotting import Chart, Curve
 
         count = past.low.shape[1]
         if not count or np.isnan(past.low).all():

@@ -7,10 +7,10 @@ from typing import ClassVar
 from textual.binding import Binding
 
 from silo_tui.actions import bindings_for
-from silo_tui.file_session import FileSession
 from silo_tui.model import text
 from silo_tui.model.plots import SECOND_NS, Plotted
 from silo_tui.screens.detail import DetailScreen
+from silo_tui.sessions.recorded import FileSession
 
 
 class FileDetailScreen(DetailScreen, inherit_bindings=False):

@@ -7,13 +7,13 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 
 from silo_tui.actions import bindings_for
-from silo_tui.file_session import FileSession
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.plots import SECOND_NS, PlotWindow
 from silo_tui.model.recorded import WHOLE
 from silo_tui.screens.file_detail import FileDetailScreen
 from silo_tui.screens.monitor import MonitorScreen
+from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedLine, RecordedStack
 

@@ -11,10 +11,10 @@ from textual.containers import Horizontal, Vertical
 from textual.widgets import Static
 
 from silo_tui.actions import bindings_for
-from silo_tui.file_session import FileSession
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.table import Rows
 from silo_tui.screens.table import WIDE, TableScreen
+from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import InfoLine, KeyBar
 from silo_tui.widgets.inputs import Line
 from silo_tui.widgets.live_pane import TREND

@@ -11,8 +11,8 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo_tui.actions import bindings_for
-from silo_tui.finder import FoundLogger
 from silo_tui.screens.base import SiloScreen
+from silo_tui.sessions.finder import FoundLogger
 from silo_tui.widgets.bars import KeyBar
 
 WAITING = """No logger is running for this user on this computer; looking again every second.

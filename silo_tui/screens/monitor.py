@@ -15,7 +15,6 @@ from textual.timer import Timer
 from silo.errors import SiloError
 from silo.model import Action
 from silo_tui.actions import bindings_for
-from silo_tui.link import Wish
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Field
@@ -23,7 +22,8 @@ from silo_tui.model.live import Frame
 from silo_tui.model.plots import PlotWindow, plots_of
 from silo_tui.model.source import PlotSource
 from silo_tui.screens.base import SiloScreen
-from silo_tui.session import Session
+from silo_tui.sessions.link import Wish
+from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
 from silo_tui.widgets.plot_stack import PlotStack
 

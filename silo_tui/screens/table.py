@@ -12,15 +12,16 @@ from textual.widgets import Input, Static
 
 from silo.errors import SiloError
 from silo_tui.actions import bindings_for
-from silo_tui.link import Wish
-from silo_tui.model import commands, text
+from silo_tui.model import command_line as commands
 from silo_tui.model import filter as filters
+from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Change, Field, next_value, parse_change, phrase_for
 from silo_tui.model.live import Frame
 from silo_tui.model.table import Rows
 from silo_tui.screens.base import SiloScreen
-from silo_tui.session import Session
+from silo_tui.sessions.link import Wish
+from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, InfoLine, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FIXED_WIDTH, ElementTable, TableHead
 from silo_tui.widgets.inputs import CellEditor, Fleeting, Line

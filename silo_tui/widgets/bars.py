@@ -11,7 +11,7 @@ from silo.ipc.messages import State
 from silo_tui.actions import Deed, footer_for
 from silo_tui.model import text
 from silo_tui.model.plots import PlotWindow
-from silo_tui.session import Session
+from silo_tui.sessions.live import Session
 
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 

@@ -20,7 +20,7 @@ from textual.strip import Strip
 from silo_tui.model import text
 from silo_tui.model.fields import Field, word_for
 from silo_tui.model.rows import RowList
-from silo_tui.session import Session
+from silo_tui.sessions.live import Session
 
 FLAGS, UNIT = 2, 5
 # width of each editable field, with the space before it counted apart

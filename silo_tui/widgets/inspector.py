@@ -9,7 +9,7 @@ from silo_tui.model import braille, text
 from silo_tui.model.columns import ColumnStore, hold
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.model.live import Reading, entry_text, fill_share
-from silo_tui.session import Session
+from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import color
 
 MAX_PLOTS = 6

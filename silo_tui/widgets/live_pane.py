@@ -19,7 +19,7 @@ from silo_tui.model import braille
 from silo_tui.model.columns import hold
 from silo_tui.model.fields import Field
 from silo_tui.model.live import fill_share, value_text
-from silo_tui.session import Session
+from silo_tui.sessions.live import Session
 from silo_tui.widgets.element_table import ElementTable
 
 FILL, VALUE, TREND = 4, 11, 10

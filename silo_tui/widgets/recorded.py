@@ -9,14 +9,14 @@ from textual.app import RenderResult
 from textual.geometry import Region
 from textual.strip import Strip
 
+from silo.analysis.reports import ElementReport
 from silo.model import ElementInfo
-from silo.reports import ElementReport
-from silo_tui.file_session import FileSession
 from silo_tui.model import braille, text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import BUFFER_WORDS, Field
 from silo_tui.model.live import Reading, value_text
 from silo_tui.model.plots import Plotted, PlotWindow, plots_of
+from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar, color
 from silo_tui.widgets.element_table import FLAGS, UNIT, ElementTable, TableHead
 from silo_tui.widgets.inspector import Inspector

@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from silo.analysis.log import open_log
 from silo.files import csv_file
 from silo.files.csv_file import read_csv, write_csv
 from silo.files.silo_file import read_silo, write_silo
-from silo.log import open_log
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 

@@ -17,9 +17,9 @@ from collections.abc import Callable
 import numpy as np
 
 import silo
-from silo.collecting.runtime import shared_memory_root
 from silo.ipc.client import Client
 from silo.model import Action, FileType
+from silo.runtime import shared_memory_root
 
 FREQUENCY = 1000
 ELEMENTS = 500

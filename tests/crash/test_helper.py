@@ -138,7 +138,7 @@ def test_dead_logger_is_not_hidden_by_another_that_ran_beside_it(robots, until) 
 
 
 def test_program_killed_together_with_its_helper_is_recovered_by_hand(robot, tmp_path, until) -> None:
-    from silo.server.recovery import find_stale, recover
+    from silo.helper.recovery import find_stale, recover
 
     with Client.connect("bot") as client:
         until(lambda: client.status().ticks > 100)
@@ -154,7 +154,7 @@ def test_program_killed_together_with_its_helper_is_recovered_by_hand(robot, tmp
 
 def test_segment_of_a_living_program_is_not_stale(robot, runtime) -> None:
     from silo.errors import StateError
-    from silo.server.recovery import find_stale, recover
+    from silo.helper.recovery import find_stale, recover
 
     assert find_stale() == []
     with pytest.raises(StateError, match="still logging"):
@@ -162,7 +162,7 @@ def test_segment_of_a_living_program_is_not_stale(robot, runtime) -> None:
 
 
 def test_damaged_segment_is_named_and_kept(runtime) -> None:
-    from silo.server.recovery import find_stale
+    from silo.helper.recovery import find_stale
 
     (runtime / "x.1.0.segment").write_bytes(b"nonsense" * 2000)
     (stale,) = find_stale()

@@ -18,13 +18,13 @@ import pytest
 from numpy.typing import NDArray
 
 import silo
-from silo.collecting.runtime import shared_memory_root
 from silo.collecting.schema import RingSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import RefusedError, SaveError
 from silo.ipc.client import Client
 from silo.ipc.messages import EventKind
 from silo.model import BufferType, FileType
+from silo.runtime import shared_memory_root
 
 PROGRAM = Path(__file__).with_name("saving_robot.py")
 LARGE, SMALL = 7000, 50  # ticks: 100 MB, or next to nothing

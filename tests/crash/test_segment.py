@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from silo.collecting.runtime import list_segments
 from silo.collecting.schema import TIME_RING, Header
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
+from silo.runtime import list_segments
 
 WRITERS = Path(__file__).with_name("segment_writers.py")
 

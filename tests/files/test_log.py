@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import silo
+from silo.analysis.log import Log, LogWarning, UnknownSignalError, open_log
+from silo.analysis.signals import Signal
 from silo.errors import ElementError, LogNotFoundError
 from silo.files import write
 from silo.files.silo_file import read_silo, write_silo
-from silo.log import Log, LogWarning, UnknownSignalError, open_log
 from silo.model import BufferType
 from silo.recording import Recording
-from silo.signals import Signal
 
 
 def signal(values, step_s=0.5, start_s=0.0, name="s", **more):

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.calculus import derivative, spectrum
-from silo.charts import Wish, make_chart
+from silo.analysis.calculus import derivative, spectrum
+from silo.analysis.charts import Wish, make_chart
+from silo.analysis.picking import pick
+from silo.analysis.plotting import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
 from silo.errors import ElementError, SiloError
 from silo.model import BufferType, Entry
-from silo.picking import pick
-from silo.plotting import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 TICKS = 400

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from silo.analysis.log import open_log
 from silo.files import silo_format as form
 from silo.files import silo_reader
 from silo.files.silo_file import read_silo, write_silo
 from silo.files.silo_whole import FileElements, read_whole
-from silo.log import open_log
 
 
 def whole(path):

@@ -163,7 +163,7 @@ def robots(runtime: Path, tmp_path: Path) -> Iterator[Callable[..., RobotProcess
 def end_helper(pid: int) -> None:
     """Ends a helper that we know by its pid, and only if it is one."""
     try:
-        if b"silo.server" in Path(f"/proc/{pid}/cmdline").read_bytes():
+        if b"silo.helper" in Path(f"/proc/{pid}/cmdline").read_bytes():
             os.kill(pid, 9)
     except (FileNotFoundError, ProcessLookupError):
         return

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from silo.analysis.log import open_log
 from silo.cli.main import EXIT_FAILED, run
-from silo.log import open_log
 
 DYING = """
 import os, signal, sys

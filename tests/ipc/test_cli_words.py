@@ -15,7 +15,7 @@ from silo.errors import ElementError
 from silo.model import Action, BufferType, ElementOptions
 
 NAMES = ["/log/base/pose", "/log/base/twist", "/log/legs/LF/torque", "/log/legs/RF/torque", "/log/legs/RF/contact"]
-HEAVY = ("numpy", "textual", "plotext", "silo.logger", "silo.collecting.segment_reader")
+HEAVY = ("numpy", "textual", "plotext", "silo.logger.logger", "silo.collecting.segment_reader")
 
 
 def names_of(*patterns: str) -> list[str]:

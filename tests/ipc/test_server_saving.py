@@ -5,8 +5,8 @@ import pytest
 import silo
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError
+from silo.helper.writing import WriteOrder, write_log
 from silo.model import FileType
-from silo.server.writing import WriteOrder, write_log
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def test_a_name_that_is_taken_is_refused_by_the_writing_process(reader, tmp_path
 
 
 def test_a_writing_process_that_dies_is_an_error_with_a_way_out(reader, tmp_path, monkeypatch):
-    monkeypatch.setattr("silo.server.writing.sys.executable", "/bin/false")
+    monkeypatch.setattr("silo.helper.writing.sys.executable", "/bin/false")
     with pytest.raises(SaveError, match=r"exit code 1.*save as \.silo"):
         write_log(reader, order(tmp_path, FileType.BAG), lambda _: None)
     assert list(tmp_path.iterdir()) == []

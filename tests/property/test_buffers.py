@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import silo
-from silo.collecting.runtime import shared_memory_root
 from silo.model import Action, BufferType
+from silo.runtime import shared_memory_root
 
 LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWING
 STEP_NS = 1_000_003

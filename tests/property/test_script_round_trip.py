@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from silo.errors import ScriptError
 from silo.model import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, ElementInfo, ElementOptions, Entry
-from silo.script import apply_script, format_script, parse_script
+from silo.settings.script import apply_script, format_script, parse_script
 
 options = st.builds(
     ElementOptions,

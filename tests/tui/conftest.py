@@ -32,9 +32,9 @@ from silo.ipc.messages import (
 )
 from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry, FileType
 from silo_tui.app import SiloApp
-from silo_tui.finder import Found, FoundLogger
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.model.source import Column
+from silo_tui.sessions.finder import Found, FoundLogger
 
 START_NS = 1_790_000_000_000_000_000
 HZ = 400.0

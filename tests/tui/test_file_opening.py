@@ -9,7 +9,7 @@ from silo.files.silo_writer import write_silo
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.cli import command
-from silo_tui.file_opening import file_meant
+from silo_tui.sessions.target import file_meant
 
 NAME = "robot_20260921_14-00-00_00007.silo"
 

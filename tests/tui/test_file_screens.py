@@ -5,16 +5,16 @@ from contextlib import asynccontextmanager
 import numpy as np
 import pytest
 
+from silo.analysis.log import Log
 from silo.files.silo_writer import write_silo
-from silo.log import Log
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.actions import BY_ID, FILE_SCOPES, deeds_for
 from silo_tui.app import SiloApp
-from silo_tui.file_session import FileSession, open_file
 from silo_tui.model.fields import Field
 from silo_tui.screens.file_detail import FileDetailScreen
 from silo_tui.screens.file_table import FileTableScreen
+from silo_tui.sessions.recorded import FileSession, open_file
 
 START_NS = 1_790_000_000_000_000_000
 STEP_NS = 2_500_000

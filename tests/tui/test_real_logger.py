@@ -7,7 +7,7 @@ import pytest
 
 import silo
 from silo_tui.app import SiloApp
-from silo_tui.connect import ClientFinder
+from silo_tui.sessions.connect import ClientFinder
 
 
 @pytest.fixture

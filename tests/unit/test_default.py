@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import silo
-from silo import default
-from silo.logger import Logger
-from silo.null import NullLogger
+from silo.logger import default
+from silo.logger.logger import Logger
+from silo.logger.null import NullLogger
 
 
 @pytest.fixture(autouse=True)

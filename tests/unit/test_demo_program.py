@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from silo.demo.program import DemoOptions, end_with, farewell, make_robot, register
-from silo.logger import Logger
+from silo.logger.logger import Logger
 from silo.model import Action, BufferType, FileType
-from silo.pace import EndSignals, Pace
-from silo.script import apply_script, read_script
+from silo.programs.demo.program import DemoOptions, end_with, farewell, make_robot, register
+from silo.programs.pace import EndSignals, Pace
+from silo.settings.script import apply_script, read_script
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 

@@ -9,11 +9,11 @@ import numpy as np
 import psutil
 import pytest
 
-from silo.host import devices
-from silo.host.program import Monitor
-from silo.host.reading import Rates, plain_name
-from silo.logger import Logger
-from silo.script import apply_script, read_script
+from silo.logger.logger import Logger
+from silo.programs.host import devices
+from silo.programs.host.program import Monitor
+from silo.programs.host.reading import Rates, plain_name
+from silo.settings.script import apply_script, read_script
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 

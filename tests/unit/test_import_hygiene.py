@@ -14,14 +14,13 @@ ROOT = Path(__file__).resolve().parents[2]
 # part of the program -> what none of its modules may import, not even within a function
 FORBIDDEN = {
     "silo": ["silo_tui", "textual"],
-    "silo/collecting": ["zenoh", "silo.files", "silo.ipc", "silo.server", "silo.serving", "silo.logger", "silo.log"],
-    "silo/files": ["zenoh", "silo.logger", "silo.collecting", "silo.serving", "silo.server", "silo.default"],
-    "silo/log": ["zenoh", "silo.logger", "silo.collecting", "silo.serving", "silo.server", "silo.default"],
+    "silo/collecting": ["zenoh", "silo.files", "silo.ipc", "silo.helper", "silo.logger", "silo.analysis"],
+    "silo/files": ["zenoh", "silo.logger", "silo.collecting", "silo.helper"],
+    "silo/analysis": ["zenoh", "silo.logger", "silo.collecting", "silo.helper"],
     "silo/model": ["numpy", "zenoh"],
     "silo/recording": ["zenoh", "silo.logger", "silo.collecting", "silo.files"],
     "silo_tui/model": ["textual", "zenoh", "silo.logger", "silo.collecting"],
-    "silo/demo": ["zenoh", "silo.server"],
-    "silo/host": ["zenoh", "silo.server"],
+    "silo/programs": ["zenoh", "silo.helper"],
 }
 
 # module -> what must not be loaded in a process that imported nothing else
@@ -31,10 +30,10 @@ NOT_LOADED = {
     "silo.ipc.messages": ["numpy", "zenoh", "textual"],
     "silo.ipc.client": ["numpy", "textual", "plotext"],
     "silo.cli": ["numpy", "zenoh", "textual", "plotext", "silo_tui"],
-    "silo.logger": ["zenoh", "textual", "plotext", "silo.files", "silo.serving", "silo_tui", "yaml"],
-    "silo.collecting.run": ["zenoh", "silo.files", "silo.ipc", "silo.logger"],
-    "silo.files": ["zenoh", "silo.logger", "silo.collecting"],
-    "silo.log": ["zenoh", "silo.logger", "silo.collecting"],
+    "silo.logger.logger": ["zenoh", "textual", "plotext", "silo.files", "silo.logger.serving", "silo_tui", "yaml"],
+    "silo.collecting.run": ["zenoh", "silo.files", "silo.ipc", "silo.logger.logger"],
+    "silo.files": ["zenoh", "silo.logger.logger", "silo.collecting"],
+    "silo.analysis.log": ["zenoh", "silo.logger.logger", "silo.collecting"],
     "silo.recording": ["zenoh", "silo.collecting", "silo.files"],
     "silo_tui.cli": ["textual", "zenoh", "numpy"],
     "silo_tui.model.table": ["textual", "zenoh"],
@@ -107,8 +106,8 @@ def find(module):
 def test_every_public_name_has_a_home(name):
     import silo
 
-    if name in ("Log", "Signal", "open_log") and not find("silo.log"):
-        pytest.skip("there is no silo.log")
+    if name in ("Log", "Signal", "open_log") and not find("silo.analysis.log"):
+        pytest.skip("there is no silo.analysis.log")
     assert getattr(silo, name).__name__
 
 

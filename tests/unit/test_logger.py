@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import silo
-from silo.collecting.runtime import list_segments
 from silo.errors import ElementError, ScriptError, SegmentError, SourceError, StateError
 from silo.ipc.messages import Edit
 from silo.model import Action, BufferType, ElementOptions
+from silo.runtime import list_segments
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -5,8 +5,8 @@ import inspect
 import numpy as np
 import pytest
 
-from silo.logger import Logger
-from silo.null import NullLogger
+from silo.logger.logger import Logger
+from silo.logger.null import NullLogger
 
 INSIDE = {"locked", "after_fork_in_child", "problems"}  # for silo itself
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from silo.collecting.plan import Element, TimeBuffer, make_plan, size_tiers, time_buffer
 from silo.collecting.schema import TIME_RING
 from silo.collecting.sources import refer
+from silo.collecting.traits import Part
 from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry, LoggerOptions, buffer_size_for, join_name
-from silo.traits import Part
 
 LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWING
 

@@ -8,7 +8,7 @@ import pytest
 
 from silo.errors import ScriptError
 from silo.model import Action, BufferType
-from silo.script import MAX_PROBLEMS, MAX_SCRIPT_BYTES, Script, ScriptElement, parse_script, read_script
+from silo.settings.script import MAX_PROBLEMS, MAX_SCRIPT_BYTES, Script, ScriptElement, parse_script, read_script
 
 FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures"
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from silo.collecting import generate, segment_reader
-from silo.collecting.runtime import list_segments, runtime_dir
 from silo.collecting.schema import TIME_RING, RingControl, StopReason
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.model import Action, BufferType
+from silo.runtime import list_segments, runtime_dir
 
 GROWING = BufferType.GROWING
 

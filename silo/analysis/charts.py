@@ -1,0 +1,130 @@
+"""From what the user asked for to a chart: which signals, on which axis, over what.
+
+Used by `silo plot`; pure, draws nothing.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from silo.analysis.calculus import Floats, derivative, spectrum
+from silo.analysis.picking import Picked, pick, window
+from silo.analysis.plotting import Chart, Curve
+from silo.errors import ElementError
+from silo.recording import Recording
+
+
+@dataclass(frozen=True)
+class Wish:
+    """A plot as asked for: patterns of signals for the left and the right axis, and for x (time if None).
+
+    `transform` is empty, `derivative` or `spectrum`; `start` and `stop` are seconds from the start of the log.
+    """
+
+    patterns: Sequence[str]
+    right: Sequence[str] = ()
+    x: str | None = None
+    transform: str = ""
+    start: float | None = None
+    stop: float | None = None
+    most: int = 20
+
+
+def make_chart(recording: Recording, wish: Wish, title: str = "") -> tuple[Chart, int]:
+    """The chart, and how many matching signals it leaves out because there are more than `wish.most`.
+
+    Raises `ElementError` for a pattern without a signal, and for a window without a sample.
+    """
+    zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
+    low = -np.inf if wish.start is None else zero + wish.start * 1e9
+    high = np.inf if wish.stop is None else zero + wish.stop * 1e9
+    right = pick(recording, wish.right) if wish.right else []
+    right_names = {signal.name for signal in right}
+    left = [signal for signal in pick(recording, wish.patterns) if signal.name not in right_names]
+    if not wish.right:
+        left, right = _by_unit(left)
+    chosen = [*left, *right]
+    shown = [window(signal, low, high) for signal in chosen[: wish.most]]
+    if not any(len(signal.values) for signal in shown):
+        span = f"{(recording.time_ns[-1] - zero) / 1e9:.6g}" if len(recording.time_ns) else "0"
+        raise ElementError(f"there is no sample to plot in that window; the log goes from 0 to {span} s")
+    is_right = {signal.name for signal in right}
+    over = None if wish.x is None else _one(recording, wish.x)
+    curves = [_curve(signal, wish.transform, over, zero, signal.name in is_right) for signal in shown]
+    chart = Chart(
+        curves,
+        title=title,
+        x_label=_x_label(wish.transform, over),
+        left_label=_label([s for s in shown if s.name not in is_right], wish.transform),
+        right_label=_label([s for s in shown if s.name in is_right], wish.transform),
+        left_ticks=_names([s for s in shown if s.name not in is_right], wish.transform),
+        right_ticks=_names([s for s in shown if s.name in is_right], wish.transform),
+    )
+    return chart, max(0, len(chosen) - len(shown))
+
+
+def _by_unit(signals: list[Picked]) -> tuple[list[Picked], list[Picked]]:
+    """Two units, two axes; with more than two nothing is gained."""
+    units = list(dict.fromkeys(signal.unit for signal in signals))
+    if len(units) != 2:
+        return signals, []
+    return [s for s in signals if s.unit == units[0]], [s for s in signals if s.unit == units[1]]
+
+
+def _one(recording: Recording, pattern: str) -> Picked:
+    found = pick(recording, [pattern])
+    if len(found) != 1:
+        names = ", ".join(signal.name for signal in found[:3])
+        raise ElementError(f"'{pattern}' must be one signal for the x axis, but matches {len(found)}: {names} ...")
+    return found[0]
+
+
+def _curve(signal: Picked, transform: str, over: Picked | None, zero: int, right: bool) -> Curve:
+    times = (signal.time_ns - zero) / 1e9
+    values, _ = signal.as_numbers()
+    unit = "" if signal.unit in ("", "-") else f" [{signal.unit}]"
+    if transform == "spectrum":
+        frequencies, amplitudes = spectrum(times, values)
+        return Curve(f"{signal.name}{unit}", frequencies, amplitudes, right)
+    if transform == "derivative":
+        return Curve(f"{signal.name}{unit}", times, derivative(times, values), right)
+    if over is not None:
+        return Curve(f"{signal.name}{unit}", _held(over, signal), values, right)
+    return Curve(f"{signal.name}{unit}", times, values, right)
+
+
+def _held(over: Picked, signal: Picked) -> Floats:
+    """The value of `over` that held at each sample of the signal; NaN before its first."""
+    values, _ = over.as_numbers()
+    where = np.searchsorted(over.time_ns, signal.time_ns, side="right") - 1
+    held = np.full(len(where), np.nan)
+    known = where >= 0
+    held[known] = values[where[known]]
+    return held
+
+
+def _x_label(transform: str, over: Picked | None) -> str:
+    if transform == "spectrum":
+        return "frequency [Hz]"
+    if over is not None:
+        return over.name if over.unit in ("", "-") else f"{over.name} [{over.unit}]"
+    return "time [s]"
+
+
+def _label(signals: Sequence[Picked], transform: str) -> str:
+    if not signals:
+        return ""
+    units = {signal.unit for signal in signals if signal.unit not in ("", "-")}
+    unit = units.pop() if len(units) == 1 else ""
+    if transform == "derivative":
+        return f"{unit}/s" if unit else "1/s"
+    return unit
+
+
+def _names(signals: Sequence[Picked], transform: str) -> Mapping[int, str]:
+    """Names of values on the axis, if all its signals have the same."""
+    if transform or not signals:
+        return {}
+    names = [dict(signal.as_numbers()[1]) for signal in signals]
+    return names[0] if all(each == names[0] for each in names) else {}

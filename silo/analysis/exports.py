@@ -1,0 +1,150 @@
+"""Signals and logs as tables of other libraries: pandas, polars, xarray (extras).
+
+Time stamps keep their nanoseconds. Enumerations become categories, ticks without sample become missing values.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.analysis.signals import Signal
+from silo.errors import ElementError
+from silo.files.extras import need
+
+_WHAT = "tables"
+
+
+def signal_to_pandas(signal: Signal) -> Any:
+    """A Series, or DataFrame for several components."""
+    pandas = need("pandas", "analysis", _WHAT)
+    index = pandas.DatetimeIndex(signal.time_ns.view("M8[ns]"), name="time")
+    columns = _columns(signal)
+    made = {name: _pandas_column(pandas, column, index) for name, column in columns.items()}
+    if len(made) == 1 and not signal.components:
+        return made[signal.name].rename(signal.name)
+    return pandas.DataFrame(made, index=index)
+
+
+def signal_to_polars(signal: Signal) -> Any:
+    """A DataFrame with `time` and one column per component."""
+    polars = need("polars", "analysis", _WHAT)
+    time = polars.Series("time", signal.time_ns).cast(polars.Datetime("ns"))
+    return polars.DataFrame([time, *(_polars_column(polars, name, each) for name, each in _columns(signal).items())])
+
+
+def signal_to_xarray(signal: Signal) -> Any:
+    """A DataArray over `time` (and `component`, or `row` and `column`)."""
+    xarray = need("xarray", "analysis", _WHAT)
+    values = signal.values
+    dims = {1: ["time"], 2: ["time", "component"], 3: ["time", "row", "column"]}.get(
+        values.ndim, ["time", *(f"axis_{axis}" for axis in range(values.ndim - 1))]
+    )
+    coordinates: dict[str, Any] = {"time": signal.time_ns.view("M8[ns]")}
+    if values.ndim == 2 and len(signal.components) == values.shape[1]:
+        coordinates["component"] = list(signal.components)
+    attributes: dict[str, Any] = {"units": signal.unit, "description": signal.description, "divider": signal.divider}
+    if signal.labels:
+        attributes["flag_values"] = list(signal.labels)
+        attributes["flag_meanings"] = " ".join(label.replace(" ", "_") for label in signal.labels.values())
+    return xarray.DataArray(values, coordinates, dims, name=signal.name, attrs=attributes)
+
+
+def log_to_pandas(signals: Mapping[str, Signal], time_ns: NDArray[np.int64]) -> Any:
+    """A DataFrame with one row per tick and one column per scalar."""
+    pandas = need("pandas", "analysis", _WHAT)
+    index = pandas.DatetimeIndex(time_ns.view("M8[ns]"), name="time")
+    columns = {}
+    for signal in signals.values():
+        # by number of the tick: stamps may be there twice
+        places = _ticks(signal, time_ns)
+        for name, column in _columns(signal).items():
+            series = _pandas_column(pandas, column, places)
+            whole = len(column) == len(time_ns)
+            if not whole and column.values.dtype.kind in "iu" and column.texts is None:
+                # pandas' nullable integers: as doubles, large ones would change
+                series = series.astype({"i": "Int64", "u": "UInt64"}[series.dtype.kind])
+            columns[name] = series if whole else series.reindex(range(len(time_ns)))
+    frame = pandas.DataFrame(columns, index=range(len(time_ns)))
+    frame.index = index
+    return frame
+
+
+def log_to_polars(signals: Mapping[str, Signal], time_ns: NDArray[np.int64]) -> Any:
+    """A DataFrame with `time`, one row per tick and one column per scalar, null where there is no sample."""
+    polars = need("polars", "analysis", _WHAT)
+    columns = [polars.Series("time", time_ns).cast(polars.Datetime("ns"))]
+    for signal in signals.values():
+        indices = np.full(len(time_ns), -1, np.int64)
+        indices[_ticks(signal, time_ns)] = np.arange(len(signal))
+        gather = polars.Series(indices)
+        gather = gather.set(gather < 0, None)
+        for name, column in _columns(signal).items():
+            columns.append(_polars_column(polars, name, column).gather(gather))
+    return polars.DataFrame(columns)
+
+
+def log_to_xarray(signals: Mapping[str, Signal], time_ns: NDArray[np.int64]) -> Any:
+    """A Dataset; signals that have not one sample per tick have a time of their own, named after them."""
+    xarray = need("xarray", "analysis", _WHAT)
+    variables = {}
+    for name, signal in signals.items():
+        array = signal_to_xarray(signal)
+        own = {dim: f"{name}.{dim}" for dim in array.dims if dim != "time"}
+        if not np.array_equal(signal.time_ns, time_ns):
+            own["time"] = f"{name}.time"
+        variables[name] = array.rename(own)
+    return xarray.Dataset(variables)
+
+
+class _Column:
+    """One scalar: its values, or for an enumeration the labels."""
+
+    def __init__(self, values: NDArray[Any], labels: Mapping[int, str], texts: NDArray[np.str_] | None) -> None:
+        self.values, self.labels, self.texts = values, labels, texts
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+
+def _columns(signal: Signal) -> dict[str, _Column]:
+    if not signal.components:
+        if signal.values.ndim > 1:
+            raise ElementError(f"'{signal.name}' of shape {signal.values.shape} doesn't fit a table")
+        return {signal.name: _column(signal)}
+    parts = [signal.component(index) for index in range(len(signal.components))]
+    return {part.name: _column(part) for part in parts}
+
+
+def _column(signal: Signal) -> _Column:
+    values = signal.values
+    if values.dtype.kind == "f" and values.dtype.itemsize == 2:
+        values = values.astype(np.float32)
+    elif values.dtype.kind == "f" and values.dtype.itemsize > 8:
+        values = values.astype(np.float64)
+    return _Column(values, signal.labels, signal.texts if signal.labels else None)
+
+
+def _ticks(signal: Signal, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Which tick each sample belongs to: the signal's first stamp, then every divider-th."""
+    first = int(np.searchsorted(time_ns, signal.time_ns[0])) if len(signal) else 0
+    return first + np.arange(len(signal), dtype=np.int64) * signal.divider
+
+
+def _pandas_column(pandas: Any, column: _Column, index: Any) -> Any:
+    if column.texts is not None:
+        categories = list(dict.fromkeys([*column.labels.values(), *column.texts.tolist()]))
+        return pandas.Series(pandas.Categorical(column.texts, categories=categories), index=index)
+    values = column.values
+    # what silo reads from a file may be unaligned and read-only
+    return pandas.Series(values.tolist() if values.dtype.kind in "UV" else values.copy(), index=index)
+
+
+def _polars_column(polars: Any, name: str, column: _Column) -> Any:
+    if column.texts is not None:
+        return polars.Series(name, column.texts.tolist(), dtype=polars.String).cast(polars.Categorical)
+    values = column.values
+    if values.dtype.kind in "UV":
+        return polars.Series(name, [v if isinstance(v, str) else bytes(v) for v in values.tolist()])
+    return polars.Series(name, np.ascontiguousarray(values))

@@ -1,0 +1,128 @@
+"""Rotations of signals: vectors into other frames, quaternions and Euler angles into each other.
+
+Built on scipy's `Rotation` (an extra). Quaternions are `x y z w`. Samples that are no rotation (NaN, length zero) give
+NaN and disturb no other.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.analysis.arithmetic import aligned
+from silo.analysis.signals import Signal
+from silo.errors import ElementError
+from silo.files.extras import need
+
+_WHAT = "rotations"
+
+
+def rotate(vector: Signal, orientation: Signal, inverse: bool = False) -> Signal:
+    """The 3-vector turned by the quaternion, at the stamps of the faster of both.
+
+    With the orientation of a body in the world, `rotate` takes a vector of the body's frame to the world's, and
+    `inverse=True` one of the world's to the body's. Raises `ElementError` if shapes don't fit.
+    """
+    _expect(vector, 3, "a 3-vector")
+    _expect(orientation, 4, "a quaternion")
+    base, left, right = aligned(vector, orientation)
+    good = _is_rotation(right.values)
+    rotations = _rotation().from_quat(right.values[good].astype(np.float64))
+    values = np.full((len(base), 3), np.nan)
+    values[good] = rotations.apply(left.values[good].astype(np.float64), inverse=inverse)
+    return replace(vector, values=values, time_ns=base.time_ns, divider=base.divider)
+
+
+def euler(orientation: Signal, order: str = "ZYX", degrees: bool = False) -> Signal:
+    """Euler angles of a quaternion in the order of their axes; upper case: intrinsic, lower case: fixed axes."""
+    _expect(orientation, 4, "a quaternion")
+    _check_order(order)
+    angles = _convert(orientation, 3, lambda rotations: rotations.as_euler(order, degrees=degrees))
+    return replace(
+        orientation,
+        name=f"euler({orientation.name})",
+        values=angles,
+        kind="vector",
+        unit="deg" if degrees else "rad",
+        components=tuple(f"{place}_{axis.lower()}" for place, axis in enumerate(order)),
+    )
+
+
+def quaternion(signal: Signal, order: str = "ZYX", degrees: bool = False) -> Signal:
+    """Quaternion of Euler angles (in this order), of an angle-axis, or of 3 x 3 rotation matrices."""
+    rotation = _rotation()
+    values = signal.values
+    good = np.isfinite(values.reshape(len(signal), -1)).all(axis=1)
+    chosen = values[good].astype(np.float64)
+    if signal.kind == "angle_axis" and values.shape[1:] == (4,):
+        lengths = np.linalg.norm(chosen[:, 1:], axis=1, keepdims=True)
+        made = rotation.from_rotvec(chosen[:, :1] * chosen[:, 1:] / np.where(lengths > 0, lengths, 1))
+    elif values.shape[1:] == (3, 3):
+        made = rotation.from_matrix(chosen)
+    else:
+        _expect(signal, 3, "Euler angles, an angle-axis or a 3 x 3 matrix")
+        _check_order(order)
+        made = rotation.from_euler(order, chosen, degrees=degrees)
+    result = np.full((len(signal), 4), np.nan)
+    result[good] = made.as_quat()
+    return replace(
+        signal,
+        name=f"quaternion({signal.name})",
+        values=result,
+        kind="quaternion",
+        unit="-",
+        components=("x", "y", "z", "w"),
+    )
+
+
+def inverse(orientation: Signal) -> Signal:
+    """The inverse rotation."""
+    _expect(orientation, 4, "a quaternion")
+    values = _convert(orientation, 4, lambda rotations: rotations.inv().as_quat())
+    return replace(orientation, name=f"inverse({orientation.name})", values=values)
+
+
+def compose(one: Signal, other: Signal) -> Signal:
+    """The rotation `one` after `other`, at the stamps of the faster of both."""
+    _expect(one, 4, "a quaternion")
+    _expect(other, 4, "a quaternion")
+    base, left, right = aligned(one, other)
+    good = _is_rotation(left.values) & _is_rotation(right.values)
+    values = np.full((len(base), 4), np.nan)
+    rotation = _rotation()
+    first, second = (rotation.from_quat(each.values[good].astype(np.float64)) for each in (left, right))
+    values[good] = (first * second).as_quat()
+    return replace(one, name=f"({one.name} * {other.name})", values=values, time_ns=base.time_ns, divider=base.divider)
+
+
+def _rotation() -> Any:
+    return need("scipy.spatial.transform", "analysis", _WHAT).Rotation
+
+
+def _convert(orientation: Signal, width: int, function: Callable[[Any], NDArray[Any]]) -> NDArray[np.float64]:
+    good = _is_rotation(orientation.values)
+    values = np.full((len(orientation), width), np.nan)
+    values[good] = function(_rotation().from_quat(orientation.values[good].astype(np.float64)))
+    return values
+
+
+def _is_rotation(values: NDArray[Any]) -> NDArray[np.bool_]:
+    lengths = np.linalg.norm(values.astype(np.float64), axis=1)
+    good: NDArray[np.bool_] = np.isfinite(lengths) & (lengths > 0)
+    return good
+
+
+def _expect(signal: Signal, width: int, what: str) -> None:
+    if signal.values.shape[1:] != (width,) or signal.values.dtype.kind not in "iuf":
+        raise ElementError(f"'{signal.name}' is not {what}: one sample has shape {signal.values.shape[1:]}")
+
+
+def _check_order(order: str) -> None:
+    axes = order.lower()
+    one_case = order in (axes, order.upper())
+    repeated = any(one == next_one for one, next_one in pairwise(axes))
+    if len(order) != 3 or not set(axes) <= set("xyz") or not one_case or repeated:
+        raise ElementError(f"no order of Euler angles: {order!r}; take three of xyz (fixed) or XYZ (intrinsic axes)")

@@ -1,0 +1,242 @@
+"""`open_log`: any log that silo reads, as a mapping from names to signals.
+
+    log = silo.open_log("anymal_2026", folder="logs")     # the newest whose name starts so; a path; or a run number
+    torque = log["/log/joints/tau"]
+    torque.average(2.0, 3.5)
+
+Nothing but the header is read before a signal is asked for.
+"""
+
+import difflib
+import os
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.analysis.signals import Signal
+from silo.errors import ElementError
+from silo.files.convert import read_recording
+from silo.files.naming import LOG_ENDINGS, find_log
+from silo.files.silo_whole import FileElements
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+__all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError", "open_log"]
+
+
+class LogWarning(UserWarning):
+    """A log is damaged, cut off, or not complete; the text says what is missing."""
+
+
+class UnknownSignalError(ElementError, KeyError):
+    """The log has no signal of that name."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> "Log":
+    """Open a log by path, by the start of its file name (the newest such in `folder`), or by run number.
+
+    `.silo` (memory-mapped), `.csv`, `.mcap` and rosbag2 folders; a file with another ending is taken for `.silo`.
+    What a damaged file lacks is told by a `LogWarning` and in `log.warnings`. Raises `LogNotFoundError`,
+    `FileFormatError`.
+    """
+    path = find_log(which, folder)
+    if path.is_file() and path.suffix.lower() not in LOG_ENDINGS:
+        from silo.files.silo_file import read_silo
+
+        recording = read_silo(path)
+    else:
+        recording = read_recording(path)
+    for text in recording.warnings:
+        warnings.warn(f"{path}: {text}", LogWarning, stacklevel=2)
+    return Log(recording, os.fspath(path))
+
+
+class Log(Mapping[str, Signal]):
+    """A recorded log: names of elements -> signals.
+
+    Indexing takes the name of an element (`/log/imu/acc`, also without its prefix: `imu/acc`) or of one of its scalars
+    (`/log/imu/acc_x`); iteration gives elements. `recording` is what any writer takes.
+    """
+
+    def __init__(self, recording: Recording, path: str = "") -> None:
+        self.recording = recording
+        self.path = path
+        self._elements: dict[str, int] = {}
+        for place, name in enumerate(_names(recording.elements)):
+            self._elements[_unused(name, self._elements)] = place
+
+    @cached_property
+    def _entries(self) -> dict[str, tuple[RecordedElement, RecordedEntry]]:
+        # made only for who asks for a scalar of an element, or for a name that is not there
+        found: dict[str, tuple[RecordedElement, RecordedEntry]] = {}
+        for element in self.recording.elements:
+            for entry in element.entries:
+                found.setdefault(entry.name, (element, entry))
+        return found
+
+    # ------------------------------------------------------------------------------------------------------- mapping
+
+    def __getitem__(self, name: str) -> Signal:
+        for key in self._keys(name):
+            if key in self._elements:
+                return self._signal(key, self.recording.elements[self._elements[key]])
+            if key in self._entries:
+                element, entry = self._entries[key]
+                return self._signal(key, replace(element, name=key, kind="scalar", shape=(), entries=(entry,)))
+        near = difflib.get_close_matches(name, [*self._elements, *self._entries], 3, 0.5)
+        near = near or [key for key in self._elements if name.lower() in key.lower()][:3]
+        hint = f"; did you mean {', '.join(near)}?" if near else f"; it has {len(self)} elements, see list(log)"
+        raise UnknownSignalError(f"the log has no signal '{name}'{hint}")
+
+    def __contains__(self, name: object) -> bool:
+        known = self._keys(name) if isinstance(name, str) else ()
+        return any(key in self._elements or key in self._entries for key in known)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._elements)
+
+    def __len__(self) -> int:
+        return len(self._elements)
+
+    def __repr__(self) -> str:
+        return f"<Log {self.path or self.recording.logger}: {len(self)} elements, {self.duration_s:.6g} s>"
+
+    def names(self, pattern: str = "*") -> list[str]:
+        """Names of the elements that match a pattern with `*`, `?` and `[...]`, in the order of the file."""
+        prefixed = f"{self.recording.prefix}/{pattern.lstrip('/')}"
+        return [name for name in self if fnmatchcase(name, pattern) or fnmatchcase(name, prefixed)]
+
+    def glob(self, pattern: str) -> list[Signal]:
+        """The signals whose names match a pattern."""
+        return [self[name] for name in self.names(pattern)]
+
+    def namespace(self, name: str) -> "Log":
+        """The part of the log below a namespace: `log.namespace("/log/joints")`. May be empty."""
+        bare = name.strip("/")
+        starts = (f"/{bare}/", f"{bare}/", f"{self.recording.prefix}/{bare}/")
+        kept = [element for element in self.recording.elements if element.name.startswith(starts)] if bare else None
+        elements = self.recording.elements if kept is None else kept
+        return Log(replace(self.recording, elements=elements), self.path)
+
+    # ---------------------------------------------------------------------------------------------------------- facts
+
+    @property
+    def time_ns(self) -> NDArray[np.int64]:
+        """Shape `(n,)`: the time stamps of all kept ticks."""
+        return self.recording.time_ns
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Shape `(n,)`: the same in seconds since the first."""
+        return (self.time_ns - self.start_ns).astype(np.float64) * 1e-9
+
+    @property
+    def start_ns(self) -> int:
+        """The first time stamp, from which all times count."""
+        return int(self.time_ns[0]) if len(self.time_ns) else 0
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first to the last time stamp."""
+        return float(self.time_ns[-1] - self.time_ns[0]) * 1e-9 if len(self.time_ns) else 0.0
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What is missing or damaged."""
+        return self.recording.warnings
+
+    # --------------------------------------------------------------------------------------------------------- tables
+
+    def to_pandas(self, pattern: str = "*") -> Any:
+        """A pandas DataFrame: one row per tick, one column per scalar, missing where there is no sample."""
+        from silo.analysis.exports import log_to_pandas
+
+        return log_to_pandas({name: self[name] for name in self.names(pattern)}, self.time_ns)
+
+    def to_polars(self, pattern: str = "*") -> Any:
+        """A polars DataFrame: `time`, then one column per scalar, null where there is no sample."""
+        from silo.analysis.exports import log_to_polars
+
+        return log_to_polars({name: self[name] for name in self.names(pattern)}, self.time_ns)
+
+    def to_xarray(self, pattern: str = "*") -> Any:
+        """An xarray Dataset with one variable per element."""
+        from silo.analysis.exports import log_to_xarray
+
+        return log_to_xarray({name: self[name] for name in self.names(pattern)}, self.time_ns)
+
+    def _keys(self, name: str) -> tuple[str, str]:
+        return name, f"{self.recording.prefix}/{name.lstrip('/')}"
+
+    def _signal(self, name: str, element: RecordedElement) -> Signal:
+        count = element.count
+        stop = element.first + (count - 1) * element.divider + 1 if count else element.first
+        entries = element.entries
+        labels = entries[0].entry.labels if len({repr(entry.entry.labels) for entry in entries}) == 1 else None
+        return Signal(
+            name=name,
+            values=_values(element),
+            time_ns=self.time_ns[element.first : stop : element.divider],
+            unit=element.unit,
+            kind=element.kind,
+            divider=element.divider,
+            start_ns=self.start_ns,
+            components=tuple(_component(entry) for entry in entries) if len(entries) > 1 else (),
+            labels=labels or {},
+            description=element.description,
+        )
+
+
+def _names(elements: Sequence[RecordedElement]) -> list[str]:
+    return elements.names if isinstance(elements, FileElements) else [element.name for element in elements]
+
+
+def _values(element: RecordedElement) -> NDArray[Any]:
+    """The samples in the shape of the element: `(m,)`, `(m, *shape)`, or a structured array where types differ."""
+    columns = [_readable(entry.values) for entry in element.entries]
+    types = {column.dtype for column in columns}
+    texts = all(column.dtype.kind == "U" for column in columns)
+    count, shape = element.count, element.shape
+    if len(columns) == 1:
+        return columns[0]
+    if len(types) == 1 and element.kind == "complex" and columns[0].dtype.kind == "f" and len(columns) % 2 == 0:
+        parts = np.stack(columns, axis=-1).reshape(count, -1, 2)
+        # by storage, not by arithmetic: inf + 0j would make a NaN
+        half = parts.dtype if parts.dtype.itemsize >= 4 else np.dtype(np.float32)
+        made = np.ascontiguousarray(parts, half).view(np.result_type(half, np.complex64)).reshape(count, -1)
+        return made.reshape(count, *shape) if int(np.prod(shape)) == made.shape[1] else made
+    if (len(types) == 1 or texts) and element.kind != "struct":
+        stacked = np.stack(columns, axis=-1)
+        return stacked.reshape(count, *shape) if int(np.prod(shape)) == len(columns) else stacked
+    names = [_component(entry) for entry in element.entries]
+    if len(set(names)) < len(names):
+        names = [entry.name for entry in element.entries]
+    record = np.empty(count, [(name, column.dtype) for name, column in zip(names, columns, strict=True)])
+    for name, column in zip(names, columns, strict=True):
+        record[name] = column
+    return record
+
+
+def _readable(values: NDArray[Any]) -> NDArray[Any]:
+    return np.char.decode(values, "utf-8", "backslashreplace") if values.dtype.kind == "S" else values
+
+
+def _component(entry: RecordedEntry) -> str:
+    return entry.entry.suffix.removeprefix("_")
+
+
+def _unused(name: str, taken: Mapping[str, object]) -> str:
+    number = 1
+    unique = name
+    while unique in taken:
+        number += 1
+        unique = f"{name}#{number}"
+    return unique

@@ -1,0 +1,128 @@
+"""Signals of a recording by name, as curves: for `silo plot`, `silo stats` and `silo diff`.
+
+Pure functions on a `Recording`; enumerations and strings become numbers with names, so that they can be drawn.
+"""
+
+import difflib
+import fnmatch
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.analysis.calculus import Floats
+from silo.errors import ElementError
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+_MOST_NAMES = 50
+
+
+@dataclass(frozen=True)
+class Picked:
+    """One scalar signal with its time stamps: `time_ns` and `values` have the same length."""
+
+    name: str
+    unit: str
+    time_ns: NDArray[np.int64]
+    values: NDArray[Any]
+    labels: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def is_text(self) -> bool:
+        """Whether the values are strings."""
+        return self.values.dtype.kind in "SU"
+
+    def as_numbers(self) -> tuple[Floats, Mapping[int, str]]:
+        """The values as float64, and names of values: labels of an enumeration, or a number per distinct string.
+
+        Complex numbers become magnitudes, dates seconds since 1970, opaque bytes NaN.
+        """
+        values = self.values
+        kind = values.dtype.kind
+        if self.is_text:
+            distinct, codes = np.unique(values, return_inverse=True)
+            names = [text_of(value) for value in distinct[:_MOST_NAMES].tolist()]
+            return codes.astype(np.float64), dict(enumerate(names))
+        if kind == "c":
+            return np.abs(values).astype(np.float64), {}
+        if kind in "mM":
+            return _seconds(values), {}
+        if kind not in "biuf":
+            return np.full(len(values), np.nan), {}
+        with np.errstate(over="ignore", invalid="ignore"):
+            return values.astype(np.float64), self.labels
+
+
+def pick(recording: Recording, patterns: Sequence[str]) -> list[Picked]:
+    """The signals that the patterns name, each once, in the order of the patterns.
+
+    A pattern is, in this order: a name of an entry or of an element (all its entries), the end of a name after a `/`,
+    a glob (`*/torque`), a part of a name. Raises `ElementError` for a pattern that names nothing, with close names.
+    """
+    chosen: dict[str, Picked] = {}
+    for pattern in patterns:
+        found = _find(recording, pattern)
+        if not found:
+            raise ElementError(f"no signal matches '{pattern}'{_hint(recording, pattern)}")
+        for element, entry in found:
+            chosen.setdefault(entry.name, picked(recording, element, entry))
+    return list(chosen.values())
+
+
+def pick_all(recording: Recording) -> list[Picked]:
+    """Every signal, in the table's order."""
+    return [picked(recording, element, entry) for element in recording.elements for entry in element.entries]
+
+
+def picked(recording: Recording, element: RecordedElement, entry: RecordedEntry) -> Picked:
+    """One entry with its time stamps, by the rule of `RecordedElement`."""
+    stop = element.first + element.count * element.divider
+    times = recording.time_ns[element.first : stop : element.divider]
+    return Picked(entry.name, element.unit, times, entry.values, entry.entry.labels or {})
+
+
+def window(signal: Picked, start_ns: float, stop_ns: float) -> Picked:
+    """The samples with stamps from `start_ns` to `stop_ns`, both included."""
+    inside = (signal.time_ns >= start_ns) & (signal.time_ns <= stop_ns)
+    return replace(signal, time_ns=signal.time_ns[inside], values=signal.values[inside])
+
+
+def text_of(value: bytes | str) -> str:
+    """A logged string as text; bytes that are no UTF-8 are shown as escapes."""
+    text = value if isinstance(value, str) else value.decode("utf-8", "backslashreplace")
+    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
+
+
+def _find(recording: Recording, pattern: str) -> list[tuple[RecordedElement, RecordedEntry]]:
+    if any(letter in pattern for letter in "*?["):
+        glob = pattern if pattern.startswith(("/", "*")) else f"*{pattern}"
+        rules: list[Callable[[str], bool]] = [pattern.__eq__, lambda name: fnmatch.fnmatchcase(name, glob)]
+    else:
+        end = f"/{pattern.lstrip('/')}"
+        rules = [pattern.__eq__, lambda name: name.endswith(end), lambda name: pattern in name]
+    for matches in rules:
+        found = [
+            (element, entry)
+            for element in recording.elements
+            for entry in (element.entries if matches(element.name) else [e for e in element.entries if matches(e.name)])
+        ]
+        if found:
+            return found
+    return []
+
+
+def _hint(recording: Recording, pattern: str) -> str:
+    names = [entry.name for element in recording.elements for entry in element.entries]
+    if not names:
+        return ": the log holds no signals"
+    close = difflib.get_close_matches(pattern, names[:2000], n=3, cutoff=0.4) or names[:3]
+    return f"; there are {len(names)} signals, such as {', '.join(close)}"
+
+
+def _seconds(values: NDArray[Any]) -> Floats:
+    fine = values.astype("M8[ns]" if values.dtype.kind == "M" else "m8[ns]")
+    seconds = fine.view(np.int64) / 1e9
+    seconds[np.isnat(fine)] = np.nan
+    return np.asarray(seconds)

@@ -1,0 +1,289 @@
+"""What is in a log, in numbers: the structs behind `silo info FILE`, `silo stats` and `silo diff`, and their tables.
+
+A report is made from a `Recording`, printed as a table that fits the terminal or as JSON.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from datetime import datetime, timezone
+
+import msgspec
+import numpy as np
+
+from silo.analysis.picking import Picked, picked, text_of
+from silo.recording import RecordedElement, Recording
+
+
+class ElementReport(msgspec.Struct, frozen=True):
+    """One row of `silo info`: times in s, rate in Hz (None where it can't be told)."""
+
+    name: str
+    unit: str
+    type: str
+    kind: str
+    divider: int
+    buffer: str
+    samples: int
+    start_s: float | None
+    end_s: float | None
+    rate_hz: float | None
+    lost: int
+    labels: dict[int, str] = {}
+    description: str = ""
+
+
+class LogReport(msgspec.Struct, frozen=True):
+    """What `silo info FILE` says. `start_ns` is the first time stamp, 0 for an empty log."""
+
+    path: str
+    size_bytes: int
+    logger: str
+    start_ns: int
+    duration_s: float
+    ticks: int
+    rate_hz: float | None
+    frequency_hz: float | None
+    lost: int
+    warnings: tuple[str, ...]
+    elements: tuple[ElementReport, ...]
+
+
+class SignalStats(msgspec.Struct, frozen=True):
+    """One row of `silo stats`, over the finite samples; None for strings and where there are none."""
+
+    name: str
+    unit: str
+    samples: int
+    not_finite: int
+    minimum: float | None
+    maximum: float | None
+    mean: float | None
+    std: float | None
+    rms: float | None
+    most_common: tuple[str, ...] = ()
+
+
+class Difference(msgspec.Struct, frozen=True):
+    """One difference between two logs: which signal, and what."""
+
+    name: str
+    what: str
+
+
+def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
+    """Describe a whole log."""
+    times = recording.time_ns
+    span = float(times[-1] - times[0]) / 1e9 if len(times) else 0.0
+    return LogReport(
+        path=path,
+        size_bytes=size_bytes,
+        logger=recording.logger,
+        start_ns=int(times[0]) if len(times) else 0,
+        duration_s=span,
+        ticks=len(times),
+        rate_hz=(len(times) - 1) / span if span > 0 else None,
+        frequency_hz=recording.frequency_hz,
+        lost=sum(element.lost for element in recording.elements),
+        warnings=recording.warnings,
+        elements=tuple(_describe(recording, element) for element in recording.elements),
+    )
+
+
+def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
+    count = element.count
+    times = recording.time_ns[element.first : element.first + count * element.divider : element.divider]
+    zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
+    span = float(times[-1] - times[0]) / 1e9 if count else 0.0
+    labels = element.entries[0].entry.labels if element.entries else None
+    return ElementReport(
+        name=element.name,
+        unit=element.unit,
+        type=_type(element),
+        kind=element.kind,
+        divider=element.divider,
+        buffer=element.buffer_type.name.lower(),
+        samples=count,
+        start_s=float(times[0] - zero) / 1e9 if count else None,
+        end_s=float(times[-1] - zero) / 1e9 if count else None,
+        rate_hz=(count - 1) / span if span > 0 else None,
+        lost=element.lost,
+        labels=labels or {},
+        description=element.description,
+    )
+
+
+def _type(element: RecordedElement) -> str:
+    types = list(dict.fromkeys(_type_name(entry.values.dtype) for entry in element.entries))
+    shape = f"[{','.join(map(str, element.shape))}]" if element.shape else ""
+    return ("/".join(types[:3]) + ("/…" if len(types) > 3 else "") or "-") + shape
+
+
+def _type_name(dtype: np.dtype[np.generic]) -> str:
+    return "string" if dtype.kind in "SU" else dtype.name
+
+
+def statistics(signal: Picked) -> SignalStats:
+    """Minimum, maximum, mean ... of the finite samples; of strings and enumerations the most common values too."""
+    values, names = signal.as_numbers()
+    common: tuple[str, ...] = ()
+    if signal.is_text:
+        texts = Counter(text_of(value) for value in signal.values.tolist())
+        common = tuple(f"'{text}' {count}x" for text, count in texts.most_common(3))
+    elif names:
+        numbers = Counter(signal.values.tolist())
+        common = tuple(f"{names.get(number, number)} {count}x" for number, count in numbers.most_common(3))
+    finite = values[np.isfinite(values)]
+    plain = SignalStats(signal.name, signal.unit, len(values), 0, None, None, None, None, None, common)
+    if signal.is_text or not len(finite):
+        return msgspec.structs.replace(plain, not_finite=0 if signal.is_text else len(values))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return msgspec.structs.replace(
+            plain,
+            not_finite=len(values) - len(finite),
+            minimum=float(finite.min()),
+            maximum=float(finite.max()),
+            mean=float(finite.mean()),
+            std=float(finite.std()),
+            rms=float(np.sqrt(np.mean(finite**2))),
+        )
+
+
+def differences(a: Recording, b: Recording, tolerance: float = 0.0) -> list[Difference]:
+    """How two logs differ: elements, their facts, stamps and values.
+
+    Numbers may differ by `tolerance`; NaN equals NaN.
+    """
+    found: list[Difference] = []
+    ours = {element.name: element for element in a.elements}
+    theirs = {element.name: element for element in b.elements}
+    found += [Difference(name, "only in the first log") for name in ours if name not in theirs]
+    found += [Difference(name, "only in the second log") for name in theirs if name not in ours]
+    if len(a.time_ns) != len(b.time_ns):
+        found.append(Difference("time", f"{len(a.time_ns)} ticks, then {len(b.time_ns)}"))
+    for name, element in ours.items():
+        if name in theirs:
+            found += _compare(a, b, element, theirs[name], tolerance)
+    return found
+
+
+def _compare(
+    a: Recording, b: Recording, ours: RecordedElement, theirs: RecordedElement, tolerance: float
+) -> list[Difference]:
+    facts = [
+        (what, first, second)
+        for what, first, second in (
+            ("unit", ours.unit, theirs.unit),
+            ("divider", ours.divider, theirs.divider),
+            ("type", _type(ours), _type(theirs)),
+            ("samples", ours.count, theirs.count),
+            ("lost samples", ours.lost, theirs.lost),
+        )
+        if first != second
+    ]
+    found = [Difference(ours.name, f"{what}: {first}, then {second}") for what, first, second in facts]
+    others = {entry.name: entry for entry in theirs.entries}
+    for entry in ours.entries:
+        if entry.name in others:
+            text = _compare_values(picked(a, ours, entry), picked(b, theirs, others[entry.name]), tolerance)
+            if text:
+                found.append(Difference(entry.name, text))
+    return found
+
+
+def _compare_values(a: Picked, b: Picked, tolerance: float) -> str:
+    """Compare at the stamps that both have; two runs, which have none in common, are compared sample by sample."""
+    ours = theirs = np.arange(min(len(a.values), len(b.values)))
+    if not np.array_equal(a.time_ns, b.time_ns):
+        shared, first_at, second_at = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
+        if len(shared):
+            ours, theirs = first_at, second_at
+    opaque = [signal.values.dtype.kind in "SUV" for signal in (a, b)]
+    if opaque[0] != opaque[1]:
+        return "one is text or bytes, the other is a number"
+    if opaque[0]:
+        texts = [[text_of(v) for v in s.values[k].tolist()] for s, k in ((a, ours), (b, theirs))]
+        different = np.array([first != second for first, second in zip(*texts, strict=True)], dtype=bool)
+        size = ""
+    else:
+        first, second = a.as_numbers()[0][ours], b.as_numbers()[0][theirs]
+        with np.errstate(invalid="ignore", over="ignore"):
+            # the raw values: integers beyond 2**53 are not told apart as floats
+            same = a.values[ours] == b.values[theirs]
+            gap = np.where(same, 0.0, np.maximum(np.abs(first - second), np.finfo(float).tiny))
+        gap[np.isnan(first) & np.isnan(second)] = 0.0
+        # of NaN against a number the difference is NaN, which is not within any tolerance
+        different = ~(gap <= tolerance)
+        size = f", by at most {np.nanmax(gap[different]):.6g}" if np.any(np.isfinite(gap[different])) else ""
+    if not different.any():
+        return ""
+    where = int(np.argmax(different))
+    moment = float(a.time_ns[ours[where]] - a.time_ns[0]) / 1e9
+    return f"{int(different.sum())} of {len(different)} samples differ{size}, first at {moment:.6g} s"
+
+
+def format_report(facts: LogReport, width: int) -> str:
+    """The report as text: a few lines on the log, a table of its elements, warnings last."""
+    when = datetime.fromtimestamp(facts.start_ns / 1e9, tz=timezone.utc).astimezone() if facts.start_ns > 0 else None
+    rate = f", {facts.rate_hz:.6g} Hz" if facts.rate_hz else ""
+    entries = f"{len(facts.elements)} elements"
+    lines = [
+        f"{facts.path}  ({size_text(facts.size_bytes)})",
+        f"logger {facts.logger}, started {when:%Y-%m-%d %H:%M:%S %z}" if when else f"logger {facts.logger}",
+        f"{entries}, {facts.ticks} ticks, {facts.duration_s:.6g} s{rate}, lost {facts.lost}",
+        "",
+    ]
+    rows = [
+        (
+            element.name,
+            element.unit,
+            element.type,
+            str(element.samples),
+            "" if element.rate_hz is None else f"{element.rate_hz:.5g}",
+            "" if element.start_s is None else f"{element.start_s:.4g} … {element.end_s:.4g}",
+            element.buffer,
+            str(element.lost or ""),
+        )
+        for element in facts.elements
+    ]
+    lines += table(("element", "unit", "type", "samples", "Hz", "span s", "buffer", "lost"), rows, width, "lllrrrlr")
+    lines += [f"warning: {text}" for text in facts.warnings]
+    return "\n".join(lines)
+
+
+def format_statistics(rows: Sequence[SignalStats], width: int) -> str:
+    """The statistics as a table."""
+    head = ("signal", "unit", "n", "nan", "min", "max", "mean", "std", "rms")
+    cells = []
+    for row in rows:
+        numbers = (row.minimum, row.maximum, row.mean, row.std, row.rms)
+        texts = ["" if number is None else f"{number:.4g}" for number in numbers]
+        cells.append((row.name, row.unit, str(row.samples), str(row.not_finite or ""), *texts))
+    lines = table(head, cells, width, "llrrrrrrr")
+    lines += [f"{row.name}: {', '.join(row.most_common)}" for row in rows if row.most_common]
+    return "\n".join(lines)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int, align: str) -> list[str]:
+    """Lines of a table; the first column gives way when the rest leaves too little room. Empty columns are dropped."""
+    kept = [k for k in range(len(head)) if k == 0 or any(row[k] not in ("", "-") for row in rows)]
+    sizes = {k: max(len(head[k]), *(len(row[k]) for row in rows), 0) if rows else len(head[k]) for k in kept}
+    rest = sum(sizes[k] + 2 for k in kept[1:])
+    sizes[0] = max(12, min(sizes[0], width - rest))
+    lines = []
+    for row in (head, *rows):
+        cells = []
+        for k in kept:
+            text = row[k] if len(row[k]) <= sizes[k] else "…" + row[k][len(row[k]) - sizes[k] + 1 :]
+            cells.append(text.rjust(sizes[k]) if align[k] == "r" else text.ljust(sizes[k]))
+        lines.append("  ".join(cells).rstrip())
+    return lines
+
+
+def size_text(size_bytes: int) -> str:
+    """`12.3 MB`."""
+    size = float(size_bytes)
+    for unit in ("bytes", "kB", "MB"):
+        if size < 1000:
+            return f"{size:.0f} {unit}" if unit == "bytes" else f"{size:.1f} {unit}"
+        size /= 1000
+    return f"{size:.1f} GB"

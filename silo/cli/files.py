@@ -1,0 +1,282 @@
+"""Commands on saved logs: `silo convert`, `silo plot`, `silo stats`, `silo diff`, and what `silo info FILE` prints.
+
+`silo.cli` adds them to the group `silo`. A log is given as a path, the start of a file name (the newest is taken), or
+a run number.
+"""
+
+import functools
+import math
+import os
+import shutil
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+import click
+import msgspec
+from click.shell_completion import CompletionItem
+
+from silo.errors import SiloError
+
+if TYPE_CHECKING:
+    # NumPy takes 150 ms, which commands without a log don't have to wait
+    from silo.analysis.picking import Picked
+    from silo.recording import Recording
+
+_Params = ParamSpec("_Params")
+_Result = TypeVar("_Result")
+
+_MOST_CURVES = 20
+EXIT_DIFFERENT = 4  # of `silo diff` and `silo script diff --exit-code`
+
+
+def print_file_info(path: Path, as_json: bool) -> None:
+    """Print what is in a log: elements with unit, type, samples, rate, span, lost. Raises `SiloError`."""
+    from silo.analysis.reports import format_report, report
+
+    recording = _read(path)
+    facts = report(recording, str(path), _size_of(path))
+    click.echo(msgspec.json.encode(facts).decode() if as_json else format_report(facts, _columns()))
+
+
+def _complete_file(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Let the shell offer files."""
+    return [CompletionItem(incomplete, type="file")]
+
+
+def _complete_signal(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Names of signals in the log that was typed before."""
+    try:
+        recording = _read(_find(ctx.params.get("file") or ""))
+    except SiloError:
+        return []
+    names = (entry.name for element in recording.elements for entry in element.entries)
+    return [CompletionItem(name) for name in names if incomplete in name][:200]
+
+
+def _clean_errors(command: Callable[_Params, _Result]) -> Callable[_Params, _Result]:
+    """Show errors of silo as one line on stderr, exit code 1."""
+
+    @functools.wraps(command)
+    def wrapped(*args: _Params.args, **kwargs: _Params.kwargs) -> _Result:
+        try:
+            return command(*args, **kwargs)
+        except SiloError as error:
+            raise click.ClickException(str(error)) from error
+
+    return wrapped
+
+
+@click.command("convert")
+@click.argument("source", metavar="IN", shell_complete=_complete_file)
+@click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
+@click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
+@_clean_errors
+def convert_command(source: str, target: Path, force: bool) -> None:
+    """Convert a log to another format, chosen by the ending of OUT.
+
+    .silo, .csv, .mcap, .rosbag2 or no ending (rosbag2 folder), .parquet, .mat, .npz, .h5. IN may be .silo, .csv, or a
+    bag that silo wrote. A folder that ends in .bag is written, too, but some tools take it for ROS 1.
+
+    \b
+    Examples:
+      silo convert run.silo run.parquet
+      silo convert 17 walk.rosbag2         (run number 17 of this folder)
+      silo convert run.mcap run.silo
+    """
+    from silo.files.convert import convert
+
+    path = _find(source)
+    with _progress_bar(f"{target.name}") as progress:
+        recording = convert(path, target, progress, force)
+    _warn(recording)
+    click.echo(f"{target}  {_size_of(target)} bytes, {recording.entry_count} signals, {len(recording.time_ns)} ticks")
+
+
+@click.command("stats")
+@click.argument("file", shell_complete=_complete_file)
+@click.argument("patterns", metavar="[PATTERN]...", nargs=-1, shell_complete=_complete_signal)
+@click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log.")
+@click.option("--to", "stop", type=float, help="End of the window, s.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
+@_clean_errors
+def stats_command(file: str, patterns: tuple[str, ...], start: float | None, stop: float | None, as_json: bool) -> None:
+    """Show minimum, maximum, mean, standard deviation and rms of signals.
+
+    \b
+    Examples:
+      silo stats run.silo
+      silo stats run.silo 'LF/*/torque' --from 2 --to 5
+    """
+    from silo.analysis.picking import pick, pick_all
+    from silo.analysis.reports import format_statistics, statistics
+
+    recording = _read(_find(file))
+    signals = pick(recording, patterns) if patterns else pick_all(recording)
+    # one after the other: a window copies the signal
+    rows = [statistics(signal) for signal in _windowed(recording, signals, start, stop)]
+    click.echo(msgspec.json.encode(rows).decode() if as_json else format_statistics(rows, _columns()))
+    _warn(recording)
+
+
+@click.command("diff")
+@click.argument("first", metavar="A", shell_complete=_complete_file)
+@click.argument("second", metavar="B", shell_complete=_complete_file)
+@click.option("--tolerance", type=float, default=0.0, help="Numbers may differ by this much.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
+@_clean_errors
+def diff_command(first: str, second: str, tolerance: float, as_json: bool) -> None:
+    """Show how two logs differ: elements, units, dividers, and values at the same time stamps.
+
+    The formats may differ. Exit code 0 if the logs are equal, 4 if they differ, 1 if one can't be read.
+
+    \b
+    Examples:
+      silo diff run.silo run.mcap
+      silo diff 16 17 --tolerance 1e-6
+    """
+    from silo.analysis.reports import differences
+
+    a, b = _read(_find(first)), _read(_find(second))
+    found = differences(a, b, tolerance)
+    if as_json:
+        click.echo(msgspec.json.encode(found).decode())
+    elif found:
+        width = min(max(len(difference.name) for difference in found), max(20, _columns() // 2))
+        for difference in found:
+            click.echo(f"{difference.name:{width}}  {difference.what}")
+    else:
+        click.echo(f"equal: {a.entry_count} signals, {len(a.time_ns)} ticks")
+    _warn(a)
+    _warn(b)
+    if found:
+        raise SystemExit(EXIT_DIFFERENT)
+
+
+@click.command("plot")
+@click.argument("file", shell_complete=_complete_file)
+@click.argument("patterns", metavar="PATTERN...", nargs=-1, required=True, shell_complete=_complete_signal)
+@click.option("-r", "--right", multiple=True, metavar="PATTERN", help="Draw this on the right axis (may be repeated).")
+@click.option("-x", "--x", "x_pattern", metavar="PATTERN", help="Draw over this signal instead of time (x-y plot).")
+@click.option("-d", "--derivative", is_flag=True, help="Draw the change per second.")
+@click.option("-s", "--spectrum", is_flag=True, help="Draw the amplitude over the frequency.")
+@click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log.")
+@click.option("--to", "stop", type=float, help="End of the window, s.")
+@click.option("--png", type=click.Path(path_type=Path, dir_okay=False), help="Write a picture instead (matplotlib).")
+@click.option("--width", type=click.IntRange(30), help="Columns; that of the terminal if not given.")
+@click.option("--height", type=click.IntRange(8), help="Rows; those of the terminal if not given.")
+@_clean_errors
+def plot_command(
+    file: str,
+    patterns: tuple[str, ...],
+    right: tuple[str, ...],
+    x_pattern: str | None,
+    derivative: bool,
+    spectrum: bool,
+    start: float | None,
+    stop: float | None,
+    png: Path | None,
+    width: int | None,
+    height: int | None,
+) -> None:
+    """Plot signals in the terminal, or into a PNG file.
+
+    A PATTERN is a name, a glob or a part of a name. Signals of a second unit go to the right axis by themselves.
+
+    \b
+    Examples:
+      silo plot run.silo LF/joint000/torque LF/joint000/position
+      silo plot run.silo '*/torque' --from 2 --to 3.5
+      silo plot run.silo base/position_y -x base/position_x
+      silo plot run.silo imu/accel --spectrum --png accel.png
+    """
+    from silo.analysis.charts import Wish, make_chart
+    from silo.analysis.plotting import draw_png, draw_text
+
+    if derivative and spectrum:
+        raise click.UsageError("choose one of --derivative and --spectrum")
+    if x_pattern and (derivative or spectrum):
+        raise click.UsageError("--x draws values over values: leave out --derivative and --spectrum")
+    path = _find(file)
+    recording = _read(path)
+    transform = "derivative" if derivative else "spectrum" if spectrum else ""
+    wish = Wish(patterns, right, x_pattern, transform, start, stop, _MOST_CURVES)
+    chart, left_out = make_chart(recording, wish, title=path.name)
+    if png is not None:
+        draw_png(chart, png)
+        click.echo(str(png))
+    else:
+        size = shutil.get_terminal_size((80, 24))
+        # room for the prompt
+        click.echo(draw_text(chart, width or size.columns, height or size.lines - 2, color=_wants_color()))
+    if left_out:
+        click.echo(f"{left_out} more signals match; the first {_MOST_CURVES} are drawn", err=True)
+    _warn(recording)
+
+
+def _find(which: str) -> Path:
+    from silo.files.naming import find_log
+
+    return find_log(which)
+
+
+def _read(path: Path) -> "Recording":
+    from silo.files.convert import read_recording
+
+    return read_recording(path)
+
+
+def _windowed(
+    recording: "Recording", signals: "Sequence[Picked]", start: float | None, stop: float | None
+) -> "Iterator[Picked]":
+    from silo.analysis.picking import window
+
+    if start is None and stop is None:
+        yield from signals
+        return
+    zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
+    low = -math.inf if start is None else zero + start * 1e9
+    high = math.inf if stop is None else zero + stop * 1e9
+    for signal in signals:
+        yield window(signal, low, high)
+
+
+@contextmanager
+def _progress_bar(label: str) -> Iterator[Callable[[float], None] | None]:
+    """A bar on stderr, only where somebody sees it."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    steps = 1000
+    with click.progressbar(length=steps, label=label, file=sys.stderr) as bar:
+        done = 0
+
+        def show(fraction: float) -> None:
+            nonlocal done
+            step = int(fraction * steps) - done
+            if step > 0:
+                bar.update(step)
+                done += step
+
+        yield show
+
+
+def _warn(recording: "Recording") -> None:
+    for warning in recording.warnings:
+        click.echo(f"warning: {warning}", err=True)
+
+
+def _size_of(path: Path) -> int:
+    from silo.files.saving import size_of
+
+    return size_of(path)
+
+
+def _columns() -> int:
+    return shutil.get_terminal_size((100, 24)).columns
+
+
+def _wants_color() -> bool:
+    return sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"

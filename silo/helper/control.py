@@ -1,0 +1,121 @@
+"""The control threads: one for requests that read, one for those that change something, one for slow reading.
+
+Three, so that a robot process that doesn't answer holds up no status, and a history of a gigabyte no view.
+"""
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+
+import msgspec
+import zenoh
+
+from silo.helper.answers import Answers
+from silo.helper.requests import decode_ask, decode_do, is_slow
+from silo.ipc.keys import Root
+from silo.ipc.messages import Refused, RefusedWhy
+
+MAX_WAITING = 64
+MAX_SLOW = 16
+
+log = logging.getLogger("silo.helper")
+_encoder = msgspec.msgpack.Encoder()
+
+Slow = tuple[zenoh.Query, Callable[[], bytes]]
+
+
+class Control:
+    """Owns the control threads."""
+
+    def __init__(self, session: zenoh.Session, root: Root, answers: Answers) -> None:
+        self._root = root
+        self._answers = answers
+        # when more wait, the oldest are dropped, and their clients get an empty answer at once
+        self._asked = session.declare_queryable(root.key("ask"), zenoh.handlers.RingChannel(MAX_WAITING))
+        self._to_do = session.declare_queryable(root.key("do"), zenoh.handlers.RingChannel(MAX_WAITING))
+        self._slow: queue.Queue[Slow | None] = queue.Queue()
+        self._ending = False
+        self._threads = [
+            threading.Thread(target=self._serve, args=(self._asked.handler, self._ask), name="ask"),
+            threading.Thread(target=self._serve, args=(self._to_do.handler, self._do), name="do"),
+            threading.Thread(target=self._read_slowly, name="slow"),
+        ]
+
+    def start(self) -> None:
+        """Starts the threads."""
+        for thread in self._threads:
+            thread.start()
+
+    def stop(self) -> None:
+        """Ends the threads and waits for them."""
+        self._ending = True
+        self._slow.put(None)
+        for queryable in (self._asked, self._to_do):
+            # ends the recv() of its thread
+            queryable.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+        for thread in self._threads:
+            thread.join()
+
+    def _serve(self, handler: zenoh.Handler[zenoh.Query], answer: Callable[[zenoh.Query], None]) -> None:
+        while (query := self._next(handler)) is not None:
+            answer(query)
+            del query  # a query that isn't dropped costs its client the whole timeout
+
+    def _next(self, handler: zenoh.Handler[zenoh.Query]) -> zenoh.Query | None:
+        try:
+            return handler.recv()
+        except zenoh.ZError:
+            if not self._ending:
+                log.exception("no more requests come in")
+            return None
+
+    def _ask(self, query: zenoh.Query) -> None:
+        payload = _payload(query)
+        if not is_slow(payload):
+            self._reply(query, "ask", lambda: self._answer_ask(payload))
+        elif self._slow.qsize() >= MAX_SLOW:
+            busy = Refused(RefusedWhy.FAILED, f"{MAX_SLOW} such requests are waiting already; try again in a moment")
+            self._reply(query, "ask", lambda: _encoder.encode(busy))
+        else:
+            self._slow.put((query, lambda: self._answer_ask(payload)))
+
+    def _answer_ask(self, payload: bytes) -> bytes:
+        request = decode_ask(payload)
+        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.ask(request)
+
+    def _do(self, query: zenoh.Query) -> None:
+        payload = _payload(query)
+        self._reply(query, "do", lambda: self._answer_do(payload))
+
+    def _answer_do(self, payload: bytes) -> bytes:
+        request = decode_do(payload)
+        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.do(request)
+
+    def _read_slowly(self) -> None:
+        while self._read_one(self._slow.get()):
+            pass
+
+    def _read_one(self, slow: Slow | None) -> bool:
+        if slow is not None:
+            self._reply(slow[0], "ask", slow[1])
+        return slow is not None
+
+    def _reply(self, query: zenoh.Query, key: str, answer: Callable[[], bytes]) -> None:
+        """Answers whatever happens: a request that breaks something is refused and logged, the thread goes on."""
+        try:
+            body = answer()
+        except Exception as error:
+            log.exception("a request failed")
+            body = _encoder.encode(Refused(RefusedWhy.FAILED, f"{type(error).__name__}: {error}"))
+        try:
+            with query:
+                query.reply(self._root.key(key), body)
+        except zenoh.ZError as error:
+            # the client is gone, or asked for another key than ours
+            log.debug("no reply could be sent: %s", error)
+
+
+def _payload(query: zenoh.Query) -> bytes:
+    payload = query.payload
+    return payload.to_bytes() if payload is not None else b""

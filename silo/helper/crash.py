@@ -1,0 +1,76 @@
+"""What the helper does when the robot process is gone without a goodbye: it saves what was committed, and says so."""
+
+import logging
+import time
+from pathlib import Path
+
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SiloError
+from silo.helper.events import Events
+from silo.helper.mirror import Mirror
+from silo.helper.recovery import claimed, save_reader
+from silo.helper.saver import describe
+from silo.ipc.messages import EventKind, SavedFile
+
+ENDING_S = 5.0  # how long a process may take from closing its files to its end
+
+log = logging.getLogger("silo.helper")
+
+
+def after_crash(mirror: Mirror, events: Events) -> bool:
+    """Saves the segment if it isn't saved, deletes it once it is, and tells the clients.
+
+    Returns whether there was anything to save, which people may want to read about later.
+    """
+    robot = mirror.now.robot
+    who = f"the robot program (process {robot.pid})"
+    reader = mirror.open_reader()
+    if reader is None or not reader.ticks or mirror.is_saved():
+        ticks = reader.ticks if reader else 0
+        kept = f"its {ticks} ticks were saved before" if ticks else "it had logged nothing"
+        text = f"{who} ended without close(); {kept}"
+        mirror.die(text)
+        events.tell(EventKind.CRASHED, text)
+        if reader is not None:
+            _delete(reader)
+        return False
+    mirror.die(f"{who} ended without close(); saving the {reader.ticks} ticks that it had logged")
+    events.tell(EventKind.SAVING, mirror.now.died)
+    _save(mirror, events, reader, who)
+    return True
+
+
+def _save(mirror: Mirror, events: Events, reader: SegmentReader, who: str) -> None:
+    files: list[SavedFile] = []
+    told_s = time.monotonic()
+
+    def progress(fraction: float) -> None:
+        nonlocal told_s
+        if time.monotonic() - told_s > 0.2:
+            told_s = time.monotonic()
+            events.tell(EventKind.SAVING, f"saving after a crash: {fraction:.0%}", progress=fraction)
+
+    try:
+        with claimed(reader.path):
+            files = save_reader(reader, mirror.now.robot.folder, progress=progress)
+            mirror.mark_saved(str(reader.path), reader.ticks)
+            _delete(reader)
+    except (SiloError, OSError) as error:
+        text = f"{who} ended without close(), and its log could not be saved: {error}; run `silo recover {reader.path}`"
+        log.error("%s", text)  # noqa: TRY400  # the words say it all
+    else:
+        text = f"{who} ended without close(); its {reader.ticks} ticks were saved: {describe(files)}"
+        log.warning("%s", text)
+    mirror.die(text)
+    events.tell(EventKind.CRASHED, text, files=files)
+
+
+def _delete(reader: SegmentReader) -> None:
+    """Deletes the segment once its writer is gone; one that only gave up its helper still needs it."""
+    deadline = time.monotonic() + ENDING_S
+    while reader.alive():
+        if time.monotonic() > deadline:
+            log.info("%s stays: process %d still lives", reader.path, reader.schema.pid)
+            return
+        time.sleep(0.02)  # the end of a process that isn't our child can only be polled
+    Path(reader.path).unlink(missing_ok=True)

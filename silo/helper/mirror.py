@@ -1,0 +1,188 @@
+"""The helper's copy of the logger: what the robot process pushed last, and a reader of its segment.
+
+`Mirror.now` is replaced as a whole by the main thread and read by all others without a lock. Nothing here talks to
+anybody.
+"""
+
+import functools
+import os
+import socket
+import threading
+from dataclasses import dataclass, replace
+
+import msgspec
+
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError
+from silo.ipc.folders import user_name
+from silo.ipc.messages import State, Status, Table, TableReply
+from silo.link.messages import RobotState
+from silo.model import ElementInfo, LoggerOptions
+
+_encoder = msgspec.msgpack.Encoder()
+
+
+@dataclass(frozen=True)
+class Now:
+    """The logger at one moment. `generation` changes with every edit and every start."""
+
+    robot: RobotState
+    options: LoggerOptions
+    table: Table
+    places: dict[str, int]
+    entries: int
+    table_reply: bytes
+    generation: int
+    died: str = ""  # why, if the robot process is gone
+
+    @property
+    def state(self) -> State:
+        """The state as clients see it."""
+        return State.DEAD if self.died else self.robot.state
+
+    @functools.cached_property
+    def entry_places(self) -> dict[str, tuple[str, int]]:
+        """Element and number of every entry, by its name; made when the first plot asks."""
+        found: dict[str, tuple[str, int]] = {}
+        for info in self.table.elements:
+            for number, entry in enumerate(info.entries):
+                found.setdefault(info.name + entry.suffix, (info.name, number))
+        return found
+
+    def element(self, name: str) -> ElementInfo | None:
+        """The element of that name."""
+        place = self.places.get(name)
+        return None if place is None else self.table.elements[place]
+
+
+class Mirror:
+    """What all threads of the helper know of the logger."""
+
+    def __init__(self, first: RobotState) -> None:
+        """`first` is the robot's first message; it carries the table."""
+        self.host = socket.gethostname()
+        self.user = user_name(os.getuid())
+        self.measured_hz = 0.0
+        self._generation = 0
+        self._saved: tuple[str, int] = ("", 0)
+        self._lock = threading.Lock()
+        self._reader: SegmentReader | None = None
+        self.now = self._made_of(first, None)
+        self._reopen()
+
+    # ------------------------------------------------------------------------------------------ by the main thread
+
+    def take(self, robot: RobotState) -> tuple[Now, Now]:
+        """Takes over what the robot pushed; returns what was before and what is now."""
+        before = self.now
+        self.now = self._made_of(robot, before)
+        if robot.segment != before.robot.segment:
+            self.measured_hz = 0.0
+            self._reopen()
+        return before, self.now
+
+    def die(self, why: str) -> None:
+        """The robot process is gone; called again when there is more to say of it."""
+        self.measured_hz = 0.0
+        self.now = replace(self.now, died=why)
+
+    def _made_of(self, robot: RobotState, before: Now | None) -> Now:
+        table = robot.table or (before.table if before else Table(robot.revision, []))
+        unchanged = before is not None and table is before.table
+        if not unchanged or (before is not None and robot.segment != before.robot.segment):
+            self._generation += 1
+        if unchanged and before is not None:
+            return replace(before, robot=robot, options=_options(robot), generation=self._generation)
+        return Now(
+            robot=msgspec.structs.replace(robot, table=None),
+            options=_options(robot),
+            table=table,
+            places={info.name: place for place, info in enumerate(table.elements)},
+            entries=sum(len(info.entries) for info in table.elements if info.options.enabled),
+            table_reply=_encoder.encode(TableReply(table)),
+            generation=self._generation,
+        )
+
+    def _reopen(self) -> None:
+        """Opens the present segment, so that the memory of the last one is freed."""
+        reader = None
+        if self.now.robot.segment:
+            try:
+                reader = SegmentReader(self.now.robot.segment)
+            except SegmentError:
+                # restarted or closed since: the robot's next message names another segment
+                reader = None
+        with self._lock:
+            old, self._reader = self._reader, reader
+        if old is not None:
+            old.close()
+
+    # --------------------------------------------------------------------------------------------- by any thread
+
+    def open_reader(self) -> SegmentReader | None:
+        """A reader of the present segment for the calling thread alone; None if nothing was logged yet."""
+        path = self.now.robot.segment
+        if not path:
+            return None
+        try:
+            return SegmentReader(path)
+        except SegmentError:
+            # after a crash the segment is saved and deleted; the mapping stays readable, and nobody writes any more
+            return self._reader if self.now.died else None
+
+    def mark_saved(self, segment: str, ticks: int) -> None:
+        """Remembers how much of a segment stands in a file."""
+        with self._lock:
+            if self._saved[0] != segment or self._saved[1] < ticks:
+                self._saved = (segment, ticks)
+
+    def is_saved(self) -> bool:
+        """Whether every tick of the present segment stands in a file."""
+        with self._lock:
+            return self._reader is None or self._reader.ticks <= self._saved_ticks(self._reader)
+
+    def _saved_ticks(self, reader: SegmentReader) -> int:
+        own = self._saved[1] if self._saved[0] == self.now.robot.segment else 0
+        return max(own, reader.saved_ticks)
+
+    def status(self) -> Status:
+        """The logger at a glance."""
+        now = self.now
+        robot, options = now.robot, now.options
+        with self._lock:
+            reader = self._reader
+            ticks = reader.ticks if reader else 0
+            last_tick_ns = reader.last_time_ns if reader else 0
+            lost = reader.lost if reader else 0
+            size = reader.size_bytes if reader else 0
+            saved = reader is None or ticks <= self._saved_ticks(reader)
+            started_ns = reader.schema.started_ns if reader else 0
+        return Status(
+            logger=robot.logger,
+            host=self.host,
+            user=self.user,
+            pid=robot.pid,
+            helper_pid=os.getpid(),
+            state=now.state,
+            revision=now.table.revision,
+            frequency_hz=options.frequency_hz,
+            measured_hz=self.measured_hz if now.state is State.RUNNING else 0.0,
+            ticks=ticks,
+            started_ns=started_ns,
+            last_tick_ns=last_tick_ns,
+            lost=lost,
+            elements=len(now.table.elements),
+            enabled=sum(info.options.enabled for info in now.table.elements),
+            entries=now.entries,
+            max_time_s=options.max_time_s,
+            prefix=options.prefix,
+            folder=robot.folder,
+            script=robot.script,
+            reason=now.died or robot.reason,
+            segment_bytes=size,
+            saved=saved,
+        )
+
+
+def _options(robot: RobotState) -> LoggerOptions:
+    return msgspec.json.decode(robot.options_json, type=LoggerOptions)

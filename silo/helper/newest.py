@@ -1,0 +1,102 @@
+"""The newest value of many entries at once: one row per ring, picked apart by prepared byte positions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.collecting.schema import ElementSchema, EntrySchema
+from silo.collecting.segment_reader import SegmentReader
+from silo.columns import Floats, as_floats
+from silo.model import BufferType
+
+
+@dataclass(frozen=True)
+class _Pick:
+    """Entries of one type in one row: `positions` of their bytes, shape `(k, itemsize)`, and where they go."""
+
+    dtype: np.dtype[Any]
+    swapped: bool
+    positions: NDArray[np.intp]
+    places: NDArray[np.intp]
+
+
+class NewestValues:
+    """Newest values, fill levels and losses of a list of elements (None for a name that the segment lacks)."""
+
+    def __init__(self, reader: SegmentReader, elements: Sequence[ElementSchema | None], counts: Sequence[int]) -> None:
+        """`counts` is the number of entries of each element, which take their places one after the other."""
+        self._reader = reader
+        self._size = sum(counts)
+        wanted: dict[int, list[tuple[int, EntrySchema]]] = {}
+        place = 0
+        for element, count in zip(elements, counts, strict=True):
+            if element is not None and element.live_ring >= 0 and len(element.live_entries) == count:
+                wanted.setdefault(element.live_ring, []).extend(enumerate(element.live_entries, place))
+            place += count
+        self._picks = {ring: _picks(entries) for ring, entries in wanted.items()}
+        known = [element for element in elements if element is not None]
+        self._elements = len(elements)
+        self._known = np.array([at for at, element in enumerate(elements) if element is not None], np.intp)
+        self._rings = np.array([element.ring for element in known], np.intp)
+        # a growing buffer has no limit
+        limits = [_limit(element) for element in known]
+        self._limits = np.array(limits, np.int64)
+
+    def values(self) -> tuple[Floats, dict[int, str]]:
+        """Newest value of every entry, NaN where there is none, and the texts of string entries by place."""
+        newest = np.full(self._size, np.nan)
+        texts: dict[int, str] = {}
+        for ring, picks in self._picks.items():
+            row = self._reader.rows(ring, self._reader.head(ring) - 1)
+            if not len(row):
+                continue
+            data = row.words[-1].view(np.uint8)
+            for pick in picks:
+                if not pick.dtype.itemsize:
+                    continue
+                column = data[pick.positions].reshape(-1).view(pick.dtype)
+                if pick.swapped:
+                    column = column.byteswap()
+                if pick.dtype.kind in "SU":
+                    texts.update(zip(pick.places.tolist(), map(_text, column.tolist()), strict=True))
+                else:
+                    newest[pick.places] = as_floats(column)
+        return newest, texts
+
+    def held(self) -> NDArray[np.int64]:
+        """Samples in each element's buffer."""
+        heads = np.array([self._reader.head(ring.ring) for ring in self._reader.schema.rings], np.int64)
+        held = np.zeros(self._elements, np.int64)
+        held[self._known] = np.minimum(heads[self._rings], self._limits)
+        return held
+
+    def lost(self) -> NDArray[np.int64]:
+        """Samples of each element that could not be kept."""
+        lost_rows = np.array([self._reader.ring_lost(ring.ring) for ring in self._reader.schema.rings], np.int64)
+        lost = np.zeros(self._elements, np.int64)
+        lost[self._known] = lost_rows[self._rings]
+        return lost
+
+
+def _limit(element: ElementSchema) -> int:
+    options = element.info.options
+    return 2**62 if options.buffer_type is BufferType.GROWING else options.buffer_size
+
+
+def _picks(entries: list[tuple[int, EntrySchema]]) -> list[_Pick]:
+    by_type: dict[tuple[str, bool], list[tuple[int, int]]] = {}
+    for place, entry in entries:
+        by_type.setdefault((entry.entry.dtype, entry.swapped), []).append((place, entry.byte_offset))
+    picks = []
+    for (name, swapped), found in by_type.items():
+        dtype = np.dtype(name)
+        places, offsets = np.array(found, np.intp).T
+        picks.append(_Pick(dtype, swapped, offsets[:, None] + np.arange(dtype.itemsize), places))
+    return picks
+
+
+def _text(value: bytes | str) -> str:
+    return value.decode(errors="replace") if isinstance(value, bytes) else value

@@ -1,0 +1,86 @@
+"""The helper's end of the link: requests to the robot process and its answers, matched by number."""
+
+import concurrent.futures
+import itertools
+import socket
+import threading
+
+from silo.ipc.messages import (
+    ApplyEdits,
+    Done,
+    EditsApplied,
+    Refused,
+    RefusedWhy,
+    Restart,
+    SaveStarted,
+    Start,
+    Stop,
+)
+from silo.link.channel import LinkChannel
+from silo.link.messages import LinkMessage, LinkReply, LinkRequest
+
+REPLY_TIMEOUT_S = 5.0
+
+RobotReply = EditsApplied | Done | Refused | SaveStarted
+
+
+class Robot:
+    """The robot process, as the helper talks to it. Any thread may ask; the main thread receives."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        self.socket = sock
+        self._channel = LinkChannel(sock)
+        self._sending = threading.Lock()
+        self._numbers = itertools.count(1)
+        self._pending: dict[int, concurrent.futures.Future[RobotReply]] = {}
+        self._gone = False
+
+    def receive(self) -> LinkMessage | None:
+        """The next message, None at the end. For the main thread."""
+        return self._channel.receive()
+
+    def send(self, message: LinkMessage) -> bool:
+        """Sends a message; False if the robot process is gone."""
+        with self._sending:
+            try:
+                self._channel.send(message)
+            except OSError:
+                return False
+        return True
+
+    def ask(self, request: ApplyEdits | Start | Stop | Restart, timeout_s: float = REPLY_TIMEOUT_S) -> RobotReply:
+        """Has the robot process do something and waits for its answer; silence becomes a refusal."""
+        number = next(self._numbers)
+        future: concurrent.futures.Future[RobotReply] = concurrent.futures.Future()
+        self._pending[number] = future
+        if self._gone or not self.send(LinkRequest(number, request)):
+            self._pending.pop(number, None)
+            return self._dead()
+        try:
+            return future.result(timeout_s)
+        except concurrent.futures.TimeoutError:
+            return Refused(
+                RefusedWhy.FAILED,
+                f"the robot program did not answer within {timeout_s:g} s: it is stopped, or busy in code that "
+                "holds the interpreter; look at the status before you try again, it may still do it",
+            )
+        finally:
+            self._pending.pop(number, None)
+
+    def answered(self, message: LinkReply) -> None:
+        """Hands an answer to the thread that waits for it; a late one is nobody's. For the main thread."""
+        future = self._pending.pop(message.number, None)
+        if future is not None:
+            future.set_result(message.reply)
+
+    def lost(self) -> None:
+        """The link ended: everybody who waits gets a refusal. For the main thread."""
+        self._gone = True
+        for number in list(self._pending):
+            future = self._pending.pop(number, None)
+            if future is not None:
+                future.set_result(self._dead())
+
+    @staticmethod
+    def _dead() -> Refused:
+        return Refused(RefusedWhy.DEAD, "the robot program is gone; start it again")

@@ -1,0 +1,179 @@
+"""The saver thread: one save after the other, with progress, while everything else goes on."""
+
+import logging
+import queue
+import threading
+import time
+from dataclasses import dataclass
+
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SiloError
+from silo.helper.events import Events
+from silo.helper.memory import give_back
+from silo.helper.mirror import Mirror
+from silo.helper.robot import Robot
+from silo.ipc.messages import (
+    EventKind,
+    Refused,
+    RefusedWhy,
+    Save,
+    SavedFile,
+    SaveStarted,
+)
+from silo.link.messages import LinkSaved
+
+MAX_WAITING = 4
+PROGRESS_PERIOD_S = 0.1
+
+log = logging.getLogger("silo.helper")
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One save. The reader is opened when it is asked for, so that a restart meanwhile doesn't empty it."""
+
+    number: int
+    request: Save
+    reader: SegmentReader
+    folder: str
+    logger: str
+    segment: str
+    for_robot: bool
+
+
+class Saver:
+    """Owns the saver thread. The other methods may be called by any thread."""
+
+    def __init__(self, mirror: Mirror, events: Events, robot: Robot) -> None:
+        self._mirror = mirror
+        self._events = events
+        self._robot = robot
+        self._lock = threading.Lock()
+        self._number = 0
+        self._jobs: queue.Queue[_Job | None] = queue.Queue()
+        self._thread = threading.Thread(target=self._run, name="saver")
+
+    def start(self) -> None:
+        """Starts the thread."""
+        self._thread.start()
+
+    def stop(self, timeout_s: float | None = None) -> None:
+        """Ends the thread after the saves that wait; waits at most `timeout_s` for that."""
+        self._jobs.put(None)
+        self._thread.join(timeout_s)
+
+    def finish(self) -> None:
+        """Waits until all saves are done."""
+        self._jobs.join()
+
+    def prepare(self, request: Save, *, for_robot: bool = False) -> "_Job | Refused":
+        """A job for `submit`, or why it can't be done, which all clients are told."""
+        job = self._prepared(request, for_robot)
+        if isinstance(job, Refused):
+            self._events.tell(EventKind.SAVE_FAILED, job.text, by=request.client)
+        return job
+
+    def _prepared(self, request: Save, for_robot: bool) -> "_Job | Refused":
+        from silo.files.naming import check_name
+
+        types = list(dict.fromkeys(request.types))
+        if not types:
+            return Refused(RefusedWhy.INVALID, "no file type to save: choose silo, csv or bag")
+        if request.name:
+            try:
+                check_name(request.name)
+            except SiloError as error:
+                return Refused(RefusedWhy.INVALID, str(error))
+        if not for_robot and self._jobs.qsize() >= MAX_WAITING:
+            return Refused(RefusedWhy.FAILED, f"{MAX_WAITING} saves are waiting already; try again when they are done")
+        reader = self._mirror.open_reader()
+        if reader is None or not reader.ticks:
+            return Refused(RefusedWhy.FAILED, "nothing was logged yet: start the logger first")
+        robot = self._mirror.now.robot
+        with self._lock:
+            self._number += 1
+            number = self._number
+        checked = Save(types=types, name=request.name, client=request.client)
+        folder = request.folder if for_robot and request.folder else robot.folder
+        return _Job(number, checked, reader, folder, robot.logger, robot.segment, for_robot)
+
+    def submit(self, job: _Job) -> None:
+        """Has a job done."""
+        self._jobs.put(job)
+
+    def save(self, request: Save) -> SaveStarted | Refused:
+        """Begins a save for a client."""
+        job = self.prepare(request)
+        if isinstance(job, Refused):
+            return job
+        self.submit(job)
+        return SaveStarted(job.number)
+
+    # -------------------------------------------------------------------------------------------------- the thread
+
+    def _run(self) -> None:
+        # no name for the job here: while the thread waits, nothing must hold the memory of a segment that is gone
+        while self._guarded(self._jobs.get()):
+            self._jobs.task_done()
+
+    def _guarded(self, job: _Job | None) -> bool:
+        """Does a job, whatever happens in it; False for the sign to end."""
+        if job is None:
+            return False
+        try:
+            self._do(job)
+        except SiloError as error:
+            self._failed(job, str(error), [])
+        except Exception as error:
+            # whatever a writer does, the next save gets its chance, and whoever waits for this one hears of it
+            log.exception("save %d failed", job.number)
+            self._failed(job, f"{type(error).__name__}: {error}", [])
+        give_back()
+        return True
+
+    def _do(self, job: _Job) -> None:
+        from silo.helper.writing import WriteOrder, write_log
+
+        names = ", ".join(file_type.name.lower() for file_type in job.request.types)
+        by = job.request.client
+        self._events.tell(EventKind.SAVING, f"saving {names}", by=by, job=job.number)
+        told_s = time.monotonic()
+
+        def progress(fraction: float) -> None:
+            nonlocal told_s
+            if time.monotonic() - told_s >= PROGRESS_PERIOD_S:
+                told_s = time.monotonic()
+                share = min(max(fraction, 0.0), 1.0)
+                text = f"saving {names}: {share:.0%}"
+                self._events.tell(EventKind.SAVING, text, by=by, job=job.number, progress=share)
+
+        order = WriteOrder(job.folder, job.logger, job.request.types, job.request.name)
+        report = write_log(job.reader, order, progress)
+        files = report.files
+        if report.error:
+            self._failed(job, report.error, files)
+            return
+        self._mirror.mark_saved(job.segment, report.ticks)
+        self._events.tell(EventKind.SAVED, f"saved {describe(files)}", by=by, job=job.number, progress=1.0, files=files)
+        if job.for_robot:
+            self._robot.send(LinkSaved(job.number, files, ""))
+
+    def _failed(self, job: _Job, text: str, files: list[SavedFile]) -> None:
+        self._events.tell(EventKind.SAVE_FAILED, text, by=job.request.client, job=job.number, files=files)
+        if job.for_robot:
+            self._robot.send(LinkSaved(job.number, files, text))
+
+
+def describe(files: list[SavedFile]) -> str:
+    """Paths with sizes, fit to show."""
+    return ", ".join(f"{file.path} ({size_text(file.size_bytes)})" for file in files) or "nothing"
+
+
+def size_text(size_bytes: int) -> str:
+    """A size as people read it: `3.2 MB`."""
+    size = float(size_bytes)
+    for unit in ("bytes", "kB", "MB"):
+        if size < 1000:
+            return f"{size:.0f} {unit}" if unit == "bytes" else f"{size:.1f} {unit}"
+        size /= 1000
+    return f"{size:.2f} GB"

@@ -1,0 +1,206 @@
+"""Views: what one screen of one client shows, as one batch per refresh.
+
+`View` belongs to the publisher thread. What a view holds is bounded: names, columns, rate; the rest of a batch is as
+large as the screen that asked for it.
+"""
+
+from dataclasses import dataclass, field
+
+import msgspec
+import numpy as np
+import zenoh
+
+from silo.collecting.schema import ElementSchema, EntrySchema
+from silo.collecting.segment_reader import Rows, SegmentReader
+from silo.columns import MAX_COLUMNS, ColumnGrid, as_floats, bins_of
+from silo.helper.mirror import Now
+from silo.helper.newest import NewestValues
+from silo.ipc.keys import VIEW_ID
+from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewFrame, ViewOpened
+
+LEASE_S = 6.0
+MIN_RATE_HZ, MAX_RATE_HZ = 0.1, 30.0
+MIN_COLUMN_NS = 1_000
+MAX_VALUES = 20_000
+MAX_PLOTS = 256
+MAX_FRAME_BYTES = 8 * 2**20  # rows read per ring and refresh
+HEARTBEAT_S = 1.0  # a view in which nothing moves is sent this often
+BACKLOG_S = 1.0  # what a new plot begins with, so that its columns join those of the history
+
+_encoder = msgspec.msgpack.Encoder()
+
+
+def check_view(request: OpenView) -> Refused | None:
+    """Why a view can't be had, None if it can."""
+    problem = None
+    if not VIEW_ID.fullmatch(request.view):
+        problem = "its id must be `<client id>-<number>`, the client id of letters and digits"
+    elif len(request.values) > MAX_VALUES or len(request.plots) > MAX_PLOTS:
+        problem = (
+            f"at most {MAX_VALUES} values and {MAX_PLOTS} plots, got {len(request.values)} and {len(request.plots)}"
+        )
+    elif not MIN_RATE_HZ <= request.rate_hz <= 1e6:  # also false for NaN
+        problem = f"rate_hz must be {MIN_RATE_HZ} or more, got {request.rate_hz}"
+    elif not MIN_COLUMN_NS <= request.column_ns < 2**62:
+        problem = f"column_ns must be {MIN_COLUMN_NS} or more, got {request.column_ns}"
+    return Refused(RefusedWhy.INVALID, f"the view can't be opened: {problem}") if problem else None
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the arrays of a view's frames mean, by one generation of the table."""
+
+    generation: int
+    counts: list[int]
+    entries: list[str]
+    plots: list[tuple[str, int]]  # element and number of its entry; ("", 0) for a name that the table lacks
+    unpublished: list[str]
+    missing: list[str]
+
+    def opened(self, request: OpenView) -> ViewOpened:
+        """The answer to the client."""
+        return ViewOpened(
+            request.view, self.generation, self.entries, list(request.plots), self.unpublished, self.missing
+        )
+
+
+def layout_of(request: OpenView, now: Now) -> Layout:
+    """How a view of the present table is laid out."""
+    counts, entries, missing = [], [], []
+    unpublished: dict[str, None] = {}
+    for name in request.values:
+        info = now.element(name)
+        counts.append(len(info.entries) if info else 0)
+        if info is None:
+            missing.append(name)
+            continue
+        entries += [name + entry.suffix for entry in info.entries]
+        if not (info.options.enabled and info.options.action.publishes):
+            unpublished[name] = None
+    plots = []
+    for name in request.plots:
+        found = now.entry_places.get(name)
+        plots.append(found or ("", 0))
+        if found is None:
+            missing.append(name)
+            continue
+        options = now.table.elements[now.places[found[0]]].options
+        if not (options.enabled and options.action.publishes):
+            unpublished[found[0]] = None
+    return Layout(now.generation, counts, entries, plots, list(unpublished), missing)
+
+
+@dataclass
+class _Plots:
+    """The plots of a view that stand in one ring."""
+
+    cursor: int
+    signals: list[tuple[int, EntrySchema]] = field(default_factory=list)
+
+
+class View:
+    """A view that is open."""
+
+    def __init__(self, request: OpenView, publisher: zenoh.Publisher, now_s: float) -> None:
+        self.request = request
+        self.publisher = publisher
+        self.period_s = 1.0 / min(request.rate_hz, MAX_RATE_HZ)
+        self.expires_s = now_s + LEASE_S
+        self.due_s = now_s
+        self._number = 0
+        self._sent_s = -HEARTBEAT_S
+        self._sent_tick = -1
+        self._layout: Layout | None = None
+        self._newest: NewestValues | None = None
+        self._plots: dict[int, _Plots] = {}
+        self._reader: SegmentReader | None = None
+
+    def _adopt(self, now: Now, reader: SegmentReader | None) -> Layout:
+        """Prepares for the present generation and segment."""
+        layout = layout_of(self.request, now)
+        self._layout, self._reader = layout, reader
+        self._newest, self._plots = None, {}
+        self._sent_tick = -1
+        if reader is None:
+            return layout
+        schemas = {element.info.name: element for element in reader.schema.elements}
+        self._newest = NewestValues(reader, [schemas.get(name) for name in self.request.values], layout.counts)
+        for signal, (name, number) in enumerate(layout.plots):
+            element = schemas.get(name)
+            if element is None or element.live_ring < 0 or number >= len(element.live_entries):
+                continue
+            ring = element.live_ring
+            if ring not in self._plots:
+                self._plots[ring] = _Plots(_backlog_start(reader, element))
+            self._plots[ring].signals.append((signal, element.live_entries[number]))
+        return layout
+
+    def frame(self, now: Now, reader: SegmentReader | None, measured_hz: float, now_s: float) -> bytes | None:
+        """The next frame, encoded; None if nothing moved since the last one."""
+        layout = self._layout
+        if layout is None or layout.generation != now.generation or reader is not self._reader:
+            layout = self._adopt(now, reader)
+        tick = reader.ticks if reader else 0
+        if tick == self._sent_tick and now_s - self._sent_s < HEARTBEAT_S:
+            return None
+        self._sent_tick, self._sent_s = tick, now_s
+        self._number += 1
+        newest, texts = self._newest.values() if self._newest else (np.full(sum(layout.counts), np.nan), {})
+        elements = len(self.request.values)
+        held = self._newest.held() if self._newest else np.zeros(elements, np.int64)
+        lost = self._newest.lost() if self._newest else np.zeros(elements, np.int64)
+        grid = self._columns()
+        return _encoder.encode(
+            ViewFrame(
+                number=self._number,
+                generation=layout.generation,
+                time_ns=reader.last_time_ns if reader else 0,
+                tick=tick,
+                state=now.state,
+                measured_hz=measured_hz,
+                lost_total=reader.lost if reader else 0,
+                held=held.tobytes(),
+                lost=lost.tobytes(),
+                newest=newest.tobytes(),
+                texts=texts,
+                first=grid.first,
+                count=grid.low.shape[1],
+                low=grid.low.tobytes(),
+                high=grid.high.tobytes(),
+            )
+        )
+
+    def _columns(self) -> ColumnGrid:
+        """Columns of what came since the last frame."""
+        news: list[tuple[_Plots, Rows]] = []
+        first, last = 2**62, -(2**62)
+        column_ns = self.request.column_ns
+        for ring, plots in self._plots.items():
+            rows = self._new_rows(ring, plots)
+            if len(rows):
+                news.append((plots, rows))
+                first = min(first, int(rows.time_ns.min()) // column_ns)
+                last = max(last, int(rows.time_ns.max()) // column_ns)
+        if not news:
+            return ColumnGrid(len(self.request.plots), 0, 0)
+        first = max(first, last - MAX_COLUMNS + 1)
+        grid = ColumnGrid(len(self.request.plots), first, last - first + 1)
+        for plots, rows in news:
+            bins = bins_of(rows.time_ns, column_ns)
+            for signal, entry in plots.signals:
+                grid.add(signal, bins, as_floats(rows.column(entry)))
+        return grid
+
+    def _new_rows(self, ring: int, plots: _Plots) -> Rows:
+        reader = self._reader
+        assert reader is not None  # there are no plots without a reader
+        most = max(1, MAX_FRAME_BYTES // (8 * reader.schema.rings[ring].row_words))
+        # a view that fell behind goes on with the newest: what it shows is now
+        rows = reader.rows(ring, max(plots.cursor, reader.head(ring) - most))
+        plots.cursor = max(plots.cursor, rows.first + len(rows))
+        return rows
+
+
+def _backlog_start(reader: SegmentReader, element: ElementSchema) -> int:
+    rows = BACKLOG_S * reader.schema.frequency_hz / element.info.options.divider
+    return max(0, reader.head(element.live_ring) - int(rows) - 1)

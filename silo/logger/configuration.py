@@ -1,0 +1,214 @@
+"""What a logger is told to log: the registered variables, their options, and the script that sets them.
+
+The part of `Logger` that knows nothing of runs, segments and helper processes. Changes take one lock, which
+`collect()` never touches, and are refused while the logger runs.
+"""
+
+import enum
+import logging
+import os
+import threading
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from numpy.typing import DTypeLike, NDArray
+
+from silo.collecting.arena import Arena
+from silo.collecting.plan import Element
+from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
+from silo.errors import ElementError, StateError
+from silo.ipc.messages import Edit, Problem
+from silo.logger.options import name_of
+from silo.logger.table import Table, checked
+from silo.model import Action, BufferType, ElementInfo, ElementOptions, LoggerOptions, join_name
+
+log = logging.getLogger("silo")
+
+
+class Configuration:
+    """The element table of a logger and all that changes it."""
+
+    def __init__(self, options: LoggerOptions) -> None:
+        self.options = options
+        self._lock = threading.RLock()
+        self._table = Table(options.prefix)
+        self._arena = Arena()
+        self._running = False
+        self._updated = False
+        self._closed = False
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise StateError(f"logger '{self.options.name}' is closed; make a new one")
+
+    def _check_stopped(self, what: str) -> None:
+        if self._running:
+            raise StateError(
+                f"can't {what} while logger '{self.options.name}' runs: stop() it first; nothing was changed"
+            )
+
+    def _tell(self) -> None:
+        """Called after each change, for who has somebody to tell. Never waits."""
+
+    def locked(self) -> "threading.RLock":
+        """The lock of table and state, for the serving thread; `collect()` never takes it."""
+        return self._lock
+
+    def problems(self, edits: Iterable[Edit]) -> list[Problem]:
+        """Why edits can't be applied, one per field; empty when they can."""
+        return self._table.problems(edits)
+
+    @property
+    def elements(self) -> list[ElementInfo]:
+        """The element table, in the order of registration."""
+        return self._table.infos
+
+    @property
+    def revision(self) -> int:
+        """Grows with every change of the table."""
+        return self._table.revision
+
+    # --------------------------------------------------------------------------------------------- registering
+
+    def add(
+        self,
+        source: object,
+        name: str | None = None,
+        *,
+        attr: str | None = None,
+        group: str = "",
+        unit: str = "-",
+        divider: int = 1,
+        action: Action = Action.SAVE,
+        buffer_type: BufferType = BufferType.LOOPING,
+        buffer_size: int | None = None,
+        enabled: bool = True,
+        kind: str = "",
+        labels: type[enum.Enum] | Mapping[int, str] | None = None,
+        description: str = "",
+        string_bytes: int | None = None,
+    ) -> None:
+        """Register a variable; it is part of the table after the next `update()`.
+
+        source: a NumPy array (any shape, strides and dtype), ctypes object, array.array, memoryview or mmap, read by
+        reference; an object with `attr` (a dotted path), read each due tick; a function without arguments; a dataclass,
+        a registered type, or a list, tuple or dict of such. kind: how numbers belong together (`quaternion`,
+        `quaternion_wxyz`, `angle_axis`, `pose`, `twist`, `vector_at_position(A, B)`, `array` for plain indices).
+        labels: names of an integer's values. string_bytes: room for a string. buffer_size: samples, `max_time` if not
+        given. Raises SourceError for what can't be logged, ElementError for names and values out of range.
+        """
+        self._check_open()
+        full = join_name(self.options.prefix, group, name or name_of(source, attr))
+        if buffer_size is None:
+            valid = isinstance(divider, int) and divider >= 1
+            buffer_size = self.options.default_buffer_size(divider) if valid else 1
+        options = checked(full, ElementOptions(enabled, divider, action, buffer_type, buffer_size))
+        parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=string_bytes)
+        entries = tuple(
+            entry_of(scalar, part.labels) for part in parts for scalar in part.scalars(strides_of(part.source))
+        )
+        first = parts[0].source
+        single = len(parts) == 1
+        info = ElementInfo(
+            name=full,
+            unit=unit or "-",
+            kind=kind_of(first.dtype, first.shape, kind) if single else "struct",
+            shape=first.shape if single else (),
+            entries=entries,
+            options=options,
+            description=description,
+        )
+        with self._lock:
+            self._table.add(Element(info, tuple(parts)))
+
+    def array(
+        self, name: str, shape: int | tuple[int, ...] = (), dtype: DTypeLike = float, **options: Any
+    ) -> NDArray[Any]:
+        """Make a variable in silo's own memory and register it; takes the keywords of `add`.
+
+        Returns zeros of this shape and type. The fastest way: all such variables are one memory copy per tick.
+        """
+        made = self._arena.array(shape, dtype)
+        self.add(made, name, **options)
+        return made
+
+    def update(self, *, read_script: bool = True) -> None:
+        """Make what was added part of the table, and read the script if it exists.
+
+        Raises StateError while running, ScriptError for a script with problems (nothing is changed then).
+        """
+        with self._lock:
+            self._check_stopped("update the table")
+            self._table.adopt()
+            if read_script and Path(self.options.script).exists():
+                self.load_script()
+            self._updated = True
+            self._tell()
+
+    # ------------------------------------------------------------------------------------------------- options
+
+    def set(self, name: str = "/", **options: Any) -> int:
+        """Change options of an element or of a whole namespace, all or none; returns how many elements changed.
+
+        Options: enabled, divider, action, buffer_type, buffer_size. Raises StateError while running, ElementError for
+        unknown names and values out of range.
+        """
+        unknown = set(options) - set(ElementOptions.__struct_fields__)
+        if unknown:
+            known = ", ".join(ElementOptions.__struct_fields__)
+            raise ElementError(f"unknown option {', '.join(sorted(unknown))}; there are {known}")
+        with self._lock:
+            self._check_stopped("change elements")
+            changes = {
+                place: msgspec.structs.replace(self._table.elements[place].info.options, **options)
+                for place in self._table.select(name)
+            }
+            changed = self._table.change(changes)
+            self._tell()
+            return changed
+
+    def enable(self, name: str = "/") -> int:
+        """Log an element or a namespace."""
+        return self.set(name, enabled=True)
+
+    def disable(self, name: str = "/") -> int:
+        """Don't log an element or a namespace."""
+        return self.set(name, enabled=False)
+
+    def apply(self, edits: Sequence[Edit]) -> int:
+        """Edits as one transaction, all or none; returns how many elements changed. Raises like `set`."""
+        with self._lock:
+            self._check_stopped("change elements")
+            problems = self._table.problems(edits)
+            if problems:
+                lines = "; ".join(f"element '{problem.name}': {problem.reason}" for problem in problems)
+                raise ElementError(f"{lines}; nothing was changed")
+            changed = self._table.apply(edits)
+            self._tell()
+            return changed
+
+    def load_script(self, path: str | os.PathLike[str] | None = None) -> list[str]:
+        """Configure all elements by a script; returns the names in it that the table lacks.
+
+        Raises StateError while running, ScriptError with one line per problem (nothing is changed then).
+        """
+        from silo.settings.script import apply_script, read_script
+
+        with self._lock:
+            self._check_stopped("load a script")
+            plan = apply_script(read_script(path or self.options.script), self._table.infos)
+            self._table.set_all(plan.options)
+            self._tell()
+        for unknown in plan.unknown:
+            log.warning("%s: %s", path or self.options.script, unknown)
+        return [unknown.name for unknown in plan.unknown]
+
+    def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
+        """Write the configuration of every element to a script, whole or not at all; returns its path."""
+        from silo.settings.script import write_script
+
+        target = Path(path or self.options.script)
+        write_script(target, self.elements)
+        return target

@@ -1,0 +1,371 @@
+"""The logger: registers variables, runs, saves. What a control program imports.
+
+`collect()` runs the closure that `start()` generated and nothing else. Everything that changes the table or the state
+takes one lock, which `collect()` never touches.
+"""
+
+import functools
+import logging
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from silo.collecting.run import Run
+from silo.collecting.schema import STOP_TEXTS, StopReason
+from silo.errors import SegmentError, SiloError, StateError
+from silo.ipc.messages import SavedFile, State
+from silo.logger import ending
+from silo.logger.configuration import Configuration
+from silo.logger.new_values import NewValues, NewValuesReader
+from silo.logger.options import file_type, logger_options, nanosecond_clock
+from silo.model import FileType, Storage
+from silo.recording import Recording
+
+if TYPE_CHECKING:
+    from silo.logger.serving import Serving
+
+log = logging.getLogger("silo")
+
+
+def _idle() -> None:
+    """`collect()` of a logger that isn't running."""
+
+
+class Logger(Configuration):
+    """Logs variables of a control program, by reference, once per control tick.
+
+    frequency: control ticks per second (Hz). max_time: how long fixed and growing logs may become (s), 0 for no limit.
+    script: YAML file with the configuration; read by `update()` if it exists. prefix: start of all element names.
+    clock: returns the time stamp of a tick, as int nanoseconds or float seconds; the system clock if not given.
+    folder: where saved files go. storage: `"memory"`, or `"disk"` to survive a power cut. size_tiers: rings per divider
+    and buffer type; more of them cost time in each tick, fewer cost memory. memory_limit_mb: what growing buffers may
+    take together. checked: copy each variable by NumPy instead of by address, 10 times slower.
+    """
+
+    def __init__(
+        self,
+        name: str = "silo",
+        *,
+        frequency: float = 100.0,
+        max_time: float = 10.0,
+        script: str | os.PathLike[str] = "logger.yaml",
+        prefix: str = "/log",
+        clock: Callable[[], int | float] | None = None,
+        folder: str | os.PathLike[str] = ".",
+        storage: str | Storage = Storage.MEMORY,
+        size_tiers: int = 3,
+        memory_limit_mb: int = 1024,
+        checked: bool = False,
+    ) -> None:
+        options = logger_options(
+            name=name,
+            frequency=frequency,
+            max_time=max_time,
+            script=script,
+            prefix=prefix,
+            folder=folder,
+            storage=storage,
+            size_tiers=size_tiers,
+            memory_limit_mb=memory_limit_mb,
+            checked=checked,
+        )
+        self._clock = nanosecond_clock(clock)
+        super().__init__(options)
+        self._run: Run | None = None
+        self._collect: Callable[[], None] = _idle
+        self._run_number = 0
+        self._reason = ""
+        self._saved_ticks = 0
+        self._new_values = NewValuesReader()
+        self._serving: Serving | None = None
+        ending.watch(self)
+
+    # ------------------------------------------------------------------------------------------------ the loop
+
+    def collect(self) -> None:
+        """Log one tick. Does nothing while stopped. Call it from one thread only: a second one gets a StateError."""
+        # while the logger runs, the generated closure stands in the instance in place of this method: 40 ns less a tick
+        self._collect()
+
+    def _collect_now(self) -> None:
+        self._collect()
+
+    def _set_collect(self, collect: Callable[[], None]) -> None:
+        self._collect = collect
+        vars(self)["collect"] = collect
+        if collect is _idle:
+            vars(self).pop("collect", None)
+
+    def start(self) -> None:
+        """Clear all buffers and begin to log; calls `update()` first if that was never done.
+
+        Raises StateError if it runs already, SegmentError if there is no room for the buffers.
+        """
+        with self._lock:
+            self._check_open()
+            self._check_stopped("start")
+            if not self._updated:
+                self.update()
+            self._warn_of_pending()
+            self._run = self._new_run()
+            self._saved_ticks = 0
+            self._new_values = NewValuesReader()
+            self._reason = ""
+            self._running = True
+            self._set_collect(self._run.collect)
+            self._tell()
+
+    def _warn_of_pending(self) -> None:
+        if self._table.pending:
+            names = ", ".join(element.info.name for element in self._table.pending)
+            log.warning("%s: added after the last update(), so not logged: call update() before start()", names)
+
+    def _new_run(self) -> Run:
+        previous = self._run
+        self._run_number += 1
+        stopped = functools.partial(self._stop_by_itself, self._run_number)
+        make = functools.partial(Run, self.options, self._table.elements, self._clock, stopped, self._collect_now)
+        try:
+            run = make()
+        except SegmentError:
+            if previous is None:
+                raise
+            self._run = None
+            previous.drop()
+            del previous  # the old buffers may be what fills the memory, which is freed with the last of their users
+            return make()
+        if previous is not None:
+            previous.drop()
+        return run
+
+    def stop(self) -> None:
+        """End logging; the data stays and can be saved. Stopping a stopped logger succeeds."""
+        with self._lock:
+            if self._running and self._run is not None:
+                self._running = False
+                self._set_collect(_idle)
+                self._run.end(StopReason.ASKED)
+                self._reason = STOP_TEXTS[StopReason.ASKED]
+                self._tell()
+
+    def restart(self) -> None:
+        """Stop and start: the buffers are cleared."""
+        with self._lock:
+            self.stop()
+            self.start()
+
+    def _stop_by_itself(self, run_number: int, reason: StopReason) -> None:
+        """Called by the tick that filled the time buffer: takes no lock."""
+        if run_number != self._run_number:
+            return  # a tick that was under way while another thread restarted
+        self._set_collect(_idle)
+        self._running = False
+        self._reason = STOP_TEXTS[reason]
+        if self._run is not None:
+            self._run.end(reason)
+        self._tell()
+
+    # ----------------------------------------------------------------------------------------------- the state
+
+    @property
+    def is_running(self) -> bool:
+        """Whether `collect()` logs."""
+        return self._running
+
+    @property
+    def ticks(self) -> int:
+        """Ticks logged since the last start."""
+        return self._run.segment.ticks if self._run else 0
+
+    @property
+    def lost(self) -> int:
+        """Rows that could not be kept since the last start."""
+        return self._run.segment.lost if self._run else 0
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the logger stopped, empty while it runs or before the first start."""
+        return self._reason
+
+    @property
+    def source_failures(self) -> dict[str, int]:
+        """How often attributes or functions could not be read since start, by element; only those that failed."""
+        return self._run.plan.scratch.failures if self._run else {}
+
+    # ---------------------------------------------------------------------------------------------------- data
+
+    def snapshot(self) -> Recording:
+        """What the buffers hold now, cut at one tick; collection goes on. Raises StateError before the first start."""
+        with self._lock:
+            self._check_open()
+            if self._run is None:
+                raise StateError("nothing was logged yet: call start() and collect() first")
+            return self._run.reader.snapshot()
+
+    def read_new_values(self, name: str) -> NewValues:
+        """All samples of an element since the last such call, oldest first; `missed` counts those overwritten."""
+        with self._lock:
+            self._check_open()
+            info = self._table.elements[self._table.place(name)].info
+            if self._run is None:
+                raise StateError("nothing was logged yet: call start() and collect() first")
+            return self._new_values.read(self._run.reader, info.name)
+
+    def save(
+        self,
+        types: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        name: str | None = None,
+        folder: str | os.PathLike[str] | None = None,
+    ) -> list[SavedFile]:
+        """Save what the buffers hold to files; collection goes on and nothing is emptied.
+
+        types: `"silo"`, `"csv"`, `"bag"`. name: a file name without ending, instead of `<logger>_<date>_<run number>`.
+        folder: where to, instead of the logger's folder (should that be full, or not be there).
+        Served loggers save in their helper process. Raises SaveError (nothing stands under the final name, the data is
+        still in memory), StateError before the first start.
+        """
+        chosen = [file_type(one) for one in ([types] if isinstance(types, FileType | str) else types)]
+        self._check_open()
+        run = self._run
+        if run is None:
+            raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
+        ticks = run.segment.ticks
+        if self._serving is not None and self._serving.alive:
+            saved = self._serving.save(chosen, name or "", str(Path(folder).resolve()) if folder else "")
+        else:
+            from silo.files import write
+
+            saved = write(self.snapshot(), folder or self.options.folder, self.options.name, chosen, name)
+        with self._lock:
+            if run is self._run:  # else it was started anew meanwhile
+                self._saved_ticks = max(self._saved_ticks, ticks)
+                run.segment.mark_saved(self._saved_ticks)
+        return saved
+
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether ticks were logged that stand in no file."""
+        return self.ticks > self._saved_ticks
+
+    # ------------------------------------------------------------------------------------------- serving, ending
+
+    def serve(self, *, group: str | None = None, config: str | os.PathLike[str] | None = None) -> "Serving":
+        """Start the helper process: from now on `silo` and `silo-tui` find this logger.
+
+        group: lets the members of a system group in too (off by default). config: a file with remote access settings
+        (see `config/`). Use it as a context manager, or call its `close()`.
+        """
+        from silo.logger.serving import Serving
+
+        with self._lock:
+            self._check_open()
+            if self._serving is not None and self._serving.alive:
+                raise StateError(f"logger '{self.options.name}' is served already")
+            if not self._updated:
+                self.update()
+            self._serving = Serving(self, group=group, config=config)
+            return self._serving
+
+    def close(self) -> None:
+        """Stop, end the helper process and free the buffers. What was not saved is gone; closing twice is fine."""
+        with self._lock:
+            if self._closed:
+                return
+            self.stop()
+            self._closed = True
+        if self._serving is not None:
+            self._serving.close()
+        if self._run is not None:
+            self._run.drop()
+        self._table.release()
+
+    cleanup = close
+
+    def __enter__(self) -> "Logger":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close; after Ctrl-C or an error, save what was not saved yet."""
+        if kind is None:
+            self.close()
+        else:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """End without `close()`, as at the end of a process: unsaved data is saved as `.silo`, and it is said where.
+
+        A served logger leaves that to its helper process. Where saving fails, `silo recover` can do it later.
+        """
+        if self._closed:
+            return
+        if not self.has_unsaved or self._run is None:
+            self.close()
+            return
+        self.stop()
+        self._closed = True
+        if self._serving is not None:
+            if self._serving.alive:
+                self._serving.abandon()
+            if self._serving.left == (self.segment_path, self.ticks):
+                return  # the helper process saves them and deletes the segment
+        from silo.files import write
+
+        options = self.options
+        try:
+            saved = write(self._run.reader.snapshot(), options.folder, options.name, [FileType.SILO])
+        except SiloError as failure:
+            self._say_where_it_is(f": {failure}")
+            return
+        self._run.drop()
+        paths = ", ".join(file.path for file in saved)
+        print(f"silo: logger '{options.name}' ended without save() or close(); saved {paths}", file=sys.stderr)
+
+    def __del__(self) -> None:
+        """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""
+        if getattr(self, "_closed", True):
+            return
+        if self.has_unsaved and (self._serving is None or not self._serving.alive):
+            self.stop()
+            self._closed = True
+            self._say_where_it_is("")  # the collector may run in any thread: no place to write files
+        else:
+            self.abandon()
+
+    def _say_where_it_is(self, problem: str) -> None:
+        print(
+            f"silo: logger '{self.options.name}' ended without save() or close(){problem}; {self.ticks} ticks are kept "
+            f"in {self.segment_path}: run `silo recover` to save them",
+            file=sys.stderr,
+        )
+
+    def _tell(self) -> None:
+        """Let the helper process know of a new state or table. Never waits."""
+        if self._serving is not None:
+            self._serving.state_changed()
+
+    @property
+    def state(self) -> State:
+        """Running or stopped, as clients see it."""
+        return State.RUNNING if self._running else State.STOPPED
+
+    @property
+    def segment_path(self) -> str:
+        """The file of the current or last run, empty before the first start."""
+        return str(self._run.segment.path) if self._run else ""
+
+    def after_fork_in_child(self) -> None:
+        """A forked child must not write into its parent's buffers, nor delete them."""
+        self._lock = threading.RLock()  # the parent may hold it
+        if self._run is not None:
+            self._run.forget()
+        self._set_collect(_idle)
+        self._running = False
+        self._closed = True
+        self._serving = None
+        self._run = None

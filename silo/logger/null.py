@@ -1,0 +1,167 @@
+"""A logger that does nothing, with the interface of `Logger`: code that logs need not care whether anybody does."""
+
+import enum
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from silo.ipc.messages import Edit, SavedFile, State
+from silo.logger.new_values import NewValues
+from silo.model import Action, BufferType, ElementInfo, FileType, LoggerOptions, Storage
+from silo.recording import Recording
+
+
+class NullServing:
+    """What `NullLogger.serve` returns: nothing listens."""
+
+    alive = False
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def __enter__(self) -> "NullServing":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Do nothing."""
+
+
+class NullLogger:
+    """Takes every call of `Logger` and logs nothing. `array` returns ordinary zeros, so that the program works on."""
+
+    is_running = False
+    has_unsaved = False
+    ticks = 0
+    lost = 0
+    revision = 0
+    stop_reason = ""
+    segment_path = ""
+    state = State.STOPPED
+
+    def __init__(
+        self,
+        name: str = "silo",
+        *,
+        frequency: float = 100.0,
+        max_time: float = 10.0,
+        script: str | os.PathLike[str] = "logger.yaml",
+        prefix: str = "/log",
+        clock: Callable[[], int | float] | None = None,
+        folder: str | os.PathLike[str] = ".",
+        storage: str | Storage = Storage.MEMORY,
+        size_tiers: int = 3,
+        memory_limit_mb: int = 1024,
+        checked: bool = False,
+    ) -> None:
+        self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
+        self.elements: list[ElementInfo] = []
+        self.source_failures: dict[str, int] = {}
+
+    def add(
+        self,
+        source: object,
+        name: str | None = None,
+        *,
+        attr: str | None = None,
+        group: str = "",
+        unit: str = "-",
+        divider: int = 1,
+        action: Action = Action.SAVE,
+        buffer_type: BufferType = BufferType.LOOPING,
+        buffer_size: int | None = None,
+        enabled: bool = True,
+        kind: str = "",
+        labels: type[enum.Enum] | Mapping[int, str] | None = None,
+        description: str = "",
+        string_bytes: int | None = None,
+    ) -> None:
+        """Register nothing."""
+
+    def array(
+        self, name: str, shape: int | tuple[int, ...] = (), dtype: DTypeLike = float, **options: Any
+    ) -> NDArray[Any]:
+        """Zeros of this shape and type."""
+        return np.zeros(shape, dtype)
+
+    def update(self, *, read_script: bool = True) -> None:
+        """Do nothing."""
+
+    def collect(self) -> None:
+        """Do nothing."""
+
+    def start(self) -> None:
+        """Do nothing."""
+
+    def stop(self) -> None:
+        """Do nothing."""
+
+    def restart(self) -> None:
+        """Do nothing."""
+
+    def set(self, name: str = "/", **options: Any) -> int:
+        """Change nothing; 0 elements."""
+        return 0
+
+    def enable(self, name: str = "/") -> int:
+        """Change nothing; 0 elements."""
+        return 0
+
+    def disable(self, name: str = "/") -> int:
+        """Change nothing; 0 elements."""
+        return 0
+
+    def apply(self, edits: Sequence[Edit]) -> int:
+        """Change nothing; 0 elements."""
+        return 0
+
+    def load_script(self, path: str | os.PathLike[str] | None = None) -> list[str]:
+        """Read nothing; no unknown names."""
+        return []
+
+    def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
+        """Write nothing; the path that would have been written."""
+        return Path(path or self.options.script)
+
+    def snapshot(self) -> Recording:
+        """An empty recording."""
+        return Recording(self.options.name, np.empty(0, np.int64), 0, ())
+
+    def read_new_values(self, name: str) -> NewValues:
+        """No values."""
+        return NewValues(np.empty(0, np.int64), np.empty(0), 0)
+
+    def save(
+        self,
+        types: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        name: str | None = None,
+        folder: str | os.PathLike[str] | None = None,
+    ) -> list[SavedFile]:
+        """Write nothing; no files."""
+        return []
+
+    def serve(self, *, group: str | None = None, config: str | os.PathLike[str] | None = None) -> NullServing:
+        """Nothing listens."""
+        return NullServing()
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    cleanup = close
+
+    def abandon(self) -> None:
+        """Do nothing."""
+
+    def __enter__(self) -> "NullLogger":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Do nothing."""

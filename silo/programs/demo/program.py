@@ -1,0 +1,148 @@
+"""The program of `silo demo`: a control loop at 400 Hz with silo in it, as one would write it for a real robot."""
+
+import os
+import signal as system_signals
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from silo.logger.logger import Logger
+from silo.model import Action, FileType
+from silo.programs.demo.robot import Robot
+from silo.programs.demo.signals import Signal, signals
+from silo.programs.pace import EndSignals, Pace
+
+FREQUENCY_HZ = 400.0
+PARENT_LOOK_S = 1.0
+LOOP_ELEMENTS = 4
+
+
+@dataclass(frozen=True)
+class DemoOptions:
+    """What `silo demo` can be told; see its help. `elements` None is the robot as it is, about 500."""
+
+    name: str = "demo"
+    frequency_hz: float = FREQUENCY_HZ
+    elements: int | None = None
+    time_limit_s: float | None = None
+    folder: Path = Path()
+    script: Path | None = None
+    stopped: bool = False
+    seed: int = 0
+    save: tuple[FileType, ...] = ()
+    parent_pid: int | None = None  # end when this process, which started us, is gone
+
+
+def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
+    """Run the robot until Ctrl-C, SIGTERM or the time limit. Raises SiloError when it can't log."""
+    robot, chosen = make_robot(options)
+    options.folder.mkdir(parents=True, exist_ok=True)
+    log = Logger(
+        options.name,
+        frequency=options.frequency_hz,
+        max_time=0,  # no limit: run until Ctrl-C, looping buffers hold 10 s
+        script=options.script or options.folder / f"{options.name}.yaml",
+        folder=options.folder,
+    )
+    register(log, chosen)
+    # the loop watches itself; these variables live in silo's own memory
+    step_us = log.array("step_time", group="loop", unit="us", action=Action.SAVE_AND_PUBLISH)
+    late_us = log.array("lateness", group="loop", unit="us", action=Action.SAVE_AND_PUBLISH)
+    skipped = log.array("skipped", dtype="u4", group="loop", unit="count", divider=40)
+    ticks = log.array("ticks", dtype="i8", group="loop", unit="count", divider=4)
+    log.update()
+
+    with log, EndSignals() as ending, log.serve():
+        if not options.stopped:
+            log.start()
+        say(welcome(log))
+        if options.parent_pid is not None:
+            threading.Thread(target=end_with, args=(options.parent_pid,), daemon=True).start()
+        pace = Pace(options.frequency_hz)
+        end_s = time.monotonic() + (options.time_limit_s or float("inf"))
+        while not ending.received and time.monotonic() < end_s:
+            began_ns = time.perf_counter_ns()
+            robot.step()
+            step_us[...] = (time.perf_counter_ns() - began_ns) / 1000
+            ticks[...] = robot.ticks
+            log.collect()
+            late_us[...] = pace.wait() / 1000
+            skipped[...] = pace.skipped
+        log.stop()
+        farewell(log, options.save, say)
+
+
+def end_with(parent_pid: int) -> None:
+    """Ends the program in order when its parent is gone: a killed one can't. For a thread, so that the loop pays 0."""
+    while os.getppid() == parent_pid:
+        time.sleep(PARENT_LOOK_S)
+    os.kill(os.getpid(), system_signals.SIGTERM)
+
+
+def make_robot(options: DemoOptions) -> tuple[Robot, Sequence[Signal]]:
+    """The robot and the elements to log; with more elements than it has, further diagnostic channels are made."""
+    wanted = options.elements
+    robot = Robot(options.frequency_hz, options.seed)
+    chosen = signals(robot)
+    if wanted is None:
+        return robot, chosen
+    missing = wanted - LOOP_ELEMENTS - len(chosen)
+    if missing <= 0:
+        return robot, chosen[: max(0, wanted - LOOP_ELEMENTS)]
+    robot = Robot(options.frequency_hz, options.seed, channels=missing)
+    return robot, signals(robot)
+
+
+def register(log: Logger, chosen: Sequence[Signal]) -> None:
+    """Add the elements to the logger."""
+    for signal in chosen:
+        log.add(
+            signal.source,
+            signal.name,
+            attr=signal.attr,
+            group=signal.group,
+            unit=signal.unit,
+            divider=signal.divider,
+            action=signal.action,
+            buffer_type=signal.buffer_type,
+            buffer_size=signal.buffer_size,
+            kind=signal.kind,
+            labels=signal.labels,
+            description=signal.description,
+        )
+
+
+def welcome(log: Logger) -> str:
+    """What a user needs to know at the start."""
+    options = log.options
+    script = options.script if Path(options.script).exists() else f"{options.script} (none yet: everything is logged)"
+    return (
+        f"logger '{options.name}': {len(log.elements)} elements at {options.frequency_hz:g} Hz, {log.state.value}\n"
+        f"  script  {script}\n"
+        f"  folder  {options.folder}\n"
+        f"  watch   silo-tui {options.name}   or   silo watch {options.name}\n"
+        "  end     Ctrl-C"
+    )
+
+
+def farewell(log: Logger, types: Sequence[FileType], say: Callable[[str], None]) -> None:
+    """Save if asked to, and say where the data is."""
+    name = log.options.name
+    if log.ticks == 0:
+        say(f"logger '{name}' ended; nothing was logged, so there is nothing to save")
+        return
+    if types:
+        saved = log.save(types)
+        say(f"logger '{name}' ended; {count(log.ticks)} saved:")
+        for file in saved:
+            say(f"  {file.path} ({file.size_bytes / 1e6:.1f} MB)")
+        return
+    note = "" if not log.has_unsaved else f" and not saved (use --save, or `silo save {name}` before it ends)"
+    say(f"logger '{name}' ended; {count(log.ticks)} logged{note}")
+
+
+def count(ticks: int) -> str:
+    """`1 tick`, `400 ticks`."""
+    return f"{ticks} tick{'' if ticks == 1 else 's'}"

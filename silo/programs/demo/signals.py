@@ -1,0 +1,195 @@
+"""Which variables of the simulated robot are logged, and how: one row per element.
+
+Elements refer to the robot's own memory (`source` is a view of an array) or to an attribute (`attr`).
+"""
+
+import enum
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from silo.model import Action, BufferType
+from silo.programs.demo.gait import JOINTS, LEGS
+from silo.programs.demo.parts import BatteryState, ContactState, DriveState
+from silo.programs.demo.robot import Robot
+
+LIVE = Action.SAVE_AND_PUBLISH
+SAVE = Action.SAVE
+ONLY_LIVE = Action.PUBLISH
+LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWING
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One element. `divider` is for 400 Hz: 4 is 100 Hz, 40 is 10 Hz. `buffer_size` None is the logger's default."""
+
+    group: str
+    name: str
+    source: object
+    unit: str = "-"
+    divider: int = 1
+    action: Action = SAVE
+    buffer_type: BufferType = LOOPING
+    buffer_size: int | None = None
+    attr: str | None = None
+    kind: str = ""
+    labels: type[enum.Enum] | None = None
+    description: str = ""
+
+
+# attribute, unit, divider, action, labels, description
+_JOINT: tuple[tuple[str, str, int, Action, type[enum.Enum] | None, str], ...] = (
+    ("position", "rad", 1, LIVE, None, "measured by the encoder"),
+    ("velocity", "rad/s", 1, LIVE, None, "difference of the positions"),
+    ("torque", "Nm", 1, LIVE, None, "measured at the joint"),
+    ("current", "A", 1, LIVE, None, "motor current"),
+    ("winding_temperature", "degC", 40, LIVE, None, "heats with the square of the current"),
+    ("position_command", "rad", 1, SAVE, None, ""),
+    ("velocity_command", "rad/s", 1, SAVE, None, ""),
+    ("torque_command", "Nm", 1, SAVE, None, ""),
+    ("tracking_error", "rad", 1, LIVE, None, "command minus measured position"),
+    ("acceleration", "rad/s^2", 2, SAVE, None, ""),
+    ("gravity_torque", "Nm", 2, SAVE, None, "part of the torque that carries the contact force"),
+    ("friction_torque", "Nm", 2, SAVE, None, ""),
+    ("torque_margin", "Nm", 4, SAVE, None, "distance to the torque limit"),
+    ("voltage", "V", 2, SAVE, None, "at the motor"),
+    ("power", "W", 2, SAVE, None, "electrical power of the motor"),
+    ("energy", "J", 40, SAVE, None, "since the program started"),
+    ("housing_temperature", "degC", 400, LIVE, None, ""),
+    ("encoder_count", "count", 1, SAVE, None, "65536 counts per turn"),
+    ("bus_latency", "us", 4, SAVE, None, "answer time of the drive"),
+    ("missed_frames", "count", 40, SAVE, None, ""),
+    ("error_flags", "bits", 4, SAVE, None, "error word of the drive"),
+    ("drive_state", "-", 4, LIVE, DriveState, ""),
+    ("peak_torque", "Nm", 40, SAVE, None, "largest since the program started"),
+    ("deflection", "rad", 4, SAVE, None, "of drive and gear under the torque"),
+    ("mechanical_power", "W", 4, SAVE, None, "torque times velocity"),
+    ("position_margin", "rad", 4, SAVE, None, "distance to the end stop"),
+    ("thermal_load", "%", 40, LIVE, None, "of the winding, 100 is 110 degC"),
+    ("drive_temperature", "degC", 400, SAVE, None, "power electronics"),
+    ("gain_p", "Nm/rad", 400, SAVE, None, ""),
+    ("gain_d", "Nms/rad", 400, SAVE, None, ""),
+)
+
+_LEG: tuple[tuple[str, str, int, Action, type[enum.Enum] | None, str], ...] = (
+    ("contact", "-", 1, LIVE, None, "whether the foot carries"),
+    ("contact_force", "N", 1, LIVE, None, "on the foot, in the world frame"),
+    ("contact_state", "-", 1, LIVE, ContactState, ""),
+    ("contact_probability", "-", 2, LIVE, None, ""),
+    ("force_sensor", "N", 1, LIVE, None, "normal force as the foot's sensor reports it, with spikes on LH"),
+    ("force_command", "N", 1, SAVE, None, ""),
+    ("phase", "-", 1, LIVE, None, "place in the gait cycle, 0 at touchdown"),
+    ("foot_position", "m", 1, LIVE, None, "in the base frame"),
+    ("foot_velocity", "m/s", 1, SAVE, None, "in the base frame"),
+    ("foot_target", "m", 1, SAVE, None, "in the base frame"),
+    ("jacobian", "m/rad", 4, SAVE, None, "foot velocity by joint velocity"),
+    ("stance_time", "s", 4, SAVE, None, ""),
+    ("swing_time", "s", 4, SAVE, None, ""),
+    ("step_count", "count", 40, LIVE, None, ""),
+    ("slip_distance", "m", 40, SAVE, None, ""),
+    ("friction_margin", "N", 4, SAVE, None, "distance to the friction cone"),
+    ("impact", "N", 1, SAVE, None, "blow at touchdown"),
+    ("ground_height", "m", 4, SAVE, None, "under the foot, in the world, kept while it swings"),
+    ("power", "W", 40, LIVE, None, "electrical power of the three drives"),
+    ("board_temperature", "degC", 400, LIVE, None, "motor driver board"),
+    ("board_voltage", "V", 40, SAVE, None, ""),
+    ("board_current", "A", 40, SAVE, None, ""),
+    ("fan_speed", "rpm", 400, SAVE, None, ""),
+)
+
+
+def signals(robot: Robot) -> list[Signal]:
+    """Every element of the robot, the most telling ones first; about 500."""
+    return [
+        *_body(robot),
+        *_legs(robot),
+        *_joints(robot),
+        *_software(robot),
+        *_channels(robot),
+    ]
+
+
+def _body(robot: Robot) -> Iterator[Signal]:
+    base, sensors, battery = robot.base, robot.sensors, robot.battery
+    yield Signal("base", "pose", base.pose, "m", action=LIVE, kind="pose", description="base in the world")
+    yield Signal("base", "twist", base.twist, "m/s", action=LIVE, kind="twist", description="in the base frame")
+    yield Signal("base", "acceleration", base.acceleration, "m/s^2", action=LIVE, description="in the world")
+    yield Signal("base", "euler", base.euler, "rad", 4, LIVE, kind="array", description="roll, pitch, yaw")
+    yield Signal("base", "command", base.command, "m/s", 4, LIVE, kind="array", description="forward, left, turn")
+    yield Signal("base", "centre_of_mass", base.centre_of_mass, "m", 4)
+    yield Signal("base", "inertia", base.inertia, "kg m^2", 400, buffer_type=FIXED, buffer_size=1)
+    yield Signal("controller", "gait", robot.controller, attr="gait", action=LIVE)
+    yield Signal("controller", "state", robot.controller, attr="state", divider=4, action=LIVE, description="mission")
+    yield Signal("imu", "acceleration", sensors.acceleration, "m/s^2", action=LIVE, description="with gravity")
+    yield Signal("imu", "angular_velocity", sensors.angular_velocity, "rad/s", action=LIVE)
+    yield Signal("imu", "orientation", sensors.orientation, "-", action=LIVE, kind="quaternion")
+    yield Signal("imu", "magnetic_field", sensors.magnetic_field, "uT", 4)
+    yield Signal("imu", "temperature", sensors.imu_temperature, "degC", 400, LIVE)
+    yield Signal("imu", "gyro_bias", sensors.gyro_bias, "rad/s", 40)
+    yield Signal("battery", "voltage", battery.voltage, "V", 40, LIVE)
+    yield Signal("battery", "current", battery.current, "A", 40, LIVE)
+    yield Signal("battery", "power", battery.power, "W", 40, LIVE)
+    yield Signal("battery", "charge", battery.charge, "-", 400, LIVE, GROWING, 600, description="0 empty, 1 full")
+    yield Signal("battery", "temperature", battery.temperature, "degC", 400, SAVE, GROWING, 600)
+    yield Signal("battery", "cells", battery.cells, "V", 400, SAVE, GROWING, 600)
+    yield Signal("battery", "state", battery, attr="state", divider=400, action=LIVE, labels=BatteryState)
+    yield Signal("sensors", "sonar_left", sensors.sonar_left, "m", 2, LIVE, description="loose plug: NaN now and then")
+    yield Signal("sensors", "sonar_right", sensors.sonar_right, "m", 2, LIVE)
+    yield Signal("sensors", "pressure", sensors.pressure, "hPa", 4, LIVE, description="sticks after 12 s")
+    yield Signal("sensors", "humidity", sensors.humidity, "%", 400)
+    yield Signal("sensors", "ranges", sensors.ranges, "m", 20, ONLY_LIVE, description="32 beams, too much to keep")
+
+
+def _legs(robot: Robot) -> Iterator[Signal]:
+    for row, leg in enumerate(LEGS):
+        for name, unit, divider, action, labels, description in _LEG:
+            source = getattr(robot.legs, name)[row, ...]
+            yield Signal(
+                f"legs/{leg}", name, source, unit, divider, action, labels=labels, description=description
+            )  # fmt: skip
+
+
+def _joints(robot: Robot) -> Iterator[Signal]:
+    for place in range(len(LEGS) * len(JOINTS)):
+        group = f"legs/{LEGS[place // 3]}/{JOINTS[place % 3]}"
+        for name, unit, divider, action, labels, description in _JOINT:
+            source: Any = getattr(robot.joints, name)[place, ...]
+            # gains are set once: their first samples say all
+            buffer_type, size = (FIXED, 10) if name.startswith("gain") else (LOOPING, None)
+            yield Signal(
+                group, name, source, unit, divider, action, buffer_type, size, labels=labels, description=description
+            )
+
+
+def _software(robot: Robot) -> Iterator[Signal]:
+    controller, estimator = robot.controller, robot.estimator
+    yield Signal("controller", "gait_phase", controller.gait_phase, action=LIVE)
+    yield Signal("controller", "cycle_time", controller.cycle_time, "s", 40)
+    yield Signal("controller", "duty", controller.duty, "-", 40)
+    yield Signal("controller", "forces", controller.forces, "N", 2, kind="array")
+    yield Signal("controller", "solver_iterations", controller.solver_iterations, "count", action=LIVE)
+    yield Signal("controller", "solver_time", controller.solver_time, "us", action=LIVE)
+    yield Signal("controller", "solver_cost", controller.solver_cost, "-", 2)
+    yield Signal("controller", "stability_margin", controller.stability_margin, "m", 2, LIVE)
+    yield Signal("estimator", "position", estimator.position, "m", action=LIVE)
+    yield Signal("estimator", "velocity", estimator.velocity, "m/s", action=LIVE)
+    yield Signal("estimator", "covariance", estimator.covariance, "-", 40)
+    yield Signal("estimator", "innovation", estimator.innovation, "-", 2, kind="array")
+    yield Signal("estimator", "mahalanobis", estimator.mahalanobis, "-", 2)
+    yield Signal("estimator", "slip_detected", estimator.slip_detected, action=LIVE)
+    yield Signal("joints", "position", robot.joints.position, "rad", 1, LIVE, description="all twelve in one element")
+    yield Signal("joints", "velocity", robot.joints.velocity, "rad/s", 1, LIVE, description="all twelve in one element")
+    yield Signal("joints", "torque", robot.joints.torque, "Nm", 1, LIVE, description="all twelve in one element")
+
+
+def _channels(robot: Robot) -> Iterator[Signal]:
+    """Further channels for trying large tables, with settings of every sort."""
+    for number in range(robot.channels.size):
+        yield Signal(
+            f"diagnostics/unit{number // 50:03}",
+            f"channel{number:05}",
+            robot.channels[number, ...],
+            ("V", "A", "degC", "count")[number % 4],
+            (4, 20, 40, 400)[number % 4],
+            LIVE if number % 5 == 0 else SAVE,
+        )

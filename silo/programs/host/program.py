@@ -1,0 +1,82 @@
+"""The program of `silo host`: reads the probes in turn, collects at 20 Hz."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from silo.logger.logger import Logger
+from silo.model import Action, FileType
+from silo.programs.demo.program import farewell, welcome
+from silo.programs.host.probes import PROBES
+from silo.programs.host.reading import Reader
+from silo.programs.pace import EndSignals, Pace
+
+FREQUENCY_HZ = 20.0
+
+
+@dataclass(frozen=True)
+class HostOptions:
+    """What `silo host` can be told; see its help."""
+
+    name: str = "host"
+    frequency_hz: float = FREQUENCY_HZ
+    time_limit_s: float | None = None
+    folder: Path = Path()
+    script: Path | None = None
+    stopped: bool = False
+    save: tuple[FileType, ...] = ()
+
+
+class Monitor:
+    """All sources that this computer has. `read()` once per tick reads those that are due.
+
+    Slow sources with the same divider are read in different ticks, so that no tick carries all of them.
+    """
+
+    def __init__(self, log: Logger) -> None:
+        self._due: list[tuple[Reader, int, int]] = []
+        self._ticks = 0
+        for place, probe in enumerate(PROBES):
+            reader = probe.make(log, probe.divider)
+            if reader is not None:
+                reader()
+                self._due.append((reader, probe.divider, place % probe.divider))
+
+    def read(self) -> None:
+        """New values of the sources that are due in this tick."""
+        for reader, divider, phase in self._due:
+            if self._ticks % divider == phase:
+                reader()
+        self._ticks += 1
+
+
+def run_host(options: HostOptions, say: Callable[[str], None] = print) -> None:
+    """Log this computer until Ctrl-C, SIGTERM or the time limit. Raises SiloError when it can't log."""
+    options.folder.mkdir(parents=True, exist_ok=True)
+    log = Logger(
+        options.name,
+        frequency=options.frequency_hz,
+        max_time=0,  # no limit: run until Ctrl-C
+        script=options.script or options.folder / f"{options.name}.yaml",
+        folder=options.folder,
+    )
+    lateness_ms = log.array("lateness", group="loop", unit="ms", action=Action.SAVE_AND_PUBLISH)
+    reading_ms = log.array("reading_time", group="loop", unit="ms", action=Action.SAVE_AND_PUBLISH)
+    monitor = Monitor(log)
+    log.update()
+
+    with log, EndSignals() as ending, log.serve():
+        if not options.stopped:
+            log.start()
+        say(welcome(log))
+        pace = Pace(options.frequency_hz)
+        end_s = time.monotonic() + (options.time_limit_s or float("inf"))
+        while not ending.received and time.monotonic() < end_s:
+            began_s = time.perf_counter()
+            monitor.read()
+            reading_ms[...] = (time.perf_counter() - began_s) * 1e3
+            log.collect()
+            lateness_ms[...] = pace.wait() / 1e6
+        log.stop()
+        farewell(log, options.save, say)

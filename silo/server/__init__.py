@@ -1,1 +1,0 @@
-"""The helper process: answers clients, publishes, saves, and outlives a robot process that died."""

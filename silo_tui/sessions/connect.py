@@ -1,0 +1,52 @@
+"""The loggers of this computer, or those that a configuration reaches, through the client library of silo.
+
+Imported by `silo_tui.cli` alone; Zenoh is loaded when the first look around is made, in a thread.
+"""
+
+from typing import TYPE_CHECKING
+
+from silo_tui.sessions.finder import Found, FoundLogger
+from silo_tui.sessions.link import ClientLike
+
+if TYPE_CHECKING:
+    from silo.ipc import discovery
+
+LOOK_TIMEOUT_S = 1.0
+
+
+class ClientFinder:
+    """Finds loggers and connects to them."""
+
+    def __init__(self, config: str = "") -> None:
+        self._config = config
+        self._seen: dict[str, discovery.Found] = {}
+        self._own_name = ""
+
+    @property
+    def own_name(self) -> str:
+        """How events speak of us; empty before the first look."""
+        return self._own_name
+
+    def find(self) -> Found:
+        """The loggers that run now, and advice for those that are closed to us."""
+        from silo.ipc.discovery import discover
+        from silo.ipc.exchange import client_name
+
+        self._own_name = client_name()
+        found = discover(LOOK_TIMEOUT_S, self._config)
+        loggers = []
+        for each in found.loggers:
+            key = each.socket or f"{each.host}/{each.name}"
+            self._seen[key] = each
+            loggers.append(FoundLogger(each.name, each.pid, each.user or each.host, key))
+        advice = [
+            f"{folder.owner} runs {', '.join(folder.loggers) or 'a logger'}, closed to you: {folder.advice}"
+            for folder in found.forbidden
+        ]
+        return Found(tuple(loggers), tuple(advice))
+
+    def connect(self, logger: FoundLogger) -> ClientLike:
+        """A connection to a logger that was found. ConnectionLostError says what to do when it doesn't answer."""
+        from silo.ipc.client import Client
+
+        return Client.connect(self._seen[logger.key])

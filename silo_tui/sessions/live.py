@@ -1,0 +1,294 @@
+"""One open logger: its table, its pending edits, its newest values, and what can be asked of it.
+
+Screens read its parts and call its coroutines; it draws nothing and asks nothing. Errors of the logger are raised.
+"""
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from silo.errors import RefusedError
+from silo.ipc.messages import Event, EventKind, RefusedWhy, State, Status
+from silo.model import BufferType, ElementInfo, ElementOptions
+from silo_tui.model.columns import ColumnStore
+from silo_tui.model.live import Frame, LiveValues
+from silo_tui.model.rows import RowList
+from silo_tui.model.source import Column
+from silo_tui.model.table import TableState
+from silo_tui.sessions.link import ClientLike, HistoryLike, Link, Wish
+
+MAX_HISTORY_NAMES = 64
+NO_STATUS = Status(
+    logger="", host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=-1, frequency_hz=0.0,
+    measured_hz=0.0, ticks=0, started_ns=0, last_tick_ns=0, lost=0, elements=0, enabled=0, entries=0, max_time_s=0.0,
+    prefix="", folder="", script="",
+)  # fmt: skip
+
+
+class Session:
+    """State and commands of one logger. Lives in the event loop."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.link: Link | None = None
+        self.status = NO_STATUS
+        self.may_edit = True
+        self.table = TableState()
+        self.rows = RowList(self.table)
+        self.live = LiveValues()
+        self.columns = ColumnStore((), 1, 1)
+        self.measured_hz = 0.0
+        self.ticks = 0
+        self.lost_total = 0
+        self.frame_time_ns = 0
+        self.frame_at = 0.0  # monotonic, of the newest frame
+        self.lost_since: float | None = None  # monotonic, when the link was lost
+        self.saves: dict[int, Event] = {}  # the newest event of each save
+        self.resized: set[str] = set()  # elements with another buffer than the recording that is held was made with
+        self._entry_counts: dict[tuple[str, ...], list[int]] = {}
+
+    # ------------------------------------------------------------------------------------------------ what is
+
+    @property
+    def running(self) -> bool:
+        """Whether the logger collects."""
+        return self.status.state is State.RUNNING
+
+    @property
+    def dead(self) -> bool:
+        """Whether the robot process is gone (the helper still answers)."""
+        return self.status.state is State.DEAD
+
+    @property
+    def connected(self) -> bool:
+        """Whether somebody answers."""
+        return self.link is not None and self.lost_since is None
+
+    @property
+    def fresh(self) -> bool:
+        """Whether the values on the screen are of now."""
+        return self.connected and not self.dead
+
+    @property
+    def run_seconds(self) -> float:
+        """How long the logger has been running, or did run."""
+        end = max(self.frame_time_ns if self.running else 0, self.status.last_tick_ns)
+        return max(0.0, (end - self.status.started_ns) / 1e9) if self.status.started_ns else 0.0
+
+    def short_name(self, name: str) -> str:
+        """A name without the prefix that all names share."""
+        prefix = self.status.prefix.rstrip("/")
+        return name[len(prefix) :] if prefix and name.startswith(prefix + "/") else name
+
+    # ------------------------------------------------------------------------------------------------ commands
+
+    async def attach(self, link: Link) -> None:
+        """Takes a new connection and reads everything once."""
+        self.link = link
+        hello = await link.call(lambda client: client.hello())
+        self.may_edit = hello.may_edit
+        self.take_status(hello.status)
+        await self.reload()
+        self.lost_since = None if link.connected else time.monotonic()
+
+    async def reload(self) -> None:
+        """Reads the table again; pending edits are rebased on it."""
+        table = await self._link.call(lambda client: client.table())
+        if table.revision != self.table.revision or not len(self.table):
+            if not self.running:
+                old = {element.name: element.options for element in self.table.elements}
+                self.resized |= {
+                    element.name
+                    for element in table.elements
+                    if (before := old.get(element.name)) is not None and _buffer(before) != _buffer(element.options)
+                }
+            self.table.load(table)
+            self.rows.refresh()
+            self._entry_counts.clear()
+
+    async def refresh_status(self) -> None:
+        """Asks for the status."""
+        self.take_status(await self._link.call(lambda client: client.status()))
+
+    async def apply(self) -> int:
+        """Applies the pending edits as one transaction and returns how many elements changed.
+
+        RefusedError says why not; when somebody else changed the table meanwhile it was read again and the edits are
+        rebased, so that the caller can show the conflicts or try again.
+        """
+        edits, revision = self.table.edits(), self.table.revision
+        try:
+            applied = await self._link.call(lambda client: client.apply(edits, revision))
+        except RefusedError as refused:
+            if why(refused) is RefusedWhy.CONFLICT:
+                await self.reload()
+            raise
+        await self.reload()
+        self.table.forget_history()
+        self._link.watch_again()
+        return applied.changed
+
+    async def start(self) -> None:
+        """Starts the logger; what was read belongs to the run before."""
+        self.take_status(await self._link.call(lambda client: client.start()))
+
+    async def stop(self) -> None:
+        """Stops the logger."""
+        self.take_status(await self._link.call(lambda client: client.stop()))
+
+    async def restart(self) -> None:
+        """Stops and starts the logger."""
+        self.take_status(await self._link.call(lambda client: client.restart()))
+
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
+        """Past columns of some entries, asked for in pieces as large as a logger answers."""
+        store: ColumnStore | None = None
+        for begin in range(0, len(names), MAX_HISTORY_NAMES):
+            some = list(names[begin : begin + MAX_HISTORY_NAMES])
+
+            def ask(client: ClientLike, some: Sequence[str] = some) -> HistoryLike:
+                return client.history(some, start_ns, end_ns, column_ns)
+
+            past = await self._link.read(ask)
+            if store is None:
+                store = ColumnStore(names, max(1, past.low.shape[1]), column_ns)
+            store.merge(past.names, past.first, past.low, past.high)
+        if store is None:
+            empty = np.zeros((0, 0))
+            return Column((), 0, column_ns, empty, empty)
+        return Column(store.names, store.first, column_ns, store.low, store.high)
+
+    def watch(self, wish: Wish) -> None:
+        """What the screen shows from now on."""
+        if self.link is not None:
+            self.link.watch(wish)
+
+    # -------------------------------------------------------------------------------------------- what comes in
+
+    def poll(self) -> Frame | None:
+        """Takes the newest frame over; None when nothing came."""
+        frame = self.link.frame() if self.link is not None else None
+        if frame is None:
+            return None
+        self.frame_at = time.monotonic()
+        self.frame_time_ns, self.ticks = frame.time_ns, frame.tick
+        self.measured_hz, self.lost_total = frame.measured_hz, frame.lost_total
+        if frame.column_ns == self.columns.column_ns:  # else it is of the view before
+            self.columns.merge(frame.plots, frame.first, frame.low, frame.high)
+        return frame
+
+    def take_values(self, frame: Frame) -> list[str]:
+        """Takes the values of a frame over and returns the names that changed."""
+        counts = self._entry_counts.get(frame.elements)
+        if counts is None:
+            rows = [self.table.row(name) for name in frame.elements]
+            counts = [len(self.table.elements[row].entries) if row is not None else 0 for row in rows]
+            self._entry_counts = {frame.elements: counts}
+        if sum(counts) != len(frame.newest):
+            return []  # a frame of a table that we haven't read yet
+        return self.live.take(frame, counts)
+
+    def take_status(self, status: Status) -> None:
+        """Takes a status over."""
+        if status.started_ns != self.status.started_ns and self.status is not NO_STATUS:
+            self.live.forget()
+            self.resized.clear()
+            self.columns = ColumnStore(self.columns.names, self.columns.count, self.columns.column_ns)
+        self.status = status
+        self.measured_hz, self.ticks, self.lost_total = status.measured_hz, status.ticks, status.lost
+
+    async def take_event(self, event: Event) -> None:
+        """Follows what happened in the logger."""
+        if event.job:
+            self.saves[event.job] = event
+        if event.status is not None:
+            self.take_status(event.status)
+        elif event.kind not in {EventKind.SAVING, EventKind.SCRIPT_SAVED, EventKind.SAVE_FAILED}:
+            await self.refresh_status()
+        if event.kind in {EventKind.EDITED, EventKind.SCRIPT_LOADED} or self.status.revision != self.table.revision:
+            await self.reload()
+        if event.kind in {EventKind.STARTED, EventKind.STOPPED, EventKind.EDITED, EventKind.SCRIPT_LOADED}:
+            self._link.watch_again()
+
+    def lose(self) -> None:
+        """The link is lost; everything stays as it was."""
+        if self.lost_since is None:
+            self.lost_since = time.monotonic()
+
+    async def regain(self) -> str:
+        """The link is back: everything is read again, pending edits are rebased.
+
+        Returns what to say: the client goes over to a new robot program of the same name by itself.
+        """
+        before = self.status
+        self.saves.clear()  # another helper process counts from 1 again
+        hello = await self._link.call(lambda client: client.hello())
+        self.may_edit = hello.may_edit
+        self.take_status(hello.status)
+        await self.reload()
+        self.lost_since = None
+        self._link.watch_again()
+        if before.pid == self.status.pid:
+            return "the link is back"
+        return f"the robot program was started again; of the one before: {before.reason or 'nothing is known'}"
+
+    def close(self) -> None:
+        """Lets the connection go."""
+        if self.link is not None:
+            self.link.close()
+
+    @property
+    def _link(self) -> Link:
+        if self.link is None:
+            raise RefusedError(f"not connected to {self.name} yet")
+        return self.link
+
+
+class LiveSource:
+    """A live logger as a source of plots."""
+
+    live = True
+    begin_ns = 0
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    @property
+    def end_ns(self) -> int:
+        """The time of the newest frame, or of the last tick."""
+        status = self._session.status
+        running = self._session.running and self._session.frame_time_ns
+        return self._session.frame_time_ns if running else (status.last_tick_ns or self._session.frame_time_ns)
+
+    def element(self, name: str) -> ElementInfo | None:
+        """The element of that name."""
+        row = self._session.table.row(name)
+        return self._session.table.elements[row] if row is not None else None
+
+    def period_ns(self, element: str) -> int:
+        """Time between two samples."""
+        row = self._session.table.row(element)
+        divider = int(self._session.table.server[1, row]) if row is not None else 1
+        return int(1e9 * divider / (self._session.status.frequency_hz or 1.0))
+
+    def is_live(self, element: str) -> bool:
+        """Whether the logger publishes the element."""
+        row = self._session.table.row(element)
+        return row is not None and self._session.table.is_live(row)
+
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
+        """Columns straight from the logger's buffers."""
+        if end_ns <= start_ns:
+            names = ()
+        return await self._session.history(names, start_ns, end_ns, column_ns)
+
+
+def _buffer(options: ElementOptions) -> tuple[BufferType, int]:
+    return options.buffer_type, options.buffer_size
+
+
+def why(error: RefusedError) -> RefusedWhy | None:
+    """The reason that a refusal carries, where it carries one."""
+    found = getattr(error, "why", None)
+    return found if isinstance(found, RefusedWhy) else None

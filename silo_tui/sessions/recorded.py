@@ -1,0 +1,79 @@
+"""One log that was opened from a file: the same parts as a logger's session, filled from a recording.
+
+It has no link, so that nothing of it can be asked of a robot; `time_ns` is the moment whose values are shown.
+"""
+
+import os
+import warnings
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+
+from silo.analysis import reports
+from silo.analysis.log import Log, LogWarning, open_log
+from silo.errors import FileFormatError
+from silo.ipc.messages import State, Status, Table
+from silo_tui.model.recorded import RecordingSource
+from silo_tui.sessions.live import Session
+
+EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
+
+
+class FileSession(Session):
+    """A log on the screen. Its table never changes."""
+
+    def __init__(self, log: Log) -> None:
+        path = Path(log.path)
+        super().__init__(path.name)
+        recording = log.recording
+        self.source = RecordingSource(recording, list(log))
+        size_bytes = path.stat().st_size if path.is_file() else 0
+        self.report = reports.report(recording, log.path, size_bytes)
+        self.rows_of = dict(zip(log, self.report.elements, strict=True))
+        self.warnings: tuple[str, ...] = tuple(recording.warnings)
+        if self.source.clock_jumps:
+            self.warnings += (f"its clock was set back {self.source.clock_jumps} times",)
+        self.time_ns = self.source.end_ns
+        self.status = Status(
+            logger=recording.logger, host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=0,
+            frequency_hz=recording.frequency_hz or 0.0, measured_hz=0.0, ticks=len(recording.time_ns),
+            started_ns=recording.started_ns, last_tick_ns=self.source.end_ns, lost=self.report.lost,
+            elements=len(log), enabled=len(log), entries=recording.entry_count, max_time_s=0.0,
+            prefix=recording.prefix, folder=str(path.parent), script="",
+        )  # fmt: skip
+        self.table.load(Table(0, self.source.elements))
+        self.rows.refresh()
+
+    @property
+    def connected(self) -> bool:
+        """A file is always there."""
+        return True
+
+    @property
+    def seconds(self) -> float:
+        """The moment whose values are shown, in seconds from the first time stamp."""
+        return (self.time_ns - self.source.begin_ns) / 1e9
+
+    @property
+    def clock(self) -> str:
+        """That moment by the clock on the wall; empty where the logger had a clock of its own."""
+        if self.time_ns < EPOCH_FROM_NS:
+            return ""
+        return f"{datetime.fromtimestamp(self.time_ns // 1_000_000 / 1000):%Y-%m-%d %H:%M:%S.%f}"[:-3]
+
+    def read(self, names: Sequence[str]) -> None:
+        """Brings the values of these elements at the moment shown."""
+        self.live.readings.update(self.source.readings(names, self.time_ns))
+        self.live.time_ns = self.time_ns
+
+
+def open_file(which: str | os.PathLike[str] | int) -> FileSession:
+    """Opens what `silo.open_log` takes. Raises its errors, and `FileFormatError` for a log without data."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)  # the banner shows them
+        log = open_log(which)
+    if not len(log.time_ns) or not len(log):
+        what = "time stamps" if len(log) else "signals"
+        told = f" ({'; '.join(log.warnings)})" if log.warnings else ""
+        raise FileFormatError(f"{log.path}: the log is empty, it holds no {what}{told}")
+    return FileSession(log)
