@@ -5,6 +5,7 @@ would miss each other, and it is deleted at the last logout while the robot prog
 """
 
 import os
+import pwd
 import stat
 import sys
 import tempfile
@@ -19,6 +20,14 @@ def shared_memory_root() -> Path:
     """`/dev/shm`, or the temporary folder where a system has none."""
     root = Path("/dev/shm")
     return root if root.is_dir() else Path(tempfile.gettempdir())
+
+
+def user_name(uid: int) -> str:
+    """The name of a user, or `uid 1234` where the system knows none, as in containers."""
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return f"uid {uid}"
 
 
 def runtime_dir() -> Path:

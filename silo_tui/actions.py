@@ -1,7 +1,7 @@
 """Everything that can be done, once: keys, footer, help and command palette are made from this list.
 
-A deed with id `x` is carried out by the method `deed_x` of the screen, or of the app. Keys avoid what terminals eat:
-`ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`.
+A command with id `x` is carried out by the method `command_x` of the screen, or of the app. Keys avoid what
+terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`.
 """
 
 from dataclasses import dataclass
@@ -10,11 +10,11 @@ from textual.binding import Binding
 
 
 @dataclass(frozen=True)
-class Deed:
+class Command:
     """One thing that can be done.
 
     `scopes` are the screens where its keys count (`any`: all of them). `footer` is its place in the key bar, 0: none.
-    `writes` deeds change the logger or its table: they are refused with `--read-only`.
+    `writes` commands change the logger or its table: they are refused with `--read-only`.
     """
 
     id: str
@@ -63,108 +63,116 @@ _DETAILS = _DETAIL + _FILE_DETAIL
 _FILE_PLOTS = _FILE_MONITOR + _FILE_DETAIL
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL
 
-DEEDS: tuple[Deed, ...] = (
+COMMANDS: tuple[Command, ...] = (
     # ------------------------------------------------------------------------------------------------- moving
-    Deed("down", "j,down", "Down", "next element", "Move", _TABLES),
-    Deed("up", "k,up", "Up", "previous element", "Move", _TABLES),
-    Deed("top", "g,home", "Top", "first element", "Move", _TABLES),
-    Deed("bottom", "G,end", "Bottom", "last element", "Move", _TABLES),
-    Deed("half_down", "ctrl+d,pagedown", "Page down", "half a page down", "Move", _TABLES),
-    Deed("half_up", "ctrl+u,pageup", "Page up", "half a page up", "Move", _TABLES),
-    Deed("left", "h,left", "Field left", "previous field", "Move", _TABLE),
-    Deed("right", "l,right", "Field right", "next field", "Move", _TABLE),
+    Command("down", "j,down", "Down", "next element", "Move", _TABLES),
+    Command("up", "k,up", "Up", "previous element", "Move", _TABLES),
+    Command("top", "g,home", "Top", "first element", "Move", _TABLES),
+    Command("bottom", "G,end", "Bottom", "last element", "Move", _TABLES),
+    Command("half_down", "ctrl+d,pagedown", "Page down", "half a page down", "Move", _TABLES),
+    Command("half_up", "ctrl+u,pageup", "Page up", "half a page up", "Move", _TABLES),
+    Command("left", "h,left", "Field left", "previous field", "Move", _TABLE),
+    Command("right", "l,right", "Field right", "next field", "Move", _TABLE),
     # ------------------------------------------------------------------------------------------ finding, marking
-    Deed("filter", "slash", "Filter", "show only some elements", "Find and mark", _TABLES, 2),
-    Deed("mark", "space", "Mark", "mark or unmark, and move on", "Find and mark", _TABLES, 1),
-    Deed("mark_shown", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Find and mark", _TABLES, 13),
-    Deed("range", "V", "Range", "begin a range, move, V again to mark it", "Find and mark", _TABLES),
-    Deed("sort", "o", "Order", "sort by the next column", "Find and mark", _TABLES),
+    Command("filter", "slash", "Filter", "show only some elements", "Find and mark", _TABLES, 2),
+    Command("mark", "space", "Mark", "mark or unmark, and move on", "Find and mark", _TABLES, 1),
+    Command(
+        "mark_shown", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Find and mark", _TABLES, 13
+    ),
+    Command("range", "V", "Range", "begin a range, move, V again to mark it", "Find and mark", _TABLES),
+    Command("sort", "o", "Order", "sort by the next column", "Find and mark", _TABLES),
     # ------------------------------------------------------------------------------------------------- editing
-    Deed("edit", "e,enter", "Edit", "edit the field under the cursor in place", "Edit", _TABLE, 3, writes=True),
-    Deed("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 4, writes=True),
-    Deed("edit_divider", "d", "Divider", "type a divider: 5, *2, 50Hz", "Edit", _TABLE, writes=True),
-    Deed("edit_size", "s", "Size", "type a buffer size: 1000, *2, 10s", "Edit", _TABLE, writes=True),
-    Deed("next_buffer", "b", "Buffer", "looping, fixed, growing", "Edit", _TABLE, writes=True),
-    Deed("next_action", "p", "Publish", "save, save and publish, publish", "Edit", _TABLE, writes=True),
-    Deed("edit_all", "equals_sign", "Set to", "type a value, beginning with =", "Edit", _TABLE, writes=True),
-    Deed("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE, 6),
-    Deed("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE),
-    Deed("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 5, writes=True),
-    Deed("discard", "x", "Discard", "drop pending edits of the row, or of what is marked", "Edit", _TABLE),
+    Command("edit", "e,enter", "Edit", "edit the field under the cursor in place", "Edit", _TABLE, 3, writes=True),
+    Command("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 4, writes=True),
+    Command("edit_divider", "d", "Divider", "type a divider: 5, *2, 50Hz", "Edit", _TABLE, writes=True),
+    Command("edit_size", "s", "Size", "type a buffer size: 1000, *2, 10s", "Edit", _TABLE, writes=True),
+    Command("next_buffer", "b", "Buffer", "looping, fixed, growing", "Edit", _TABLE, writes=True),
+    Command("next_action", "p", "Publish", "save, save and publish, publish", "Edit", _TABLE, writes=True),
+    Command("edit_all", "equals_sign", "Set to", "type a value, beginning with =", "Edit", _TABLE, writes=True),
+    Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE, 6),
+    Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE),
+    Command("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 5, writes=True),
+    Command("discard", "x", "Discard", "drop pending edits of the row, or of what is marked", "Edit", _TABLE),
     # -------------------------------------------------------------------------------------------------- logger
-    Deed("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True),
-    Deed("restart", "R", "Restart", "stop and start again", "Logger", _BOTH, writes=True),
-    Deed("save_data", "w", "Save", "write the logged data to files", "Logger", _BOTH, 9, writes=True),
-    Deed("load_script", "L", "Load script", "choose a script on the robot", "Logger", _TABLE, writes=True),
-    Deed("save_script", "W", "Save script", "store the table as a script on the robot", "Logger", _TABLE, writes=True),
-    Deed("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE),
+    Command("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True),
+    Command("restart", "R", "Restart", "stop and start again", "Logger", _BOTH, writes=True),
+    Command("save_data", "w", "Save", "write the logged data to files", "Logger", _BOTH, 9, writes=True),
+    Command("load_script", "L", "Load script", "choose a script on the robot", "Logger", _TABLE, writes=True),
+    Command(
+        "save_script", "W", "Save script", "store the table as a script on the robot", "Logger", _TABLE, writes=True
+    ),
+    Command("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE),
     # ------------------------------------------------------------------------------------------------- looking
-    Deed("monitor", "m", "Monitor", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7),
-    Deed("inspector", "i", "Inspector", "show or hide the pane on the right", "Look", _TABLES),
-    Deed("plot_down", "j,down", "Next", "next plot", "Plots", _MONITORS),
-    Deed("plot_up", "k,up", "Previous", "previous plot", "Plots", _MONITORS),
-    Deed("plot_top", "g,home", "First", "first plot", "Plots", _MONITOR),
-    Deed("plot_bottom", "G,end", "Last", "last plot", "Plots", _MONITOR),
-    Deed("pause", "space,p", "Pause", "hold the picture; the logger goes on", "Plots", _MONITOR, 1),
-    Deed("closer", "plus,equals_sign", "Shorter", "shorter time span", "Plots", _MONITORS, 2, shown_key="+"),
-    Deed("wider", "minus", "Longer", "longer time span", "Plots", _MONITORS, 3),
-    Deed("cursor_left", "h,left", "Cursor", "cursor to the left", "Plots", _MONITORS, 4, shown_key="←→"),
-    Deed("cursor_right", "l,right", "Cursor right", "cursor to the right", "Plots", _MONITORS),
-    Deed("cursor_far_left", "shift+left,H", "Far left", "cursor ten to the left", "Plots", _MONITORS),
-    Deed("cursor_far_right", "shift+right,L", "Far right", "cursor ten to the right", "Plots", _MONITORS),
-    Deed("scale", "y", "Y scale", "hold the y scale, or let it follow", "Plots", _MONITORS, 5),
-    Deed("detail", "enter,d", "Detail", "one large plot with axes", "Plots", _MONITORS, 6),
-    Deed("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
-    Deed(
+    Command("monitor", "m", "Monitor", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7),
+    Command("inspector", "i", "Inspector", "show or hide the pane on the right", "Look", _TABLES),
+    Command("plot_down", "j,down", "Next", "next plot", "Plots", _MONITORS),
+    Command("plot_up", "k,up", "Previous", "previous plot", "Plots", _MONITORS),
+    Command("plot_top", "g,home", "First", "first plot", "Plots", _MONITOR),
+    Command("plot_bottom", "G,end", "Last", "last plot", "Plots", _MONITOR),
+    Command("pause", "space,p", "Pause", "hold the picture; the logger goes on", "Plots", _MONITOR, 1),
+    Command("closer", "plus,equals_sign", "Shorter", "shorter time span", "Plots", _MONITORS, 2, shown_key="+"),
+    Command("wider", "minus", "Longer", "longer time span", "Plots", _MONITORS, 3),
+    Command("cursor_left", "h,left", "Cursor", "cursor to the left", "Plots", _MONITORS, 4, shown_key="←→"),
+    Command("cursor_right", "l,right", "Cursor right", "cursor to the right", "Plots", _MONITORS),
+    Command("cursor_far_left", "shift+left,H", "Far left", "cursor ten to the left", "Plots", _MONITORS),
+    Command("cursor_far_right", "shift+right,L", "Far right", "cursor ten to the right", "Plots", _MONITORS),
+    Command("scale", "y", "Y scale", "hold the y scale, or let it follow", "Plots", _MONITORS, 5),
+    Command("detail", "enter,d", "Detail", "one large plot with axes", "Plots", _MONITORS, 6),
+    Command("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
+    Command(
         "publish", "P", "Publish", "prepare the edit that publishes a save-only element", "Plots", _MONITOR, writes=True
     ),
-    Deed("mode", "tab,v", "Mode", "over time, x-y, spectrum", "Detail plot", _DETAILS, 1),
-    Deed(
+    Command("mode", "tab,v", "Mode", "over time, x-y, spectrum", "Detail plot", _DETAILS, 1),
+    Command(
         "detail_closer", "plus,equals_sign", "Shorter", "shorter time span", "Detail plot", _DETAILS, 2, shown_key="+"
     ),
-    Deed("detail_wider", "minus", "Longer", "longer time span", "Detail plot", _DETAILS, 3),
-    Deed("detail_left", "h,left", "Earlier", "move the window back", "Detail plot", _DETAILS, 4),
-    Deed("detail_right", "l,right", "Later", "move the window on", "Detail plot", _DETAILS, 5),
-    Deed("detail_swap", "s", "Swap", "swap x and y", "Detail plot", _DETAILS, 6),
-    Deed("detail_refresh", "r", "Refresh", "draw with what came since", "Detail plot", _DETAIL, 7),
+    Command("detail_wider", "minus", "Longer", "longer time span", "Detail plot", _DETAILS, 3),
+    Command("detail_left", "h,left", "Earlier", "move the window back", "Detail plot", _DETAILS, 4),
+    Command("detail_right", "l,right", "Later", "move the window on", "Detail plot", _DETAILS, 5),
+    Command("detail_swap", "s", "Swap", "swap x and y", "Detail plot", _DETAILS, 6),
+    Command("detail_refresh", "r", "Refresh", "draw with what came since", "Detail plot", _DETAIL, 7),
     # --------------------------------------------------------------------------------------------------- files
-    Deed("plot", "m,enter", "Plot", "plot what is marked, or the element under the cursor", "Look", _FILE, 3),
-    Deed("first_plot", "g", "First", "first plot", "Plots", _FILE_MONITOR),
-    Deed("last_plot", "G", "Last", "last plot", "Plots", _FILE_MONITOR),
-    Deed("earlier", "pageup,b", "Earlier", "half a window back", "File", _FILE_MONITOR, 7, shown_key="PgUp"),
-    Deed("later", "pagedown,f", "Later", "half a window on", "File", _FILE_MONITOR, 8, shown_key="PgDn"),
-    Deed("file_start", "home,circumflex_accent", "Start", "start of the file", "File", _FILE_PLOTS, 9),
-    Deed("file_end", "end,dollar_sign", "End", "end of the file", "File", _FILE_PLOTS, 10),
-    Deed("whole_file", "0", "Whole file", "all of the file", "File", _FILE_PLOTS, 7),
-    Deed("next_sample", "full_stop", "Next sample", "cursor to the next sample of the plot", "File", _FILE_MONITOR),
-    Deed("previous_sample", "comma", "Sample before", "cursor to the sample before", "File", _FILE_MONITOR),
+    Command("plot", "m,enter", "Plot", "plot what is marked, or the element under the cursor", "Look", _FILE, 3),
+    Command("first_plot", "g", "First", "first plot", "Plots", _FILE_MONITOR),
+    Command("last_plot", "G", "Last", "last plot", "Plots", _FILE_MONITOR),
+    Command("earlier", "pageup,b", "Earlier", "half a window back", "File", _FILE_MONITOR, 7, shown_key="PgUp"),
+    Command("later", "pagedown,f", "Later", "half a window on", "File", _FILE_MONITOR, 8, shown_key="PgDn"),
+    Command("file_start", "home,circumflex_accent", "Start", "start of the file", "File", _FILE_PLOTS, 9),
+    Command("file_end", "end,dollar_sign", "End", "end of the file", "File", _FILE_PLOTS, 10),
+    Command("whole_file", "0", "Whole file", "all of the file", "File", _FILE_PLOTS, 7),
+    Command("next_sample", "full_stop", "Next sample", "cursor to the next sample of the plot", "File", _FILE_MONITOR),
+    Command("previous_sample", "comma", "Sample before", "cursor to the sample before", "File", _FILE_MONITOR),
     # ------------------------------------------------------------------------------------------------- loggers
-    Deed("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", _TABLE),
-    Deed("next_logger", "j,down", "Next", "next logger", "Loggers", _LOGGERS),
-    Deed("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
-    Deed("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
-    Deed("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 2),
+    Command("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", _TABLE),
+    Command("next_logger", "j,down", "Next", "next logger", "Loggers", _LOGGERS),
+    Command("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
+    Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
+    Command("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 2),
     # ------------------------------------------------------------------------------------------------------ app
-    Deed("command", "colon", "Command", "type a command, Tab completes it", "Go", _TABLE, 11),
-    Deed("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?"),
-    Deed("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",)),
-    Deed("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",)),
-    Deed("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on", "Go", ("any",), 12),
-    Deed("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",)),
+    Command("command", "colon", "Command", "type a command, Tab completes it", "Go", _TABLE, 11),
+    Command("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?"),
+    Command("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",)),
+    Command("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",)),
+    Command("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on", "Go", ("any",), 12),
+    Command("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",)),
 )
 
-BY_ID = {deed.id: deed for deed in DEEDS}
+BY_ID = {command.id: command for command in COMMANDS}
 
 
-def deeds_for(scope: str) -> list[Deed]:
+def commands_for(scope: str) -> list[Command]:
     """What can be done on a screen."""
-    return [deed for deed in DEEDS if scope in deed.scopes or "any" in deed.scopes]
+    return [command for command in COMMANDS if scope in command.scopes or "any" in command.scopes]
 
 
-def deeds_like(scope: str) -> list[Deed]:
+def commands_like(scope: str) -> list[Command]:
     """What can be done where a screen belongs to: on loggers, or on a file."""
     on_file = scope in FILE_SCOPES
-    return [deed for deed in DEEDS if any(each == "any" or (each in FILE_SCOPES) == on_file for each in deed.scopes)]
+    return [
+        command
+        for command in COMMANDS
+        if any(each == "any" or (each in FILE_SCOPES) == on_file for each in command.scopes)
+    ]
 
 
 def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
@@ -174,11 +182,12 @@ def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str,
     others at any time after. A slow link brings several keys at once, and `d 5 Enter j` has to stay in this order.
     """
     return [
-        Binding(deed.keys, f"deed('{deed.id}')", deed.label, show=False, priority=True) for deed in deeds_for(scope)
+        Binding(command.keys, f"command('{command.id}')", command.label, show=False, priority=True)
+        for command in commands_for(scope)
     ]
 
 
-def footer_for(scope: str, *, read_only: bool = False) -> list[Deed]:
+def footer_for(scope: str, *, read_only: bool = False) -> list[Command]:
     """What the key bar shows, most wanted first."""
-    shown = [deed for deed in deeds_for(scope) if deed.footer and not (read_only and deed.writes)]
-    return sorted(shown, key=lambda deed: deed.footer)
+    shown = [command for command in commands_for(scope) if command.footer and not (read_only and command.writes)]
+    return sorted(shown, key=lambda command: command.footer)

@@ -1,4 +1,4 @@
-# ruff: noqa: D102 - what a deed does stands in actions.py, once
+# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The app: which logger is open, which screen shows it, and the timers that bring its values to the screen."""
 
 import asyncio
@@ -13,9 +13,9 @@ from silo.ipc.messages import Event, EventKind
 from silo_tui import terminal, theme
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
-from silo_tui.commands.palette import DeedProvider
+from silo_tui.commands.palette import CommandProvider
 from silo_tui.commands.runner import CommandRunner
-from silo_tui.model import command_line as commands
+from silo_tui.model import command_line
 from silo_tui.screens.base import SiloScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.demo import Demo
@@ -34,7 +34,7 @@ class SiloApp(App[None]):
     CSS_PATH = "silo.tcss"
     ENABLE_COMMAND_PALETTE = True
     COMMAND_PALETTE_BINDING = "ctrl+p"
-    COMMANDS: ClassVar[set[Any]] = {DeedProvider}
+    COMMANDS: ClassVar[set[Any]] = {CommandProvider}
 
     def __init__(
         self,
@@ -255,7 +255,7 @@ class SiloApp(App[None]):
         if session is not None and session.connected and message.link is session.link:
             self.say(f"no live values: {message.error}")
 
-    # ----------------------------------------------------------------------------------------------------- deeds
+    # ----------------------------------------------------------------------------------------------------- commands
 
     def run_flow(self, flow: Coroutine[Any, Any, None]) -> None:
         """Runs a flow; one at a time."""
@@ -288,46 +288,46 @@ class SiloApp(App[None]):
             if self.has_session and self.session.connected:
                 self.say(str(error))
 
-    def deed_start_stop(self) -> None:
+    def command_start_stop(self) -> None:
         self.run_flow(flows.start_stop(self))
 
-    def deed_restart(self) -> None:
+    def command_restart(self) -> None:
         self.run_flow(flows.restart(self))
 
-    def deed_apply(self) -> None:
+    def command_apply(self) -> None:
         self.run_flow(flows.apply(self))
 
-    def deed_load_script(self) -> None:
+    def command_load_script(self) -> None:
         self.run_flow(flows.load_script(self))
 
-    def deed_save_script(self) -> None:
+    def command_save_script(self) -> None:
         self.run_flow(flows.save_script(self))
 
-    def deed_save_data(self) -> None:
+    def command_save_data(self) -> None:
         from silo_tui.screens.save_data import SaveDialog
 
         self.push_screen(SaveDialog(self.session.status.folder))
 
-    def deed_quit(self) -> None:
+    def command_quit(self) -> None:
         self.run_flow(flows.leave(self))
 
-    def deed_quit_now(self) -> None:
+    def command_quit_now(self) -> None:
         self.exit()
 
-    def deed_help(self) -> None:
+    def command_help(self) -> None:
         from silo_tui.screens.help import HelpScreen
 
         scope = self.screen.scope if isinstance(self.screen, SiloScreen) else ""
         self.push_screen(HelpScreen(scope))
 
-    def deed_palette(self) -> None:
+    def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):
             self.push_screen(CommandPalette(id="--command-palette"))
 
-    def deed_loggers(self) -> None:
+    def command_loggers(self) -> None:
         self.run_worker(self._opener.show_list(), group="search", exclusive=True)
 
-    def deed_demo(self) -> None:
+    def command_demo(self) -> None:
         if self._opener.demo is None:
             self._opener.demo = Demo()
         self.run_worker(self._opener.search(), group="search", exclusive=True)
@@ -377,7 +377,7 @@ class SiloApp(App[None]):
     def run_command(self, line: str) -> None:
         """Carries out a command line."""
         try:
-            CommandRunner(self).run(commands.read(line))
+            CommandRunner(self).run(command_line.read(line))
         except (ValueError, SiloError) as error:
             self.fail(str(error))
 

@@ -16,7 +16,7 @@ from silo.recording import Recording
 
 
 @dataclass(frozen=True)
-class Wish:
+class ChartSpec:
     """A plot as asked for: patterns of signals for the left and the right axis, and for x (time if None).
 
     `transform` is empty, `derivative` or `spectrum`; `start` and `stop` are seconds from the start of the log.
@@ -31,35 +31,35 @@ class Wish:
     most: int = 20
 
 
-def make_chart(recording: Recording, wish: Wish, title: str = "") -> tuple[Chart, int]:
-    """The chart, and how many matching signals it leaves out because there are more than `wish.most`.
+def make_chart(recording: Recording, spec: ChartSpec, title: str = "") -> tuple[Chart, int]:
+    """The chart, and how many matching signals it leaves out because there are more than `spec.most`.
 
     Raises `ElementError` for a pattern without a signal, and for a window without a sample.
     """
     zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
-    low = -np.inf if wish.start is None else zero + wish.start * 1e9
-    high = np.inf if wish.stop is None else zero + wish.stop * 1e9
-    right = pick(recording, wish.right) if wish.right else []
+    low = -np.inf if spec.start is None else zero + spec.start * 1e9
+    high = np.inf if spec.stop is None else zero + spec.stop * 1e9
+    right = pick(recording, spec.right) if spec.right else []
     right_names = {signal.name for signal in right}
-    left = [signal for signal in pick(recording, wish.patterns) if signal.name not in right_names]
-    if not wish.right:
+    left = [signal for signal in pick(recording, spec.patterns) if signal.name not in right_names]
+    if not spec.right:
         left, right = _by_unit(left)
     chosen = [*left, *right]
-    shown = [window(signal, low, high) for signal in chosen[: wish.most]]
+    shown = [window(signal, low, high) for signal in chosen[: spec.most]]
     if not any(len(signal.values) for signal in shown):
         span = f"{(recording.time_ns[-1] - zero) / 1e9:.6g}" if len(recording.time_ns) else "0"
         raise ElementError(f"there is no sample to plot in that window; the log goes from 0 to {span} s")
     is_right = {signal.name for signal in right}
-    over = None if wish.x is None else _one(recording, wish.x)
-    curves = [_curve(signal, wish.transform, over, zero, signal.name in is_right) for signal in shown]
+    over = None if spec.x is None else _one(recording, spec.x)
+    curves = [_curve(signal, spec.transform, over, zero, signal.name in is_right) for signal in shown]
     chart = Chart(
         curves,
         title=title,
-        x_label=_x_label(wish.transform, over),
-        left_label=_label([s for s in shown if s.name not in is_right], wish.transform),
-        right_label=_label([s for s in shown if s.name in is_right], wish.transform),
-        left_ticks=_names([s for s in shown if s.name not in is_right], wish.transform),
-        right_ticks=_names([s for s in shown if s.name in is_right], wish.transform),
+        x_label=_x_label(spec.transform, over),
+        left_label=_label([s for s in shown if s.name not in is_right], spec.transform),
+        right_label=_label([s for s in shown if s.name in is_right], spec.transform),
+        left_ticks=_names([s for s in shown if s.name not in is_right], spec.transform),
+        right_ticks=_names([s for s in shown if s.name in is_right], spec.transform),
     )
     return chart, max(0, len(chosen) - len(shown))
 

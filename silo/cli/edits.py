@@ -15,7 +15,7 @@ from silo.model import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, Element
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
-    from silo.ipc.messages import FieldChange
+    from silo.model import FieldChange
 
 MOST_CHANGES = 100  # of 10,000 elements, nobody reads each; `--dry-run` shows all
 
@@ -158,7 +158,7 @@ def set_command(words: tuple[str, ...], dry_run: bool, restart: bool) -> None:
 
 
 def _set(client: "Client", patterns: Sequence[str], settings: Settings, *, dry_run: bool, restart: bool) -> None:
-    from silo.ipc.messages import Edit, State
+    from silo.model import Edit, State
     from silo.settings.script import diff_options
 
     status, table = client.status(), client.table()

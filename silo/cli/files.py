@@ -192,7 +192,7 @@ def plot_command(
       silo plot run.silo base/position_y -x base/position_x
       silo plot run.silo imu/accel --spectrum --png accel.png
     """
-    from silo.analysis.charts import Wish, make_chart
+    from silo.analysis.charts import ChartSpec, make_chart
     from silo.analysis.plotting import draw_png, draw_text
 
     if derivative and spectrum:
@@ -202,8 +202,8 @@ def plot_command(
     path = _find(file)
     recording = _read(path)
     transform = "derivative" if derivative else "spectrum" if spectrum else ""
-    wish = Wish(patterns, right, x_pattern, transform, start, stop, _MOST_CURVES)
-    chart, left_out = make_chart(recording, wish, title=path.name)
+    spec = ChartSpec(patterns, right, x_pattern, transform, start, stop, _MOST_CURVES)
+    chart, left_out = make_chart(recording, spec, title=path.name)
     if png is not None:
         draw_png(chart, png)
         click.echo(str(png))

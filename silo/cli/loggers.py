@@ -28,8 +28,7 @@ from silo.errors import ConnectionLostError
 
 if TYPE_CHECKING:
     from silo.ipc.discovery import Answer
-    from silo.ipc.messages import Status
-    from silo.model import ElementInfo
+    from silo.model import ElementInfo, Status
 
 _FILE_ENDINGS = (".silo", ".csv", ".mcap", ".rosbag2", ".bag")
 

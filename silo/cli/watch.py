@@ -11,7 +11,7 @@ import click
 from silo.cli.common import complete_words, connect, json_option, show_json, split_logger
 from silo.cli.edits import select
 from silo.errors import ConnectionLostError, ElementError, RefusedError
-from silo.ipc.messages import State
+from silo.model import State
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client

@@ -1,7 +1,6 @@
 """One run of a logger: from `start()` to the next one. Plan, segment and generated `collect()` belong together."""
 
 import dataclasses
-import getpass
 import itertools
 import logging
 import os
@@ -22,7 +21,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.sources import Reference, abandoned
 from silo.errors import SegmentError
 from silo.model import LoggerOptions, Storage
-from silo.runtime import SEGMENT_SUFFIX, boot_id, process_start, runtime_dir
+from silo.runtime import SEGMENT_SUFFIX, boot_id, process_start, runtime_dir, user_name
 
 logger = logging.getLogger("silo")
 _numbers = itertools.count()
@@ -82,7 +81,7 @@ class Run:
             logger=options.name,
             prefix=options.prefix,
             host=socket.gethostname(),
-            user=user_name(),
+            user=user_name(os.getuid()),
             pid=pid,
             pid_start=process_start(pid),
             boot_id=boot_id(),
@@ -140,14 +139,6 @@ def _warn_of_abandoned(elements: Sequence[Element]) -> None:
             "(log.add(owner, attr=...)), which follows assignments",
             name,
         )
-
-
-def user_name() -> str:
-    """Who runs this process, as a name where the system knows one."""
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):  # a uid without an account, as in containers
-        return f"uid {os.getuid()}"
 
 
 def addresses_work(plan: Plan) -> bool:

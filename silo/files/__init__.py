@@ -1,6 +1,6 @@
 """Recordings to files and back: `.silo`, CSV, bags. Nothing here knows a logger, a process or a screen."""
 
 from silo.files.saving import PartlySavedError, write
-from silo.ipc.messages import SavedFile
+from silo.model import SavedFile
 
 __all__ = ["PartlySavedError", "SavedFile", "write"]

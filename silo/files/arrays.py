@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.errors import SaveError
-from silo.files.convert import Progress
 from silo.files.extras import need, whole_file
 from silo.files.texts import presentable
-from silo.recording import RecordedElement, Recording
+from silo.recording import Progress, RecordedElement, Recording
 
 # MATLAB cuts longer names
 _MATLAB_NAME = 63

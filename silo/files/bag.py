@@ -7,7 +7,7 @@ Python call per message (`mcap`: 0.1 million messages/s): above 2 million messag
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
@@ -33,9 +33,7 @@ from silo.files.bag_groups import MessageGroup, group_channels
 from silo.files.mcap_write import McapFile
 from silo.files.ros_types import Channel, channels_of, type_hashes
 from silo.files.texts import presentable
-from silo.recording import RecordedElement, Recording
-
-Progress = Callable[[float], None]
+from silo.recording import Progress, RecordedElement, Recording
 
 MAX_CHANNELS = 65535
 # builtin_interfaces/Time counts seconds in an int32

@@ -13,9 +13,8 @@ from pathlib import Path
 
 from silo.errors import FileFormatError, LogNotFoundError, SaveError
 from silo.files.naming import is_bag_folder
-from silo.recording import Recording
+from silo.recording import Progress, Recording
 
-Progress = Callable[[float], None]
 Writer = Callable[[Recording, Path, Progress | None], None]
 
 READABLE = (".silo", ".csv", ".mcap", "a bag folder")

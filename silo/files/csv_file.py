@@ -7,7 +7,7 @@ exponents look different). Reading is in `silo.files.csv_reader`.
 
 import io
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from typing import Any, Literal, NamedTuple
 
@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, write_all
 from silo.files.csv_reader import read_csv
-from silo.recording import RecordedElement, Recording
+from silo.recording import Progress, RecordedElement, Recording
 
 __all__ = ["Layout", "read_csv", "write_csv"]
 
 Layout = Literal["columns", "rows"]
-Progress = Callable[[float], None]
 
 # Cells that are text at the same time: about 100 MB in the plain way, 40 MB with polars.
 CHUNK_CELLS = 1_000_000

@@ -5,18 +5,15 @@ so that saving `.silo` costs no import of what bags need.
 """
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
 
 from silo.errors import SaveError
 from silo.files.atomic import reason
 from silo.files.naming import ENDINGS, custom_path, log_path, next_run_number
-from silo.ipc.messages import SavedFile
-from silo.model import FileType
-from silo.recording import Recording
-
-Progress = Callable[[float], None]
+from silo.model import FileType, SavedFile
+from silo.recording import Progress, Recording
 
 
 class PartlySavedError(SaveError):

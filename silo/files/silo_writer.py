@@ -18,9 +18,7 @@ from silo.errors import SaveError
 from silo.files import silo_format as form
 from silo.files.atomic import atomic_file, write_all
 from silo.files.wide import to_wire
-from silo.recording import RecordedEntry, Recording
-
-Progress = Callable[[float], None]
+from silo.recording import Progress, RecordedEntry, Recording
 
 TILE_COLUMNS = 16
 TILE_ROWS = 16384

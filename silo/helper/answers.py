@@ -7,10 +7,10 @@ import msgspec
 
 import silo
 from silo.errors import SaveError, ScriptError
-from silo.helper import script_folder as scripts
+from silo.helper import script_folder
 from silo.helper.events import Events, plain
 from silo.helper.history import check_history, history
-from silo.helper.mirror import Mirror, Now
+from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.publisher import Publisher
 from silo.helper.requests import check_edits
 from silo.helper.robot import Robot
@@ -24,7 +24,6 @@ from silo.ipc.messages import (
     CloseView,
     DiffScript,
     Done,
-    Edit,
     EditsApplied,
     EventKind,
     GetHistory,
@@ -45,11 +44,11 @@ from silo.ipc.messages import (
     Scripts,
     ScriptText,
     Start,
-    State,
     StatusReply,
     Stop,
     TableReply,
 )
+from silo.model import Edit, State
 
 Signed = TypeVar("Signed", ApplyEdits, Save)
 
@@ -91,11 +90,11 @@ class Answers:
                 return check_history(request) or history(request, self._mirror.now, self._mirror.open_reader())
             if isinstance(request, ListScripts):
                 own = self._own_script
-                return Scripts(str(own.parent), scripts.list_scripts(own), own.name)
+                return Scripts(str(own.parent), script_folder.list_scripts(own), own.name)
             if isinstance(request, ReadScript):
                 return self._read_script(request)
             return self._diff_script(request)
-        except scripts.ScriptRefusedError as error:
+        except script_folder.ScriptRefusedError as error:
             return error.refused
         except ScriptError as error:
             return Refused(RefusedWhy.INVALID, str(error))
@@ -113,15 +112,15 @@ class Answers:
 
         if not request.path:
             return ScriptText(str(self._own_script), format_script(self._mirror.now.table.elements))
-        path = scripts.resolve(request.path, self._own_script)
-        return ScriptText(str(path), scripts.read_text(path))
+        path = script_folder.resolve(request.path, self._own_script)
+        return ScriptText(str(path), script_folder.read_text(path))
 
     def _diff_script(self, request: DiffScript) -> ScriptDiff:
         from silo.settings.script import apply_script, diff_options, parse_script
 
-        path = scripts.resolve(request.path, self._own_script)
+        path = script_folder.resolve(request.path, self._own_script)
         table = self._mirror.now.table.elements
-        plan = apply_script(parse_script(scripts.read_text(path), path), table)
+        plan = apply_script(parse_script(script_folder.read_text(path), path), table)
         return ScriptDiff(str(path), diff_options(table, plan.options), [str(unknown.name) for unknown in plan.unknown])
 
     # ----------------------------------------------------------------------------------------------------- changing
@@ -130,7 +129,7 @@ class Answers:
         """The encoded answer to a request that changes something; waits for the robot process where it must."""
         try:
             reply = self._do(request)
-        except scripts.ScriptRefusedError as error:
+        except script_folder.ScriptRefusedError as error:
             reply = error.refused
         except (ScriptError, SaveError) as error:
             reply = Refused(RefusedWhy.INVALID, str(error))
@@ -161,11 +160,11 @@ class Answers:
         reply = self._robot.ask(msgspec.structs.replace(request, client=plain(request.client)))
         return reply if isinstance(reply, Refused) else StatusReply(self._mirror.status())
 
-    def _load_script(self, request: LoadScript, now: Now) -> AnyReply:
+    def _load_script(self, request: LoadScript, now: LoggerSnapshot) -> AnyReply:
         from silo.settings.script import apply_script, parse_script
 
-        path = scripts.resolve(request.path, self._own_script)
-        plan = apply_script(parse_script(scripts.read_text(path), path), now.table.elements)
+        path = script_folder.resolve(request.path, self._own_script)
+        plan = apply_script(parse_script(script_folder.read_text(path), path), now.table.elements)
         edits = [
             Edit(info.name, options)
             for info, options in zip(now.table.elements, plan.options, strict=True)
@@ -181,21 +180,21 @@ class Answers:
         text = f"script {path} loaded: {reply.changed} elements changed"
         if unknown:
             text += f", {len(unknown)} names are not in the table"
-        self._events.tell(EventKind.SCRIPT_LOADED, text, by=request.client)
+        self._events.publish(EventKind.SCRIPT_LOADED, text, by=request.client)
         return EditsApplied(reply.revision, reply.changed, unknown)
 
     def _save_script(self, request: SaveScript) -> AnyReply:
         from silo.settings.script import write_script
 
-        path = scripts.resolve(request.path, self._own_script)
-        scripts.check_target(path, overwrite=request.overwrite)
+        path = script_folder.resolve(request.path, self._own_script)
+        script_folder.check_target(path, overwrite=request.overwrite)
         write_script(path, self._mirror.now.table.elements)
         text = f"script saved: {path}"
-        self._events.tell(EventKind.SCRIPT_SAVED, text, by=request.client)
+        self._events.publish(EventKind.SCRIPT_SAVED, text, by=request.client)
         return Done(text)
 
 
-def _must_stop(now: Now) -> Refused | None:
+def _must_stop(now: LoggerSnapshot) -> Refused | None:
     if now.state is not State.RUNNING:
         return None
     return Refused(RefusedWhy.RUNNING, "the logger is running: stop it, then apply; nothing was changed")

@@ -10,7 +10,8 @@ from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.recovery import claimed, save_reader
 from silo.helper.saver import describe
-from silo.ipc.messages import EventKind, SavedFile
+from silo.ipc.messages import EventKind
+from silo.model import SavedFile
 
 ENDING_S = 5.0  # how long a process may take from closing its files to its end
 
@@ -29,13 +30,13 @@ def after_crash(mirror: Mirror, events: Events) -> bool:
         ticks = reader.ticks if reader else 0
         kept = f"its {ticks} ticks were saved before" if ticks else "it had logged nothing"
         text = f"{who} ended without close(); {kept}"
-        mirror.die(text)
-        events.tell(EventKind.CRASHED, text)
+        mirror.mark_dead(text)
+        events.publish(EventKind.CRASHED, text)
         if reader is not None:
             _delete(reader)
         return False
-    mirror.die(f"{who} ended without close(); saving the {reader.ticks} ticks that it had logged")
-    events.tell(EventKind.SAVING, mirror.now.died)
+    mirror.mark_dead(f"{who} ended without close(); saving the {reader.ticks} ticks that it had logged")
+    events.publish(EventKind.SAVING, mirror.now.died)
     _save(mirror, events, reader, who)
     return True
 
@@ -48,7 +49,7 @@ def _save(mirror: Mirror, events: Events, reader: SegmentReader, who: str) -> No
         nonlocal told_s
         if time.monotonic() - told_s > 0.2:
             told_s = time.monotonic()
-            events.tell(EventKind.SAVING, f"saving after a crash: {fraction:.0%}", progress=fraction)
+            events.publish(EventKind.SAVING, f"saving after a crash: {fraction:.0%}", progress=fraction)
 
     try:
         with claimed(reader.path):
@@ -61,8 +62,8 @@ def _save(mirror: Mirror, events: Events, reader: SegmentReader, who: str) -> No
     else:
         text = f"{who} ended without close(); its {reader.ticks} ticks were saved: {describe(files)}"
         log.warning("%s", text)
-    mirror.die(text)
-    events.tell(EventKind.CRASHED, text, files=files)
+    mirror.mark_dead(text)
+    events.publish(EventKind.CRASHED, text, files=files)
 
 
 def _delete(reader: SegmentReader) -> None:

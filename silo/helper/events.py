@@ -9,7 +9,8 @@ import zenoh
 
 from silo.helper.mirror import Mirror
 from silo.ipc.keys import Root
-from silo.ipc.messages import Event, EventKind, SavedFile
+from silo.ipc.messages import Event, EventKind
+from silo.model import SavedFile
 
 MAX_BY = 120
 
@@ -32,7 +33,7 @@ class Events:
         self._lock = threading.Lock()
         self._number = 0
 
-    def tell(
+    def publish(
         self,
         kind: EventKind,
         text: str,

@@ -19,23 +19,16 @@ from silo.helper.answers import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
 from silo.helper.events import Events
-from silo.helper.mirror import Mirror, Now
+from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.publisher import Publisher
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
 from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
-from silo.ipc.messages import (
-    Done,
-    EventKind,
-    Refused,
-    RefusedWhy,
-    Save,
-    SaveStarted,
-    State,
-)
+from silo.ipc.messages import Done, EventKind, Refused, RefusedWhy, Save, SaveStarted
 from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.messages import Goodbye, LinkReply, LinkRequest, LinkSaved, RobotState
+from silo.model import State
 from silo.runtime import runtime_dir
 
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't
@@ -99,7 +92,7 @@ class Helper:
         self._robot.send(LinkReply(READY, Done(str(path))))
         try:
             if self._follow_robot(mirror, events, saver):
-                events.tell(EventKind.CLOSED, "the robot program closed its logger")
+                events.publish(EventKind.CLOSED, "the robot program closed its logger")
                 saver.stop(SAVE_GRACE_S)
             else:
                 self._robot.lost()
@@ -177,25 +170,25 @@ class Helper:
             os.eventfd_write(self._wake, 1)
 
 
-def _tell_changes(events: Events, before: Now, now: Now) -> None:
+def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -> None:
     """Events for what differs between two states of the robot process."""
     by = now.robot.by
     stopped = now.robot.state is State.STOPPED
     if now.robot.segment != before.robot.segment and not (stopped and before.robot.state is State.STOPPED):
-        events.tell(EventKind.STARTED, "started", by=by)
+        events.publish(EventKind.STARTED, "started", by=by)
         if stopped:
-            events.tell(EventKind.STOPPED, now.robot.reason or "stopped", by=by)
+            events.publish(EventKind.STOPPED, now.robot.reason or "stopped", by=by)
     elif now.robot.state is not before.robot.state:
         if stopped:
-            events.tell(EventKind.STOPPED, now.robot.reason or "stopped", by=by)
+            events.publish(EventKind.STOPPED, now.robot.reason or "stopped", by=by)
         else:
-            events.tell(EventKind.STARTED, "started", by=by)
+            events.publish(EventKind.STARTED, "started", by=by)
     if now.table.revision != before.table.revision:
         count = _changed(before, now)
-        events.tell(EventKind.EDITED, f"{count} element{'s' if count != 1 else ''} changed", by=by)
+        events.publish(EventKind.EDITED, f"{count} element{'s' if count != 1 else ''} changed", by=by)
 
 
-def _changed(before: Now, now: Now) -> int:
+def _changed(before: LoggerSnapshot, now: LoggerSnapshot) -> int:
     old = before.table.elements
     new = now.table.elements
     return sum(one != other for one, other in zip(old, new, strict=False)) + abs(len(old) - len(new))

@@ -3,7 +3,7 @@
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.columns import MAX_COLUMNS, ColumnGrid, as_floats, bins_of
-from silo.helper.mirror import Now
+from silo.helper.mirror import LoggerSnapshot
 from silo.helper.views import MIN_COLUMN_NS
 from silo.ipc.messages import Columns, GetHistory, Refused, RefusedWhy
 
@@ -29,7 +29,7 @@ def _count(request: GetHistory) -> int:
     return -(-request.end_ns // request.column_ns) - request.start_ns // request.column_ns
 
 
-def history(request: GetHistory, now: Now, reader: SegmentReader | None) -> Columns | Refused:
+def history(request: GetHistory, now: LoggerSnapshot, reader: SegmentReader | None) -> Columns | Refused:
     """The columns; NaN where nothing is known, be it that an element is disabled or that its buffer is shorter."""
     grid = ColumnGrid(len(request.names), request.start_ns // request.column_ns, _count(request))
     schemas = {element.info.name: element for element in reader.schema.elements} if reader else {}

@@ -14,16 +14,16 @@ import msgspec
 
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
-from silo.ipc.folders import user_name
-from silo.ipc.messages import State, Status, Table, TableReply
+from silo.ipc.messages import TableReply
 from silo.link.messages import RobotState
-from silo.model import ElementInfo, LoggerOptions
+from silo.model import ElementInfo, LoggerOptions, State, Status, Table
+from silo.runtime import user_name
 
 _encoder = msgspec.msgpack.Encoder()
 
 
 @dataclass(frozen=True)
-class Now:
+class LoggerSnapshot:
     """The logger at one moment. `generation` changes with every edit and every start."""
 
     robot: RobotState
@@ -72,7 +72,7 @@ class Mirror:
 
     # ------------------------------------------------------------------------------------------ by the main thread
 
-    def take(self, robot: RobotState) -> tuple[Now, Now]:
+    def take(self, robot: RobotState) -> tuple[LoggerSnapshot, LoggerSnapshot]:
         """Takes over what the robot pushed; returns what was before and what is now."""
         before = self.now
         self.now = self._made_of(robot, before)
@@ -81,19 +81,19 @@ class Mirror:
             self._reopen()
         return before, self.now
 
-    def die(self, why: str) -> None:
+    def mark_dead(self, why: str) -> None:
         """The robot process is gone; called again when there is more to say of it."""
         self.measured_hz = 0.0
         self.now = replace(self.now, died=why)
 
-    def _made_of(self, robot: RobotState, before: Now | None) -> Now:
+    def _made_of(self, robot: RobotState, before: LoggerSnapshot | None) -> LoggerSnapshot:
         table = robot.table or (before.table if before else Table(robot.revision, []))
         unchanged = before is not None and table is before.table
         if not unchanged or (before is not None and robot.segment != before.robot.segment):
             self._generation += 1
         if unchanged and before is not None:
             return replace(before, robot=robot, options=_options(robot), generation=self._generation)
-        return Now(
+        return LoggerSnapshot(
             robot=msgspec.structs.replace(robot, table=None),
             options=_options(robot),
             table=table,

@@ -18,7 +18,8 @@ from silo.helper.mirror import Mirror
 from silo.helper.topics import Topics, matching
 from silo.helper.views import LEASE_S, View, check_view, layout_of
 from silo.ipc import keys
-from silo.ipc.messages import EventKind, OpenView, Refused, RefusedWhy, State, ViewOpened
+from silo.ipc.messages import EventKind, OpenView, Refused, RefusedWhy, ViewOpened
+from silo.model import State
 
 IDLE_S = 0.1
 TOPIC_PERIOD_S = 0.05
@@ -186,7 +187,7 @@ class Publisher:
         if now_s >= self._lost_due_s and reader.lost > self._lost_seen:
             self._lost_due_s = now_s + LOST_PERIOD_S
             lost, self._lost_seen = reader.lost - self._lost_seen, reader.lost
-            self._events.tell(
+            self._events.publish(
                 EventKind.LOST,
                 f"{lost} samples could not be kept (memory limit): save and restart, or raise memory_limit_mb",
             )

@@ -10,8 +10,7 @@ from pathlib import Path
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, StateError
-from silo.ipc.messages import SavedFile
-from silo.model import FileType
+from silo.model import FileType, SavedFile
 from silo.runtime import list_segments
 
 

@@ -6,21 +6,20 @@ from typing import Any
 
 import msgspec
 
-from silo.helper.mirror import Now
+from silo.helper.mirror import LoggerSnapshot
 from silo.ipc.messages import (
     AnyAsk,
     AnyDo,
     ApplyEdits,
     DiffScript,
-    Edit,
     GetHistory,
     Hello,
     ListScripts,
-    Problem,
     ReadScript,
     Refused,
     RefusedWhy,
 )
+from silo.model import Edit, Problem
 
 MAX_ASK_BYTES = 2 * 2**20
 MAX_DO_BYTES = 8 * 2**20
@@ -116,7 +115,7 @@ def _refused_edits(problems: list[Problem]) -> Refused:
     return Refused(RefusedWhy.INVALID, f"{lines}{more}; nothing was changed", problems)
 
 
-def check_edits(request: ApplyEdits, now: Now) -> Refused | None:
+def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> Refused | None:
     """Why edits of the present table can't be applied; what can be told here never reaches the robot process."""
     if request.revision not in (-1, now.table.revision):
         return Refused(

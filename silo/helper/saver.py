@@ -1,5 +1,6 @@
 """The saver thread: one save after the other, with progress, while everything else goes on."""
 
+import ctypes
 import logging
 import queue
 import threading
@@ -9,18 +10,11 @@ from dataclasses import dataclass
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SiloError
 from silo.helper.events import Events
-from silo.helper.memory import give_back
 from silo.helper.mirror import Mirror
 from silo.helper.robot import Robot
-from silo.ipc.messages import (
-    EventKind,
-    Refused,
-    RefusedWhy,
-    Save,
-    SavedFile,
-    SaveStarted,
-)
+from silo.ipc.messages import EventKind, Refused, RefusedWhy, Save, SaveStarted
 from silo.link.messages import LinkSaved
+from silo.model import SavedFile
 
 MAX_WAITING = 4
 PROGRESS_PERIOD_S = 0.1
@@ -70,7 +64,7 @@ class Saver:
         """A job for `submit`, or why it can't be done, which all clients are told."""
         job = self._prepared(request, for_robot)
         if isinstance(job, Refused):
-            self._events.tell(EventKind.SAVE_FAILED, job.text, by=request.client)
+            self._events.publish(EventKind.SAVE_FAILED, job.text, by=request.client)
         return job
 
     def _prepared(self, request: Save, for_robot: bool) -> "_Job | Refused":
@@ -128,7 +122,7 @@ class Saver:
             # whatever a writer does, the next save gets its chance, and whoever waits for this one hears of it
             log.exception("save %d failed", job.number)
             self._failed(job, f"{type(error).__name__}: {error}", [])
-        give_back()
+        trim_heap()
         return True
 
     def _do(self, job: _Job) -> None:
@@ -136,7 +130,7 @@ class Saver:
 
         names = ", ".join(file_type.name.lower() for file_type in job.request.types)
         by = job.request.client
-        self._events.tell(EventKind.SAVING, f"saving {names}", by=by, job=job.number)
+        self._events.publish(EventKind.SAVING, f"saving {names}", by=by, job=job.number)
         told_s = time.monotonic()
 
         def progress(fraction: float) -> None:
@@ -145,7 +139,7 @@ class Saver:
                 told_s = time.monotonic()
                 share = min(max(fraction, 0.0), 1.0)
                 text = f"saving {names}: {share:.0%}"
-                self._events.tell(EventKind.SAVING, text, by=by, job=job.number, progress=share)
+                self._events.publish(EventKind.SAVING, text, by=by, job=job.number, progress=share)
 
         order = WriteOrder(job.folder, job.logger, job.request.types, job.request.name)
         report = write_log(job.reader, order, progress)
@@ -154,12 +148,14 @@ class Saver:
             self._failed(job, report.error, files)
             return
         self._mirror.mark_saved(job.segment, report.ticks)
-        self._events.tell(EventKind.SAVED, f"saved {describe(files)}", by=by, job=job.number, progress=1.0, files=files)
+        self._events.publish(
+            EventKind.SAVED, f"saved {describe(files)}", by=by, job=job.number, progress=1.0, files=files
+        )
         if job.for_robot:
             self._robot.send(LinkSaved(job.number, files, ""))
 
     def _failed(self, job: _Job, text: str, files: list[SavedFile]) -> None:
-        self._events.tell(EventKind.SAVE_FAILED, text, by=job.request.client, job=job.number, files=files)
+        self._events.publish(EventKind.SAVE_FAILED, text, by=job.request.client, job=job.number, files=files)
         if job.for_robot:
             self._robot.send(LinkSaved(job.number, files, text))
 
@@ -177,3 +173,10 @@ def size_text(size_bytes: int) -> str:
             return f"{size:.0f} {unit}" if unit == "bytes" else f"{size:.1f} {unit}"
         size /= 1000
     return f"{size:.2f} GB"
+
+
+def trim_heap() -> None:
+    """Give freed memory back to the system: 2 MB after a save of 11 MB. Only glibc needs, and has, the call."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)

@@ -13,7 +13,7 @@ import zenoh
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import Rows, SegmentReader
 from silo.columns import MAX_COLUMNS, ColumnGrid, as_floats, bins_of
-from silo.helper.mirror import Now
+from silo.helper.mirror import LoggerSnapshot
 from silo.helper.newest import NewestValues
 from silo.ipc.keys import VIEW_ID
 from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewFrame, ViewOpened
@@ -64,7 +64,7 @@ class Layout:
         )
 
 
-def layout_of(request: OpenView, now: Now) -> Layout:
+def layout_of(request: OpenView, now: LoggerSnapshot) -> Layout:
     """How a view of the present table is laid out."""
     counts, entries, missing = [], [], []
     unpublished: dict[str, None] = {}
@@ -115,7 +115,7 @@ class View:
         self._plots: dict[int, _Plots] = {}
         self._reader: SegmentReader | None = None
 
-    def _adopt(self, now: Now, reader: SegmentReader | None) -> Layout:
+    def _adopt(self, now: LoggerSnapshot, reader: SegmentReader | None) -> Layout:
         """Prepares for the present generation and segment."""
         layout = layout_of(self.request, now)
         self._layout, self._reader = layout, reader
@@ -135,7 +135,9 @@ class View:
             self._plots[ring].signals.append((signal, element.live_entries[number]))
         return layout
 
-    def frame(self, now: Now, reader: SegmentReader | None, measured_hz: float, now_s: float) -> bytes | None:
+    def frame(
+        self, now: LoggerSnapshot, reader: SegmentReader | None, measured_hz: float, now_s: float
+    ) -> bytes | None:
         """The next frame, encoded; None if nothing moved since the last one."""
         layout = self._layout
         if layout is None or layout.generation != now.generation or reader is not self._reader:

@@ -15,8 +15,7 @@ import msgspec
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SiloError
 from silo.files import PartlySavedError, write
-from silo.ipc.messages import SavedFile
-from silo.model import FileType
+from silo.model import FileType, SavedFile
 
 NICER = 5
 

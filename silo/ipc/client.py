@@ -24,7 +24,6 @@ from silo.ipc.messages import (
     Columns,
     DiffScript,
     Done,
-    Edit,
     EditsApplied,
     Event,
     EventKind,
@@ -40,21 +39,18 @@ from silo.ipc.messages import (
     Refused,
     Restart,
     Save,
-    SavedFile,
     SaveScript,
     SaveStarted,
     ScriptDiff,
     Scripts,
     ScriptText,
     Start,
-    Status,
     StatusReply,
     Stop,
-    Table,
     TableReply,
     ViewOpened,
 )
-from silo.model import FileType
+from silo.model import Edit, FileType, SavedFile, Status, Table
 
 if TYPE_CHECKING:
     from silo.ipc.topic import Topic

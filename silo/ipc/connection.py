@@ -20,8 +20,9 @@ from silo.errors import ConnectionLostError, SiloError
 from silo.ipc import keys
 from silo.ipc.discovery import Found, discover
 from silo.ipc.exchange import encoder, exchange, key_of
-from silo.ipc.messages import AnyAsk, AnyDo, AnyReply, Event, Hello, HelloReply, State
+from silo.ipc.messages import AnyAsk, AnyDo, AnyReply, Event, Hello, HelloReply
 from silo.ipc.session import close, open_client, owner_is_gone
+from silo.model import State
 
 POLL_S = 0.05
 RETRY_S = 0.2

@@ -8,9 +8,11 @@ from pathlib import Path
 from silo.errors import ConnectionLostError, SiloError
 from silo.ipc import keys
 from silo.ipc.exchange import ask_once
-from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders, user_name
-from silo.ipc.messages import GetStatus, Status, StatusReply
+from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders
+from silo.ipc.messages import GetStatus, StatusReply
 from silo.ipc.session import SOCKET_SUFFIX, close, dead_mark, open_client, owner_is_gone
+from silo.model import Status
+from silo.runtime import user_name
 
 _SOCKET = re.compile(r"(?P<name>.+)\.(?P<pid>[0-9]+)(?:-[0-9]+)?\.sock")
 

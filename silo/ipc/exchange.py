@@ -10,14 +10,12 @@ import zenoh
 
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc import keys
-from silo.ipc.folders import user_name
 from silo.ipc.messages import (
     AnyAsk,
     AnyDo,
     AnyReply,
     ApplyEdits,
     LoadScript,
-    Problem,
     Refused,
     RefusedWhy,
     Restart,
@@ -27,6 +25,8 @@ from silo.ipc.messages import (
     Stop,
 )
 from silo.ipc.session import close, open_client
+from silo.model import Problem
+from silo.runtime import user_name
 
 DO_REQUESTS = (ApplyEdits, Start, Stop, Restart, Save, LoadScript, SaveScript)
 

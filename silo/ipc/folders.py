@@ -9,14 +9,13 @@ mode before it is used: the parent is open to everybody, and a folder that anybo
 
 import grp
 import os
-import pwd
 import re
 import stat
 from dataclasses import dataclass
 from pathlib import Path
 
 from silo.errors import SegmentError
-from silo.runtime import runtime_dir, shared_memory_root
+from silo.runtime import runtime_dir, shared_memory_root, user_name
 
 _FOLDER = re.compile(r"silo-([0-9]+)(?:-([0-9]+))?")
 _SOCKET_LINE = re.compile(r"(/\S*/silo-[0-9]+(?:-[0-9]+)?)/(\S+)\.[0-9]+(?:-[0-9]+)?\.sock$")
@@ -31,14 +30,6 @@ class ForbiddenFolder:
     path: str
     loggers: tuple[str, ...]
     advice: str
-
-
-def user_name(uid: int) -> str:
-    """The name of a user, or `uid 1234`."""
-    try:
-        return pwd.getpwuid(uid).pw_name
-    except KeyError:
-        return f"uid {uid}"
 
 
 def group_folder(group: str) -> Path:

@@ -8,88 +8,9 @@ import enum
 
 import msgspec
 
-from silo.model import ElementInfo, ElementOptions, FileType
+from silo.model import Edit, FieldChange, FileType, Problem, SavedFile, State, Status, Table
 
 PROTOCOL = 1
-
-
-class State(str, enum.Enum):
-    """The life of a logger as its clients see it."""
-
-    STOPPED = "stopped"
-    RUNNING = "running"
-    DEAD = "dead"  # the robot process is gone; the helper still answers
-
-
-# ---------------------------------------------------------------------------------------------------- shared nouns
-
-
-class Status(msgspec.Struct, frozen=True):
-    """A logger at a glance. Times are nanoseconds since 1970; `lost` counts samples that could not be kept."""
-
-    logger: str
-    host: str
-    user: str
-    pid: int
-    helper_pid: int
-    state: State
-    revision: int
-    frequency_hz: float
-    measured_hz: float
-    ticks: int
-    started_ns: int
-    last_tick_ns: int
-    lost: int
-    elements: int
-    enabled: int
-    entries: int
-    max_time_s: float
-    prefix: str
-    folder: str
-    script: str
-    reason: str = ""  # why it stopped or died, with what to do next
-    segment_bytes: int = 0
-    saved: bool = True  # whether everything that was collected stands in a file
-
-
-class Table(msgspec.Struct, frozen=True):
-    """The element table at one revision. Order is that of registration and never changes while the logger lives."""
-
-    revision: int
-    elements: list[ElementInfo]
-
-
-class Edit(msgspec.Struct, frozen=True):
-    """New options of one element (all fields; unchanged ones repeated)."""
-
-    name: str
-    options: ElementOptions
-
-
-class Problem(msgspec.Struct, frozen=True):
-    """Why one field of one element was rejected."""
-
-    name: str
-    field: str
-    reason: str
-
-
-class SavedFile(msgspec.Struct, frozen=True):
-    """One file (or bag folder) that a save wrote."""
-
-    path: str
-    type: FileType
-    size_bytes: int
-
-
-class FieldChange(msgspec.Struct, frozen=True):
-    """One difference between two configurations, in words fit to show."""
-
-    name: str
-    field: str
-    old: str
-    new: str
-
 
 # ------------------------------------------------------------------------------------------------- requests: `ask`
 

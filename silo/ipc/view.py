@@ -10,7 +10,8 @@ import zenoh
 from numpy.typing import NDArray
 
 from silo.ipc.keys import Root
-from silo.ipc.messages import Columns, OpenView, State, ViewFrame, ViewOpened
+from silo.ipc.messages import Columns, OpenView, ViewFrame, ViewOpened
+from silo.model import State
 
 Floats = NDArray[np.float64]
 

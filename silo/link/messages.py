@@ -9,13 +9,11 @@ from silo.ipc.messages import (
     Refused,
     Restart,
     Save,
-    SavedFile,
     SaveStarted,
     Start,
-    State,
     Stop,
-    Table,
 )
+from silo.model import SavedFile, State, Table
 
 
 class RobotState(msgspec.Struct, frozen=True, tag=True):

@@ -19,10 +19,9 @@ from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
 from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
 from silo.errors import ElementError, StateError
-from silo.ipc.messages import Edit, Problem
 from silo.logger.options import name_of
 from silo.logger.table import Table, checked
-from silo.model import Action, BufferType, ElementInfo, ElementOptions, LoggerOptions, join_name
+from silo.model import Action, BufferType, Edit, ElementInfo, ElementOptions, LoggerOptions, Problem, join_name
 
 log = logging.getLogger("silo")
 
@@ -52,7 +51,8 @@ class Configuration:
     def _tell(self) -> None:
         """Called after each change, for who has somebody to tell. Never waits."""
 
-    def locked(self) -> "threading.RLock":
+    @property
+    def lock(self) -> "threading.RLock":
         """The lock of table and state, for the serving thread; `collect()` never takes it."""
         return self._lock
 

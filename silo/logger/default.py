@@ -9,11 +9,10 @@ from typing import Any
 
 from numpy.typing import DTypeLike, NDArray
 
-from silo.ipc.messages import SavedFile
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
 from silo.logger.serving import Serving
-from silo.model import FileType
+from silo.model import FileType, SavedFile
 
 _default: Logger | NullLogger = NullLogger()
 

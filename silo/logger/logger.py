@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING
 from silo.collecting.run import Run
 from silo.collecting.schema import STOP_TEXTS, StopReason
 from silo.errors import SegmentError, SiloError, StateError
-from silo.ipc.messages import SavedFile, State
 from silo.logger import ending
 from silo.logger.configuration import Configuration
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_type, logger_options, nanosecond_clock
-from silo.model import FileType, Storage
+from silo.model import FileType, SavedFile, State, Storage
 from silo.recording import Recording
 
 if TYPE_CHECKING:

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from silo.ipc.messages import Edit, SavedFile, State
 from silo.logger.new_values import NewValues
-from silo.model import Action, BufferType, ElementInfo, FileType, LoggerOptions, Storage
+from silo.model import Action, BufferType, Edit, ElementInfo, FileType, LoggerOptions, SavedFile, State, Storage
 from silo.recording import Recording
 
 

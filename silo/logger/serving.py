@@ -29,15 +29,13 @@ from silo.ipc.messages import (
     RefusedWhy,
     Restart,
     Save,
-    SavedFile,
     SaveStarted,
     Start,
     Stop,
-    Table,
 )
 from silo.link.channel import LinkChannel
 from silo.link.messages import Goodbye, LinkReply, LinkRequest, LinkSaved, RobotState
-from silo.model import FileType
+from silo.model import FileType, SavedFile, Table
 
 if TYPE_CHECKING:
     from silo.logger.logger import Logger
@@ -82,7 +80,7 @@ class Serving:
     def _spawn(self) -> None:
         ours, theirs = socket.socketpair()
         command = [sys.executable, "-m", "silo.helper", "--fd", str(theirs.fileno()), *self._arguments]
-        home = str(Path(__file__).resolve().parent.parent)
+        home = str(Path(__file__).resolve().parents[2])
         paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = dict(os.environ, PYTHONPATH=os.pathsep.join(paths), OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
         self._spawned.append(time.monotonic())
@@ -196,7 +194,7 @@ class Serving:
 
     def _edit(self, request: ApplyEdits) -> EditsApplied | Refused:
         logger = self._logger
-        with logger.locked():
+        with logger.lock:
             if logger.is_running:
                 return Refused(RefusedWhy.RUNNING, "the logger is running: stop it, then apply; nothing was changed")
             if request.revision not in (-1, logger.revision):
@@ -213,7 +211,7 @@ class Serving:
 
     def _push_state(self) -> None:
         logger = self._logger
-        with logger.locked():
+        with logger.lock:
             revision = logger.revision
             table = Table(revision, logger.elements) if revision != self._table_sent else None
             state = RobotState(

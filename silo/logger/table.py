@@ -6,14 +6,15 @@ import msgspec
 
 from silo.collecting.plan import Element
 from silo.errors import ElementError
-from silo.ipc.messages import Edit, Problem
 from silo.model import (
     MAX_BUFFER_SIZE,
     MAX_DIVIDER,
     Action,
     BufferType,
+    Edit,
     ElementInfo,
     ElementOptions,
+    Problem,
     join_name,
 )
 

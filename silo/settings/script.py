@@ -18,8 +18,7 @@ from typing import Any
 import yaml
 
 from silo.errors import SaveError, ScriptError
-from silo.ipc.messages import FieldChange
-from silo.model import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, ElementInfo, ElementOptions
+from silo.model import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, ElementInfo, ElementOptions, FieldChange
 from silo.settings.yaml_nodes import collector_paused, compose, describe, explain, is_null, is_plain, line_of, shorten
 
 MAX_SCRIPT_BYTES = 8 * 2**20  # about 60,000 elements; libyaml reads 1 - 2 MB/s

@@ -1,39 +1,41 @@
-"""The command palette: every deed of the screen, found by what it is called and what it does."""
+"""The command palette: every command of the screen, found by what it is called and what it does."""
 
 from functools import partial
 from typing import cast
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
-from silo_tui.actions import Deed, deeds_for
+from silo_tui.actions import Command, commands_for
 from silo_tui.screens.base import SiloScreen
 
 HIDDEN = {"down", "up", "left", "right", "palette", "back", "quit_now"}
 
 
-class DeedProvider(Provider):
-    """Feeds the palette from the list of deeds."""
+class CommandProvider(Provider):
+    """Feeds the palette from the list of commands."""
 
     async def discover(self) -> Hits:
         """Everything, before anything is typed."""
-        for deed in self._deeds():
-            yield DiscoveryHit(self._title(deed), partial(self._do, deed.id), help=deed.help)
+        for command in self._commands():
+            yield DiscoveryHit(self._title(command), partial(self._do, command.id), help=command.help)
 
     async def search(self, query: str) -> Hits:
         """What matches."""
         matcher = self.matcher(query)
-        for deed in self._deeds():
-            score = max(matcher.match(deed.label), matcher.match(deed.help))
+        for command in self._commands():
+            score = max(matcher.match(command.label), matcher.match(command.help))
             if score > 0:
-                yield Hit(score, matcher.highlight(self._title(deed)), partial(self._do, deed.id), help=deed.help)
+                yield Hit(
+                    score, matcher.highlight(self._title(command)), partial(self._do, command.id), help=command.help
+                )
 
-    def _deeds(self) -> list[Deed]:
+    def _commands(self) -> list[Command]:
         if not isinstance(self.screen, SiloScreen):
             return []
-        return [deed for deed in deeds_for(self.screen.scope) if deed.id not in HIDDEN]
+        return [command for command in commands_for(self.screen.scope) if command.id not in HIDDEN]
 
-    def _title(self, deed: Deed) -> str:
-        return f"{deed.label}  ({deed.key_text})"
+    def _title(self, command: Command) -> str:
+        return f"{command.label}  ({command.key_text})"
 
-    def _do(self, deed_id: str) -> None:
-        cast(SiloScreen, self.screen).action_deed(deed_id)
+    def _do(self, command_id: str) -> None:
+        cast(SiloScreen, self.screen).action_command(command_id)

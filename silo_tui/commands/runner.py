@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from silo_tui.commands import flows
-from silo_tui.model import command_line as commands
+from silo_tui.model import command_line
 from silo_tui.model.rows import SORTS
 
 if TYPE_CHECKING:
@@ -57,11 +57,11 @@ class CommandRunner:
             "data": ("silo", "csv", "bag"), "theme": tuple(sorted(app.available_themes)),
         }  # fmt: skip
 
-    def run(self, spelled: commands.Spelled) -> None:
+    def run(self, spelled: command_line.Spelled) -> None:
         """Does it. ValueError says what is wrong with the line."""
         word, arguments = spelled.word, spelled.arguments
         if word in DEED_WORDS:
-            self._deed(word)
+            self._command(word)
             return
         handler = {
             "load": self._load, "save": self._save, "data": self._data, "set": self._set, "filter": self._filter,
@@ -75,13 +75,13 @@ class CommandRunner:
             raise ValueError(f"there is no command {word!r}{hint}")
         handler(arguments)
 
-    def _deed(self, word: str) -> None:
+    def _command(self, word: str) -> None:
         app = self._app
         if word in {"start", "stop"} and app.session.running == (word == "start"):
             app.say(f"it is {'running' if app.session.running else 'stopped'} already")
             return
         screen = app.table_screen
-        screen.action_deed(DEED_WORDS[word])
+        screen.action_command(DEED_WORDS[word])
 
     def _writing(self, label: str) -> None:
         if not self._app.may_write(label):
@@ -106,13 +106,13 @@ class CommandRunner:
 
         if not self._asking("Save data"):
             return
-        types, name = commands.read_save(arguments)
+        types, name = command_line.read_save(arguments)
         self._app.push_screen(SaveDialog(self._app.session.status.folder, types, name, at_once=bool(arguments)))
 
     def _set(self, arguments: Sequence[str]) -> None:
         self._writing("Edit")
         app = self._app
-        changes = commands.read_settings(arguments)
+        changes = command_line.read_settings(arguments)
         targets = app.session.rows.targets()
         changed = sum(app.table_screen.change(targets, field, change) for field, change in changes)
         app.table_changed()

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.ipc.messages import Edit, Table
-from silo.model import Action, ElementInfo
+from silo.model import Action, Edit, ElementInfo, Table
 from silo_tui.model.fields import Field, Ints, options_of, phrase_for, values_of
 
 Mask = NDArray[np.bool_]

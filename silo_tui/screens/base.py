@@ -1,4 +1,4 @@
-"""What all screens share: their keys come from the list of deeds, and a deed goes to the screen or else to the app."""
+"""What all screens share: keys from the list of commands, and a command that goes to the screen or else to the app."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, cast
@@ -31,15 +31,15 @@ class SiloScreen(Screen[None]):
         typing = isinstance(self.focused, Fleeting) and self.focused.display
         return not typing or parameters == ("quit_now",)
 
-    def action_deed(self, deed_id: str) -> None:
+    def action_command(self, command_id: str) -> None:
         """Does what a key, a click, the palette or the command line asks for."""
-        deed = BY_ID[deed_id]
-        if deed.writes and not self.silo.may_write(deed.label):
+        command = BY_ID[command_id]
+        if command.writes and not self.silo.may_write(command.label):
             return
-        if deed_id in ASK_THE_LOGGER and not self.silo.may_ask(deed.label):
+        if command_id in ASK_THE_LOGGER and not self.silo.may_ask(command.label):
             return
-        handler: Callable[[], Any] | None = getattr(self, f"deed_{deed_id}", None) or getattr(
-            self.silo, f"deed_{deed_id}", None
+        handler: Callable[[], Any] | None = getattr(self, f"command_{command_id}", None) or getattr(
+            self.silo, f"command_{command_id}", None
         )
         if handler is not None:
             handler()

@@ -1,4 +1,4 @@
-# ruff: noqa: D102 - what a deed does stands in actions.py, once
+# ruff: noqa: D102 - what a command does stands in actions.py, once
 """One large plot with axes, drawn by plotext: several series over time, one against another, or their spectrum.
 
 plotext needs 140 ms and more a frame, so it draws in a thread, when asked, and never while keys are waiting.
@@ -149,41 +149,41 @@ class DetailScreen(SiloScreen):
         unit = "" if plotted.element.unit == "-" else f" [{plotted.element.unit}]"
         return self.session.short_name(plotted.name) + unit
 
-    # --------------------------------------------------------------------------------------------------- deeds
+    # --------------------------------------------------------------------------------------------------- commands
 
-    def deed_mode(self) -> None:
+    def command_mode(self) -> None:
         self.mode = MODES[(MODES.index(self.mode) + 1) % len(MODES)]
         self._said = "x-y needs two plots: mark two elements" if self.mode == "x-y" and len(self.plots) < 2 else ""
         self.draw_soon()
 
-    def deed_detail_closer(self) -> None:
+    def command_detail_closer(self) -> None:
         self._zoom(-1)
 
-    def deed_detail_wider(self) -> None:
+    def command_detail_wider(self) -> None:
         self._zoom(1)
 
     def _zoom(self, step: int) -> None:
         self.span_s = SPANS_S[max(0, min(len(SPANS_S) - 1, SPANS_S.index(self.span_s) + step))]
         self.draw_soon()
 
-    def deed_detail_left(self) -> None:
+    def command_detail_left(self) -> None:
         self.end_ns -= round(self.span_s * SECOND_NS) // 4
         self.draw_soon()
 
-    def deed_detail_right(self) -> None:
+    def command_detail_right(self) -> None:
         self.end_ns = min(self.source.end_ns, self.end_ns + round(self.span_s * SECOND_NS) // 4)
         self.draw_soon()
 
-    def deed_detail_swap(self) -> None:
+    def command_detail_swap(self) -> None:
         if len(self.plots) > 1:
             self.plots[0], self.plots[1] = self.plots[1], self.plots[0]
         self.draw_soon()
 
-    def deed_detail_refresh(self) -> None:
+    def command_detail_refresh(self) -> None:
         self.end_ns = self.source.end_ns
         self.draw_soon()
 
-    def deed_back(self) -> None:
+    def command_back(self) -> None:
         self.silo.leave_screen()
 
 

@@ -1,4 +1,4 @@
-# ruff: noqa: D102 - what a deed does stands in actions.py, once
+# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The detail plot on a file: its time counts from the first time stamp, its window goes over the whole recording."""
 
 from collections.abc import Sequence
@@ -45,18 +45,18 @@ class FileDetailScreen(DetailScreen, inherit_bindings=False):
         self.span_s = spans[max(0, min(len(spans) - 1, spans.index(self.span_s) + step))]
         self._show(middle + round(self.span_s * SECOND_NS) // 2)
 
-    def deed_detail_left(self) -> None:
+    def command_detail_left(self) -> None:
         self._show(self.end_ns - round(self.span_s * SECOND_NS) // 4)
 
-    def deed_detail_right(self) -> None:
+    def command_detail_right(self) -> None:
         self._show(self.end_ns + round(self.span_s * SECOND_NS) // 4)
 
-    def deed_file_start(self) -> None:
+    def command_file_start(self) -> None:
         self._show(self.file.source.begin_ns)
 
-    def deed_file_end(self) -> None:
+    def command_file_end(self) -> None:
         self._show(self.file.source.end_ns)
 
-    def deed_whole_file(self) -> None:
+    def command_whole_file(self) -> None:
         self.span_s = self.spans[-1]
         self._show(self.file.source.end_ns)

@@ -1,4 +1,4 @@
-# ruff: noqa: D102 - what a deed does stands in actions.py, once
+# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The monitor on a file: its window goes over the whole recording, its cursor says what held at a moment."""
 
 from typing import ClassVar
@@ -124,18 +124,18 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         else:
             self._go_to(self.file.time_ns + 2 * cells * self._column_ns)
 
-    # --------------------------------------------------------------------------------------------------- deeds
+    # --------------------------------------------------------------------------------------------------- commands
 
-    def deed_first_plot(self) -> None:
-        self.deed_plot_top()
+    def command_first_plot(self) -> None:
+        self.command_plot_top()
 
-    def deed_last_plot(self) -> None:
-        self.deed_plot_bottom()
+    def command_last_plot(self) -> None:
+        self.command_plot_bottom()
 
-    def deed_earlier(self) -> None:
+    def command_earlier(self) -> None:
         self._pan(-1)
 
-    def deed_later(self) -> None:
+    def command_later(self) -> None:
         self._pan(1)
 
     def _pan(self, direction: int) -> None:
@@ -149,20 +149,20 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
             self.file.time_ns = max(source.begin_ns, min(self.file.time_ns + moved, source.end_ns))
         self.line.refresh()
 
-    def deed_file_start(self) -> None:
+    def command_file_start(self) -> None:
         self._go_to(self.file.source.begin_ns)
 
-    def deed_file_end(self) -> None:
+    def command_file_end(self) -> None:
         self._go_to(self.file.source.end_ns)
 
-    def deed_whole_file(self) -> None:
+    def command_whole_file(self) -> None:
         self.window.span_s = self.window.spans[-1]
         self._show(self.file.source.end_ns)
 
-    def deed_next_sample(self) -> None:
+    def command_next_sample(self) -> None:
         self._step(1)
 
-    def deed_previous_sample(self) -> None:
+    def command_previous_sample(self) -> None:
         self._step(-1)
 
     def _step(self, step: int) -> None:
@@ -174,15 +174,15 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
             self._said = ""
             self._go_to(there)
 
-    def deed_plot_down(self) -> None:
-        super().deed_plot_down()
+    def command_plot_down(self) -> None:
+        super().command_plot_down()
         self._show_moment()
 
-    def deed_plot_up(self) -> None:
-        super().deed_plot_up()
+    def command_plot_up(self) -> None:
+        super().command_plot_up()
         self._show_moment()
 
-    def deed_detail(self) -> None:
+    def command_detail(self) -> None:
         chosen = self.stack.plots[self.stack.chosen]
         plots = [chosen, *(plotted for plotted in self.stack.plots if plotted is not chosen)]
         plots = [plotted for plotted in plots if plotted.numeric]
@@ -191,5 +191,5 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
             return
         self.app.push_screen(FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s, self.window.spans))
 
-    def deed_back(self) -> None:
+    def command_back(self) -> None:
         self.silo.leave_screen()

@@ -1,4 +1,4 @@
-# ruff: noqa: D102 - what a deed does stands in actions.py, once
+# ruff: noqa: D102 - what a command does stands in actions.py, once
 """What is in a file: the table of a logger with other columns and without what edits."""
 
 import math
@@ -124,17 +124,17 @@ class FileTableScreen(TableScreen, inherit_bindings=False):
         store.advance_to(past.first + past.low.shape[1])
         store.merge(past.names, past.first, past.low, past.high)
 
-    # --------------------------------------------------------------------------------------------------- deeds
+    # --------------------------------------------------------------------------------------------------- commands
 
-    def deed_sort(self) -> None:
-        super().deed_sort()
+    def command_sort(self) -> None:
+        super().command_sort()
         if self.session.rows.sort == "act":  # files don't tell
-            super().deed_sort()
+            super().command_sort()
 
-    def deed_edit(self) -> None:
-        self.deed_plot()
+    def command_edit(self) -> None:
+        self.command_plot()
 
-    def deed_plot(self) -> None:
+    def command_plot(self) -> None:
         from silo_tui.screens.file_monitor import FileMonitorScreen
 
         chosen: Rows = self.session.rows.targets()

@@ -1,4 +1,4 @@
-"""Help, made from the list of deeds; what the screen below can do comes first."""
+"""Help, made from the list of commands; what the screen below can do comes first."""
 
 from collections.abc import Iterable
 from typing import ClassVar
@@ -12,7 +12,7 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
-from silo_tui.actions import FILE_SCOPES, deeds_for, deeds_like
+from silo_tui.actions import FILE_SCOPES, commands_for, commands_like
 
 NOTES = (
     ("Signs", (
@@ -71,13 +71,13 @@ class HelpScreen(ModalScreen[None]):
         self.query_one(VerticalScroll).scroll_relative(y=lines, animate=False)
 
     def _page(self) -> Group:
-        here = {deed.id for deed in deeds_for(self._scope)}
-        deeds = deeds_like(self._scope)
-        groups = list(dict.fromkeys(deed.group for deed in deeds))
-        groups.sort(key=lambda group: not any(deed.group == group and deed.id in here for deed in deeds))
+        here = {command.id for command in commands_for(self._scope)}
+        commands = commands_like(self._scope)
+        groups = list(dict.fromkeys(command.group for command in commands))
+        groups.sort(key=lambda group: not any(command.group == group and command.id in here for command in commands))
         parts: list[Text | Grid] = []
         for group in groups:
-            lines = [(deed.key_text, deed.help) for deed in deeds if deed.group == group]
+            lines = [(command.key_text, command.help) for command in commands if command.group == group]
             parts += [Text(group, style="underline"), _grid(lines, 13), Text("")]
         for title, notes in FILE_NOTES if self._scope in FILE_SCOPES else NOTES:
             parts += [Text(title, style="underline"), _grid(notes, 28), Text("")]

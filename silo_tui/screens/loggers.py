@@ -78,18 +78,18 @@ class LoggersScreen(SiloScreen):
             if line.key == event.option.id:
                 self.silo.open_logger(line)
 
-    def deed_next_logger(self) -> None:
+    def command_next_logger(self) -> None:
         """The cursor down."""
         self.query_one(OptionList).action_cursor_down()
 
-    def deed_previous_logger(self) -> None:
+    def command_previous_logger(self) -> None:
         """The cursor up."""
         self.query_one(OptionList).action_cursor_up()
 
-    def deed_open_logger(self) -> None:
+    def command_open_logger(self) -> None:
         """Enter where the list has no focus."""
         self.query_one(OptionList).action_select()
 
-    def deed_back(self) -> None:
+    def command_back(self) -> None:
         """Nothing to go back to but the logger that is open."""
         self.silo.back_to_table()

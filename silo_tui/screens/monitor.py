@@ -1,4 +1,4 @@
-# ruff: noqa: D102 - what a deed does stands in actions.py, once
+# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The monitor: stacked plots of some elements, live or standing still, with a cursor that reads values.
 
 What it shows comes from a `PlotSource`, so that a recording can stand in for a live logger.
@@ -22,7 +22,7 @@ from silo_tui.model.live import Frame
 from silo_tui.model.plots import PlotWindow, plots_of
 from silo_tui.model.source import PlotSource
 from silo_tui.screens.base import SiloScreen
-from silo_tui.sessions.link import Wish
+from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
 from silo_tui.widgets.plot_stack import PlotStack
@@ -102,7 +102,7 @@ class MonitorScreen(SiloScreen):
         else:
             elements = dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())
             self.session.columns = self._asked = store
-            self.session.watch(Wish(tuple(elements), tuple(names), store.column_ns))
+            self.session.watch(ViewRequest(tuple(elements), tuple(names), store.column_ns))
         self.run_worker(self._fill(store, names), group="history", exclusive=True)
 
     async def _fill(self, store: ColumnStore, names: list[str]) -> None:
@@ -176,26 +176,26 @@ class MonitorScreen(SiloScreen):
             words.append(self._said)
         return " │ ".join(words)
 
-    # --------------------------------------------------------------------------------------------------- deeds
+    # --------------------------------------------------------------------------------------------------- commands
 
     def _choose(self, index: int) -> None:
         if self.stack.choose(index):
             self.fill_soon()
         self.line.refresh()
 
-    def deed_plot_down(self) -> None:
+    def command_plot_down(self) -> None:
         self._choose(self.stack.chosen + 1)
 
-    def deed_plot_up(self) -> None:
+    def command_plot_up(self) -> None:
         self._choose(self.stack.chosen - 1)
 
-    def deed_plot_top(self) -> None:
+    def command_plot_top(self) -> None:
         self._choose(0)
 
-    def deed_plot_bottom(self) -> None:
+    def command_plot_bottom(self) -> None:
         self._choose(len(self.stack.plots) - 1)
 
-    def deed_pause(self) -> None:
+    def command_pause(self) -> None:
         if not self.source.live:
             return
         if self.window.paused:
@@ -207,10 +207,10 @@ class MonitorScreen(SiloScreen):
         self.wish_again()
         self.line.refresh()
 
-    def deed_closer(self) -> None:
+    def command_closer(self) -> None:
         self._zoom(closer=True)
 
-    def deed_wider(self) -> None:
+    def command_wider(self) -> None:
         self._zoom(closer=False)
 
     def _zoom(self, *, closer: bool) -> None:
@@ -226,16 +226,16 @@ class MonitorScreen(SiloScreen):
         self.say("")
         self.wish_again()
 
-    def deed_cursor_left(self) -> None:
+    def command_cursor_left(self) -> None:
         self._move_cursor(-1)
 
-    def deed_cursor_right(self) -> None:
+    def command_cursor_right(self) -> None:
         self._move_cursor(1)
 
-    def deed_cursor_far_left(self) -> None:
+    def command_cursor_far_left(self) -> None:
         self._move_cursor(-FAR)
 
-    def deed_cursor_far_right(self) -> None:
+    def command_cursor_far_right(self) -> None:
         self._move_cursor(FAR)
 
     def _move_cursor(self, cells: int) -> None:
@@ -248,20 +248,20 @@ class MonitorScreen(SiloScreen):
         self.stack.redraw()
         self.line.refresh()
 
-    def deed_scale(self) -> None:
+    def command_scale(self) -> None:
         self.window.fixed_scale = not self.window.fixed_scale
         self.stack.redraw()
         self.line.refresh()
 
-    def deed_drop_plot(self) -> None:
+    def command_drop_plot(self) -> None:
         if len(self.stack.plots) > 1:
             del self.stack.plots[self.stack.chosen]
             self.stack.choose(self.stack.chosen)
             self.fill_soon()
         else:
-            self.deed_back()
+            self.command_back()
 
-    def deed_publish(self) -> None:
+    def command_publish(self) -> None:
         """Pending edits of all that were marked and are not published; applying them is for the table."""
         names = dict.fromkeys([*(plotted.element.name for plotted in self.stack.plots), *self._waiting])
         table = self.session.table
@@ -274,7 +274,7 @@ class MonitorScreen(SiloScreen):
         self.say(f"prepared for {text.plural(len(rows), 'element')}: Esc, then a applies it")
         self.silo.table_changed()
 
-    def deed_detail(self) -> None:
+    def command_detail(self) -> None:
         from silo_tui.screens.detail import DetailScreen
 
         if not self.stack.plots:
@@ -288,13 +288,13 @@ class MonitorScreen(SiloScreen):
         end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
         self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s))
 
-    def deed_back(self) -> None:
+    def command_back(self) -> None:
         """Cursor, pause, then the table."""
         if self.window.cursor is not None:
             self.window.cursor = None
             self.stack.redraw()
             self.line.refresh()
         elif self.window.paused and self.source.live:
-            self.deed_pause()
+            self.command_pause()
         else:
             self.silo.leave_screen()

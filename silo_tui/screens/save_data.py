@@ -11,8 +11,8 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Input, ProgressBar, Static
 
 from silo.errors import SiloError
-from silo.ipc.messages import Event, EventKind, SavedFile
-from silo.model import FileType
+from silo.ipc.messages import Event, EventKind
+from silo.model import FileType, SavedFile
 from silo_tui.model import text
 from silo_tui.widgets.check_line import CheckLine
 

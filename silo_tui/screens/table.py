@@ -1,4 +1,4 @@
-# ruff: noqa: D102 - what a deed does stands in actions.py, once
+# ruff: noqa: D102 - what a command does stands in actions.py, once
 """The main screen: the element table with its live columns, and everything that edits it."""
 
 from typing import ClassVar
@@ -12,15 +12,14 @@ from textual.widgets import Input, Static
 
 from silo.errors import SiloError
 from silo_tui.actions import bindings_for
-from silo_tui.model import command_line as commands
+from silo_tui.model import command_line, text
 from silo_tui.model import filter as filters
-from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Change, Field, next_value, parse_change, phrase_for
 from silo_tui.model.live import Frame
 from silo_tui.model.table import Rows
 from silo_tui.screens.base import SiloScreen
-from silo_tui.sessions.link import Wish
+from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, InfoLine, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FIXED_WIDTH, ElementTable, TableHead
@@ -179,7 +178,7 @@ class TableScreen(SiloScreen):
         names = [table.names[each] for each in rows]
         if row is not None and table.names[row] not in names and table.server[Field.ENABLED, row]:
             names.append(table.names[row])
-        self.session.watch(Wish(tuple(names), tuple(plots), COLUMN_NS))
+        self.session.watch(ViewRequest(tuple(names), tuple(plots), COLUMN_NS))
         self._plan_columns(plots)
 
     def _plan_columns(self, plots: list[str]) -> None:
@@ -210,28 +209,28 @@ class TableScreen(SiloScreen):
         self.session.rows.move_to(position)
         self.table.show_cursor()
 
-    def deed_down(self) -> None:
+    def command_down(self) -> None:
         self._move(self.session.rows.position + 1)
 
-    def deed_up(self) -> None:
+    def command_up(self) -> None:
         self._move(self.session.rows.position - 1)
 
-    def deed_top(self) -> None:
+    def command_top(self) -> None:
         self._move(0)
 
-    def deed_bottom(self) -> None:
+    def command_bottom(self) -> None:
         self._move(len(self.session.rows.shown) - 1)
 
-    def deed_half_down(self) -> None:
+    def command_half_down(self) -> None:
         self._move(self.session.rows.position + max(1, self.table.size.height // 2))
 
-    def deed_half_up(self) -> None:
+    def command_half_up(self) -> None:
         self._move(self.session.rows.position - max(1, self.table.size.height // 2))
 
-    def deed_left(self) -> None:
+    def command_left(self) -> None:
         self._choose_shown(-1)
 
-    def deed_right(self) -> None:
+    def command_right(self) -> None:
         self._choose_shown(1)
 
     def _choose_shown(self, step: int) -> None:
@@ -246,21 +245,21 @@ class TableScreen(SiloScreen):
 
     # ---------------------------------------------------------------------------------------- filter and marks
 
-    def deed_filter(self) -> None:
+    def command_filter(self) -> None:
         self.query_one(KeyBar).show_instead(FILTER_KEYS)
         self.query_one("#filter-line", Line).begin(self.session.rows.filter.text)
         self.info.display = False
 
-    def deed_mark(self) -> None:
+    def command_mark(self) -> None:
         self.session.rows.toggle_mark()
         self.table.redraw_cursor()
-        self.deed_down()
+        self.command_down()
 
-    def deed_mark_shown(self) -> None:
+    def command_mark_shown(self) -> None:
         self.session.rows.mark_shown()
         self._marks_changed()
 
-    def deed_range(self) -> None:
+    def command_range(self) -> None:
         rows = self.session.rows
         if rows.anchor is None:
             rows.begin_range()
@@ -272,17 +271,17 @@ class TableScreen(SiloScreen):
         self.table.refresh()
         self.info.refresh()
 
-    def deed_sort(self) -> None:
+    def command_sort(self) -> None:
         self.say(f"sorted by {self.session.rows.next_sort()}")
         self.table_changed()
 
-    def deed_inspector(self) -> None:
+    def command_inspector(self) -> None:
         self._inspector_wanted = not self._inspector_wanted
         if self.app.size.width < WIDE:
             self.say(f"the inspector needs {WIDE} columns; this terminal has {self.app.size.width}")
         self._lay_out(self.app.size.width)
 
-    def deed_back(self) -> None:
+    def command_back(self) -> None:
         """Range, then filter, then marks; never pending edits."""
         rows = self.session.rows
         if rows.anchor is not None:
@@ -296,12 +295,12 @@ class TableScreen(SiloScreen):
 
     # ------------------------------------------------------------------------------------------------- editing
 
-    def deed_edit(self) -> None:
+    def command_edit(self) -> None:
         self.edit_field(self.table.field)
 
     def on_element_table_picked(self, event: ElementTable.Picked) -> None:
         """A click on the cursor's cell edits it."""
-        self.action_deed("edit")
+        self.action_command("edit")
 
     def edit_field(self, field: Field) -> None:
         """Steps a field on, or opens the editor over its cell."""
@@ -326,22 +325,22 @@ class TableScreen(SiloScreen):
         self.info.ask(f"{field.label} of {text.plural(count, 'element')}: {examples}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
-    def deed_toggle(self) -> None:
+    def command_toggle(self) -> None:
         self.edit_field(Field.ENABLED)
 
-    def deed_edit_divider(self) -> None:
+    def command_edit_divider(self) -> None:
         self.edit_field(Field.DIVIDER)
 
-    def deed_edit_size(self) -> None:
+    def command_edit_size(self) -> None:
         self.edit_field(Field.BUFFER_SIZE)
 
-    def deed_next_buffer(self) -> None:
+    def command_next_buffer(self) -> None:
         self.edit_field(Field.BUFFER_TYPE)
 
-    def deed_next_action(self) -> None:
+    def command_next_action(self) -> None:
         self.edit_field(Field.ACTION)
 
-    def deed_edit_all(self) -> None:
+    def command_edit_all(self) -> None:
         if self.session.rows.row is not None:
             self._open_editor("=", select=False)
 
@@ -363,33 +362,33 @@ class TableScreen(SiloScreen):
         self.say(words)
         self.table_changed()
 
-    def deed_undo(self) -> None:
+    def command_undo(self) -> None:
         label = self.session.table.undo()
         self._edited(f"undone: {label}" if label else "nothing to undo")
 
-    def deed_redo(self) -> None:
+    def command_redo(self) -> None:
         label = self.session.table.redo()
         self._edited(f"done again: {label}" if label else "nothing to do again")
 
-    def deed_discard(self) -> None:
+    def command_discard(self) -> None:
         count = self.session.table.discard(self.session.rows.targets())
         self._edited(
             f"{text.plural(count, 'edit')} discarded; u brings them back" if count else "nothing is pending here"
         )
 
-    def deed_monitor(self) -> None:
+    def command_monitor(self) -> None:
         rows = self.session.rows
         chosen = rows.targets()
         if len(chosen):
             names = self.session.table.names
             self.silo.open_monitor([names[int(row)] for row in chosen], names[rows.row] if rows.row is not None else "")
 
-    def deed_refresh(self) -> None:
+    def command_refresh(self) -> None:
         self.silo.reload()
 
     # --------------------------------------------------------------------------------------------- typed lines
 
-    def deed_command(self) -> None:
+    def command_command(self) -> None:
         self.silo.learn_scripts()
         self.query_one(KeyBar).show_instead(COMMAND_KEYS)
         self.query_one("#command-line", Line).begin("")
@@ -442,4 +441,4 @@ class TableScreen(SiloScreen):
         return [f"{head} {term}".lstrip() for term in filters.completions(last, units)]
 
     def _complete_command(self, line: str) -> list[str]:
-        return commands.complete(line, self.silo.command_words, self.silo.command_arguments(line))
+        return command_line.complete(line, self.silo.command_words, self.silo.command_arguments(line))

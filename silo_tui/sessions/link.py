@@ -1,7 +1,7 @@
 # ruff: noqa: D102 - the calls of ClientLike are described where they are made, in silo.ipc.client
 """The thread between the screen and a logger: it makes the blocking calls, the event loop only awaits them.
 
-`Link` keeps the latest wish for a view and hands out the latest frame, never a queue of either: a slow terminal sees
+`Link` keeps the latest request for a view and hands out the latest frame, never a queue of either: a slow terminal sees
 fewer frames, not old ones. What the client reports by itself reaches the app as frozen messages.
 """
 
@@ -16,18 +16,8 @@ from typing import Any, Protocol, TypeVar
 from textual.message import Message
 
 from silo.errors import ConnectionLostError
-from silo.ipc.messages import (
-    Edit,
-    EditsApplied,
-    Event,
-    HelloReply,
-    ScriptDiff,
-    Scripts,
-    ScriptText,
-    Status,
-    Table,
-)
-from silo.model import FileType
+from silo.ipc.messages import EditsApplied, Event, HelloReply, ScriptDiff, Scripts, ScriptText
+from silo.model import Edit, FileType, Status, Table
 from silo_tui.model.columns import Floats
 from silo_tui.model.live import Frame
 
@@ -87,7 +77,7 @@ class ClientLike(Protocol):
 
 
 @dataclass(frozen=True)
-class Wish:
+class ViewRequest:
     """What a screen wants to see: one view per screen."""
 
     values: tuple[str, ...] = ()
@@ -130,8 +120,8 @@ class Link:
         self._control = ThreadPoolExecutor(1, "silo-tui control")
         self._reading = ThreadPoolExecutor(1, "silo-tui reading")
         self._lock = threading.Lock()
-        self._wish = Wish()
-        self._opened: Wish | None = None
+        self._request = ViewRequest()
+        self._opened: ViewRequest | None = None
         self._view: ViewLike | None = None
         self._opening = False
         self._closed = False
@@ -151,11 +141,11 @@ class Link:
         """Runs a call that only reads, beside those that change something."""
         return await self._run(self._reading, job)
 
-    def watch(self, wish: Wish) -> None:
+    def watch(self, request: ViewRequest) -> None:
         """From now on frames are about this; several wishes in a row cost one request."""
         with self._lock:
-            self._wish = wish
-            if self._opening or self._closed or wish == self._opened:
+            self._request = request
+            if self._opening or self._closed or request == self._opened:
                 return
             self._opening = True
         self._reading.submit(self._open_wishes)
@@ -164,8 +154,8 @@ class Link:
         """Opens the view anew, after the link came back or the logger was changed."""
         with self._lock:
             self._opened = None
-            wish = self._wish
-        self.watch(wish)
+            request = self._request
+        self.watch(request)
 
     def frame(self) -> Frame | None:
         """The newest frame of what was wished last; None when nothing new came."""
@@ -191,25 +181,25 @@ class Link:
     def _open_wishes(self) -> None:
         while True:
             with self._lock:
-                wish = self._wish
-                if self._closed or wish == self._opened:
+                request = self._request
+                if self._closed or request == self._opened:
                     self._opening = False
                     return
             try:
-                self._replace_view(wish)
+                self._replace_view(request)
             except Exception as error:  # noqa: BLE001 - told to the screen, which shows it
                 with self._lock:
                     self._opening = False
                 self._tell(ViewFailed(self, error))
                 return
             with self._lock:
-                self._opened = wish
+                self._opened = request
 
-    def _replace_view(self, wish: Wish) -> None:
+    def _replace_view(self, request: ViewRequest) -> None:
         old = self._view
         view = None
-        if wish.values or wish.plots:
-            view = self._client.view(wish.values, wish.plots, self._rate_hz, wish.column_ns)
+        if request.values or request.plots:
+            view = self._client.view(request.values, request.plots, self._rate_hz, request.column_ns)
         self._view = view
         if old is not None:
             old.close()

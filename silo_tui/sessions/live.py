@@ -9,14 +9,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from silo.errors import RefusedError
-from silo.ipc.messages import Event, EventKind, RefusedWhy, State, Status
-from silo.model import BufferType, ElementInfo, ElementOptions
+from silo.ipc.messages import Event, EventKind, RefusedWhy
+from silo.model import BufferType, ElementInfo, ElementOptions, State, Status
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.live import Frame, LiveValues
 from silo_tui.model.rows import RowList
 from silo_tui.model.source import Column
 from silo_tui.model.table import TableState
-from silo_tui.sessions.link import ClientLike, HistoryLike, Link, Wish
+from silo_tui.sessions.link import ClientLike, HistoryLike, Link, ViewRequest
 
 MAX_HISTORY_NAMES = 64
 NO_STATUS = Status(
@@ -159,10 +159,10 @@ class Session:
             return Column((), 0, column_ns, empty, empty)
         return Column(store.names, store.first, column_ns, store.low, store.high)
 
-    def watch(self, wish: Wish) -> None:
+    def watch(self, request: ViewRequest) -> None:
         """What the screen shows from now on."""
         if self.link is not None:
-            self.link.watch(wish)
+            self.link.watch(request)
 
     # -------------------------------------------------------------------------------------------- what comes in
 

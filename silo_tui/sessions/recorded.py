@@ -12,7 +12,7 @@ from pathlib import Path
 from silo.analysis import reports
 from silo.analysis.log import Log, LogWarning, open_log
 from silo.errors import FileFormatError
-from silo.ipc.messages import State, Status, Table
+from silo.model import State, Status, Table
 from silo_tui.model.recorded import RecordingSource
 from silo_tui.sessions.live import Session
 

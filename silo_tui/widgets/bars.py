@@ -7,8 +7,8 @@ from rich.text import Text
 from textual.app import RenderResult
 from textual.widget import Widget
 
-from silo.ipc.messages import State
-from silo_tui.actions import Deed, footer_for
+from silo.model import State
+from silo_tui.actions import Command, footer_for
 from silo_tui.model import text
 from silo_tui.model.plots import PlotWindow
 from silo_tui.sessions.live import Session
@@ -191,7 +191,7 @@ class KeyBar(Widget):
     def __init__(self, scope: str, *, read_only: bool = False) -> None:
         super().__init__()
         self.auto_links = False
-        self._deeds = footer_for(scope, read_only=read_only)
+        self._commands = footer_for(scope, read_only=read_only)
         self._instead = ""
 
     def show_instead(self, words: str) -> None:
@@ -206,20 +206,20 @@ class KeyBar(Widget):
         fitting = self._fitting()
         key_color = color(self.app.theme_variables, "primary")
         line = Text(" ", no_wrap=True, overflow="ellipsis")
-        for deed in fitting:
+        for command in fitting:
             style = f"bold {key_color}" if not self.app.no_color else "bold"
-            line.append(deed.footer_key, style=style)
-            line.append(f" {deed.label}  ")
-            start = len(line) - len(deed.footer_key) - len(deed.label) - 3
-            line.apply_meta({"@click": f"screen.deed('{deed.id}')"}, start, len(line) - 2)
+            line.append(command.footer_key, style=style)
+            line.append(f" {command.label}  ")
+            start = len(line) - len(command.footer_key) - len(command.label) - 3
+            line.apply_meta({"@click": f"screen.command('{command.id}')"}, start, len(line) - 2)
         return line
 
-    def _fitting(self) -> list[Deed]:
+    def _fitting(self) -> list[Command]:
         room = self.size.width - 1
         found = []
-        for deed in self._deeds:
-            room -= len(deed.footer_key) + len(deed.label) + 3
+        for command in self._commands:
+            room -= len(command.footer_key) + len(command.label) + 3
             if room < -2:
                 break
-            found.append(deed)
+            found.append(command)
         return found

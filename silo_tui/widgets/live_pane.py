@@ -13,8 +13,7 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
-from silo.ipc.messages import State
-from silo.model import BufferType
+from silo.model import BufferType, State
 from silo_tui.model import braille
 from silo_tui.model.columns import hold
 from silo_tui.model.fields import Field

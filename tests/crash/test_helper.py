@@ -14,8 +14,8 @@ import silo
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.client import Client
 from silo.ipc.discovery import discover, survey
-from silo.ipc.messages import Event, EventKind, RefusedWhy, State
-from silo.model import FileType
+from silo.ipc.messages import Event, EventKind, RefusedWhy
+from silo.model import FileType, State
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.analysis.calculus import derivative, spectrum
-from silo.analysis.charts import Wish, make_chart
+from silo.analysis.charts import ChartSpec, make_chart
 from silo.analysis.picking import pick
 from silo.analysis.plotting import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
 from silo.errors import ElementError, SiloError
@@ -211,59 +211,59 @@ class TestPicking:
 
 class TestCharts:
     def test_two_units_take_two_axes(self, log):
-        chart, _ = make_chart(log, Wish(["torque", "LF/position"]))
+        chart, _ = make_chart(log, ChartSpec(["torque", "LF/position"]))
         assert [curve.right for curve in chart.curves] == [False, False, True]
         assert (chart.left_label, chart.right_label) == ("Nm", "rad")
 
     def test_the_right_axis_takes_what_was_asked_for(self, log):
-        chart, _ = make_chart(log, Wish(["torque"], right=["RF/torque"]))
+        chart, _ = make_chart(log, ChartSpec(["torque"], right=["RF/torque"]))
         assert [(curve.label, curve.right) for curve in chart.curves] == [
             ("/log/LF/torque [Nm]", False),
             ("/log/RF/torque [Nm]", True),
         ]
 
     def test_time_is_seconds_from_the_start_of_the_log(self, log):
-        chart, _ = make_chart(log, Wish(["slow"]))
+        chart, _ = make_chart(log, ChartSpec(["slow"]))
         assert chart.curves[0].x.tolist() == [0.5, 1.5, 2.5, 3.5]
 
     def test_a_window_cuts_in_seconds(self, log):
-        chart, _ = make_chart(log, Wish(["LF/torque"], start=1.0, stop=1.05))
+        chart, _ = make_chart(log, ChartSpec(["LF/torque"], start=1.0, stop=1.05))
         assert chart.curves[0].x.tolist() == pytest.approx([1.0, 1.01, 1.02, 1.03, 1.04, 1.05])
 
     def test_an_empty_window_says_how_long_the_log_is(self, log):
         with pytest.raises(ElementError, match=r"0 to 3\.99 s"):
-            make_chart(log, Wish(["LF/torque"], start=77))
+            make_chart(log, ChartSpec(["LF/torque"], start=77))
 
     def test_an_enumeration_has_its_names_at_the_axis(self, log):
-        chart, _ = make_chart(log, Wish(["mode"]))
+        chart, _ = make_chart(log, ChartSpec(["mode"]))
         assert chart.left_ticks == {0: "STAND", 1: "WALK", 2: "TROT", 3: "FALL"}
 
     def test_strings_become_levels_with_their_text(self, log):
-        chart, _ = make_chart(log, Wish(["text"]))
+        chart, _ = make_chart(log, ChartSpec(["text"]))
         assert chart.left_ticks == {0: "off", 1: "on"}
         assert chart.curves[0].y[:2].tolist() == [1, 0]
 
     def test_x_y_takes_the_value_that_held(self, log):
-        chart, _ = make_chart(log, Wish(["base_y"], x="slow"))
+        chart, _ = make_chart(log, ChartSpec(["base_y"], x="slow"))
         assert np.isnan(chart.curves[0].x[:50]).all()
         assert chart.curves[0].x[[50, 149, 150, 399]].tolist() == [0, 0, 1, 3]
         assert chart.x_label == "/log/slow [degC]"
 
     def test_x_must_be_one_signal(self, log):
         with pytest.raises(ElementError, match=r"'torque' must be one signal.*matches 2"):
-            make_chart(log, Wish(["base_y"], x="torque"))
+            make_chart(log, ChartSpec(["base_y"], x="torque"))
 
     def test_too_many_signals_are_counted(self, log):
-        chart, left_out = make_chart(log, Wish(["*"], most=5))
+        chart, left_out = make_chart(log, ChartSpec(["*"], most=5))
         assert (len(chart.curves), left_out) == (5, 5)
 
     def test_a_derivative_is_per_second(self, log):
-        chart, _ = make_chart(log, Wish(["LF/position"], transform="derivative"))
+        chart, _ = make_chart(log, ChartSpec(["LF/position"], transform="derivative"))
         assert chart.curves[0].y[1:-1] == pytest.approx(2 * SECONDS[1:-1])
         assert chart.left_label == "rad/s"
 
     def test_a_spectrum_is_over_frequency(self, log):
-        chart, _ = make_chart(log, Wish(["LF/torque"], transform="spectrum"))
+        chart, _ = make_chart(log, ChartSpec(["LF/torque"], transform="spectrum"))
         assert chart.x_label == "frequency [Hz]"
         assert chart.curves[0].x[-1] == pytest.approx(50)
 

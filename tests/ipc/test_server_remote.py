@@ -13,7 +13,7 @@ import silo
 from silo.errors import ConnectionLostError
 from silo.ipc.client import Client
 from silo.ipc.discovery import discover
-from silo.ipc.messages import State
+from silo.model import State
 
 CONFIG = Path(__file__).parents[2] / "config"
 

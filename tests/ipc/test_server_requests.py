@@ -13,18 +13,9 @@ from hypothesis import strategies as st
 import silo
 from silo.errors import RefusedError
 from silo.ipc.client import Client
-from silo.ipc.messages import (
-    ApplyEdits,
-    Edit,
-    EventKind,
-    GetHistory,
-    OpenView,
-    RefusedWhy,
-    Save,
-    State,
-)
+from silo.ipc.messages import ApplyEdits, EventKind, GetHistory, OpenView, RefusedWhy, Save
 from silo.ipc.session import close, open_client
-from silo.model import ElementOptions
+from silo.model import Edit, ElementOptions, State
 
 
 def options(client: Client, name: str) -> ElementOptions:

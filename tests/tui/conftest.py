@@ -18,19 +18,26 @@ from silo.ipc.messages import (
     EditsApplied,
     Event,
     EventKind,
-    FieldChange,
     HelloReply,
-    Problem,
     RefusedWhy,
-    SavedFile,
     ScriptDiff,
     Scripts,
     ScriptText,
+)
+from silo.model import (
+    Action,
+    BufferType,
+    ElementInfo,
+    ElementOptions,
+    Entry,
+    FieldChange,
+    FileType,
+    Problem,
+    SavedFile,
     State,
     Status,
     Table,
 )
-from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry, FileType
 from silo_tui.app import SiloApp
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.model.source import Column
@@ -204,9 +211,9 @@ class FakeClient:
         self._replace(name, msgspec.structs.replace(self.info(name).options, **options))
         self.revision += 1
         if self.connected:
-            self.tell(EventKind.EDITED, f"{name} edited", by="bob@lab")
+            self.publish(EventKind.EDITED, f"{name} edited", by="bob@lab")
 
-    def tell(self, kind: EventKind, text: str, by: str = "", **more: Any) -> None:
+    def publish(self, kind: EventKind, text: str, by: str = "", **more: Any) -> None:
         self._events += 1
         self._event(Event(self._events, self.now_ns, kind, text, by, self.status(), **more))
 
@@ -302,13 +309,13 @@ class FakeClient:
 
     def save(self, types: Sequence[FileType], name: str = "") -> int:
         self.calls.append(("save", list(types), name))
-        self.tell(EventKind.SAVING, "saving", job=1, progress=0.5)
+        self.publish(EventKind.SAVING, "saving", job=1, progress=0.5)
         if self.save_error:
-            self.tell(EventKind.SAVE_FAILED, self.save_error, job=1)
+            self.publish(EventKind.SAVE_FAILED, self.save_error, job=1)
         else:
             files = [SavedFile(f"/home/ann/logs/robot_00001.{kind.name.lower()}", kind, 1_234_567) for kind in types]
             self.saved = True
-            self.tell(EventKind.SAVED, f"saved {files[0].path}", job=1, files=files)
+            self.publish(EventKind.SAVED, f"saved {files[0].path}", job=1, files=files)
         return 1
 
     def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:

@@ -1,7 +1,7 @@
 """Choosing a logger, scripts, saving data, the command line, help, and the palette."""
 
 from silo.model import FileType
-from silo_tui.actions import DEEDS, FILE_SCOPES, bindings_for, footer_for
+from silo_tui.actions import COMMANDS, FILE_SCOPES, bindings_for, footer_for
 from silo_tui.model.fields import Field
 from silo_tui.screens.table import TableScreen
 
@@ -159,7 +159,7 @@ async def test_help_lists_what_can_be_done_here_first(fake, opened):
         assert isinstance(screen.app.screen, TableScreen)
 
 
-async def test_the_palette_finds_a_deed_by_what_it_does(fake, opened):
+async def test_the_palette_finds_a_command_by_what_it_does(fake, opened):
     async with opened(fake, size=(100, 40)) as screen:
         await screen.press("ctrl+p")
         await screen.type("take the last")
@@ -167,7 +167,7 @@ async def test_the_palette_finds_a_deed_by_what_it_does(fake, opened):
 
 
 def test_no_key_is_one_that_terminals_eat():
-    keys = {key for deed in DEEDS for key in deed.keys.split(",")}
+    keys = {key for command in COMMANDS for key in command.keys.split(",")}
     assert not {key for key in keys if key in EATEN or key.startswith("alt+")}
 
 
@@ -178,10 +178,10 @@ def test_no_key_does_two_things_on_one_screen():
 
 
 def test_a_read_only_key_bar_shows_nothing_that_writes():
-    assert not [deed for deed in footer_for("table", read_only=True) if deed.writes]
+    assert not [command for command in footer_for("table", read_only=True) if command.writes]
 
 
-def test_every_deed_has_its_method():
+def test_every_command_has_its_method():
     from silo_tui.app import SiloApp
     from silo_tui.screens.detail import DetailScreen
     from silo_tui.screens.file_detail import FileDetailScreen
@@ -192,9 +192,12 @@ def test_every_deed_has_its_method():
 
     screens = {"table": TableScreen, "monitor": MonitorScreen, "detail": DetailScreen, "loggers": LoggersScreen}
     screens |= {"file": FileTableScreen, "file_monitor": FileMonitorScreen, "file_detail": FileDetailScreen}
-    for deed in DEEDS:
-        for scope in deed.scopes if "any" not in deed.scopes else screens:
-            assert hasattr(screens[scope], f"deed_{deed.id}") or hasattr(SiloApp, f"deed_{deed.id}"), (scope, deed.id)
+    for command in COMMANDS:
+        for scope in command.scopes if "any" not in command.scopes else screens:
+            assert hasattr(screens[scope], f"command_{command.id}") or hasattr(SiloApp, f"command_{command.id}"), (
+                scope,
+                command.id,
+            )
 
 
 async def test_a_logger_that_doesn_t_answer_is_told_with_what_to_do(fake, opened):
@@ -225,8 +228,8 @@ async def test_leaving_a_logger_with_pending_edits_asks(new_fake, opened):
 
 async def test_news_of_others_is_shown_and_our_own_is_not(fake, opened):
     async with opened(fake) as screen:
-        fake.tell(fake.kinds.EDITED, "3 elements edited", by="ann@here silo-tui 1")
-        fake.tell(fake.kinds.SCRIPT_SAVED, "script saved", by="bob@lab silo-tui 9")
+        fake.publish(fake.kinds.EDITED, "3 elements edited", by="ann@here silo-tui 1")
+        fake.publish(fake.kinds.SCRIPT_SAVED, "script saved", by="bob@lab silo-tui 9")
         await screen.shows("script saved (bob@lab silo-tui 9)")
 
 

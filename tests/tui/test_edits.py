@@ -5,8 +5,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.ipc.messages import Table
-from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry
+from silo.model import Action, BufferType, ElementInfo, ElementOptions, Entry, Table
 from silo_tui.model.fields import Field, values_of
 from silo_tui.model.table import TableState
 

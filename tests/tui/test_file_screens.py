@@ -9,7 +9,7 @@ from silo.analysis.log import Log
 from silo.files.silo_writer import write_silo
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
-from silo_tui.actions import BY_ID, FILE_SCOPES, deeds_for
+from silo_tui.actions import BY_ID, FILE_SCOPES, commands_for
 from silo_tui.app import SiloApp
 from silo_tui.model.fields import Field
 from silo_tui.screens.file_detail import FileDetailScreen
@@ -284,10 +284,10 @@ async def test_nothing_that_changes_a_logger_is_offered(path, on_file, size):
             assert word not in screen.text
 
 
-def test_no_deed_on_a_file_writes():
-    assert not [deed.id for scope in FILE_SCOPES for deed in deeds_for(scope) if deed.writes]
+def test_no_command_on_a_file_writes():
+    assert not [command.id for scope in FILE_SCOPES for command in commands_for(scope) if command.writes]
     assert not {"undo", "redo", "discard", "pause", "refresh", "loggers", "command"} & {
-        deed.id for scope in FILE_SCOPES for deed in deeds_for(scope)
+        command.id for scope in FILE_SCOPES for command in commands_for(scope)
     }
     assert BY_ID["whole_file"].scopes == ("file_monitor", "file_detail")
 

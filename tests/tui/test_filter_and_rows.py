@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.ipc.messages import Table
-from silo.model import Action, BufferType
+from silo.model import Action, BufferType, Table
 from silo_tui.model import filter as filters
 from silo_tui.model.fields import Field, parse_change
 from silo_tui.model.rows import RowList

@@ -4,8 +4,7 @@ import msgspec
 import pytest
 from textual import events
 
-from silo.ipc.messages import State
-from silo.model import FileType
+from silo.model import FileType, State
 from silo_tui.model.fields import Field
 
 FIRST = "/log/base/orientation"

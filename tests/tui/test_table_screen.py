@@ -5,7 +5,8 @@ import numpy as np
 from rich.cells import cell_len
 from textual import events
 
-from silo.ipc.messages import EventKind, State
+from silo.ipc.messages import EventKind
+from silo.model import State
 from silo_tui.model.fields import Field
 
 FIRST = "/log/base/orientation"
@@ -180,7 +181,7 @@ async def test_a_dead_robot_is_told_with_where_the_data_is(fake, opened):
     fake.run()
     async with opened(fake) as screen:
         fake.state, fake.reason = State.DEAD, "Its data was saved to /home/ann/logs/x.silo."
-        fake.tell(EventKind.CRASHED, "the robot program died")
+        fake.publish(EventKind.CRASHED, "the robot program died")
         await screen.shows("robot died:")
         await screen.shows("/home/ann/logs/x.silo")
 

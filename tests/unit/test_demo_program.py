@@ -9,7 +9,7 @@ import pytest
 from silo.logger.logger import Logger
 from silo.model import Action, BufferType, FileType
 from silo.programs.demo.program import DemoOptions, end_with, farewell, make_robot, register
-from silo.programs.pace import EndSignals, Pace
+from silo.programs.rate import EndSignals, Rate
 from silo.settings.script import apply_script, read_script
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -33,12 +33,12 @@ def clock() -> FakeClock:
     return FakeClock()
 
 
-def pace(clock: FakeClock, frequency_hz: float = 100.0) -> Pace:
-    return Pace(frequency_hz, clock, clock.sleep)
+def rate(clock: FakeClock, frequency_hz: float = 100.0) -> Rate:
+    return Rate(frequency_hz, clock, clock.sleep)
 
 
 def test_deadlines_do_not_drift_with_the_work_of_the_loop(clock: FakeClock) -> None:
-    ticks = pace(clock)
+    ticks = rate(clock)
     for _ in range(50):
         clock.now_ns += 3_000_000
         assert ticks.wait() == 0
@@ -46,7 +46,7 @@ def test_deadlines_do_not_drift_with_the_work_of_the_loop(clock: FakeClock) -> N
 
 
 def test_lateness_is_told_and_the_next_deadline_stays(clock: FakeClock) -> None:
-    ticks = pace(clock)
+    ticks = rate(clock)
     clock.now_ns += 14_000_000
     assert ticks.wait() == 4_000_000
     assert ticks.wait() == 0
@@ -54,7 +54,7 @@ def test_lateness_is_told_and_the_next_deadline_stays(clock: FakeClock) -> None:
 
 
 def test_missed_deadlines_are_skipped_and_counted(clock: FakeClock) -> None:
-    ticks = pace(clock)
+    ticks = rate(clock)
     clock.now_ns += 57_000_000
     assert ticks.wait() == 7_000_000
     assert ticks.wait() == 0

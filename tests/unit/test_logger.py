@@ -14,8 +14,7 @@ import pytest
 
 import silo
 from silo.errors import ElementError, ScriptError, SegmentError, SourceError, StateError
-from silo.ipc.messages import Edit
-from silo.model import Action, BufferType, ElementOptions
+from silo.model import Action, BufferType, Edit, ElementOptions
 from silo.runtime import list_segments
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -5,9 +5,8 @@ import pytest
 
 from silo.collecting.plan import Element
 from silo.errors import ElementError
-from silo.ipc.messages import Edit
 from silo.logger.table import Table, checked, option_problems
-from silo.model import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, ElementInfo, ElementOptions, Entry
+from silo.model import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, Edit, ElementInfo, ElementOptions, Entry
 
 
 def element(name, suffixes=("",)):

@@ -12,7 +12,7 @@ from silo.logger.logger import Logger
 from silo.model import Action, FileType
 from silo.programs.demo.robot import Robot
 from silo.programs.demo.signals import Signal, signals
-from silo.programs.pace import EndSignals, Pace
+from silo.programs.rate import EndSignals, Rate
 
 FREQUENCY_HZ = 400.0
 PARENT_LOOK_S = 1.0
@@ -60,7 +60,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
         say(welcome(log))
         if options.parent_pid is not None:
             threading.Thread(target=end_with, args=(options.parent_pid,), daemon=True).start()
-        pace = Pace(options.frequency_hz)
+        rate = Rate(options.frequency_hz)
         end_s = time.monotonic() + (options.time_limit_s or float("inf"))
         while not ending.received and time.monotonic() < end_s:
             began_ns = time.perf_counter_ns()
@@ -68,8 +68,8 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
             step_us[...] = (time.perf_counter_ns() - began_ns) / 1000
             ticks[...] = robot.ticks
             log.collect()
-            late_us[...] = pace.wait() / 1000
-            skipped[...] = pace.skipped
+            late_us[...] = rate.wait() / 1000
+            skipped[...] = rate.skipped
         log.stop()
         farewell(log, options.save, say)
 

@@ -10,7 +10,7 @@ from silo.model import Action, FileType
 from silo.programs.demo.program import farewell, welcome
 from silo.programs.host.probes import PROBES
 from silo.programs.host.reading import Reader
-from silo.programs.pace import EndSignals, Pace
+from silo.programs.rate import EndSignals, Rate
 
 FREQUENCY_HZ = 20.0
 
@@ -70,13 +70,13 @@ def run_host(options: HostOptions, say: Callable[[str], None] = print) -> None:
         if not options.stopped:
             log.start()
         say(welcome(log))
-        pace = Pace(options.frequency_hz)
+        rate = Rate(options.frequency_hz)
         end_s = time.monotonic() + (options.time_limit_s or float("inf"))
         while not ending.received and time.monotonic() < end_s:
             began_s = time.perf_counter()
             monitor.read()
             reading_ms[...] = (time.perf_counter() - began_s) * 1e3
             log.collect()
-            lateness_ms[...] = pace.wait() / 1e6
+            lateness_ms[...] = rate.wait() / 1e6
         log.stop()
         farewell(log, options.save, say)

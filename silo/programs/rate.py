@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 
 
-class Pace:
+class Rate:
     """Ticks at a steady rate.
 
     Deadlines are absolute, so that the rate doesn't drift. Deadlines that are over already are skipped and counted in
