@@ -60,6 +60,13 @@ class Storage(str, enum.Enum):
     DISK = "disk"
 
 
+class Threads(str, enum.Enum):
+    """Who may call `collect()`: the thread of the first tick after each start, or any, one at a time."""
+
+    SINGLE = "single"
+    SERIALIZED = "serialized"
+
+
 class ElementOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How one element is logged: everything that the script and the terminal can edit."""
 
@@ -111,6 +118,8 @@ class LoggerOptions(msgspec.Struct, frozen=True):
     size_tiers: int = 3
     memory_limit_mb: int = 1024
     checked: bool = False
+    threads: Threads = Threads.SINGLE
+    id: str = ""  # drawn by the logger, tells it from others of its name
 
     def default_buffer_size(self, divider: int) -> int:
         """Samples that hold `max_time_s` at this divider; 10 s when the logging time is not limited."""

@@ -29,6 +29,30 @@ class RecordedEntry:
 
 
 @dataclass(frozen=True)
+class Failures:
+    """Samples that are not what the program had: its attribute or function could not be read, or did not fit.
+
+    `count` is the number of ticks; `spans` are stretches `(first, last)` of such ticks since start, both included, in
+    the order of time; where there were more than 15, some in the middle are left out. NaN or NaT stands in their place
+    where the type has one, the last value elsewhere.
+    """
+
+    count: int = 0
+    spans: tuple[tuple[int, int], ...] = ()
+
+
+NO_FAILURES = Failures()
+
+
+def failures_text(failures: Failures) -> str:
+    """What failed, fit to show: `could not be read at 3 ticks (12, 20-21): ...`."""
+    shown = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in failures.spans[:5])
+    shown += ", ..." if len(failures.spans) > 5 else ""
+    ticks = f"{failures.count} tick{'s' if failures.count != 1 else ''} ({shown})"
+    return f"could not be read at {ticks}: NaN, or its last value, stands there instead"
+
+
+@dataclass(frozen=True)
 class RecordedElement:
     """One element with its samples.
 
@@ -47,6 +71,7 @@ class RecordedElement:
     entries: tuple[RecordedEntry, ...]
     description: str = ""
     lost: int = 0
+    failures: Failures = NO_FAILURES
 
     @property
     def count(self) -> int:

@@ -11,8 +11,6 @@ Facts that decide its form:
 
 import functools
 import itertools
-import sys
-import threading
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -21,12 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.collecting.chunks import Chunks
+from silo.collecting.one_writer import guard_lines
 from silo.collecting.plan import Plan, RingPlan
 from silo.collecting.schema import ORDERED_STORES, STAMP_WORDS, TIME_RING, RingControl, RingSchema, StopReason
 from silo.collecting.scratch import Slot, packer
-from silo.collecting.segment import Chunk, Segment
+from silo.collecting.segment import Segment
+from silo.collecting.slow_reads import SlowReads
 from silo.collecting.sources import Expression
-from silo.errors import StateError
 from silo.model import BufferType
 
 GATHER_WORDS = 500
@@ -34,6 +34,9 @@ RUN_WORDS = 128
 INLINE_DIVIDERS = 4  # with more distinct dividers, one comparison per tick tells whether any is due
 
 Collect = Callable[[], None]
+
+# what a retired `collect` still needs
+_ALWAYS = ("after_end", "forget", "overlap", "ident", "claim", "__builtins__")
 
 
 @dataclass(frozen=True)
@@ -88,10 +91,13 @@ def generate(
     clock: Callable[[], int],
     on_stop: Callable[[StopReason], None],
     after_end: Collect,
+    *,
+    serialized: bool = False,
 ) -> Generated:
     """`collect()` for one run. `on_stop` is called, once, by the tick with which the logger stops by itself.
 
-    `after_end` is what a `collect` that somebody kept calls once the run was retired.
+    `after_end` is what a `collect` that somebody kept calls once the run was retired. The run belongs to the thread of
+    its first tick; `serialized` lets threads take turns.
     """
     addresses = np.concatenate([ring.words for ring in plan.rings])
     memory, base = memory_window(addresses, plan.scratch.words)
@@ -105,13 +111,12 @@ def generate(
     }
     names.objects |= {"clock": clock, "on_stop": on_stop, "copyto": np.copyto}
     names.objects |= {
-        "two_writers": _two_writers,
         "forget": _forget,
         "after_end": after_end,
         "FULL": StopReason.TIME_FULL,
-        "LIMIT": StopReason.MEMORY_LIMIT,
+        "growth_ended": segment.growth_ended,
     }
-    writer = _Writer(plan, segment, names, memory, base)
+    writer = _Writer(plan, segment, names, memory, base, serialized=serialized)
     source = writer.source()
     namespace: dict[str, Any] = dict(names.objects)
     exec(compile(source, "<silo collect>", "exec"), namespace)  # of names made here and checked identifiers
@@ -121,30 +126,29 @@ def generate(
 
 def _forget(namespace: dict[str, Any]) -> None:
     """A retired `collect` that somebody kept must not keep the buffers of its run as well."""
-    for name in [name for name in namespace if name not in ("after_end", "forget", "two_writers", "__builtins__")]:
+    for name in [name for name in namespace if name not in _ALWAYS]:
         del namespace[name]
-
-
-def _two_writers() -> None:
-    raise StateError(
-        "collect() was called by a second thread (or from within itself) while it ran; a logger has one writer: "
-        "call collect() from the control loop only, and give other threads a logger of their own"
-    )
-
-
-def _store_slowly(slots: list[Slot]) -> None:
-    """One by one, after an expression failed: the others are still logged."""
-    for slot in slots:
-        slot.store_slowly()
 
 
 class _Writer:
     """Writes the source text, ring by ring."""
 
-    def __init__(self, plan: Plan, segment: Segment, names: _Names, memory: NDArray[np.int64], base: int) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        segment: Segment,
+        names: _Names,
+        memory: NDArray[np.int64],
+        base: int,
+        *,
+        serialized: bool,
+    ) -> None:
+        self._serialized = serialized
         self._plan, self._segment, self._names = plan, segment, names
         self._memory, self._base = memory, base
         self._state: list[str] = []  # assignments that open `make`, of the names that collect() changes
+        self._chunks: dict[int, Chunks] = {}
+        self._slow = SlowReads(plan, segment, self._chunks)
         self._undo: list[str] = []  # what takes back a tick that was interrupted
         self._changed: list[str] = ["tick"]
 
@@ -158,9 +162,12 @@ class _Writer:
         body += [*self._ring(self._plan.rings[0], "n"), "tick = n"]
         if self._plan.time.buffer_type is BufferType.FIXED:
             body += [f"if n >= {self._plan.time.size}:", "    on_stop(FULL)"]
-        enter, leave = self._guard()
+        guard = guard_lines(serialized=self._serialized)
+        self._names.objects |= guard.objects
+        self._state += guard.state
+        self._changed += guard.changed
         lines = ["def make():", "    tick = 0", *_indent(self._state, 1), "    def collect():"]
-        lines += [f"        nonlocal {', '.join(self._changed)}", *_indent(enter, 2)]
+        lines += [f"        nonlocal {', '.join(self._changed)}", *_indent(guard.enter, 2)]
         lines += ["        try:", "            n = tick + 1", "            t = clock()"]
         lines += ["            stamp[0] = tick", "            stamp[1] = t", *_indent(body, 3)]
         # Ctrl-C may come within a tick: all of it is logged, or nothing
@@ -170,38 +177,10 @@ class _Writer:
             *_indent(self._undo, 4),
             "            raise",
         ]
-        lines += ["        finally:", f"            {leave}"]
+        lines += ["        finally:", f"            {guard.leave}"]
         lines += ["    def retire():", "        nonlocal busy, retired", "        busy = retired = True"]
         lines += ["    return collect, retire"]
         return "\n".join(lines)
-
-    def _guard(self) -> tuple[list[str], str]:
-        """How a tick makes sure that it is the only one, and that the run goes on.
-
-        Under the GIL a plain flag does, 60 ns cheaper than a lock: between its test and its store the interpreter never
-        switches threads (it does so at calls and at jumps that are taken).
-        """
-        self._state += ["busy = False", "retired = False"]
-        self._changed.append("busy")
-        enter = [
-            "if not busy:",
-            "    busy = True",
-            "elif retired:",
-            "    forget(globals())",
-            "    return after_end()",
-            "else:",
-            "    two_writers()",
-        ]
-        if getattr(sys, "_is_gil_enabled", lambda: True)():
-            return enter, "busy = retired"
-        lock = threading.Lock()
-        self._names.objects |= {"acquire": lock.acquire, "release": lock.release}
-        return [
-            "if retired:",
-            "    forget(globals())",
-            "    return after_end()",
-            "if not acquire(False): two_writers()",
-        ], "release()"
 
     def _groups(self, groups: dict[int, list[RingPlan]], slots: dict[int, list[Slot]]) -> Iterator[str]:
         dividers = sorted(set(groups) | set(slots))
@@ -235,7 +214,7 @@ class _Writer:
         if not slots:
             return
         packed = [slot for slot in slots if slot.pack_format is not None]
-        failed = self._names.give("slow", functools.partial(_store_slowly, slots))
+        failed = self._names.give("slow", functools.partial(self._slow.read, slots))
         yield "try:"
         called = self._shared_calls(slots)
         yield from (f"    {local} = {self._names.give('o', root)}()" for local, root in called.values())
@@ -244,13 +223,12 @@ class _Writer:
             values = ", ".join(self._expression(slot, called) for slot in packed)
             yield f"    {pack}(scratch, {packed[0].offset}, {values})"
         for slot in slots:
-            view = self._names.give("v", slot.view)
-            if slot.pack_format is None and slot.view.dtype.kind in "iu":  # a plain store would cut floats
-                yield f"    copyto({view}, {self._expression(slot, called)})"
-            elif slot.pack_format is None:
-                yield f"    {view}[...] = {self._expression(slot, called)}"
+            if slot.pack_format is None:  # a plain store would cut floats to integers, and write None as text
+                view = self._names.give("v", slot.view)
+                casting = ", 'safe'" if slot.view.dtype.kind in "iub" else ""
+                yield f"    copyto({view}, {self._expression(slot, called)}{casting})"
         yield "except Exception:"
-        yield f"    {failed}()"
+        yield f"    {failed}(tick)"
 
     @staticmethod
     def _shared_calls(slots: list[Slot]) -> dict[int, tuple[str, object]]:
@@ -311,7 +289,7 @@ class _Writer:
         number = schema.ring
         memory, end = f"mem{number}", f"end{number}"
         self._changed += [memory, end]
-        chunks = _Chunks(self._segment, schema)
+        chunks = self._chunks[number] = Chunks(self._segment, schema)
         more = self._names.give("more", chunks.more)
         self._state.append(f"{memory}, {offset}, {end} = {more}(0)")
         control = self._segment.ring_control(number)
@@ -324,7 +302,7 @@ class _Writer:
         ]
         gone = [f"w[{lost}] += 1"]
         if number == TIME_RING:
-            gone += ["on_stop(LIMIT)", "return"]
+            gone += ["on_stop(growth_ended())", "return"]
         store = self._store(ring, schema, count, offset, memory)
         return [
             f"if {offset} == {end}: {memory}, {offset}, {end} = {more}(({count} - 1) // {schema.capacity})",
@@ -379,30 +357,6 @@ def _long_runs(words: NDArray[np.int64]) -> list[tuple[int, int]]:
     """Stretches of at least RUN_WORDS consecutive words, as places in `words`."""
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(words) != 1) + 1, [len(words)]])
     return [(int(a), int(b)) for a, b in itertools.pairwise(cuts) if b - a >= RUN_WORDS]
-
-
-class _Chunks:
-    """Hands a growing ring its chunks one after the other."""
-
-    def __init__(self, segment: Segment, schema: RingSchema) -> None:
-        self._segment, self._schema = segment, schema
-        self._chunks: list[Chunk | None] = list(segment.first_chunks(schema.ring))
-        self._given = 0  # chunks before this one are full and no more wanted
-
-    def more(self, number: int) -> tuple[memoryview | None, int, int]:
-        """Memory, position and end of the ring's chunk `number`; end -1 at the memory limit.
-
-        The newest chunk can be asked for again: the tick that got it may have been interrupted.
-        """
-        if number == len(self._chunks):
-            self._chunks.append(self._segment.next_chunk(self._schema.ring))
-        for full in range(self._given, number - 1):
-            self._chunks[full] = None
-        self._given = max(self._given, number - 1)
-        chunk = self._chunks[number]
-        if chunk is None:
-            return None, 0, -1
-        return chunk.words, 0, chunk.rows * self._schema.row_words
 
 
 def _indent(lines: list[str], levels: int) -> list[str]:

@@ -87,6 +87,7 @@ class _Placed:
     """The words of one element, and its entries' bytes from the first of them."""
 
     element: Element
+    copied: bool  # whether part of it is read at each due tick, which can fail
     words: NDArray[np.int64]
     entries: tuple[EntrySchema, ...]
 
@@ -232,9 +233,11 @@ def _element_schema(number: int, placed: _Placed, rings: _Rings) -> ElementSchem
     ring, base = rings.where[number, False]
     live_ring, live_base = rings.where.get((number, True), (ring, base))
     entries = _shifted(placed.entries, base)
+    failures = 0 if placed.copied else -1
     if not placed.element.info.options.action.publishes:
-        return ElementSchema(placed.element.info, ring, entries)
-    return ElementSchema(placed.element.info, ring, entries, live_ring, _shifted(placed.entries, live_base))
+        return ElementSchema(placed.element.info, ring, entries, failures=failures)
+    live_entries = _shifted(placed.entries, live_base)
+    return ElementSchema(placed.element.info, ring, entries, live_ring, live_entries, failures)
 
 
 def _shifted(entries: tuple[EntrySchema, ...], base: int) -> tuple[EntrySchema, ...]:
@@ -266,7 +269,8 @@ def _place(element: Element, scratch: Scratch) -> _Placed:
     entries = tuple(
         EntrySchema(entry, offset, swapped) for (entry, swapped), offset in zip(named, offsets.tolist(), strict=True)
     )
-    return _Placed(element, words, entries)
+    copied = any(scratch.place_of(part.source) is not None for part in element.parts)
+    return _Placed(element, copied, words, entries)
 
 
 def _memory(part: Part, scratch: Scratch) -> tuple[int, tuple[int, ...]]:

@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import logging
 import os
+import secrets
 import socket
 import time
 from collections.abc import Callable, Sequence
@@ -20,7 +21,7 @@ from silo.collecting.segment import Segment
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.sources import Reference, abandoned
 from silo.errors import SegmentError
-from silo.model import LoggerOptions, Storage
+from silo.model import LoggerOptions, Storage, Threads
 from silo.runtime import SEGMENT_SUFFIX, boot_id, process_start, runtime_dir, user_name
 
 logger = logging.getLogger("silo")
@@ -54,7 +55,9 @@ class Run:
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is Storage.MEMORY,
         )
-        generated = generate(plan, self.segment, clock, on_stop, after_end)
+        generated = generate(
+            plan, self.segment, clock, on_stop, after_end, serialized=options.threads is Threads.SERIALIZED
+        )
         self.collect, self._retire = generated.collect, generated.retire
         self._reader: SegmentReader | None = None
 
@@ -95,6 +98,8 @@ class Run:
             time_buffer_size=plan.time.size,
             rings=tuple(ring.schema for ring in plan.rings),
             elements=plan.elements,
+            logger_id=options.id,
+            run=secrets.token_hex(8),
         )
 
     @property

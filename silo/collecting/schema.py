@@ -4,10 +4,14 @@
     schema       JSON of `SegmentSchema`
     control      64-byte lines: one for the segment, then one per ring, see `Control` and `RingControl`
     chunks       one 8-byte word per possible chunk of a growing ring: ring number + 1, 0 while unused
+    failures     256 bytes for each element that is read by an expression, see `silo.collecting.failures`
     rings        rows of 8-byte words: tick, time stamp in ns, words gathered from memory
     chunk data   chunks of `chunk_bytes`, appended while logging
 
 Everything is little-endian and 8-byte aligned; each part begins on a page.
+
+Layout 2 added `failures`, the reason why rows were lost, and the identity of logger and run. Readers take layout 1 too,
+and of the schema they ignore what they don't know, so that a field with a default needs no new layout.
 """
 
 import enum
@@ -18,7 +22,8 @@ import msgspec
 from silo.model import BufferType, ElementInfo, Entry
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")
-LAYOUT_VERSION = 1
+LAYOUT_VERSION = 2
+READABLE_LAYOUTS = (1, 2)
 PAGE = 4096
 LINE_WORDS = 8
 STAMP_WORDS = 2  # tick and time stamp open each row
@@ -52,7 +57,7 @@ class Control(enum.IntEnum):
 
 
 class RingControl(enum.IntEnum):
-    """Words of a ring's control line: rows ever committed, rows that could not be kept.
+    """Words of a ring's control line: rows ever committed, rows that could not be kept and why (a `LostWhy`).
 
     `live`, on the time ring alone: ticks whose rows are surely visible, where the machine may reorder stores.
     """
@@ -60,6 +65,7 @@ class RingControl(enum.IntEnum):
     HEAD = 0
     LIVE = 1
     LOST = 2
+    LOST_WHY = 3
 
 
 class SegmentState(enum.IntEnum):
@@ -69,6 +75,21 @@ class SegmentState(enum.IntEnum):
     STOPPED = 2
 
 
+class LostWhy(enum.IntEnum):
+    """Why a growing ring keeps no more rows. Layout 1 didn't say: UNKNOWN."""
+
+    UNKNOWN = 0
+    MEMORY_LIMIT = 1
+    NO_ROOM = 2
+
+
+LOST_TEXTS = {
+    LostWhy.UNKNOWN: "the buffer could not grow",
+    LostWhy.MEMORY_LIMIT: "the memory limit was reached (memory_limit_mb)",
+    LostWhy.NO_ROOM: "the folder of the buffers was full",
+}
+
+
 class StopReason(enum.IntEnum):
     """Why collection ended."""
 
@@ -76,6 +97,7 @@ class StopReason(enum.IntEnum):
     ASKED = 1
     TIME_FULL = 2
     MEMORY_LIMIT = 3
+    NO_ROOM = 4
 
 
 STOP_TEXTS = {
@@ -83,6 +105,10 @@ STOP_TEXTS = {
     StopReason.ASKED: "stopped on request",
     StopReason.TIME_FULL: "stopped by itself: the time buffer is full (max_time, or every fixed buffer, is reached)",
     StopReason.MEMORY_LIMIT: "stopped by itself: memory_limit_mb is reached; save the log, then raise the limit",
+    StopReason.NO_ROOM: (
+        "stopped by itself: the folder of the buffers is full; save the log, then free or enlarge it, "
+        "or take smaller buffers"
+    ),
 }
 
 
@@ -110,17 +136,24 @@ class RingSchema(msgspec.Struct, frozen=True):
 
 
 class ElementSchema(msgspec.Struct, frozen=True):
-    """One enabled element: `ring` holds its buffer; `live_ring` passes every sample, -1 if it isn't published."""
+    """One enabled element: `ring` holds its buffer; `live_ring` passes every sample, -1 if it isn't published.
+
+    `failures` is the word position of its block of failures, -1 for what is read by address and can't fail.
+    """
 
     info: ElementInfo
     ring: int
     entries: tuple[EntrySchema, ...]
     live_ring: int = -1
     live_entries: tuple[EntrySchema, ...] = ()
+    failures: int = -1
 
 
 class SegmentSchema(msgspec.Struct, frozen=True):
-    """What the segment holds and who writes it. `pid_start` and `boot_id` tell the writer from a reused pid."""
+    """What the segment holds and who writes it. `pid_start` and `boot_id` tell the writer from a reused pid.
+
+    `logger_id` is drawn once in the life of a logger, `run` once per start: names may come again, these don't.
+    """
 
     logger: str
     prefix: str
@@ -140,6 +173,8 @@ class SegmentSchema(msgspec.Struct, frozen=True):
     rings: tuple[RingSchema, ...]
     elements: tuple[ElementSchema, ...]
     version: int = LAYOUT_VERSION
+    logger_id: str = ""
+    run: str = ""
 
 
 def page_up(size_bytes: int) -> int:

@@ -31,6 +31,10 @@ def _pack_format(source: Source) -> str | None:
     return _PACKED.get(source.dtype.str[1:])
 
 
+_MISSING = {"f": np.nan, "c": complex(np.nan, np.nan), "M": np.datetime64("NaT"), "m": np.timedelta64("NaT")}
+_MISSING_TEXTS = {"f": "NaN", "c": "NaN", "M": "NaT", "m": "NaT"}
+
+
 @dataclass
 class Slot:
     """One source that is copied, and where its value goes."""
@@ -41,14 +45,24 @@ class Slot:
     pack_format: str | None
     view: NDArray[Any]
     offset: int = 0  # bytes from the start of the scratch
-    failed: int = 0
+    said: bool = False
+    first: bytes = b""  # what stands there before the first tick
 
-    def store_slowly(self) -> None:
-        """Read and store this one source; a failure is counted and said once, the control loop goes on."""
+    def try_store(self) -> bool:
+        """Read and store this one source; False where that failed: the view is then what it was, or zero."""
         try:
-            self.view[...] = self._checked(self._value())
+            self.view[...] = fitting(self._value(), self.view.dtype)
         except Exception as error:  # noqa: BLE001  # whatever a user's attribute or function raises
-            self._fail(error)
+            self._say(error)
+            return False
+        return True
+
+    def store_missing(self, last: bytes) -> None:
+        """Store what stands for a value that is not there: NaN or NaT, else the bytes of the last value."""
+        if self.view.dtype.kind in _MISSING:
+            self.view[...] = _MISSING[self.view.dtype.kind]
+        else:
+            self.view.reshape(-1).view(np.uint8)[:] = np.frombuffer(last, np.uint8)
 
     def _value(self) -> Any:
         if isinstance(self.source, Reference):
@@ -56,24 +70,39 @@ class Slot:
         value = self.source.read()
         return value if self.source.convert is None else self.source.convert(value)
 
-    def _checked(self, value: Any) -> Any:
-        if self.view.dtype.kind in "iu" and np.asarray(value).dtype.kind not in "iub":
-            raise TypeError(f"{value!r} would be cut to an integer, which it was when it was added: write 0.0, not 0")
-        return value
+    def _say(self, error: Exception) -> None:
+        if self.said:
+            return
+        self.said = True
+        logger.warning(
+            "%s: reading %s failed (%s: %s); it is logged as %s until it can be read again",
+            self.name,
+            self.source,
+            type(error).__name__,
+            error,
+            _MISSING_TEXTS.get(self.view.dtype.kind, "its last value"),
+        )
 
-    def _fail(self, error: Exception) -> None:
-        self.failed += 1
-        if self.view.dtype.kind in "fc":
-            self.view[...] = np.nan
-        if self.failed == 1:
-            logger.warning(
-                "%s: reading %s failed (%s: %s); it is logged as %s until it can be read again",
-                self.name,
-                self.source,
-                type(error).__name__,
-                error,
-                "NaN" if self.view.dtype.kind in "fc" else "its last value",
-            )
+
+def fitting(value: Any, dtype: np.dtype[Any]) -> Any:
+    """The value, if storing it as `dtype` keeps what it says; TypeError or OverflowError otherwise.
+
+    NumPy by itself cuts 0.5 to 0 and 300 to 44, and writes None as the text `None`.
+    """
+    given = np.asarray(value)
+    if dtype.kind == "f" and given.dtype.kind == "O":
+        return float(value)  # integers of any size, Decimal, Fraction
+    if dtype.kind in "iu":
+        if isinstance(value, int) and given.dtype.kind == "O":
+            raise OverflowError(f"{value} doesn't fit into {dtype.name}")
+        if given.dtype.kind not in "iub":
+            raise TypeError(f"{value!r} would be cut to an integer, which it was when it was added: write 0.0, not 0")
+        info = np.iinfo(dtype)
+        if given.size and not (info.min <= int(given.min()) and int(given.max()) <= info.max):
+            raise OverflowError(f"{value!r} doesn't fit into {dtype.name} ({info.min} to {info.max})")
+    elif not np.can_cast(given.dtype, dtype, "same_kind"):
+        raise TypeError(f"{value!r} is no {dtype.name}, which it was when it was added")
+    return value
 
 
 class Scratch:
@@ -101,7 +130,8 @@ class Scratch:
         for slot in self._slots:
             view: NDArray[Any] = np.ndarray(slot.view.shape, slot.view.dtype, self.words.data, slot.offset)
             slot.view = view
-            slot.store_slowly()
+            slot.try_store()
+            slot.first = view.tobytes()
 
     @property
     def address(self) -> int:
@@ -119,11 +149,6 @@ class Scratch:
         for slot in self._slots:
             groups[slot.divider].append(slot)
         return dict(groups)
-
-    @property
-    def failures(self) -> dict[str, int]:
-        """How often each element's expression could not be read, only those that failed."""
-        return {slot.name: slot.failed for slot in self._slots if slot.failed}
 
 
 def packer(slots: list[Slot]) -> struct.Struct:

@@ -13,6 +13,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from silo.collecting.failures import BLOCK_WORDS
 from silo.collecting.schema import (
     LAYOUT_VERSION,
     LINE_WORDS,
@@ -20,7 +21,9 @@ from silo.collecting.schema import (
     PAGE,
     TIME_RING,
     Control,
+    ElementSchema,
     Header,
+    LostWhy,
     RingControl,
     RingSchema,
     SegmentSchema,
@@ -73,8 +76,9 @@ class Segment:
         self._directory_words = self._limit_chunks + SPARE_CHUNKS
         self._control = PAGE + _schema_room(schema)
         self._directory = self._control + page_up(8 * LINE_WORDS * (1 + len(schema.rings)))
-        rings, self._chunk_data = _place(schema.rings, self._directory + page_up(8 * self._directory_words))
-        self.schema = msgspec.structs.replace(schema, rings=rings)
+        elements, end = _place_failures(schema.elements, self._directory + page_up(8 * self._directory_words))
+        rings, self._chunk_data = _place(schema.rings, end)
+        self.schema = msgspec.structs.replace(schema, rings=rings, elements=elements)
         self._growing = {ring.ring: ring for ring in rings if ring.buffer_type is BufferType.GROWING}
         self._chunks = 0
         self._next: dict[int, Chunk] = {}
@@ -83,6 +87,7 @@ class Segment:
         self._wanted = threading.Event()
         self._ended = False
         self._counted: tuple[int, int] | None = None  # ticks and lost rows of a deleted segment
+        self._failed: dict[str, int] | None = None  # and its failures
         temporary = path.with_name(f".{path.name}.new")
         try:
             self._fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
@@ -160,6 +165,14 @@ class Segment:
             return self._counted[1]
         return sum(self.words[self.ring_control(ring.ring) + RingControl.LOST] for ring in self.schema.rings)
 
+    @property
+    def failures(self) -> dict[str, int]:
+        """At how many ticks each element could not be read, only those that failed."""
+        if self._failed is not None:
+            return self._failed
+        blocks = {element.info.name: element.failures for element in self.schema.elements if element.failures >= 0}
+        return {name: self.words[block] for name, block in blocks.items() if self.words[block]}
+
     def stop(self, reason: StopReason) -> None:
         """Mark that no more rows will come."""
         self._set(Control.STOP_REASON, reason)
@@ -199,12 +212,26 @@ class Segment:
     def _append_within_limit(self, ring: int) -> Chunk | None:
         # the time ring may pass the limit: without time stamps no other ring is worth anything
         limit = self._directory_words if ring == TIME_RING else self._limit_chunks
-        if self._ended or self._chunks >= limit:
+        if self._ended:
+            return None
+        if self._chunks >= limit:
+            self._ended_by(ring, LostWhy.MEMORY_LIMIT)
             return None
         try:
             return self._append(ring)
         except (SegmentError, OSError):  # no memory before the limit is reached: the caller counts what it can't keep
+            self._ended_by(ring, LostWhy.NO_ROOM)
             return None
+
+    def _ended_by(self, ring: int, why: LostWhy) -> None:
+        """Remember why a ring can't grow; the loop counts the rows that it doesn't keep for it."""
+        if not self._counted:
+            self.words[self.ring_control(ring) + RingControl.LOST_WHY] = why
+
+    def growth_ended(self) -> StopReason:
+        """Why the time ring, and with it the logger, can't go on."""
+        full = self.words[self.ring_control(TIME_RING) + RingControl.LOST_WHY] == LostWhy.NO_ROOM
+        return StopReason.NO_ROOM if full else StopReason.MEMORY_LIMIT
 
     def _append_rows(self, ring: int, rows: int) -> list[Chunk]:
         wanted = max(1, -(-rows // self._growing[ring].capacity))
@@ -241,6 +268,7 @@ class Segment:
         self._end_chunks()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()  # it holds the chunk that it made last
+        self._failed = self.failures
         self._counted = self.ticks, self.lost
         with contextlib.suppress(FileNotFoundError):
             self.path.unlink()
@@ -255,8 +283,25 @@ class Segment:
 
 def _schema_room(schema: SegmentSchema) -> int:
     """Bytes for the schema once its offsets are known: sized with the longest offset there can be."""
-    longest = tuple(msgspec.structs.replace(ring, offset=2**53) for ring in schema.rings)
-    return page_up(len(msgspec.json.encode(msgspec.structs.replace(schema, rings=longest))))
+    rings = tuple(msgspec.structs.replace(ring, offset=2**53) for ring in schema.rings)
+    elements = tuple(
+        element if element.failures < 0 else msgspec.structs.replace(element, failures=2**53)
+        for element in schema.elements
+    )
+    return page_up(len(msgspec.json.encode(msgspec.structs.replace(schema, rings=rings, elements=elements))))
+
+
+def _place_failures(elements: tuple[ElementSchema, ...], offset: int) -> tuple[tuple[ElementSchema, ...], int]:
+    """The elements with the places of their blocks of failures (those that have one), and where these end."""
+    word = offset // 8
+    placed = []
+    for element in elements:
+        if element.failures < 0:
+            placed.append(element)
+        else:
+            placed.append(msgspec.structs.replace(element, failures=word))
+            word += BLOCK_WORDS
+    return tuple(placed), page_up(8 * word)
 
 
 def _place(rings: tuple[RingSchema, ...], offset: int) -> tuple[tuple[RingSchema, ...], int]:

@@ -12,12 +12,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.collecting.failures import BLOCK_WORDS, read_failures
 from silo.collecting.schema import (
-    LAYOUT_VERSION,
     LINE_WORDS,
+    LOST_TEXTS,
     MAGIC,
     ORDERED_STORES,
     PAGE,
+    READABLE_LAYOUTS,
     STAMP_WORDS,
     STOP_TEXTS,
     TIME_RING,
@@ -25,6 +27,7 @@ from silo.collecting.schema import (
     ElementSchema,
     EntrySchema,
     Header,
+    LostWhy,
     RingControl,
     RingSchema,
     SegmentSchema,
@@ -33,7 +36,7 @@ from silo.collecting.schema import (
 )
 from silo.errors import SegmentError
 from silo.model import BufferType
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, failures_text
 from silo.runtime import boot_id, process_start
 
 # the writer may be filling the row after the head, whose slot holds an old row; elsewhere than on x86 one row further
@@ -113,8 +116,12 @@ class SegmentReader:
         magic, version, begin, size = (int(word) for word in self._words[:4])
         if magic != MAGIC:
             raise SegmentError(f"{self.path}: is not a silo segment")
-        if version != LAYOUT_VERSION:
-            raise SegmentError(f"{self.path}: layout version {version}, this silo reads {LAYOUT_VERSION}")
+        if version not in READABLE_LAYOUTS:
+            older, newer = READABLE_LAYOUTS[0], READABLE_LAYOUTS[-1]
+            raise SegmentError(
+                f"{self.path}: was written by a newer silo (layout {version}, this silo reads {older} to {newer}): "
+                "update silo here, then try again; the data stays where it is"
+            )
         try:
             return msgspec.json.decode(self._map[begin : begin + size], type=SegmentSchema)
         except msgspec.MsgspecError as error:
@@ -125,6 +132,7 @@ class SegmentReader:
             8 * (self._control + LINE_WORDS * (1 + len(self.schema.rings))),
             8 * (self._directory + self._directory_words),
         ]
+        ends += [8 * (element.failures + BLOCK_WORDS) for element in self.schema.elements if element.failures >= 0]
         for ring in self.schema.rings:
             if ring.row_words < STAMP_WORDS or ring.capacity < 1 or ring.divider < 1:
                 raise SegmentError(f"{self.path}: ring {ring.ring} of the segment's description makes no sense")
@@ -222,6 +230,12 @@ class SegmentReader:
     def element_lost(self, element: ElementSchema) -> int:
         """Samples of an element that could not be kept."""
         return self.ring_lost(element.ring)
+
+    def failures(self, element: ElementSchema) -> Failures:
+        """At which ticks an element could not be read."""
+        if element.failures < 0:
+            return NO_FAILURES
+        return read_failures(self._words[element.failures : element.failures + BLOCK_WORDS].tolist())
 
     # ------------------------------------------------------------------------------------------------- rows
 
@@ -350,12 +364,18 @@ class SegmentReader:
             ),
             description=info.description,
             lost=self.element_lost(element),
+            failures=self.failures(element),
         )
 
     def _warnings(self, elements: list[RecordedElement], ticks: int) -> tuple[str, ...]:
         warnings = []
         if self.lost:
-            warnings.append(f"{self.lost} rows could not be kept: the memory limit was reached")
+            lossy = [ring.ring for ring in self.schema.rings if self.ring_lost(ring.ring)]
+            whys = {self._ring_word(ring, RingControl.LOST_WHY) for ring in lossy}
+            texts = [LOST_TEXTS[why] for why in LostWhy if why in whys]
+            warnings.append(f"{self.lost} rows could not be kept: {' and '.join(texts)}")
+        failed = [element for element in elements if element.failures.count]
+        warnings += [f"{element.name}: {failures_text(element.failures)}" for element in failed]
         sizes = {element.info.name: element.info.options.buffer_size for element in self.schema.elements}
         short = [
             element.name

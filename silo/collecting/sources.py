@@ -218,8 +218,25 @@ def express(root: object, steps: tuple[Step, ...], name: str, *, string_bytes: i
             f"{name}: the value is {value!r} ({type(value).__name__}) now, its type can't be told; "
             "set it to a number, string, enum or array before it is added"
         )
+    _check_fits(value, made, name, string_bytes)
     dtype, shape, convert, labels = made
     return Expression(root, steps, dtype, shape, convert, labels)
+
+
+def _check_fits(value: object, made: "_Stored", name: str, string_bytes: int | None) -> None:
+    dtype, _, convert, labels = made
+    numbers = labels or () if isinstance(value, enum.Enum) else [value] if isinstance(value, int) else []
+    info = np.iinfo(np.int64)
+    too_large = [number for number in numbers if not info.min <= number <= info.max]
+    if too_large:
+        raise SourceError(
+            f"{name}: {too_large[0]} doesn't fit into 64 bits ({info.min} to {info.max}); "
+            "log it as a float, or as two numbers"
+        )
+    if string_bytes is not None and dtype.kind == "S":
+        size = len(convert(value) if convert else value)  # type: ignore[arg-type]
+        if size > string_bytes:
+            raise SourceError(f"{name}: {value!r} takes {size} bytes, string_bytes is {string_bytes}: raise it")
 
 
 _Stored = tuple[np.dtype[Any], tuple[int, ...], Callable[[Any], Any] | None, Mapping[int, str] | None]
@@ -229,9 +246,13 @@ def _stored_as(value: object, string_bytes: int | None) -> _Stored | None:
     if isinstance(value, enum.Enum):
         convert, labels = enum_codes(type(value))
         return np.dtype(np.int64), (), convert, labels
+    if isinstance(value, np.bool_):
+        return np.dtype(np.bool_), (), as_bool, None
     if isinstance(value, np.ndarray | np.generic) and not isinstance(value, str | bytes):
         return None if value.dtype.hasobject or value.size == 0 else (value.dtype, value.shape, None, None)
-    for kind, dtype in ((bool, np.bool_), (int, np.int64), (float, np.float64), (complex, np.complex128)):
+    if isinstance(value, bool):
+        return np.dtype(np.bool_), (), as_bool, None
+    for kind, dtype in ((int, np.int64), (float, np.float64), (complex, np.complex128)):
         if isinstance(value, kind):
             return np.dtype(dtype), (), None, None
     if isinstance(value, str):
@@ -242,11 +263,15 @@ def _stored_as(value: object, string_bytes: int | None) -> _Stored | None:
     if isinstance(value, datetime.datetime | datetime.date):
         return np.dtype("<M8[us]"), (), as_utc, None
     if isinstance(value, datetime.timedelta):
-        return np.dtype("<m8[us]"), (), None, None
+        return np.dtype("<m8[us]"), (), as_duration, None
     if isinstance(value, list | tuple):
         items = np.asarray(value)
         return None if items.dtype.hasobject or items.size == 0 else (items.dtype, items.shape, None, None)
     return None
+
+
+# what is true or false by its value; None, 2 and 0.5 are neither. A dict's own lookup costs a third of a function
+as_bool = {False: False, True: True}.__getitem__
 
 
 def encode_text(value: str) -> bytes:
@@ -255,10 +280,19 @@ def encode_text(value: str) -> bytes:
 
 
 def as_utc(value: datetime.datetime | datetime.date) -> np.datetime64:
-    """A date or time; aware ones become UTC."""
+    """A date or time; aware ones become UTC. Raises TypeError for anything else, None too."""
+    if not isinstance(value, datetime.date):
+        raise TypeError(f"{value!r} is no date or time")
     if isinstance(value, datetime.datetime) and value.tzinfo is not None:
         value = value.astimezone(datetime.timezone.utc).replace(tzinfo=None)
     return np.datetime64(value, "us")
+
+
+def as_duration(value: datetime.timedelta) -> np.timedelta64:
+    """A duration. Raises TypeError for anything else, None too."""
+    if not isinstance(value, datetime.timedelta):
+        raise TypeError(f"{value!r} is no duration")
+    return np.timedelta64(value, "us")
 
 
 def enum_codes(kind: type[enum.Enum]) -> tuple[Callable[[Any], Any], dict[int, str]]:

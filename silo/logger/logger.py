@@ -21,7 +21,7 @@ from silo.logger import ending
 from silo.logger.configuration import Configuration
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_type, logger_options, nanosecond_clock
-from silo.model import FileType, SavedFile, State, Storage
+from silo.model import FileType, SavedFile, State, Storage, Threads
 from silo.recording import Recording
 
 if TYPE_CHECKING:
@@ -43,6 +43,8 @@ class Logger(Configuration):
     folder: where saved files go. storage: `"memory"`, or `"disk"` to survive a power cut. size_tiers: rings per divider
     and buffer type; more of them cost time in each tick, fewer cost memory. memory_limit_mb: what growing buffers may
     take together. checked: copy each variable by NumPy instead of by address, 10 times slower.
+    threads: `"single"`: `collect()` belongs to the thread that calls it first after each start; `"serialized"`: any
+    thread, one at a time.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class Logger(Configuration):
         size_tiers: int = 3,
         memory_limit_mb: int = 1024,
         checked: bool = False,
+        threads: str | Threads = Threads.SINGLE,
     ) -> None:
         options = logger_options(
             name=name,
@@ -71,6 +74,7 @@ class Logger(Configuration):
             size_tiers=size_tiers,
             memory_limit_mb=memory_limit_mb,
             checked=checked,
+            threads=threads,
         )
         self._clock = nanosecond_clock(clock)
         super().__init__(options)
@@ -86,7 +90,10 @@ class Logger(Configuration):
     # ------------------------------------------------------------------------------------------------ the loop
 
     def collect(self) -> None:
-        """Log one tick. Does nothing while stopped. Call it from one thread only: a second one gets a StateError."""
+        """Log one tick. Does nothing while stopped.
+
+        Raises StateError in every thread but the first that called it since the last start (see `threads`).
+        """
         # while the logger runs, the generated closure stands in the instance in place of this method: 40 ns less a tick
         self._collect()
 
@@ -192,8 +199,8 @@ class Logger(Configuration):
 
     @property
     def source_failures(self) -> dict[str, int]:
-        """How often attributes or functions could not be read since start, by element; only those that failed."""
-        return self._run.plan.scratch.failures if self._run else {}
+        """At how many ticks each element could not be read since start; only attributes and functions that failed."""
+        return self._run.segment.failures if self._run else {}
 
     # ---------------------------------------------------------------------------------------------------- data
 

@@ -11,7 +11,18 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from silo.logger.new_values import NewValues
-from silo.model import Action, BufferType, Edit, ElementInfo, FileType, LoggerOptions, SavedFile, State, Storage
+from silo.model import (
+    Action,
+    BufferType,
+    Edit,
+    ElementInfo,
+    FileType,
+    LoggerOptions,
+    SavedFile,
+    State,
+    Storage,
+    Threads,
+)
 from silo.recording import Recording
 
 
@@ -58,6 +69,7 @@ class NullLogger:
         size_tiers: int = 3,
         memory_limit_mb: int = 1024,
         checked: bool = False,
+        threads: str | Threads = Threads.SINGLE,
     ) -> None:
         self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
         self.elements: list[ElementInfo] = []

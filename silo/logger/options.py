@@ -3,6 +3,7 @@
 import functools
 import os
 import re
+import secrets
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from silo.errors import ElementError, StateError
-from silo.model import FileType, LoggerOptions, Storage, join_name
+from silo.model import FileType, LoggerOptions, Storage, Threads, join_name
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
 
@@ -27,6 +28,7 @@ def logger_options(
     size_tiers: int,
     memory_limit_mb: int,
     checked: bool,
+    threads: str | Threads,
 ) -> LoggerOptions:
     """Options with absolute paths. Raises ElementError that names the argument, its value and its range."""
     if not NAME_PATTERN.fullmatch(name):
@@ -39,6 +41,8 @@ def logger_options(
         raise ElementError(f"size_tiers and memory_limit_mb must be 1 or more, got {size_tiers} and {memory_limit_mb}")
     if storage not in (Storage.MEMORY, Storage.DISK):
         raise ElementError(f"storage must be 'memory' or 'disk', got {storage!r}")
+    if threads not in (Threads.SINGLE, Threads.SERIALIZED):
+        raise ElementError(f"threads must be 'single' or 'serialized', got {threads!r}")
     return LoggerOptions(
         name=name,
         frequency_hz=float(frequency),
@@ -50,6 +54,8 @@ def logger_options(
         size_tiers=size_tiers,
         memory_limit_mb=memory_limit_mb,
         checked=checked,
+        threads=Threads(threads),
+        id=secrets.token_hex(4),
     )
 
 

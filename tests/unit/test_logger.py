@@ -326,7 +326,7 @@ def test_the_segment_says_why_it_ended(counting):
 
 
 def test_a_second_thread_in_collect_gets_an_error_and_no_row_is_torn(new_logger):
-    logger = new_logger()
+    logger = new_logger(threads="serialized")
     entered, leave = threading.Event(), threading.Event()
 
     def slow():

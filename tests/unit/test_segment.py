@@ -247,7 +247,7 @@ def test_when_even_time_stamps_find_no_room_the_logger_stops_by_itself(new_logge
     segment._next.clear()
     collect(logger, 100_000)
     assert not logger.is_running
-    assert logger.stop_reason.startswith("stopped by itself: memory_limit_mb is reached")
+    assert logger.stop_reason.startswith("stopped by itself: the folder of the buffers is full")
     recording = logger.snapshot()
     assert len(recording.time_ns) == recording.offset == logger.ticks
     assert recording.elements[0].count <= logger.ticks
@@ -445,4 +445,4 @@ def test_on_a_reordering_machine_the_last_row_of_a_dead_writer_counts(new_logger
 def test_the_control_words_of_a_ring_fit_its_line():
     assert max(RingControl) < 8
     assert TIME_RING == 0
-    assert set(StopReason) == {0, 1, 2, 3}
+    assert set(StopReason) == {0, 1, 2, 3, 4}

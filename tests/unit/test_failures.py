@@ -1,0 +1,244 @@
+"""What stands in the log where an attribute or function could not be read, and how it is told."""
+
+import datetime
+import decimal
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from silo.collecting.failures import BLOCK_WORDS, read_failures, record_failure
+from silo.collecting.scratch import fitting
+from silo.errors import SourceError
+from silo.model import BufferType
+from silo.recording import Failures, failures_text
+
+
+class Mode(enum.Enum):
+    STAND = 0
+    WALK = 1
+
+
+class Robot:
+    x: object = None
+
+
+@pytest.fixture
+def logged(new_logger):
+    """Logs the values one after the other as an attribute; returns what stands in the log."""
+
+    def run(values, before=0, **options):
+        robot = Robot()
+        robot.x = values[0]
+        logger = new_logger()
+        robot.other = 1.5  # stored in the same stroke: a failure must not change it, nor the first of them
+        robot.first = 7
+        logger.add(robot, attr="first")
+        logger.add(robot, attr="x", **options)
+        logger.add(robot, attr="other")
+        logger.start()
+        for value in values:
+            robot.x = value
+            logger.collect()
+        recording = logger.snapshot()
+        run.logger, run.recording = logger, recording
+        assert recording.elements[0].entries[0].values.tolist() == [7] * len(values)
+        assert recording.elements[2].entries[0].values.tolist() == [1.5] * len(values)
+        return recording.elements[1].entries[0].values.tolist()
+
+    return run
+
+
+def test_an_integer_that_becomes_something_else_holds_its_last_value(logged):
+    assert logged([5, 6, 2.5, None, 8]) == [5, 6, 6, 6, 8]
+    assert logged.recording.elements[1].failures == Failures(2, ((2, 3),))
+
+
+def test_an_integer_beyond_64_bits_holds_its_last_value(logged):
+    assert logged([5, 2**63, -(2**63) - 1, 2**63 - 1]) == [5, 5, 5, 2**63 - 1]
+
+
+@pytest.mark.parametrize("strange", [None, 2.5, 2, "yes", np.nan, [1]])
+def test_a_bool_is_true_false_or_held(logged, strange):
+    assert logged([True, strange, False, strange, np.bool_(True), 0, 1.0]) == [1, 1, 0, 0, 1, 0, 1]
+
+
+def test_a_small_integer_is_not_wrapped(logged):
+    assert logged([np.uint8(200), 300, -1, np.int64(256), 255]) == [200, 200, 200, 200, 255]
+
+
+def test_a_float_is_nan_where_it_could_not_be_read(logged):
+    found = logged([1.0, None, "2", 3j, 4, decimal.Decimal("0.5"), 2**80])
+    assert np.array_equal(found, [1.0, np.nan, np.nan, np.nan, 4.0, 0.5, 2.0**80], equal_nan=True)
+    assert logged.recording.elements[1].failures == Failures(3, ((1, 3),))
+
+
+def test_a_text_holds_its_last_value(logged):
+    assert logged(["walk", None, 5, "stand"]) == [b"walk", b"walk", b"walk", b"stand"]
+
+
+def test_a_member_of_another_enumeration_holds_the_last_one(logged):
+    assert logged([Mode.WALK, "WALK", None, Mode.STAND]) == [1, 1, 1, 0]
+
+
+def test_a_date_is_not_a_time_where_it_could_not_be_read(logged):
+    day = datetime.datetime(2026, 1, 2)
+    found = logged([day, None, "2026-01-03", day])
+    assert [value is None for value in found] == [False, True, True, False]
+
+
+def test_a_duration_is_not_a_time_where_it_could_not_be_read(logged):
+    second = datetime.timedelta(seconds=1)
+    found = logged([second, None, 5, second])
+    assert [value is None for value in found] == [False, True, True, False]
+
+
+@pytest.mark.parametrize("dtype", ["i4", "u1", "i8"])
+def test_an_array_of_integers_holds_what_it_was(new_logger, dtype):
+    robot = Robot()
+    robot.x = np.array([1, 2, 3], dtype)
+    logger = new_logger()
+    logger.add(robot, attr="x")
+    logger.start()
+    for value in (robot.x, [1.5, 2, 3], None, np.array([4, 5]), [7, 8, 9], np.array([2**62, 0, 2**63], "u8")):
+        robot.x = value
+        logger.collect()
+    found = np.stack([entry.values for entry in logger.snapshot().elements[0].entries], axis=1).tolist()
+    assert found == [[1, 2, 3]] * 4 + [[7, 8, 9]] * 2
+
+
+def test_the_other_parts_of_a_struct_go_on(new_logger):
+    @dataclass
+    class State:
+        a: float = 1.0
+        b: int = 1
+        c: float = 1.0
+
+    state = State()
+    logger = new_logger()
+    logger.add(state, "state")
+    logger.start()
+    for k in range(4):
+        state.a, state.b, state.c = float(k), (None if k in (1, 2) else k), -float(k)
+        logger.collect()
+    (element,) = logger.snapshot().elements
+    assert [entry.values.tolist() for entry in element.entries] == [[0, 1, 2, 3], [0, 0, 0, 3], [0, -1, -2, -3]]
+    assert element.failures == Failures(2, ((1, 2),))
+
+
+@pytest.mark.parametrize("kind", list(BufferType))
+@pytest.mark.parametrize("divider", [1, 3])
+def test_the_last_value_is_that_of_the_row_before_in_every_buffer(new_logger, kind, divider):
+    robot = Robot()
+    logger = new_logger(max_time=0)
+    robot.x = 0
+    logger.add(robot, attr="x", divider=divider, buffer_type=kind, buffer_size=20)
+    logger.start()
+    for tick in range(45 * divider):
+        robot.x = tick if tick // divider % 3 else None
+        logger.collect()
+    (element,) = logger.snapshot().elements
+    ticks = [due if due // divider % 3 else max(due - divider, 0) for due in range(0, 45 * divider, divider)]
+    kept = {BufferType.FIXED: ticks[:20], BufferType.LOOPING: ticks[-20:], BufferType.GROWING: ticks}[kind]
+    assert element.entries[0].values.tolist() == kept
+    failed = 7 if kind is BufferType.FIXED else 15  # a logger of fixed buffers stops by itself when they are full
+    assert element.failures.count == failed
+    assert logger.source_failures == {"/log/x": failed}
+
+
+def test_a_value_that_failed_from_the_first_tick_is_zero_and_counted(new_logger):
+    robot = Robot()
+    robot.x = 5
+    logger = new_logger()
+    logger.add(robot, attr="x")
+    robot.x = None
+    logger.start()
+    logger.collect()
+    (element,) = logger.snapshot().elements
+    assert (element.entries[0].values.tolist(), element.failures) == ([0], Failures(1, ((0, 0),)))
+
+
+def test_what_failed_is_among_the_warnings_of_a_recording(logged):
+    logged([5, None, 6, None, 7])
+    text = "/log/x: could not be read at 2 ticks (1, 3): NaN, or its last value, stands there instead"
+    assert text in logged.recording.warnings
+
+
+def test_a_checked_logger_counts_its_failures_too(new_logger):
+    robot = Robot()
+    robot.x = 5
+    logger = new_logger(checked=True)
+    logger.add(robot, attr="x")
+    logger.array("y", 2)
+    logger.start()
+    robot.x = None
+    logger.collect()
+    assert logger.source_failures == {"/log/x": 1}
+
+
+def test_the_count_stays_when_the_logger_is_closed(logged):
+    logged([5, None])
+    logged.logger.close()
+    assert logged.logger.source_failures == {"/log/x": 1}
+
+
+@pytest.mark.parametrize("value", [2**63, -(2**63) - 1, 2**200])
+def test_an_integer_that_does_not_fit_is_refused_when_it_is_added(new_logger, value):
+    robot = Robot()
+    robot.x = value
+    with pytest.raises(SourceError, match="doesn't fit into 64 bits"):
+        new_logger().add(robot, attr="x")
+
+
+def test_an_enumeration_that_does_not_fit_is_refused_when_it_is_added(new_logger):
+    robot = Robot()
+    robot.x = enum.Enum("Big", {"A": 1, "B": 2**70}).A
+    with pytest.raises(SourceError, match="doesn't fit into 64 bits"):
+        new_logger().add(robot, attr="x")
+
+
+def test_a_text_longer_than_its_room_is_refused_when_it_is_added(new_logger):
+    robot = Robot()
+    robot.x = "walking"
+    with pytest.raises(SourceError, match="'walking' takes 7 bytes, string_bytes is 4: raise it"):
+        new_logger().add(robot, attr="x", string_bytes=4)
+
+
+# ----------------------------------------------------------------------------------------------- the pure rules
+
+
+@given(st.lists(st.booleans(), max_size=80), st.integers(1, 4))
+def test_stretches_tell_every_failed_tick_until_there_are_too_many(failed, divider):
+    words = memoryview(bytearray(8 * BLOCK_WORDS)).cast("l")
+    ticks = [divider * place for place, bad in enumerate(failed) if bad]
+    for tick in ticks:
+        record_failure(words, 0, tick, divider)
+        record_failure(words, 0, tick, divider)  # a tick that was taken back and done again counts once
+    found = read_failures(words.tolist())
+    told = [tick for first, last in found.spans for tick in range(first, last + 1, divider)]
+    assert found.count == len(ticks)
+    assert set(told) <= set(ticks)
+    assert told == sorted(told)
+    if len(found.spans) < 15:
+        assert told == ticks
+    elif ticks:
+        assert (told[0], told[-1]) == (ticks[0], ticks[-1])
+
+
+@given(st.integers(-(2**70), 2**70), st.sampled_from(["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"]))
+def test_an_integer_fits_where_its_type_can_hold_it(value, dtype):
+    info = np.iinfo(dtype)
+    if info.min <= value <= info.max:
+        assert fitting(value, np.dtype(dtype)) == value
+    else:
+        with pytest.raises(OverflowError):
+            fitting(value, np.dtype(dtype))
+
+
+def test_many_stretches_are_shortened_in_words():
+    spans = tuple((k, k + k % 2) for k in range(0, 30, 3))
+    text = "could not be read at 20 ticks (0, 3-4, 6, 9-10, 12, ...): NaN, or its last value, stands there instead"
+    assert failures_text(Failures(20, spans)) == text

@@ -1,0 +1,88 @@
+"""Segments of older silos stay readable. `tests/data/layout_1.segment.gz` is of by one that was killed at tick 50."""
+
+import gzip
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from silo.collecting.schema import LAYOUT_VERSION, Header
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError
+from silo.recording import NO_FAILURES
+
+LAYOUT_1 = Path(__file__).parents[1] / "data" / "layout_1.segment.gz"
+KEPT = {
+    "/log/joints/q": np.array([[k, k / 2, -k] for k in range(30, 50)], float),
+    "/log/n": np.arange(0, 10, 2)[:, None],
+    "/log/g": np.array([[k * 0.1, k * 0.2] for k in range(50)], np.float32),
+    "/log/mode": np.arange(50)[:, None] % 2,
+    "/log/temperature": 20 + np.arange(0, 50, 3)[:, None],
+}
+
+
+@pytest.fixture
+def layout_1(tmp_path):
+    path = tmp_path / "robot.1.0.segment"
+    path.write_bytes(gzip.decompress(LAYOUT_1.read_bytes()))
+    return path
+
+
+def test_every_value_of_the_first_layout_is_read(layout_1):
+    recording = SegmentReader(layout_1).snapshot()
+    found = {e.name: np.stack([entry.values for entry in e.entries], axis=1) for e in recording.elements}
+    assert found.keys() == KEPT.keys()
+    for name, values in KEPT.items():
+        assert np.array_equal(found[name], values), name
+    stamps = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(1, 51)
+    assert recording.time_ns.tolist() == stamps.tolist()
+    assert (recording.logger, recording.offset, recording.warnings) == ("robot", 50, ())
+
+
+def test_the_first_layout_told_of_no_failures(layout_1):
+    assert {element.failures for element in SegmentReader(layout_1).snapshot().elements} == {NO_FAILURES}
+
+
+def test_a_layout_of_the_future_is_refused_with_what_to_do(layout_1):
+    data = bytearray(layout_1.read_bytes())
+    data[8 * Header.VERSION] = LAYOUT_VERSION + 1
+    layout_1.write_bytes(data)
+    with pytest.raises(
+        SegmentError, match=r"written by a newer silo \(layout 3, this silo reads 1 to 2\): update silo"
+    ):
+        SegmentReader(layout_1)
+
+
+def test_fields_that_a_newer_silo_adds_to_the_description_are_passed_over(new_logger):
+    logger = new_logger()
+    x = logger.array("x", 2)
+    logger.start()
+    x[:] = 3, 4
+    logger.collect()
+    path = Path(logger.segment_path)
+    data = bytearray(path.read_bytes())
+    words = np.frombuffer(data, np.int64)
+    begin, size = int(words[Header.SCHEMA_OFFSET]), int(words[Header.SCHEMA_BYTES])
+    schema = {**msgspec.json.decode(bytes(data[begin : begin + size])), "limits": [{"of": "x"}]}
+    body = msgspec.json.encode(schema)
+    data[begin : begin + len(body)] = body
+    words[Header.SCHEMA_BYTES] = len(body)
+    copy = path.with_name("newer.segment")
+    copy.write_bytes(data)
+    (element,) = SegmentReader(copy).snapshot().elements
+    assert [entry.values.tolist() for entry in element.entries] == [[3.0], [4.0]]
+
+
+def test_every_run_has_an_identity_of_its_own(new_logger):
+    logger = new_logger()
+    logger.array("x")
+    found = []
+    for _ in range(3):
+        logger.start()
+        logger.collect()
+        found.append(SegmentReader(logger.segment_path).schema)
+        logger.stop()
+    assert len({schema.run for schema in found}) == 3
+    assert len({schema.logger_id for schema in found}) == 1
+    assert found[0].logger_id != ""
