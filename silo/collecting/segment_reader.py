@@ -4,18 +4,16 @@ No locks and no retries: rows are copied, then the head is read again and what w
 """
 
 import mmap
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.failures import BLOCK_WORDS, read_failures
+from silo.collecting.rows import Rows
 from silo.collecting.schema import (
     LINE_WORDS,
-    LOST_TEXTS,
     MAGIC,
     ORDERED_STORES,
     PAGE,
@@ -25,7 +23,6 @@ from silo.collecting.schema import (
     TIME_RING,
     Control,
     ElementSchema,
-    EntrySchema,
     Header,
     LostWhy,
     RingControl,
@@ -34,50 +31,14 @@ from silo.collecting.schema import (
     SegmentState,
     StopReason,
 )
+from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
 from silo.model import BufferType
-from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, failures_text
+from silo.recording import NO_FAILURES, Failures, Recording
 from silo.runtime import boot_id, process_start
 
 # the writer may be filling the row after the head, whose slot holds an old row; elsewhere than on x86 one row further
 UNSAFE_ROWS = 1 if ORDERED_STORES else 2
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Rows of one ring, oldest first: uint64 of shape `(n, row_words)`; row i is the ring's row `first + i`."""
-
-    ring: RingSchema
-    first: int
-    words: NDArray[np.uint64]
-
-    def __len__(self) -> int:
-        return len(self.words)
-
-    @property
-    def ticks(self) -> NDArray[np.int64]:
-        """Shape `(n,)`: ticks since start."""
-        return self.words[:, 0].view(np.int64)
-
-    @property
-    def time_ns(self) -> NDArray[np.int64]:
-        """Shape `(n,)`: time stamps."""
-        return self.words[:, 1].view(np.int64)
-
-    def column(self, entry: EntrySchema) -> NDArray[Any]:
-        """Shape `(n,)`: one entry, as a strided view in the entry's own type."""
-        dtype = np.dtype(entry.entry.dtype)
-        if dtype.itemsize == 0 or not len(self.words):
-            return np.zeros(len(self.words), dtype)
-        stored = dtype.newbyteorder(">") if entry.swapped else dtype
-        shape, strides = (len(self.words),), (8 * self.words.shape[1],)
-        column: NDArray[Any] = np.ndarray(shape, stored, self.words.data, entry.byte_offset, strides)
-        return column.astype(dtype) if entry.swapped else column
-
-    def part(self, begin: int, end: int) -> "Rows":
-        """The rows with index `begin <= index < end`, without a copy."""
-        low, high = max(begin - self.first, 0), max(end - self.first, 0)
-        return Rows(self.ring, self.first + min(low, len(self)), self.words[low:high])
 
 
 class SegmentReader:
@@ -296,93 +257,16 @@ class SegmentReader:
             raise SegmentError(f"{self.path}: damaged, chunk {number} of ring {ring} isn't in the directory")
         return places[number]
 
+    def lost_whys(self) -> tuple[LostWhy, ...]:
+        """Why rows could not be kept, each reason once."""
+        lossy = [ring.ring for ring in self.schema.rings if self.ring_lost(ring.ring)]
+        words = {self._ring_word(ring, RingControl.LOST_WHY) for ring in lossy}
+        return tuple(why for why in LostWhy if why in words)
+
     # --------------------------------------------------------------------------------------------- snapshot
 
     def snapshot(self) -> Recording:
-        """All elements that are saved, cut at one tick; collection goes on meanwhile.
-
-        Takes a copy of the rings that are needed; entry values are strided views of it.
-        """
-        schema = self.schema
+        """All elements that are saved, cut at one tick; collection goes on meanwhile."""
         if not ORDERED_STORES:
             self.alive()  # of a writer that was killed, the newest row counts too
-        ticks = self.ticks
-        saved = [element for element in schema.elements if element.info.options.action.saves]
-        due = {element.ring: -(-ticks // element.info.options.divider) for element in saved}
-        looping = [ring for ring in due if schema.rings[ring].buffer_type is BufferType.LOOPING]
-        # what is being overwritten comes first: a growing buffer of 100 MB takes longer than a looping one has to spare
-        copies = {ring: self.rows(ring, self._oldest_wanted(ring, due[ring])) for ring in looping}
-        stamps = self._time_stamps(ticks)
-        first_tick = ticks - len(stamps)
-        for ring in due.keys() - copies.keys():
-            copies[ring] = self.rows(ring, 0, due[ring])
-        elements = [self._recorded(element, copies[element.ring], due[element.ring], first_tick) for element in saved]
-        return Recording(
-            logger=schema.logger,
-            time_ns=stamps,
-            offset=ticks,
-            elements=[element for element in elements if element.count],
-            prefix=schema.prefix,
-            frequency_hz=schema.frequency_hz,
-            started_ns=schema.started_ns,
-            time_looping=schema.time_buffer_type is BufferType.LOOPING,
-            warnings=self._warnings(elements, ticks),
-        )
-
-    def _oldest_wanted(self, ring: int, due: int) -> int:
-        if self.schema.rings[ring].buffer_type is not BufferType.LOOPING:
-            return 0
-        return due - max(e.info.options.buffer_size for e in self.schema.elements if e.ring == ring)
-
-    def _time_stamps(self, ticks: int) -> NDArray[np.int64]:
-        first = 0
-        if self.schema.time_buffer_type is BufferType.LOOPING:
-            first = max(0, ticks - self.schema.time_buffer_size)
-        return np.ascontiguousarray(self.rows(TIME_RING, first).part(first, ticks).time_ns)
-
-    def _recorded(self, element: ElementSchema, rows: Rows, due: int, first_tick: int) -> RecordedElement:
-        info = element.info
-        end = min(due, rows.first + len(rows))
-        begin = rows.first
-        if info.options.buffer_type is BufferType.FIXED:
-            end = min(end, info.options.buffer_size)
-        elif info.options.buffer_type is BufferType.LOOPING:
-            begin = max(begin, end - info.options.buffer_size)
-        begin = max(begin, -(-first_tick // info.options.divider))  # no sample without its time stamp
-        kept = rows.part(begin, max(begin, end))
-        return RecordedElement(
-            name=info.name,
-            unit=info.unit,
-            kind=info.kind,
-            shape=info.shape,
-            divider=info.options.divider,
-            buffer_type=info.options.buffer_type,
-            first=begin * info.options.divider - first_tick,
-            entries=tuple(
-                RecordedEntry(info.name + entry.entry.suffix, entry.entry, kept.column(entry))
-                for entry in element.entries
-            ),
-            description=info.description,
-            lost=self.element_lost(element),
-            failures=self.failures(element),
-        )
-
-    def _warnings(self, elements: list[RecordedElement], ticks: int) -> tuple[str, ...]:
-        warnings = []
-        if self.lost:
-            lossy = [ring.ring for ring in self.schema.rings if self.ring_lost(ring.ring)]
-            whys = {self._ring_word(ring, RingControl.LOST_WHY) for ring in lossy}
-            texts = [LOST_TEXTS[why] for why in LostWhy if why in whys]
-            warnings.append(f"{self.lost} rows could not be kept: {' and '.join(texts)}")
-        failed = [element for element in elements if element.failures.count]
-        warnings += [f"{element.name}: {failures_text(element.failures)}" for element in failed]
-        sizes = {element.info.name: element.info.options.buffer_size for element in self.schema.elements}
-        short = [
-            element.name
-            for element in elements
-            if element.buffer_type is BufferType.LOOPING
-            and element.count < min(sizes[element.name], -(-ticks // element.divider))
-        ]
-        if short:
-            warnings.append(f"the oldest samples of {', '.join(short)} were overwritten while the snapshot was taken")
-        return tuple(warnings)
+        return snapshot(self)

@@ -15,8 +15,9 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
+from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema
-from silo.collecting.segment_reader import Rows, SegmentReader
+from silo.collecting.segment_reader import SegmentReader
 from silo.ipc.keys import Root, escape
 
 MAX_BATCH_BYTES = 2 * 2**20  # rows read per ring and round

@@ -10,8 +10,9 @@ import msgspec
 import numpy as np
 import zenoh
 
+from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema, EntrySchema
-from silo.collecting.segment_reader import Rows, SegmentReader
+from silo.collecting.segment_reader import SegmentReader
 from silo.columns import MAX_COLUMNS, ColumnGrid, as_floats, bins_of
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.newest import NewestValues

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema
-from silo.collecting.segment_reader import Rows, SegmentReader
+from silo.collecting.segment_reader import SegmentReader
 from silo.errors import StateError
 from silo.model import BufferType
 

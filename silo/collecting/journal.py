@@ -1,0 +1,77 @@
+"""A recording on the disk that survives a power cut: rows with checksums, appended and synced by the helper process.
+
+The control loop never stores into a file that anybody syncs: a sync write-protects its pages, and the next store may
+wait for the disk. So rows are copied out of the segment, some times a second, into a folder of append-only files:
+
+    schema           what the rows hold, written and synced before the first row
+    keep.rows        rows of fixed and growing rings
+    loop-NNNNNN.rows rows of looping rings; the older of two is deleted when the newer alone holds every buffer
+
+A file is a run of records: eight words (see `_Word`), then a payload. ROWS are some rows of one ring; a COMMIT closes
+all rows up to one tick. Readers take whole records in order, as far as each one's checksum holds, and of them those
+that a commit closes: what was synced is always taken, what was torn never.
+"""
+
+import enum
+import zlib
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.recording import Failures
+
+JOURNAL_SUFFIX = ".journal"
+SCHEMA_FILE = "schema"
+KEEP_FILE = "keep.rows"
+LOOP_FILES = "loop-*.rows"
+MAGIC = int.from_bytes(b"SILOJNL1", "little")
+HEADER_WORDS = 8
+
+
+class Word(enum.IntEnum):
+    """Words of a record's header. `checksum` is the CRC-32 of run id, header (with 0 in its place) and payload."""
+
+    MAGIC = 0
+    KIND = 1
+    RING = 2
+    FIRST = 3  # first row, or the ticks of a commit
+    COUNT = 4
+    PAYLOAD_BYTES = 5
+    NUMBER = 6  # of the record, counted through all files of its stream
+    CHECKSUM = 7
+
+
+class Kind(enum.IntEnum):
+    """What a record is."""
+
+    ROWS = 1
+    COMMIT = 2
+
+
+class Commit(msgspec.Struct, frozen=True):
+    """All rows up to `ticks` stand before it: `heads` of each ring, and what was lost and failed until then."""
+
+    ticks: int
+    heads: tuple[int, ...]
+    lost: tuple[int, ...]
+    whys: tuple[int, ...]
+    failures: dict[str, Failures]
+    saved_ticks: int = 0
+
+
+def seed_of(run: str) -> int:
+    """Where the checksums of a run begin: a record of another run is none of this one."""
+    return zlib.crc32(run.encode())
+
+
+def checksum(seed: int, header: NDArray[np.int64], payload: bytes | memoryview) -> int:
+    """The checksum of a record; the header's own word for it counts as 0."""
+    bare = header.copy()
+    bare[Word.CHECKSUM] = 0
+    return zlib.crc32(payload, zlib.crc32(bare.tobytes(), seed))
+
+
+def loop_file(generation: int) -> str:
+    """The name of a file of looping rings."""
+    return f"loop-{generation:06}.rows"

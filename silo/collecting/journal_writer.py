@@ -1,0 +1,176 @@
+"""Writes a journal: what is new in a segment since the last time, closed by a commit, synced."""
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from silo.collecting.disk import Disk
+from silo.collecting.journal import (
+    HEADER_WORDS,
+    KEEP_FILE,
+    MAGIC,
+    SCHEMA_FILE,
+    Commit,
+    Kind,
+    Word,
+    checksum,
+    loop_file,
+    seed_of,
+)
+from silo.collecting.schema import RingSchema, SegmentSchema
+from silo.collecting.segment_reader import SegmentReader
+from silo.model import BufferType
+
+BLOCK_BYTES = 1 << 20  # payload of a record at most, so that a copy never takes much memory
+
+
+@dataclass
+class _Stream:
+    """A file that is appended to. `number` and `offset` are of the record that comes next."""
+
+    path: Path
+    descriptor: int
+    rings: Sequence[RingSchema]
+    number: int = 0
+    offset: int = 0
+    torn: bool = False  # whether a failed batch may stand behind `offset`
+
+
+@dataclass
+class _Batch:
+    """What a stream has when its batch is synced: place and number of the next record, and of each ring next row and
+    unbroken rows in the file."""
+
+    offset: int
+    number: int
+    next_rows: dict[int, int]
+    unbroken: dict[int, int]
+
+
+class JournalWriter:
+    """Appends what is new in a segment to a journal. One thread; raises OSError where the disk refuses."""
+
+    def __init__(self, path: Path, schema: SegmentSchema, disk: Disk) -> None:
+        """Make the folder and its schema file, durable when this returns."""
+        self.path = path
+        self.durable_ticks = 0
+        self._schema, self._disk = schema, disk
+        self._seed = seed_of(schema.run)
+        self._next_rows = {ring.ring: 0 for ring in schema.rings}
+        self._unbroken = {ring.ring: 0 for ring in schema.rings}  # rows in the newest file without a hole
+        self._generation = 0
+        self._old: Path | None = None
+        disk.make_folder(path)
+        self._write_schema()
+        keeps = [ring for ring in schema.rings if ring.buffer_type is not BufferType.LOOPING]
+        loops = [ring for ring in schema.rings if ring.buffer_type is BufferType.LOOPING]
+        self._keep = self._open(KEEP_FILE, keeps) if keeps else None
+        self._loop = self._open(loop_file(0), loops) if loops else None
+        disk.sync_folder(path)
+        disk.sync_folder(path.parent)
+
+    def _write_schema(self) -> None:
+        body = msgspec.json.encode(self._schema)
+        descriptor = self._disk.create(self.path / SCHEMA_FILE)
+        try:
+            facts = len(body).to_bytes(8, "little") + zlib.crc32(body).to_bytes(8, "little")
+            self._disk.write(descriptor, facts + body, 0)
+            self._disk.sync(descriptor)
+        finally:
+            self._disk.close(descriptor)
+
+    def _open(self, name: str, rings: Sequence[RingSchema]) -> _Stream:
+        return _Stream(self.path / name, self._disk.create(self.path / name), rings)
+
+    def append(self, source: SegmentReader) -> int:
+        """Write and sync all rows up to the present tick; return the ticks that are durable from now on.
+
+        After an OSError nothing is lost: the next call writes the same rows again, at the same places.
+        """
+        ticks = source.ticks
+        if ticks == self.durable_ticks:
+            return ticks
+        commit = self._commit(source, ticks)
+        streams = [stream for stream in (self._loop, self._keep) if stream is not None]
+        batches = [self._write_batch(stream, source, commit) for stream in streams]
+        for stream in streams:
+            self._disk.sync(stream.descriptor)
+        for stream, batch in zip(streams, batches, strict=True):
+            stream.offset, stream.number, stream.torn = batch.offset, batch.number, False
+            self._next_rows |= batch.next_rows
+            self._unbroken |= batch.unbroken
+        self.durable_ticks = ticks
+        self._rotate()
+        return ticks
+
+    def _commit(self, source: SegmentReader, ticks: int) -> Commit:
+        rings = self._schema.rings
+        return Commit(
+            ticks=ticks,
+            heads=tuple(min(source.head(ring.ring), -(-ticks // ring.divider)) for ring in rings),
+            lost=tuple(source.ring_lost(ring.ring) for ring in rings),
+            whys=tuple(map(int, source.lost_whys())),
+            failures={
+                element.info.name: found
+                for element in self._schema.elements
+                if element.failures >= 0 and (found := source.failures(element)).count
+            },
+            saved_ticks=source.saved_ticks,
+        )
+
+    def _write_batch(self, stream: _Stream, source: SegmentReader, commit: Commit) -> _Batch:
+        if stream.torn:
+            self._disk.truncate(stream.descriptor, stream.offset)
+        stream.torn = True
+        batch = _Batch(stream.offset, stream.number, {}, {})
+        for ring in stream.rings:
+            row, end = self._next_rows[ring.ring], commit.heads[ring.ring]
+            unbroken = self._unbroken[ring.ring]
+            limit = max(1, BLOCK_BYTES // (8 * ring.row_words))
+            while row < end:
+                rows = source.rows(ring.ring, row, limit).part(row, end)
+                if not len(rows):
+                    break  # overwritten before they were read, and so is what follows: the next batch begins later
+                unbroken = len(rows) + (unbroken if rows.first == row else 0)
+                payload = np.ascontiguousarray(rows.words).tobytes()
+                self._record(stream, batch, [Kind.ROWS, ring.ring, rows.first, len(rows)], payload)
+                row = rows.first + len(rows)
+            batch.next_rows[ring.ring] = row
+            batch.unbroken[ring.ring] = unbroken
+        self._record(stream, batch, [Kind.COMMIT, 0, commit.ticks, 0], msgspec.msgpack.encode(commit))
+        return batch
+
+    def _record(self, stream: _Stream, batch: _Batch, words: list[int], payload: bytes) -> None:
+        header = np.array([MAGIC, *words, len(payload), batch.number, 0], "<i8")
+        header[Word.CHECKSUM] = checksum(self._seed, header, payload)
+        record = header.tobytes() + payload + bytes(-len(payload) % 8)
+        assert len(header) == HEADER_WORDS
+        self._disk.write(stream.descriptor, record, batch.offset)
+        batch.offset += len(record)
+        batch.number += 1
+
+    def _rotate(self) -> None:
+        """Begin a new file of looping rings once the present one alone holds every buffer; drop the one before it."""
+        loop = self._loop
+        if loop is None or any(self._unbroken[ring.ring] < ring.capacity for ring in loop.rings):
+            return
+        fresh = self._open(loop_file(self._generation + 1), loop.rings)
+        self._generation += 1
+        fresh.number = loop.number
+        self._disk.sync_folder(self.path)
+        if self._old is not None:
+            self._disk.remove(self._old)
+        self._disk.close(loop.descriptor)
+        self._old, self._loop = loop.path, fresh
+        self._unbroken |= {ring.ring: 0 for ring in loop.rings}
+
+    def close(self) -> None:
+        """Let go of the files; they stay for recovery."""
+        for stream in (self._keep, self._loop):
+            if stream is not None:
+                self._disk.close(stream.descriptor)
+        self._keep = self._loop = None

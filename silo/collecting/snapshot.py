@@ -1,0 +1,99 @@
+"""From rows to a recording, cut at one tick: which samples each buffer holds, and the words for what is missing."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.collecting.rows import Rows, RowSource
+from silo.collecting.schema import LOST_TEXTS, TIME_RING, ElementSchema
+from silo.model import BufferType
+from silo.recording import RecordedElement, RecordedEntry, Recording, failures_text
+
+
+def snapshot(source: RowSource) -> Recording:
+    """All elements that are saved.
+
+    Takes a copy of the rows that are needed; entry values are strided views of it.
+    """
+    schema = source.schema
+    ticks = source.ticks
+    saved = [element for element in schema.elements if element.info.options.action.saves]
+    due = {element.ring: -(-ticks // element.info.options.divider) for element in saved}
+    looping = [ring for ring in due if schema.rings[ring].buffer_type is BufferType.LOOPING]
+    # what is being overwritten comes first: a growing buffer of 100 MB takes longer than a looping one has to spare
+    copies = {ring: source.rows(ring, _oldest_wanted(source, ring, due[ring])) for ring in looping}
+    stamps = _time_stamps(source, ticks)
+    first_tick = ticks - len(stamps)
+    for ring in due.keys() - copies.keys():
+        copies[ring] = source.rows(ring, 0, due[ring])
+    elements = [_recorded(source, element, copies[element.ring], due[element.ring], first_tick) for element in saved]
+    return Recording(
+        logger=schema.logger,
+        time_ns=stamps,
+        offset=ticks,
+        elements=[element for element in elements if element.count],
+        prefix=schema.prefix,
+        frequency_hz=schema.frequency_hz,
+        started_ns=schema.started_ns,
+        time_looping=schema.time_buffer_type is BufferType.LOOPING,
+        warnings=_warnings(source, elements, ticks),
+    )
+
+
+def _oldest_wanted(source: RowSource, ring: int, due: int) -> int:
+    if source.schema.rings[ring].buffer_type is not BufferType.LOOPING:
+        return 0
+    return due - max(e.info.options.buffer_size for e in source.schema.elements if e.ring == ring)
+
+
+def _time_stamps(source: RowSource, ticks: int) -> NDArray[np.int64]:
+    first = 0
+    if source.schema.time_buffer_type is BufferType.LOOPING:
+        first = max(0, ticks - source.schema.time_buffer_size)
+    return np.ascontiguousarray(source.rows(TIME_RING, first).part(first, ticks).time_ns)
+
+
+def _recorded(source: RowSource, element: ElementSchema, rows: Rows, due: int, first_tick: int) -> RecordedElement:
+    info = element.info
+    end = min(due, rows.first + len(rows))
+    begin = rows.first
+    if info.options.buffer_type is BufferType.FIXED:
+        end = min(end, info.options.buffer_size)
+    elif info.options.buffer_type is BufferType.LOOPING:
+        begin = max(begin, end - info.options.buffer_size)
+    begin = max(begin, -(-first_tick // info.options.divider))  # no sample without its time stamp
+    kept = rows.part(begin, max(begin, end))
+    return RecordedElement(
+        name=info.name,
+        unit=info.unit,
+        kind=info.kind,
+        shape=info.shape,
+        divider=info.options.divider,
+        buffer_type=info.options.buffer_type,
+        first=begin * info.options.divider - first_tick,
+        entries=tuple(
+            RecordedEntry(info.name + entry.entry.suffix, entry.entry, kept.column(entry)) for entry in element.entries
+        ),
+        description=info.description,
+        lost=source.ring_lost(element.ring),
+        failures=source.failures(element),
+    )
+
+
+def _warnings(source: RowSource, elements: list[RecordedElement], ticks: int) -> tuple[str, ...]:
+    warnings = []
+    lost = sum(source.ring_lost(ring.ring) for ring in source.schema.rings)
+    if lost:
+        texts = " and ".join(LOST_TEXTS[why] for why in source.lost_whys())
+        warnings.append(f"{lost} rows could not be kept: {texts}")
+    failed = [element for element in elements if element.failures.count]
+    warnings += [f"{element.name}: {failures_text(element.failures)}" for element in failed]
+    sizes = {element.info.name: element.info.options.buffer_size for element in source.schema.elements}
+    short = [
+        element.name
+        for element in elements
+        if element.buffer_type is BufferType.LOOPING
+        and element.count < min(sizes[element.name], -(-ticks // element.divider))
+    ]
+    if short:
+        warnings.append(f"the oldest samples of {', '.join(short)} were overwritten while the snapshot was taken")
+    return tuple(warnings)
