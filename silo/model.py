@@ -54,10 +54,16 @@ class FileType(enum.IntEnum):
 
 
 class Storage(str, enum.Enum):
-    """Where the segment lives: in memory, or on disk (survives a power cut, costs tail latency)."""
+    """Where the buffers live.
+
+    MEMORY: in shared memory; they survive the robot program and its helper process. DISK: there too, and the helper
+    process keeps a journal of them in the log folder that survives a power cut. FILE: in a file in the log folder that
+    the system writes when it likes; saves memory, survives what MEMORY does, promises nothing for a power cut.
+    """
 
     MEMORY = "memory"
     DISK = "disk"
+    FILE = "file"
 
 
 class Threads(str, enum.Enum):
@@ -160,6 +166,7 @@ class Status(msgspec.Struct, frozen=True):
     reason: str = ""  # why it stopped or died, with what to do next
     segment_bytes: int = 0
     saved: bool = True  # whether everything that was collected stands in a file
+    durable_ticks: int = -1  # ticks that would survive a power cut now; -1 where that wasn't asked for
 
 
 class Table(msgspec.Struct, frozen=True):

@@ -57,7 +57,7 @@ def runtime_dir() -> Path:
 
 
 def list_segments(folder: Path | None = None) -> list[Path]:
-    """Segment files of living and dead writers: those in the runtime folder, and in `folder` (`storage="disk"`)."""
+    """Segment files of living and dead writers: those in the runtime folder, and in `folder` (`storage="file"`)."""
     found = sorted(runtime_dir().glob(f"*{SEGMENT_SUFFIX}"))
     if folder is not None:
         found += sorted(folder.glob(f".*{SEGMENT_SUFFIX}"))

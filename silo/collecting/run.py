@@ -53,7 +53,7 @@ class Run:
             self._schema(options, plan),
             plan.first_rows,
             options.memory_limit_mb * 1_000_000,
-            in_memory=options.storage is Storage.MEMORY,
+            in_memory=options.storage is not Storage.FILE,
         )
         generated = generate(
             plan, self.segment, clock, on_stop, after_end, serialized=options.threads is Threads.SERIALIZED
@@ -68,7 +68,7 @@ class Run:
     @staticmethod
     def _path(options: LoggerOptions) -> Path:
         name = f"{options.name}.{os.getpid()}.{next(_numbers)}{SEGMENT_SUFFIX}"
-        if options.storage is Storage.DISK:
+        if options.storage is Storage.FILE:
             folder = Path(options.folder)
             try:
                 folder.mkdir(parents=True, exist_ok=True)

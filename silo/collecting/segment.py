@@ -110,7 +110,7 @@ class Segment:
             # a tmpfs may be larger than the memory: what doesn't fit would have the kernel kill the robot program
             raise SegmentError(
                 f"no memory for {self._chunk_data / 1e6:.1f} MB of buffers, {available / 1e6:.1f} MB are available; "
-                'make buffers smaller, or use storage="disk"'
+                'make buffers smaller, or use storage="file"'
             )
         self._allocate(0, self._chunk_data)
         mapped = mmap.mmap(self._fd, self._chunk_data)
@@ -146,7 +146,7 @@ class Segment:
             raise SegmentError(
                 f"{self.path.parent}: no room for {size_bytes / 1e6:.1f} MB of buffers, "
                 f"{room.f_bavail * room.f_frsize / 1e6:.1f} MB are free ({error.strerror}); "
-                'make buffers smaller, enlarge /dev/shm, or use storage="disk"'
+                'make buffers smaller, enlarge /dev/shm, or use storage="file"'
             ) from error
 
     def ring_control(self, ring: int) -> int:

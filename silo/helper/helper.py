@@ -19,6 +19,7 @@ from silo.helper.answers import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
 from silo.helper.events import Events
+from silo.helper.journaling import Journaling
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.publisher import Publisher
 from silo.helper.robot import Robot
@@ -84,25 +85,30 @@ class Helper:
         events = Events(session, root, mirror)
         publisher = Publisher(session, root, mirror, events)
         saver = Saver(mirror, events, self._robot)
+        journaling = Journaling(mirror, events)
         control = Control(session, root, Answers(mirror, events, publisher, saver, self._robot))
         publisher.start()
         saver.start()
+        journaling.start()
         control.start()
         token = session.liveliness().declare_token(root.key("alive"))
         self._robot.send(LinkReply(READY, Done(str(path))))
         try:
             if self._follow_robot(mirror, events, saver):
+                journaling.stop(keep=bool(self._term_s))
                 events.publish(EventKind.CLOSED, "the robot program closed its logger")
                 saver.stop(SAVE_GRACE_S)
             else:
                 self._robot.lost()
                 saver.finish()
+                journaling.stop(keep=True)
                 dead_mark(path).touch()
                 news = after_crash(mirror, events)
                 self._linger(publisher, DEAD_WITHOUT_CLIENTS_S if news else 0.0)
         finally:
             token.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
             self._robot.lost()
+            journaling.stop(keep=True)
             control.stop()
             publisher.stop()
             saver.stop(SAVE_GRACE_S)

@@ -63,6 +63,7 @@ class Mirror:
         self.host = socket.gethostname()
         self.user = user_name(os.getuid())
         self.measured_hz = 0.0
+        self.durable_ticks = -1  # set by the journal thread
         self._generation = 0
         self._saved: tuple[str, int] = ("", 0)
         self._lock = threading.Lock()
@@ -181,6 +182,7 @@ class Mirror:
             reason=now.died or robot.reason,
             segment_bytes=size,
             saved=saved,
+            durable_ticks=self.durable_ticks,
         )
 
 

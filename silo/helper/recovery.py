@@ -25,7 +25,7 @@ class StaleSegment:
 
 
 def find_stale(folder: Path | None = None) -> list[StaleSegment]:
-    """Segments of processes that ended without saving: in the runtime folder, and in `folder` (`storage="disk"`)."""
+    """Segments of processes that ended without saving: in the runtime folder, and in `folder` (`storage="file"`)."""
     return [stale for path in list_segments(folder) if (stale := _look(path)) is not None]
 
 

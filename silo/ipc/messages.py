@@ -305,6 +305,7 @@ class EventKind(str, enum.Enum):
     CLOSED = "closed"
     SCRIPT_SAVED = "script saved"
     SCRIPT_LOADED = "script loaded"
+    DURABLE = "durable"  # the journal stopped or goes on
 
 
 class Event(msgspec.Struct, frozen=True):

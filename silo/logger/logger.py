@@ -40,7 +40,9 @@ class Logger(Configuration):
     frequency: control ticks per second (Hz). max_time: how long fixed and growing logs may become (s), 0 for no limit.
     script: YAML file with the configuration; read by `update()` if it exists. prefix: start of all element names.
     clock: returns the time stamp of a tick, as int nanoseconds or float seconds; the system clock if not given.
-    folder: where saved files go. storage: `"memory"`, or `"disk"` to survive a power cut. size_tiers: rings per divider
+    folder: where saved files go. storage: `"memory"`; `"disk"`: the helper process of
+    `serve()` also keeps a journal in `folder` that survives a power cut; `"file"`: the buffers are a file in `folder`,
+    which saves memory but promises nothing for a power cut. size_tiers: rings per divider
     and buffer type; more of them cost time in each tick, fewer cost memory. memory_limit_mb: what growing buffers may
     take together. checked: copy each variable by NumPy instead of by address, 10 times slower.
     threads: `"single"`: `collect()` belongs to the thread that calls it first after each start; `"serialized"`: any
@@ -117,6 +119,12 @@ class Logger(Configuration):
             if not self._updated:
                 self.update()
             self._warn_of_pending()
+            if self.options.storage is Storage.DISK and (self._serving is None or not self._serving.alive):
+                log.warning(
+                    "%s: storage='disk' keeps its journal in the helper process, and this logger has none: nothing is "
+                    "durable, a power cut loses what was not saved; call serve() before start()",
+                    self.options.name,
+                )
             self._run = self._new_run()
             self._saved_ticks = 0
             self._new_values = NewValuesReader()

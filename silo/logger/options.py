@@ -1,16 +1,17 @@
 """What the arguments of `Logger` and of its methods may be, and what they become."""
 
 import functools
+import math
 import os
 import re
 import secrets
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
 from silo.errors import ElementError, StateError
+from silo.logger.arguments import path, real, switch, text, whole
 from silo.model import FileType, LoggerOptions, Storage, Threads, join_name
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
@@ -31,29 +32,23 @@ def logger_options(
     threads: str | Threads,
 ) -> LoggerOptions:
     """Options with absolute paths. Raises ElementError that names the argument, its value and its range."""
-    if not NAME_PATTERN.fullmatch(name):
+    if not NAME_PATTERN.fullmatch(text("the logger's name", name, 'silo.Logger("robot")')):
         raise ElementError(f"logger name {name!r}: 1 to 40 letters, digits, '_', '-' or '.', a letter or digit first")
-    if not 0 < frequency < 1e6:
-        raise ElementError(f"frequency must be above 0 and below 1e6 Hz, got {frequency!r}")
-    if not 0 <= max_time < 1e9:
-        raise ElementError(f"max_time must be 0 (no limit) or a number of seconds below 1e9, got {max_time!r}")
-    if size_tiers < 1 or memory_limit_mb < 1:
-        raise ElementError(f"size_tiers and memory_limit_mb must be 1 or more, got {size_tiers} and {memory_limit_mb}")
-    if storage not in (Storage.MEMORY, Storage.DISK):
-        raise ElementError(f"storage must be 'memory' or 'disk', got {storage!r}")
+    if storage not in set(Storage):
+        raise ElementError(f"storage must be 'memory', 'disk' or 'file', got {storage!r}")
     if threads not in (Threads.SINGLE, Threads.SERIALIZED):
         raise ElementError(f"threads must be 'single' or 'serialized', got {threads!r}")
     return LoggerOptions(
         name=name,
-        frequency_hz=float(frequency),
-        max_time_s=float(max_time),
-        prefix=join_name("", "", prefix) if prefix.strip("/") else "",
-        script=str(Path(script).absolute()),
-        folder=str(Path(folder).absolute()),
+        frequency_hz=real("frequency", frequency, 0, 1e6, "Hz", include_low=False),
+        max_time_s=real("max_time", max_time, 0, 1e9, "s (0: no limit)"),
+        prefix=join_name("", "", text("prefix", prefix, 'prefix="/log"')) if prefix.strip("/") else "",
+        script=str(path("script", script).absolute()),
+        folder=str(path("folder", folder).absolute()),
         storage=Storage(storage),
-        size_tiers=size_tiers,
-        memory_limit_mb=memory_limit_mb,
-        checked=checked,
+        size_tiers=whole("size_tiers", size_tiers, 1, 1000),
+        memory_limit_mb=whole("memory_limit_mb", memory_limit_mb, 1, 10**9),
+        checked=switch("checked", checked),
         threads=Threads(threads),
         id=secrets.token_hex(4),
     )
@@ -63,8 +58,18 @@ def nanosecond_clock(clock: Callable[[], int | float] | None) -> Callable[[], in
     """A clock of int nanoseconds, whichever unit it was given in. Raises ElementError for anything else."""
     if clock is None:
         return time.time_ns
-    now = clock()
+    if not callable(clock):
+        raise ElementError(f"clock must be a function without arguments, got {clock!r}; write clock=lambda: ...")
+    try:
+        now = clock()
+    except Exception as error:
+        raise ElementError(
+            f"clock failed when it was asked for the first time ({type(error).__name__}: {error}): it must return "
+            "int nanoseconds or float seconds from now on"
+        ) from error
     if isinstance(now, float | np.floating):
+        if not math.isfinite(now):
+            raise ElementError(f"clock must return int nanoseconds or float seconds, got {now!r}")
         return lambda: int(clock() * 1e9)
     if isinstance(now, int | np.integer) and not isinstance(now, bool):
         return functools.partial(_whole_nanoseconds, clock)

@@ -57,7 +57,7 @@ def test_files_go_to_the_folder_that_is_asked_for(tmp_path: Path, capsys: pytest
 
 
 def test_a_log_kept_on_disk_is_found_in_its_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    die(tmp_path, storage="disk")
+    die(tmp_path, storage="file")
     assert run(["recover", "--look-in", str(tmp_path)]) == 0
     assert len(list(tmp_path.glob("*.silo"))) == 1
 

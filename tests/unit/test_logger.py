@@ -552,12 +552,25 @@ def test_ctrl_c_anywhere_in_collect_leaves_whole_rows(new_logger):
     [
         ({"frequency": 0}, "frequency must be above 0"),
         ({"frequency": float("nan")}, "frequency must be above 0"),
-        ({"max_time": -1}, "max_time must be 0"),
+        ({"max_time": -1}, "max_time must be from 0"),
         ({"name": "a/b"}, "logger name 'a/b'"),
         ({"name": ""}, "logger name ''"),
         ({"name": "x" * 41}, "1 to 40 letters"),
-        ({"storage": "tape"}, "storage must be 'memory' or 'disk', got 'tape'"),
-        ({"size_tiers": 0}, "size_tiers and memory_limit_mb must be 1 or more"),
+        ({"storage": "tape"}, "storage must be 'memory', 'disk' or 'file', got 'tape'"),
+        ({"size_tiers": 0}, "size_tiers must be a whole number from 1"),
+        ({"frequency": "500"}, "frequency must be above 0 and below 1e\\+06 Hz, got '500'"),
+        ({"frequency": True}, "frequency must be above 0"),
+        ({"max_time": None}, "max_time must be from 0"),
+        ({"name": None}, r"the logger's name must be a text, got None \(NoneType\)"),
+        ({"script": None}, "script must be a path, got None"),
+        ({"folder": 5}, "folder must be a path, got 5"),
+        ({"prefix": 5}, "prefix must be a text, got 5"),
+        ({"size_tiers": 2.5}, "size_tiers must be a whole number"),
+        ({"memory_limit_mb": 1e30}, "memory_limit_mb must be a whole number"),
+        ({"checked": "yes"}, "checked must be True or False, got 'yes'"),
+        ({"clock": 5}, "clock must be a function without arguments, got 5"),
+        ({"clock": lambda: 1 / 0}, r"clock failed when it was asked for the first time \(ZeroDivisionError"),
+        ({"clock": lambda: float("nan")}, "clock must return int nanoseconds or float seconds, got nan"),
         ({"clock": lambda: "noon"}, "clock must return int nanoseconds or float seconds, got 'noon'"),
         ({"clock": lambda: True}, "clock must return"),
     ],
@@ -597,7 +610,7 @@ def test_a_default_buffer_holds_max_time_whatever_the_divider(new_logger):
 
 
 def test_storage_on_disk_keeps_the_segment_in_the_folder_of_the_logs(new_logger, tmp_path):
-    logger = new_logger(storage="disk")
+    logger = new_logger(storage="file")
     logger.array("x")
     logger.start()
     assert list_segments(tmp_path) == [Path(logger.segment_path)]

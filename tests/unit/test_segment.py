@@ -121,7 +121,7 @@ def test_a_closed_logger_frees_its_buffers(new_logger):
 
 
 def test_a_folder_for_logs_that_can_not_be_made_is_a_segment_error(new_logger):
-    logger = new_logger(storage="disk", folder="/proc/none")
+    logger = new_logger(storage="file", folder="/proc/none")
     logger.array("x")
     with pytest.raises(SegmentError, match="can't make the folder for logs"):
         logger.start()
