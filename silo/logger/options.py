@@ -42,7 +42,7 @@ def logger_options(
         name=name,
         frequency_hz=real("frequency", frequency, 0, 1e6, "Hz", include_low=False),
         max_time_s=real("max_time", max_time, 0, 1e9, "s (0: no limit)"),
-        prefix=join_name("", "", text("prefix", prefix, 'prefix="/log"')) if prefix.strip("/") else "",
+        prefix=_prefix(prefix),
         script=str(path("script", script).absolute()),
         folder=str(path("folder", folder).absolute()),
         storage=Storage(storage),
@@ -52,6 +52,11 @@ def logger_options(
         threads=Threads(threads),
         id=secrets.token_hex(4),
     )
+
+
+def _prefix(given: str) -> str:
+    stripped = text("prefix", given, 'prefix="/log"').strip("/")
+    return join_name("", "", stripped) if stripped else ""
 
 
 def nanosecond_clock(clock: Callable[[], int | float] | None) -> Callable[[], int]:
