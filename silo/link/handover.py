@@ -1,0 +1,63 @@
+"""Runs on their way to the helper process: each is handed over as an open file before its first tick.
+
+A channel of its own beside the link, of whole packets, because descriptors can't travel among framed messages. The
+kernel keeps a packet when the robot program dies right after it: the helper process takes in all of them before it does
+anything else, and so knows every run that ever had a tick. The open file stays readable when its name is deleted.
+"""
+
+import os
+import socket
+
+import msgspec
+
+from silo.errors import ConnectionLostError
+
+MAX_OFFER_BYTES = 16_384
+
+_encoder = msgspec.msgpack.Encoder()
+
+
+class RunOffer(msgspec.Struct, frozen=True):
+    """A run that is about to begin, or, to a new helper process, that goes on: its id and its segment's path."""
+
+    run: str
+    segment: str
+
+
+_decoder = msgspec.msgpack.Decoder(RunOffer)
+
+
+def handover_pair() -> tuple[socket.socket, socket.socket]:
+    """The two ends: of the robot program, and of the helper process."""
+    return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+
+def offer_run(sock: socket.socket, offer: RunOffer, descriptor: int) -> bool:
+    """Hand over a run; False where the helper process is gone or takes nothing in. Never waits."""
+    try:
+        socket.send_fds(sock, [_encoder.encode(offer)], [descriptor], socket.MSG_DONTWAIT)
+    except OSError:
+        return False
+    return True
+
+
+def taken_runs(sock: socket.socket) -> list[tuple[RunOffer, int]]:
+    """All runs that were handed over since the last call, oldest first, each with a descriptor to close.
+
+    Never waits; nothing more comes when the robot program is gone. Raises ConnectionLostError for bytes that are none.
+    """
+    taken = []
+    while True:
+        try:
+            body, descriptors, _, _ = socket.recv_fds(sock, MAX_OFFER_BYTES, 4, socket.MSG_DONTWAIT)
+        except (BlockingIOError, ConnectionResetError):
+            return taken
+        if not body:
+            return taken
+        try:
+            (descriptor,) = descriptors
+            taken.append((_decoder.decode(body), descriptor))
+        except (ValueError, msgspec.MsgspecError) as error:
+            for each in descriptors:
+                os.close(each)
+            raise ConnectionLostError(f"a run can't be taken over: {error}") from error

@@ -1,0 +1,76 @@
+"""A run is handed over as an open file: it arrives whatever becomes of the robot program and of the file's name."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from silo.errors import ConnectionLostError
+from silo.link.handover import RunOffer, handover_pair, offer_run, taken_runs
+
+
+@pytest.fixture
+def ends():
+    ours, theirs = handover_pair()
+    with ours, theirs:
+        yield ours, theirs
+
+
+def test_what_is_offered_is_taken_in_its_order(ends, tmp_path):
+    ours, theirs = ends
+    for number in range(3):
+        path = tmp_path / str(number)
+        path.write_text(f"run {number}")
+        descriptor = os.open(path, os.O_RDONLY)
+        assert offer_run(ours, RunOffer(f"id{number}", str(path)), descriptor)
+        os.close(descriptor)
+        path.unlink()
+    taken = taken_runs(theirs)
+    assert [offer.run for offer, _ in taken] == ["id0", "id1", "id2"]
+    for number, (_, descriptor) in enumerate(taken):
+        with os.fdopen(descriptor) as file:
+            assert file.read() == f"run {number}"
+
+
+def test_nothing_offered_is_nothing_taken(ends):
+    assert taken_runs(ends[1]) == []
+
+
+def test_a_run_arrives_when_its_program_died_right_after_the_offer(ends, tmp_path):
+    ours, theirs = ends
+    path = tmp_path / "segment"
+    path.write_text("rows")
+    program = (
+        "import os, signal, socket, sys\n"
+        "from silo.link.handover import RunOffer, offer_run\n"
+        f"sock = socket.socket(fileno={ours.fileno()})\n"
+        f"assert offer_run(sock, RunOffer('a', {str(path)!r}), os.open({str(path)!r}, os.O_RDONLY))\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    subprocess.run([sys.executable, "-c", program], pass_fds=[ours.fileno()], check=False)
+    ours.close()
+    ((offer, descriptor),) = taken_runs(theirs)
+    assert offer == RunOffer("a", str(path))
+    with os.fdopen(descriptor) as file:
+        assert file.read() == "rows"
+    assert taken_runs(theirs) == []
+
+
+def test_a_helper_process_that_is_gone_or_takes_nothing_in_holds_nobody_up(ends, tmp_path):
+    ours, theirs = ends
+    descriptor = os.open(tmp_path, os.O_RDONLY)
+    taken = 0
+    while offer_run(ours, RunOffer("a" * 4000, ""), descriptor):
+        taken += 1
+    assert taken > 0
+    theirs.close()
+    assert not offer_run(ours, RunOffer("a", ""), descriptor)
+    os.close(descriptor)
+
+
+def test_bytes_that_are_no_offer_are_refused(ends):
+    ours, theirs = ends
+    ours.send(b"nonsense")
+    with pytest.raises(ConnectionLostError, match="a run can't be taken over"):
+        taken_runs(theirs)
