@@ -28,14 +28,17 @@ _decoder = msgspec.msgpack.Decoder(RunOffer)
 
 
 def handover_pair() -> tuple[socket.socket, socket.socket]:
-    """The two ends: of the robot program, and of the helper process."""
-    return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    """The two ends: of the robot program, and of the helper process. Neither ever waits."""
+    ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for end in ends:
+        end.setblocking(False)  # Python passes no flags on with descriptors (3.10 to 3.13)
+    return ends
 
 
 def offer_run(sock: socket.socket, offer: RunOffer, descriptor: int) -> bool:
     """Hand over a run; False where the helper process is gone or takes nothing in. Never waits."""
     try:
-        socket.send_fds(sock, [_encoder.encode(offer)], [descriptor], socket.MSG_DONTWAIT)
+        socket.send_fds(sock, [_encoder.encode(offer)], [descriptor])
     except OSError:
         return False
     return True
@@ -46,10 +49,10 @@ def taken_runs(sock: socket.socket) -> list[tuple[RunOffer, int]]:
 
     Never waits; nothing more comes when the robot program is gone. Raises ConnectionLostError for bytes that are none.
     """
-    taken = []
+    taken: list[tuple[RunOffer, int]] = []
     while True:
         try:
-            body, descriptors, _, _ = socket.recv_fds(sock, MAX_OFFER_BYTES, 4, socket.MSG_DONTWAIT)
+            body, descriptors, _, _ = socket.recv_fds(sock, MAX_OFFER_BYTES, 4)
         except (BlockingIOError, ConnectionResetError):
             return taken
         if not body:

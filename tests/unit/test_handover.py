@@ -45,6 +45,7 @@ def test_a_run_arrives_when_its_program_died_right_after_the_offer(ends, tmp_pat
         "import os, signal, socket, sys\n"
         "from silo.link.handover import RunOffer, offer_run\n"
         f"sock = socket.socket(fileno={ours.fileno()})\n"
+        "sock.setblocking(False)\n"
         f"assert offer_run(sock, RunOffer('a', {str(path)!r}), os.open({str(path)!r}, os.O_RDONLY))\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
