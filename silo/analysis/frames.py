@@ -30,7 +30,7 @@ def rotate(vector: One, orientation: Samples, inverse: bool = False) -> One:
     """
     _expect(vector, 3, "a 3-vector")
     _expect(orientation, 4, "a quaternion")
-    left, right = aligned(vector, orientation)
+    left, right = aligned(vector, orientation, f"rotate '{vector.name}' by '{orientation.name}'")
     good = _is_rotation(right.values)
     rotations = _rotation().from_quat(right.values[good].astype(np.float64))
     values = np.full((len(left), 3), np.nan)

@@ -143,5 +143,37 @@ class Samples:
     def span(self) -> str:
         """From when to when there are samples, in words."""
         if not len(self):
-            return "it has no sample"
-        return f"it has samples from {self.times[0]:g} to {self.times[-1]:g} s"
+            return "has no sample"
+        return f"has samples from {self.times[0]:g} to {self.times[-1]:g} s"
+
+    # ---------------------------------------------------------------------------------------------- whose time it is
+
+    def counted_from(self: Self, start: "Samples | int") -> Self:
+        """Return the same stamps with `times` counted from another one: in nanoseconds, or where another signal starts.
+
+        Signals of loggers that ran at once then meet on their stamps, not on the time since each log's start.
+        """
+        return replace(self, start_ns=start.start_ns if isinstance(start, Samples) else int(start))
+
+    def as_if_started(self: Self, start_ns: int) -> Self:
+        """Return the same `times` in a log that started at that stamp."""
+        return replace(self, time_ns=self.time_ns + (start_ns - self.start_ns), start_ns=start_ns)
+
+    @property
+    def step_ns(self) -> float:
+        """Nanoseconds from sample to sample, as a rule; infinite where there are fewer than two."""
+        return float(np.median(np.diff(self.time_ns))) if len(self) > 1 else float("inf")
+
+    def check_overlap(self, other: "Samples", what: str) -> None:
+        """Raise `ElementError` with both spans where another signal of the same start has no time in common with this.
+
+        The last sample holds until the next would come. `what` says what can't be done then.
+        """
+        if len(self) and len(other):
+            ends = self.time_ns[-1] + self.step_ns, other.time_ns[-1] + other.step_ns
+            if other.time_ns[0] < ends[0] and self.time_ns[0] < ends[1]:
+                return
+        raise ElementError(
+            f"can't {what}: there is no time in common; since the start of its log '{self.name}' {self.span}, "
+            f"'{other.name}' {other.span}"
+        )

@@ -1,7 +1,9 @@
 """`Signal`: the samples of one element with their times, and what one asks of them.
 
 A signal is a value: every operation returns a new one and leaves the log alone. Signals of different dividers meet on
-the stamps of the faster one, where the slower one has the value that it held. NaN samples are left out of statistics.
+the stamps of the faster one, where the slower one has the value that it held; those of different logs on the time since
+the start of each. Where nothing is in common, or units don't go together, there is an error. NaN samples are left out
+of statistics.
 Frame changes are in `silo.analysis.frames`, tables of other libraries in `silo.analysis.exports`.
 """
 
@@ -13,10 +15,9 @@ from typing import Any, Literal, TypeAlias, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from silo.analysis import calculus, exports, frames
+from silo.analysis import calculus, exports, frames, units
 from silo.analysis.arithmetic import combined, wide
 from silo.analysis.samples import Samples
-from silo.analysis.units import product, quotient
 from silo.errors import ElementError
 
 Operand: TypeAlias = Union["Signal", float, int, NDArray[Any]]
@@ -35,7 +36,7 @@ class Signal(Samples):
         """
         places = self.places(self.stamps(np.asarray(time_s, np.float64)))
         if (places < 0).any():
-            raise ElementError(f"'{self.name}' has no value yet at {np.min(time_s):g} s; {self.span}")
+            raise ElementError(f"'{self.name}' has no value yet at {np.min(time_s):g} s; it {self.span}")
         return self.values[places] if np.ndim(places) else self.values[int(places)]
 
     def clip(self, start_s: float | None = None, stop_s: float | None = None) -> "Signal":
@@ -49,22 +50,53 @@ class Signal(Samples):
         """The signal at other times: those of another signal, an array of seconds, or a rate in Hz.
 
         `hold` takes the value that held, `linear` (numbers only) goes straight from sample to sample. Times before
-        the first sample are left out, with `linear` those after the last as well.
+        the first sample are left out, with `linear` those after the last as well. A signal of another log is met on
+        the time since its log's start, and the result has its stamps. Raises `ElementError` with both spans where no
+        time is left.
         """
         if method not in ("hold", "linear"):
             raise ElementError(f"unknown method {method!r} to resample '{self.name}': choose 'hold' or 'linear'")
-        time_ns = self._new_times(times)
-        inside = time_ns >= self.time_ns[0] if len(self) else np.zeros(len(time_ns), bool)
+        mine, time_ns = self, self._new_times(times)
+        if isinstance(times, Signal):
+            mine = self.as_if_started(times.start_ns)
+            if len(times):
+                mine.check_overlap(times, f"resample '{self.name}' at the times of '{times.name}'")
+        inside = time_ns >= mine.time_ns[0] if len(self) else np.zeros(len(time_ns), bool)
         if method == "linear" and len(self):
-            inside &= time_ns <= self.time_ns[-1]
+            inside &= time_ns <= mine.time_ns[-1]
+        if len(time_ns) and not inside.any():
+            asked = (time_ns[[0, -1]] - mine.start_ns) * 1e-9
+            raise ElementError(
+                f"can't resample '{self.name}': '{self.name}' {self.span}, the times asked for are from "
+                f"{asked[0]:g} to {asked[1]:g} s"
+            )
         time_ns = time_ns[inside]
         if method == "hold":
-            return self.held(time_ns)
+            return mine.held(time_ns)
         columns = self.columns("interpolate")
         # relative to the first stamp: doubles hold nanoseconds only over a few months
-        new, old = (time_ns - self.start_ns).astype(np.float64), (self.time_ns - self.start_ns).astype(np.float64)
+        new, old = (time_ns - mine.start_ns).astype(np.float64), (mine.time_ns - mine.start_ns).astype(np.float64)
         made = np.stack([np.interp(new, old, column) for column in columns], axis=-1) if columns else np.empty((0, 0))
-        return replace(self, values=made.reshape(len(new), *self.values.shape[1:]), time_ns=time_ns, labels={})
+        return replace(mine, values=made.reshape(len(new), *self.values.shape[1:]), time_ns=time_ns, labels={})
+
+    # --------------------------------------------------------------------------------------------------------- units
+
+    def in_unit(self, unit: str) -> "Signal":
+        """The signal converted to another unit: `mm` to `m`, `rpm` to `rad/s`.
+
+        Raises `ElementError` where one unit isn't a multiple of the other as far as silo knows.
+        """
+        factor = units.factor(self.unit, unit)
+        if factor is None:
+            raise ElementError(
+                f"'{self.name}' is in '{self.unit}', which can't be converted to '{unit}'; if it is in '{unit}' in "
+                f"truth, say so by .with_unit('{unit}')"
+            )
+        return replace(self, unit=unit, values=self.values if factor == 1.0 else wide(self) * factor)
+
+    def with_unit(self, unit: str) -> "Signal":
+        """The same values under another unit; `-` drops it."""
+        return replace(self, unit=unit)
 
     # ---------------------------------------------------------------------------------------------------- statistics
 
@@ -95,12 +127,12 @@ class Signal(Samples):
     def derivative(self) -> "Signal":
         """Change per second, by central differences over the real time stamps."""
         columns = [calculus.derivative(self.times, column) for column in self.columns("differentiate")]
-        return self._with(columns, quotient(self.unit, "s"), f"d({self.name})")
+        return self._with(columns, units.quotient(self.unit, "s"), f"d({self.name})")
 
     def integral(self) -> "Signal":
         """Area under the signal since its first sample, by trapezoids; a NaN sample adds nothing."""
         columns = [calculus.integral(self.times, column) for column in self.columns("integrate")]
-        return self._with(columns, product(self.unit, "s"), f"integral({self.name})")
+        return self._with(columns, units.product(self.unit, "s"), f"integral({self.name})")
 
     def spectrum(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Frequencies in Hz, shape `(f,)`, and the amplitude of the sine at each, shape `(f,)` or `(f, components)`.
@@ -221,7 +253,7 @@ class Signal(Samples):
         if not len(values):
             low = "its start" if start_s is None else f"{start_s:g} s"
             high = "its end" if stop_s is None else f"{stop_s:g} s"
-            raise ElementError(f"'{self.name}' has no sample from {low} to {high}; {self.span}")
+            raise ElementError(f"'{self.name}' has no sample from {low} to {high}; it {self.span}")
         if not exact and values.dtype.kind != "c":
             values = values.astype(np.promote_types(values.dtype, np.float64), copy=False)
         empty = np.isnan(values).all(axis=0) if values.dtype.kind in "fc" else np.False_
