@@ -96,14 +96,12 @@ def complete_words(ctx: click.Context, param: click.Parameter, incomplete: str) 
 def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem]:
     """Names of elements; namespaces where there would be too many."""
     from silo.ipc.exchange import ask_once
-    from silo.ipc.messages import GetTable, TableReply
+    from silo.ipc.messages import GetTable
 
     try:
         found = find_logger(logger)
         reply = ask_once(found.socket, found.config, GetTable(), 1.0, found.host, found.name)
     except (SiloError, click.UsageError):
-        return []
-    if not isinstance(reply, TableReply):
         return []
     return [CompletionItem(name) for name in next_names([e.name for e in reply.table.elements], incomplete)]
 
@@ -111,7 +109,7 @@ def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem
 def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """A logger, or a script on its side."""
     from silo.ipc.exchange import ask_once
-    from silo.ipc.messages import ListScripts, Scripts
+    from silo.ipc.messages import ListScripts
 
     words = ctx.params.get(param.name or "") or ()
     loggers = [] if words else complete_logger(ctx, param, incomplete)
@@ -120,8 +118,7 @@ def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str)
         reply = ask_once(found.socket, found.config, ListScripts(), 1.0, found.host, found.name)
     except (SiloError, click.UsageError):
         return loggers
-    names = reply.names if isinstance(reply, Scripts) else []
-    return loggers + [CompletionItem(name) for name in names if name.startswith(incomplete)]
+    return loggers + [CompletionItem(name) for name in reply.names if name.startswith(incomplete)]
 
 
 def next_names(names: Sequence[str], incomplete: str) -> list[str]:

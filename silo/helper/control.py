@@ -82,7 +82,7 @@ class Control:
 
     def _answer_ask(self, payload: bytes) -> bytes:
         request = decode_ask(payload)
-        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.ask(request)
+        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.answer(request)
 
     def _do(self, query: zenoh.Query) -> None:
         payload = _payload(query)
@@ -90,7 +90,7 @@ class Control:
 
     def _answer_do(self, payload: bytes) -> bytes:
         request = decode_do(payload)
-        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.do(request)
+        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.answer(request)
 
     def _read_slowly(self) -> None:
         while self._read_one(self._slow.get()):

@@ -7,18 +7,7 @@ from typing import Any
 import msgspec
 
 from silo.helper.mirror import LoggerSnapshot
-from silo.ipc.messages import (
-    AnyAsk,
-    AnyDo,
-    ApplyEdits,
-    DiffScript,
-    GetHistory,
-    Hello,
-    ListScripts,
-    ReadScript,
-    Refused,
-    RefusedWhy,
-)
+from silo.ipc.messages import AnyAsk, AnyDo, ApplyEdits, Hello, Refused, RefusedWhy, SlowAsk, leaves
 from silo.model import Edit, Problem
 
 MAX_ASK_BYTES = 2 * 2**20
@@ -33,7 +22,7 @@ class _Kind(msgspec.Struct):
 _ask_decoder = msgspec.msgpack.Decoder(AnyAsk)
 _do_decoder = msgspec.msgpack.Decoder(AnyDo | Hello)
 _kind_decoder = msgspec.msgpack.Decoder(_Kind)
-_SLOW = {kind.__name__ for kind in (GetHistory, ListScripts, ReadScript, DiffScript)}
+_SLOW = {kind.__name__ for kind in leaves(SlowAsk)}
 _FIELD = re.compile(r" - at `\$\.(?:options\.)?(\w+).*`$")
 
 

@@ -4,24 +4,13 @@ import concurrent.futures
 import itertools
 import socket
 import threading
+from typing import Any
 
-from silo.ipc.messages import (
-    ApplyEdits,
-    Done,
-    EditsApplied,
-    Refused,
-    RefusedWhy,
-    Restart,
-    SaveStarted,
-    Start,
-    Stop,
-)
+from silo.ipc.messages import AnyReply, Refused, RefusedWhy, RobotRequest
 from silo.link.channel import LinkChannel
 from silo.link.messages import LinkMessage, LinkReply, LinkRequest
 
 REPLY_TIMEOUT_S = 5.0
-
-RobotReply = EditsApplied | Done | Refused | SaveStarted
 
 
 class Robot:
@@ -32,7 +21,7 @@ class Robot:
         self._channel = LinkChannel(sock)
         self._sending = threading.Lock()
         self._numbers = itertools.count(1)
-        self._pending: dict[int, concurrent.futures.Future[RobotReply]] = {}
+        self._pending: dict[int, concurrent.futures.Future[AnyReply]] = {}
         self._gone = False
 
     def receive(self) -> LinkMessage | None:
@@ -48,10 +37,10 @@ class Robot:
                 return False
         return True
 
-    def ask(self, request: ApplyEdits | Start | Stop | Restart, timeout_s: float = REPLY_TIMEOUT_S) -> RobotReply:
+    def ask(self, request: RobotRequest[Any], timeout_s: float = REPLY_TIMEOUT_S) -> AnyReply:
         """Has the robot process do something and waits for its answer; silence becomes a refusal."""
         number = next(self._numbers)
-        future: concurrent.futures.Future[RobotReply] = concurrent.futures.Future()
+        future: concurrent.futures.Future[AnyReply] = concurrent.futures.Future()
         self._pending[number] = future
         if self._gone or not self.send(LinkRequest(number, request)):
             self._pending.pop(number, None)

@@ -20,7 +20,7 @@ from silo.errors import ConnectionLostError, SiloError
 from silo.ipc import keys
 from silo.ipc.discovery import Found, discover
 from silo.ipc.exchange import encoder, exchange, key_of
-from silo.ipc.messages import AnyAsk, AnyDo, AnyReply, Event, Hello, HelloReply
+from silo.ipc.messages import AnyReply, Event, Hello, HelloReply, Request
 from silo.ipc.session import close, open_client, owner_is_gone
 from silo.model import State
 
@@ -46,7 +46,7 @@ class Attachable(Protocol):
 class Pending:
     """A request whose answer nobody waits for: it is looked at when it has come."""
 
-    def __init__(self, session: zenoh.Session, key: str, request: AnyAsk, timeout_s: float) -> None:
+    def __init__(self, session: zenoh.Session, key: str, request: Request[Any], timeout_s: float) -> None:
         # not a ring: it loses what it holds when the query ends
         self._replies = session.get(
             key, zenoh.handlers.FifoChannel(4), payload=encoder.encode(request), timeout=timeout_s
@@ -153,7 +153,7 @@ class Connection:
             )
         return session
 
-    def exchange(self, request: AnyAsk | AnyDo, timeout_s: float, *, key: str = "") -> AnyReply:
+    def exchange(self, request: Request[Any], timeout_s: float, *, key: str = "") -> AnyReply:
         """Asks and waits. Raises ConnectionLostError."""
         session = self.session()
         target = self.root.key(key) if key else key_of(request, self.root)

@@ -4,31 +4,17 @@ import os
 import socket
 import sys
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import zenoh
 
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc import keys
-from silo.ipc.messages import (
-    AnyAsk,
-    AnyDo,
-    AnyReply,
-    ApplyEdits,
-    LoadScript,
-    Refused,
-    RefusedWhy,
-    Restart,
-    Save,
-    SaveScript,
-    Start,
-    Stop,
-)
+from silo.ipc.messages import AnyReply, Refused, RefusedWhy, ReplyT, Request, reply_type
 from silo.ipc.session import close, open_client
 from silo.model import Problem
 from silo.runtime import user_name
-
-DO_REQUESTS = (ApplyEdits, Start, Stop, Restart, Save, LoadScript, SaveScript)
 
 encoder = msgspec.msgpack.Encoder()
 _reply_decoder = msgspec.msgpack.Decoder(AnyReply)
@@ -50,14 +36,13 @@ def client_name() -> str:
     return f"{user_name(os.getuid())}@{socket.gethostname()} {program} {os.getpid()}"
 
 
-def key_of(request: AnyAsk | AnyDo, root: keys.Root | None) -> str:
+def key_of(request: Request[Any], root: keys.Root | None) -> str:
     """The key that a request goes to; without a root, whoever is at the other end of the session."""
-    kind = "do" if isinstance(request, DO_REQUESTS) else "ask"
-    return root.key(kind) if root is not None else f"silo/*/*/{kind}"
+    return root.key(request.key) if root is not None else f"silo/*/*/{request.key}"
 
 
 def exchange(
-    session: zenoh.Session, key: str, request: AnyAsk | AnyDo, timeout_s: float, who: str
+    session: zenoh.Session, key: str, request: Request[Any], timeout_s: float, who: str
 ) -> tuple[AnyReply, keys.Root]:
     """Sends a request and waits for its reply, and says who replied. Raises ConnectionLostError, never a refusal."""
     try:
@@ -89,16 +74,26 @@ def decode_reply(payload: bytes, who: str) -> AnyReply:
     return reply
 
 
+def checked_reply(request: Request[ReplyT], reply: AnyReply) -> ReplyT:
+    """Return the reply if it is of the request's type.
+
+    Raises RequestRefusedError for a refusal, ConnectionLostError for another reply.
+    """
+    if isinstance(reply, Refused):
+        raise RequestRefusedError(reply)
+    if not isinstance(reply, reply_type(type(request))):
+        raise ConnectionLostError(f"the helper process answered {type(request).__name__} with a {type(reply).__name__}")
+    return reply
+
+
 def ask_once(
-    socket_path: str, config: str, request: AnyAsk | AnyDo, timeout_s: float, host: str = "", logger: str = ""
-) -> AnyReply:
-    """Opens a session, asks, closes it. Raises ConnectionLostError, or RequestRefusedError."""
+    socket_path: str, config: str, request: Request[ReplyT], timeout_s: float, host: str = "", logger: str = ""
+) -> ReplyT:
+    """Open a session, ask, close it. Raises ConnectionLostError, or RequestRefusedError."""
     session = open_client(Path(socket_path) if socket_path else None, config or None)
     try:
         root = keys.Root(host, logger) if host else None
         reply, _ = exchange(session, key_of(request, root), request, timeout_s, f"logger '{logger}'")
     finally:
         close(session)
-    if isinstance(reply, Refused):
-        raise RequestRefusedError(reply)
-    return reply
+    return checked_reply(request, reply)

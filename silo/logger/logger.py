@@ -4,11 +4,13 @@
 takes one lock, which `collect()` never touches.
 """
 
+import atexit
 import functools
 import logging
 import os
 import sys
 import threading
+import weakref
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +19,6 @@ from typing import TYPE_CHECKING
 from silo.collecting.run import Run
 from silo.collecting.schema import STOP_TEXTS, StopReason
 from silo.errors import SegmentError, SiloError, StateError
-from silo.logger import ending
 from silo.logger.configuration import Configuration
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_type, logger_options, nanosecond_clock
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from silo.logger.serving import Serving
 
 log = logging.getLogger("silo")
+
+
+_living: "weakref.WeakSet[Logger]" = weakref.WeakSet()
 
 
 def _idle() -> None:
@@ -81,7 +85,7 @@ class Logger(Configuration):
         self._saved_ticks = 0
         self._new_values = NewValuesReader()
         self._serving: Serving | None = None
-        ending.watch(self)
+        _living.add(self)  # its data outlives a process that ends without close()
 
     # ------------------------------------------------------------------------------------------------ the loop
 
@@ -368,3 +372,17 @@ class Logger(Configuration):
         self._closed = True
         self._serving = None
         self._run = None
+
+
+@atexit.register
+def _end_of_process() -> None:
+    for logger in list(_living):
+        logger.abandon()
+
+
+def _forked() -> None:
+    for logger in list(_living):
+        logger.after_fork_in_child()
+
+
+os.register_at_fork(after_in_child=_forked)
