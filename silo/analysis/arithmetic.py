@@ -25,7 +25,7 @@ def combined(
     sign: str,
     swapped: bool = False,
 ) -> One:
-    """What a function of two makes of a signal and another, a number or an array; `swapped` puts the other first."""
+    """Return what a function makes of a signal and another, a number or an array; `swapped` puts the other first."""
     base, unit, shown = one, _unit(one, other, sign, swapped), str(other)
     mine: NDArray[Any] = wide(one)
     theirs: Any = other
@@ -51,7 +51,7 @@ def combined(
 
 
 def wide(signal: Samples) -> NDArray[Any]:
-    """The values in a type that doesn't wrap around: small integers and bools as int64."""
+    """Return the values in a type that doesn't wrap around: small integers and bools as int64."""
     values = signal.numbers("calculate with")
     if values.dtype.kind == "u" and values.dtype.itemsize == 8:
         return values.astype(np.float64)
@@ -76,7 +76,7 @@ def aligned(one: One, other: Other, what: str) -> tuple[One, Other]:
 
 
 def _unit(one: Samples, other: Samples | float | NDArray[Any], sign: str, swapped: bool) -> str:
-    """The unit of what is calculated. Raises `ElementError` where units don't go together."""
+    """Return the unit of what is calculated. Raises `ElementError` where units don't go together."""
     if sign == "**":
         return _power_unit(one, other)
     if sign in "*/":
@@ -123,7 +123,7 @@ def _check_shapes(one: Samples, other: Samples, mine: NDArray[Any], theirs: NDAr
 
 
 def _broadcast(one: NDArray[Any], other: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """A scalar signal meets each component of a vector or matrix."""
+    """Return both with as many axes: a scalar signal meets each component of a vector or matrix."""
     dimensions = max(one.ndim, other.ndim)
     return (
         one.reshape(one.shape + (1,) * (dimensions - one.ndim)),

@@ -17,7 +17,7 @@ _WHAT = "tables"
 
 
 def signal_to_pandas(signal: Samples) -> Any:
-    """A Series, or DataFrame for several components."""
+    """Return a Series, or DataFrame for several components."""
     pandas = need("pandas", "analysis", _WHAT)
     index = pandas.DatetimeIndex(signal.time_ns.view("M8[ns]"), name="time")
     columns = _columns(signal)
@@ -28,14 +28,14 @@ def signal_to_pandas(signal: Samples) -> Any:
 
 
 def signal_to_polars(signal: Samples) -> Any:
-    """A DataFrame with `time` and one column per component."""
+    """Return a DataFrame with `time` and one column per component."""
     polars = need("polars", "analysis", _WHAT)
     time = polars.Series("time", signal.time_ns).cast(polars.Datetime("ns"))
     return polars.DataFrame([time, *(_polars_column(polars, name, each) for name, each in _columns(signal).items())])
 
 
 def signal_to_xarray(signal: Samples) -> Any:
-    """A DataArray over `time` (and `component`, or `row` and `column`)."""
+    """Return a DataArray over `time` (and `component`, or `row` and `column`)."""
     xarray = need("xarray", "analysis", _WHAT)
     values = signal.values
     dims = {1: ["time"], 2: ["time", "component"], 3: ["time", "row", "column"]}.get(
@@ -52,7 +52,7 @@ def signal_to_xarray(signal: Samples) -> Any:
 
 
 def log_to_pandas(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) -> Any:
-    """A DataFrame with one row per tick and one column per scalar."""
+    """Return a DataFrame with one row per tick and one column per scalar."""
     pandas = need("pandas", "analysis", _WHAT)
     index = pandas.DatetimeIndex(time_ns.view("M8[ns]"), name="time")
     columns = {}
@@ -72,7 +72,7 @@ def log_to_pandas(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) ->
 
 
 def log_to_polars(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) -> Any:
-    """A DataFrame with `time`, one row per tick and one column per scalar, null where there is no sample."""
+    """Return a DataFrame with `time`, one row per tick and one column per scalar, null where there is no sample."""
     polars = need("polars", "analysis", _WHAT)
     columns = [polars.Series("time", time_ns).cast(polars.Datetime("ns"))]
     for signal in signals.values():
@@ -86,7 +86,7 @@ def log_to_polars(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) ->
 
 
 def log_to_xarray(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) -> Any:
-    """A Dataset; signals that have not one sample per tick have a time of their own, named after them."""
+    """Return a Dataset; signals that have not one sample per tick have a time of their own, named after them."""
     xarray = need("xarray", "analysis", _WHAT)
     variables = {}
     for name, signal in signals.items():
@@ -127,7 +127,7 @@ def _column(signal: Samples) -> _Column:
 
 
 def _ticks(signal: Samples, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Which tick each sample belongs to: the signal's first stamp, then every divider-th."""
+    """Return which tick each sample belongs to: the signal's first stamp, then every divider-th."""
     first = int(np.searchsorted(time_ns, signal.time_ns[0])) if len(signal) else 0
     return first + np.arange(len(signal), dtype=np.int64) * signal.divider
 

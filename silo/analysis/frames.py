@@ -23,7 +23,7 @@ One = TypeVar("One", bound=Samples)
 
 
 def rotate(vector: One, orientation: Samples, inverse: bool = False) -> One:
-    """The 3-vector turned by the quaternion, at the stamps of the faster of both.
+    """Return the 3-vector turned by the quaternion, at the stamps of the faster of both.
 
     With the orientation of a body in the world, `rotate` takes a vector of the body's frame to the world's, and
     `inverse=True` one of the world's to the body's. Raises `ElementError` if shapes don't fit.
@@ -39,7 +39,7 @@ def rotate(vector: One, orientation: Samples, inverse: bool = False) -> One:
 
 
 def euler(orientation: One, order: str = "ZYX", degrees: bool = False) -> One:
-    """Euler angles of a quaternion in the order of their axes; upper case: intrinsic, lower case: fixed axes."""
+    """Return Euler angles of a quaternion in the order of their axes; upper case: intrinsic, lower case: fixed axes."""
     _expect(orientation, 4, "a quaternion")
     _check_order(order)
     angles = _convert(orientation, 3, lambda rotations: rotations.as_euler(order, degrees=degrees))
@@ -54,7 +54,7 @@ def euler(orientation: One, order: str = "ZYX", degrees: bool = False) -> One:
 
 
 def quaternion(signal: One, order: str = "ZYX", degrees: bool = False) -> One:
-    """Quaternion of Euler angles (in this order), of an angle-axis, or of 3 x 3 rotation matrices."""
+    """Return the quaternion of Euler angles (in this order), of an angle-axis, or of 3 x 3 rotation matrices."""
     rotation = _rotation()
     values = signal.values
     good = np.isfinite(values.reshape(len(signal), -1)).all(axis=1)
@@ -81,7 +81,7 @@ def quaternion(signal: One, order: str = "ZYX", degrees: bool = False) -> One:
 
 
 def inverse(orientation: One) -> One:
-    """The inverse rotation."""
+    """Return the inverse rotation."""
     _expect(orientation, 4, "a quaternion")
     values = _convert(orientation, 4, lambda rotations: rotations.inv().as_quat())
     return replace(orientation, name=f"inverse({orientation.name})", values=values)

@@ -71,7 +71,7 @@ class Samples:
         return labels[places.reshape(self.values.shape)] if len(names) else np.empty(self.values.shape, "U1")
 
     def component(self: Self, which: str | int) -> Self:
-        """One scalar of a vector, quaternion, matrix, pose or structure: by name (`x`, `0_1`) or by number.
+        """Return one scalar of a vector, quaternion, matrix, pose or structure: by name (`x`, `0_1`) or by number.
 
         Raises `ElementError` with the names there are.
         """
@@ -92,7 +92,10 @@ class Samples:
         return replace(self, name=self.name + suffix, values=values, kind="scalar", components=())
 
     def part(self: Self, name: str) -> Self:
-        """Several components that form a signal: `position` and `orientation` of a pose, `linear` and `angular`."""
+        """Return several components that form a signal.
+
+        `position` and `orientation` of a pose, `linear` and `angular`.
+        """
         places = [index for index, component in enumerate(self.components) if component.startswith(f"{name}_")]
         if not places or self.values.dtype.names:
             raise ElementError(f"'{self.name}' has no part {name!r}; it has: {', '.join(self.components) or 'none'}")
@@ -106,7 +109,10 @@ class Samples:
         )
 
     def numbers(self, purpose: str) -> NDArray[Any]:
-        """The values, bools as int64. Raises `ElementError`, which names the purpose, where they are no numbers."""
+        """Return the values, bools as int64.
+
+        Raises `ElementError`, which names the purpose, where they are no numbers.
+        """
         if self.values.dtype.kind not in "biufc":
             raise ElementError(f"can't {purpose} '{self.name}': its values are no numbers ({self.dtype})")
         return self.values.astype(np.int64) if self.values.dtype.kind == "b" else self.values

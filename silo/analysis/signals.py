@@ -30,7 +30,7 @@ class Signal(Samples):
     # ------------------------------------------------------------------------------------------------ values at times
 
     def value(self, time_s: ArrayLike) -> Any:
-        """The value that held at a time in seconds since start (or at each of an array of times).
+        """Return the value that held at a time in seconds since start (or at each of an array of times).
 
         After the last sample that one holds on. Raises `ElementError` before the first.
         """
@@ -40,14 +40,17 @@ class Signal(Samples):
         return self.values[places] if np.ndim(places) else self.values[int(places)]
 
     def clip(self, start_s: float | None = None, stop_s: float | None = None) -> "Signal":
-        """The samples from `start_s` to `stop_s`, both included; times go on counting from the start of the log."""
+        """Return the samples from `start_s` to `stop_s`, both included.
+
+        Times go on counting from the start of the log.
+        """
         window = self._window(start_s, stop_s)
         return replace(self, values=self.values[window], time_ns=self.time_ns[window])
 
     def resample(
         self, times: Union["Signal", ArrayLike, float], method: Literal["hold", "linear"] = "hold"
     ) -> "Signal":
-        """The signal at other times: those of another signal, an array of seconds, or a rate in Hz.
+        """Return the signal at other times: those of another signal, an array of seconds, or a rate in Hz.
 
         `hold` takes the value that held, `linear` (numbers only) goes straight from sample to sample. Times before
         the first sample are left out, with `linear` those after the last as well. A signal of another log is met on
@@ -82,7 +85,7 @@ class Signal(Samples):
     # --------------------------------------------------------------------------------------------------------- units
 
     def in_unit(self, unit: str) -> "Signal":
-        """The signal converted to another unit: `mm` to `m`, `rpm` to `rad/s`.
+        """Return the signal converted to another unit: `mm` to `m`, `rpm` to `rad/s`.
 
         Raises `ElementError` where one unit isn't a multiple of the other as far as silo knows.
         """
@@ -95,31 +98,34 @@ class Signal(Samples):
         return replace(self, unit=unit, values=self.values if factor == 1.0 else wide(self) * factor)
 
     def with_unit(self, unit: str) -> "Signal":
-        """The same values under another unit; `-` drops it."""
+        """Return the same values under another unit; `-` drops it."""
         return replace(self, unit=unit)
 
     # ---------------------------------------------------------------------------------------------------- statistics
 
     def average(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Mean of the samples in a window (whole signal by default), per component; NaN samples are left out."""
+        """Return the mean of the samples in a window (whole signal by default), per component.
+
+        NaN samples are left out.
+        """
         return self._statistic(np.nanmean, start_s, stop_s)
 
     def rms(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Root of the mean square in a window."""
+        """Return the root of the mean square in a window."""
         return self._statistic(
             lambda values, axis: np.sqrt(np.nanmean(np.abs(values) ** 2, axis=axis)), start_s, stop_s
         )
 
     def std(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Standard deviation (of the samples themselves, divided by their number) in a window."""
+        """Return the standard deviation (of the samples themselves, divided by their number) in a window."""
         return self._statistic(np.nanstd, start_s, stop_s)
 
     def min(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Smallest value in a window."""
+        """Return the smallest value in a window."""
         return self._statistic(np.nanmin, start_s, stop_s, exact=True)
 
     def max(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Largest value in a window."""
+        """Return the largest value in a window."""
         return self._statistic(np.nanmax, start_s, stop_s, exact=True)
 
     # ------------------------------------------------------------------------------------------------------- calculus
@@ -130,12 +136,13 @@ class Signal(Samples):
         return self._with(columns, units.quotient(self.unit, "s"), f"d({self.name})")
 
     def integral(self) -> "Signal":
-        """Area under the signal since its first sample, by trapezoids; a NaN sample adds nothing."""
+        """Return the area under the signal since its first sample, by trapezoids; a NaN sample adds nothing."""
         columns = [calculus.integral(self.times, column) for column in self.columns("integrate")]
         return self._with(columns, units.product(self.unit, "s"), f"integral({self.name})")
 
     def spectrum(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Frequencies in Hz, shape `(f,)`, and the amplitude of the sine at each, shape `(f,)` or `(f, components)`.
+        """Return frequencies in Hz, shape `(f,)`, and the amplitude of the sine at each, shape `(f,)` or `(f,
+        components)`.
 
         Hann window, mean taken out, samples put on an even grid first; fewer than 4 samples have none.
         """
@@ -148,7 +155,7 @@ class Signal(Samples):
         return frequencies, first if self.values.ndim == 1 else np.stack([each for _, each in found], axis=-1)
 
     def norm(self) -> "Signal":
-        """Length of a vector, sample by sample."""
+        """Return the length of a vector, sample by sample."""
         columns = self.columns("take the norm of")
         length = np.sqrt(sum((column**2 for column in columns), np.zeros(len(self))))
         return replace(self, name=f"|{self.name}|", values=length, kind="scalar", components=(), labels={})
@@ -194,35 +201,37 @@ class Signal(Samples):
     # ------------------------------------------------------------------------------------------------ frames, tables
 
     def rotate(self, orientation: "Signal", inverse: bool = False) -> "Signal":
-        """A 3-vector in the frame that the quaternion leads to; `inverse` goes back. Needs scipy."""
+        """Return a 3-vector in the frame that the quaternion leads to; `inverse` goes back. Needs scipy."""
         return frames.rotate(self, orientation, inverse)
 
     def euler(self, order: str = "ZYX", degrees: bool = False) -> "Signal":
-        """A quaternion as Euler angles; upper case: intrinsic axes. Needs scipy."""
+        """Return a quaternion as Euler angles; upper case: intrinsic axes. Needs scipy."""
         return frames.euler(self, order, degrees)
 
     def quaternion(self, order: str = "ZYX", degrees: bool = False) -> "Signal":
-        """Euler angles (or an angle-axis, or rotation matrices) as quaternion `x y z w`. Needs scipy."""
+        """Return Euler angles (or an angle-axis, or rotation matrices) as quaternion `x y z w`. Needs scipy."""
         return frames.quaternion(self, order, degrees)
 
     def inverse(self) -> "Signal":
-        """The inverse rotation of a quaternion. Needs scipy."""
+        """Return the inverse rotation of a quaternion. Needs scipy."""
         return frames.inverse(self)
 
     def to_numpy(self) -> NDArray[Any]:
-        """The values, without a copy where they stand together in the file."""
+        """Return the values, without a copy where they stand together in the file."""
         return self.values
 
     def to_pandas(self) -> Any:
-        """A pandas Series, or DataFrame for several components, over time stamps. Enumerations become categories."""
+        """Return a pandas Series, or DataFrame for several components, over time stamps. Enumerations become
+        categories.
+        """
         return exports.signal_to_pandas(self)
 
     def to_polars(self) -> Any:
-        """A polars DataFrame with a column `time` and one per component."""
+        """Return a polars DataFrame with a column `time` and one per component."""
         return exports.signal_to_polars(self)
 
     def to_xarray(self) -> Any:
-        """An xarray DataArray over `time`, with unit, labels and description as attributes."""
+        """Return an xarray DataArray over `time`, with unit, labels and description as attributes."""
         return exports.signal_to_xarray(self)
 
     # ------------------------------------------------------------------------------------------------------- internals

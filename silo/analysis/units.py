@@ -137,7 +137,7 @@ def _written(word: str, exponent: Fraction) -> str:
 
 @lru_cache(maxsize=1024)
 def _formula(text: str) -> Formula:
-    """A text as a formula. Spaces multiply where all words are known (`kg m`), else they belong to a word."""
+    """Return a text as a formula. Spaces multiply where all words are known (`kg m`), else they belong to a word."""
     text = text.strip()
     if text in _NONE:
         return {}
@@ -229,7 +229,7 @@ def _known(word: str) -> tuple[float, str] | None:
 
 @lru_cache(maxsize=1024)
 def _meaning(unit: str) -> tuple[float, Formula]:
-    """How large a unit is, in words that mean themselves."""
+    """Return how large a unit is, in words that mean themselves."""
     size, words = 1.0, Formula()
     for word, exponent in _formula(unit).items():
         known = _known(word)

@@ -229,5 +229,5 @@ def _must_stop(now: LoggerSnapshot) -> Refused | None:
 
 
 def _signed(request: Signed) -> Signed:
-    """The request with a sender that is safe to show."""
+    """Return the request with a sender that is safe to show."""
     return msgspec.structs.replace(request, client=plain(request.client))

@@ -43,12 +43,12 @@ class Control:
         ]
 
     def start(self) -> None:
-        """Starts the threads."""
+        """Start the threads."""
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
-        """Ends the threads and waits for them."""
+        """End the threads and wait for them."""
         self._ending = True
         self._slow.put(None)
         for queryable in (self._asked, self._to_do):
@@ -102,7 +102,7 @@ class Control:
         return slow is not None
 
     def _reply(self, query: zenoh.Query, key: str, answer: Callable[[], bytes]) -> None:
-        """Answers whatever happens: a request that breaks something is refused and logged, the thread goes on."""
+        """Answer whatever happens: a request that breaks something is refused and logged, the thread goes on."""
         try:
             body = answer()
         except Exception as error:

@@ -50,7 +50,7 @@ class LoggerSnapshot:
         return found
 
     def element(self, name: str) -> ElementInfo | None:
-        """The element of that name."""
+        """Return the element of that name."""
         place = self.places.get(name)
         return None if place is None else self.table.elements[place]
 
@@ -73,7 +73,7 @@ class Mirror:
     # ------------------------------------------------------------------------------------------ by the main thread
 
     def take(self, robot: RobotState) -> tuple[LoggerSnapshot, LoggerSnapshot]:
-        """Takes over what the robot pushed; returns what was before and what is now."""
+        """Take over what the robot pushed; returns what was before and what is now."""
         before = self.now
         self.now = self._made_of(robot, before)
         if robot.segment != before.robot.segment:
@@ -104,7 +104,7 @@ class Mirror:
         )
 
     def _reopen(self) -> None:
-        """Opens the present segment, so that the memory of the last one is freed."""
+        """Open the present segment, so that the memory of the last one is freed."""
         reader = None
         if self.now.robot.segment:
             try:
@@ -120,7 +120,7 @@ class Mirror:
     # --------------------------------------------------------------------------------------------- by any thread
 
     def open_reader(self) -> SegmentReader | None:
-        """A reader of the present segment for the calling thread alone; None if nothing was logged yet."""
+        """Return a reader of the present segment for the calling thread alone; None if nothing was logged yet."""
         path = self.now.robot.segment
         if not path:
             return None
@@ -131,13 +131,13 @@ class Mirror:
             return self._reader if self.now.died else None
 
     def mark_saved(self, segment: str, ticks: int) -> None:
-        """Remembers how much of a segment stands in a file."""
+        """Remember how much of a segment stands in a file."""
         with self._lock:
             if self._saved[0] != segment or self._saved[1] < ticks:
                 self._saved = (segment, ticks)
 
     def is_saved(self) -> bool:
-        """Whether every tick of the present segment stands in a file."""
+        """Return whether every tick of the present segment stands in a file."""
         with self._lock:
             return self._reader is None or self._reader.ticks <= self._saved_ticks(self._reader)
 
@@ -146,7 +146,7 @@ class Mirror:
         return max(own, reader.saved_ticks)
 
     def status(self) -> Status:
-        """The logger at a glance."""
+        """Return the logger at a glance."""
         now = self.now
         robot, options = now.robot, now.options
         with self._lock:

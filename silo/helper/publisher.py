@@ -60,11 +60,11 @@ class Publisher:
         self._thread = threading.Thread(target=self._run, name="publisher")
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends the thread and waits for it."""
+        """End the thread and wait for it."""
         self._ending = True
         self._wake.set()
         self._thread.join()
@@ -75,7 +75,7 @@ class Publisher:
         return len(self._clients)
 
     def open_view(self, request: OpenView) -> ViewOpened | Refused:
-        """Opens, replaces or renews a view."""
+        """Open, replace or renew a view."""
         refused = check_view(request)
         if refused is not None:
             return refused
@@ -101,7 +101,7 @@ class Publisher:
         )
 
     def close_view(self, view: str) -> None:
-        """Ends a view; one that isn't open is fine."""
+        """End a view; one that isn't open is fine."""
         with self._lock:
             closed = self._views.pop(view, None)
         if closed is not None:
@@ -128,7 +128,7 @@ class Publisher:
             _undeclare(view.publisher)
 
     def _round(self, now_s: float) -> float:
-        """Does what is due and says when to come again."""
+        """Do what is due and say when to come again."""
         self._follow_segment()
         self._follow_clients()
         self._measure(now_s)
@@ -223,7 +223,7 @@ def _same(old: OpenView, new: OpenView) -> bool:
 
 
 def _too_many(request: OpenView, others: list[View]) -> Refused | None:
-    """Why one more view would be too many."""
+    """Return why one more view would be too many."""
     client = keys.client_of_view(request.view)
     same_client = sum(keys.client_of_view(view.request.view) == client for view in others)
     names = sum(len(view.request.values) + len(view.request.plots) for view in others)

@@ -25,11 +25,11 @@ class Robot:
         self._gone = False
 
     def receive(self) -> LinkMessage | None:
-        """The next message, None at the end. For the main thread."""
+        """Return the next message, None at the end. For the main thread."""
         return self._channel.receive()
 
     def send(self, message: LinkMessage) -> bool:
-        """Sends a message; False if the robot process is gone."""
+        """Send a message; False if the robot process is gone."""
         with self._sending:
             try:
                 self._channel.send(message)
@@ -38,7 +38,7 @@ class Robot:
         return True
 
     def ask(self, request: RobotRequest[Any], timeout_s: float = REPLY_TIMEOUT_S) -> AnyReply:
-        """Has the robot process do something and waits for its answer; silence becomes a refusal."""
+        """Have the robot process do something and wait for its answer; silence becomes a refusal."""
         number = next(self._numbers)
         future: concurrent.futures.Future[AnyReply] = concurrent.futures.Future()
         self._pending[number] = future
@@ -57,7 +57,7 @@ class Robot:
             self._pending.pop(number, None)
 
     def answered(self, message: LinkReply) -> None:
-        """Hands an answer to the thread that waits for it; a late one is nobody's. For the main thread."""
+        """Hand an answer to the thread that waits for it; a late one is nobody's. For the main thread."""
         future = self._pending.pop(message.number, None)
         if future is not None:
             future.set_result(message.reply)

@@ -78,7 +78,7 @@ class Client:
 
     @classmethod
     def connect(cls, logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> "Client":
-        """Connects to a logger: what `discover` found, a name, `name.pid` where several have the name, or the only one.
+        """Connect to a logger: what `discover` found, a name, `name.pid` where several have the name, or the only one.
 
         `config` is a Zenoh configuration for loggers of other hosts. Raises ConnectionLostError that says what to do.
         """
@@ -106,15 +106,15 @@ class Client:
         return self._connection.connected
 
     def on_event(self, callback: Callable[[Event], None]) -> None:
-        """Calls back for every event, in a thread of its own; it must not wait long."""
+        """Call back for every event, in a thread of its own; it must not wait long."""
         self._connection.on_event(callback)
 
     def on_link(self, callback: Callable[[bool], None]) -> None:
-        """Calls back with False when the helper process is gone, with True when one is there again."""
+        """Call back with False when the helper process is gone, with True when one is there again."""
         self._connection.on_link(callback)
 
     def close(self) -> None:
-        """Ends views and connection; closing twice is fine."""
+        """End views and connection; closing twice is fine."""
         self._connection.close()
         with self._saves_changed:
             self._saves_changed.notify_all()
@@ -132,7 +132,7 @@ class Client:
     # ----------------------------------------------------------------------------------------------------- reading
 
     def hello(self) -> HelloReply:
-        """Who is there, and whether this user may change anything."""
+        """Return who is there, and whether this user may change anything."""
         reply = self._call(Hello(client=self._name))
         try:
             self._connection.exchange(Hello(client=self._name), self._timeout_s, key="do")
@@ -144,27 +144,27 @@ class Client:
         return reply
 
     def status(self) -> Status:
-        """The logger at a glance."""
+        """Return the logger at a glance."""
         return self._call(GetStatus(client=self._name)).status
 
     def table(self) -> Table:
-        """The element table with its revision."""
+        """Return the element table with its revision."""
         return self._call(GetTable(client=self._name)).table
 
     def scripts(self) -> Scripts:
-        """The scripts in the logger's script folder."""
+        """Return the scripts in the logger's script folder."""
         return self._call(ListScripts(client=self._name))
 
     def read_script(self, path: str = "") -> ScriptText:
-        """The text of a script on the robot's side; without a path the running configuration as a script."""
+        """Return the text of a script on the robot's side; without a path the running configuration as a script."""
         return self._call(ReadScript(path=path, client=self._name))
 
     def diff_script(self, path: str = "") -> ScriptDiff:
-        """What loading a script would change; without a path the logger's own script."""
+        """Return what loading a script would change; without a path the logger's own script."""
         return self._call(DiffScript(path=path, client=self._name))
 
     def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> "HistoryColumns":
-        """Past samples of at most 64 entries in at most 4096 columns, straight from the buffers."""
+        """Return past samples of at most 64 entries in at most 4096 columns, straight from the buffers."""
         from silo.ipc.view import history_columns
 
         request = GetHistory(
@@ -175,41 +175,41 @@ class Client:
     # ---------------------------------------------------------------------------------------------------- changing
 
     def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
-        """Edits as one transaction, all or none, based on the table of that revision (-1: whichever)."""
+        """Apply edits as one transaction, all or none, based on the table of that revision (-1: whichever)."""
         request = ApplyEdits(revision=revision, edits=list(edits), client=self._name)
         return self._call(request)
 
     def start(self) -> Status:
-        """Starts the logger; the buffers are cleared."""
+        """Start the logger; the buffers are cleared."""
         return self._call(Start(client=self._name)).status
 
     def stop(self) -> Status:
-        """Stops the logger; stopping a stopped one succeeds."""
+        """Stop the logger; stopping a stopped one succeeds."""
         return self._call(Stop(client=self._name)).status
 
     def restart(self) -> Status:
-        """Stops and starts the logger."""
+        """Stop and start the logger."""
         return self._call(Restart(client=self._name)).status
 
     def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
-        """Applies a script on the robot's side; without a path the logger's own."""
+        """Apply a script on the robot's side; without a path the logger's own."""
         return self._call(LoadScript(path=path, revision=revision, client=self._name))
 
     def save_script(self, path: str = "", overwrite: bool = False) -> str:
-        """Writes the configuration to a script on the robot's side; returns what was done, in words."""
+        """Write the configuration to a script on the robot's side; returns what was done, in words."""
         request = SaveScript(path=path, overwrite=overwrite, client=self._name)
         return self._call(request).text
 
     # ------------------------------------------------------------------------------------------------------ saving
 
     def save(self, types: Sequence[FileType] = (FileType.SILO,), name: str = "") -> int:
-        """Begins to save in the helper process; returns the number of the job for `wait_saved`."""
+        """Begin to save in the helper process; returns the number of the job for `wait_saved`."""
         return self._call(Save(types=list(types), name=name, client=self._name)).job
 
     def wait_saved(
         self, job: int, timeout_s: float = 600.0, progress: Callable[[float], None] | None = None
     ) -> list[SavedFile]:
-        """Waits for the end of a save; `progress` is called with the fraction done.
+        """Wait for the end of a save; `progress` is called with the fraction done.
 
         Raises SaveError with the reason if it failed or takes too long, ConnectionLostError if the connection is lost.
         """
@@ -262,7 +262,7 @@ class Client:
         rate_hz: float = 5.0,
         column_ns: int = 100_000_000,
     ) -> "View":
-        """Opens a view: newest values and fill of the elements `values`, columns of the entries `plots`.
+        """Open a view: newest values and fill of the elements `values`, columns of the entries `plots`.
 
         It goes on across reconnections until it is closed.
         """
@@ -288,7 +288,7 @@ class Client:
         return view
 
     def topic(self, element: str) -> "Topic":
-        """Subscribes to every sample of a published element."""
+        """Subscribe to every sample of a published element."""
         from silo.ipc.topic import Topic
 
         topic = Topic(element, self._connection.forget)
@@ -311,7 +311,7 @@ class Client:
                 self._views[view] = 0.0
 
     def _renew_views(self) -> None:
-        """Renews leases, and opens views anew in a new session. Called by the connection's thread; never waits."""
+        """Renew leases, and open views anew in a new session. Called by the connection's thread; never waits."""
         now_s = time.monotonic()
         with self._lock:
             if self._views_session != self._connection.sessions:

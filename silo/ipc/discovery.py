@@ -54,7 +54,8 @@ class Answer:
 
 
 def discover(timeout_s: float = 1.0, config: str = "") -> Discovery:
-    """Loggers of this host that this user may talk to; with `config` those that this Zenoh configuration reaches.
+    """Return loggers of this host that this user may talk to; with `config` those that this Zenoh configuration
+    reaches.
 
     A logger whose robot program died is left out once the program was started again.
 
@@ -69,7 +70,7 @@ def discover(timeout_s: float = 1.0, config: str = "") -> Discovery:
 
 
 def _has_successor(gone: Found, others: list[Found]) -> bool:
-    """Whether a logger of this name was started after this one died."""
+    """Return whether a logger of this name was started after this one died."""
     same = [found for found in others if not found.dead and (found.name, found.user) == (gone.name, gone.user)]
     return any(found.since >= gone.since for found in same)
 
@@ -102,7 +103,10 @@ def _remote(config: str, timeout_s: float) -> list[Found]:
 
 
 def survey(loggers: list[Found], timeout_s: float = 1.0) -> list[Answer]:
-    """The status of each logger, asked in parallel: one that is frozen costs `timeout_s`, not the sum of them."""
+    """Return the status of each logger, asked in parallel.
+
+    One that is frozen costs `timeout_s`, not the sum of them.
+    """
     answers: dict[int, Answer] = {}
 
     def ask(place: int, found: Found) -> None:
@@ -121,7 +125,7 @@ def survey(loggers: list[Found], timeout_s: float = 1.0) -> list[Answer]:
 
 
 def not_found_text(name: str, discovery: Discovery) -> str:
-    """Why a logger can't be reached, and what to do."""
+    """Return why a logger can't be reached, and what to do."""
     wanted = f"no logger '{name}'" if name else "no logger"
     if discovery.loggers:
         others = ", ".join(found.label for found in discovery.loggers)

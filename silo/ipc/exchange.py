@@ -30,21 +30,21 @@ class RequestRefusedError(RefusedError):
 
 
 def client_name() -> str:
-    """Who asks, for events: `alice@laptop silo-tui 4711`."""
+    """Return who asks, for events: `alice@laptop silo-tui 4711`."""
     path = Path(sys.argv[0] if sys.argv and sys.argv[0] else "python")
     program = path.parent.name if path.name == "__main__.py" else path.name  # as `python -m` runs it
     return f"{user_name(os.getuid())}@{socket.gethostname()} {program} {os.getpid()}"
 
 
 def key_of(request: Request[Any], root: keys.Root | None) -> str:
-    """The key that a request goes to; without a root, whoever is at the other end of the session."""
+    """Return the key that a request goes to; without a root, whoever is at the other end of the session."""
     return root.key(request.key) if root is not None else f"silo/*/*/{request.key}"
 
 
 def exchange(
     session: zenoh.Session, key: str, request: Request[Any], timeout_s: float, who: str
 ) -> tuple[AnyReply, keys.Root]:
-    """Sends a request and waits for its reply, and says who replied. Raises ConnectionLostError, never a refusal."""
+    """Send a request and wait for its reply, and say who replied. Raises ConnectionLostError, never a refusal."""
     try:
         replies = list(session.get(key, payload=encoder.encode(request), timeout=timeout_s))
     except zenoh.ZError as error:
@@ -63,7 +63,7 @@ def exchange(
 
 
 def decode_reply(payload: bytes, who: str) -> AnyReply:
-    """A reply. Raises ConnectionLostError for one that can't be understood."""
+    """Decode a reply. Raises ConnectionLostError for one that can't be understood."""
     try:
         reply: AnyReply = _reply_decoder.decode(payload)
     except msgspec.MsgspecError as error:

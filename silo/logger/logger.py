@@ -202,7 +202,9 @@ class Logger(Configuration):
     # ---------------------------------------------------------------------------------------------------- data
 
     def snapshot(self) -> Recording:
-        """What the buffers hold now, cut at one tick; collection goes on. Raises StateError before the first start."""
+        """Return what the buffers hold now, cut at one tick; collection goes on. Raises StateError before the first
+        start.
+        """
         with self._lock:
             self._check_open()
             if self._run is None:
@@ -210,7 +212,10 @@ class Logger(Configuration):
             return self._run.reader.snapshot()
 
     def read_new_values(self, name: str) -> NewValues:
-        """All samples of an element since the last such call, oldest first; `missed` counts those overwritten."""
+        """Return all samples of an element since the last such call, oldest first.
+
+        `missed` counts those overwritten.
+        """
         with self._lock:
             self._check_open()
             info = self._table.elements[self._table.place(name)].info
