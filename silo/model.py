@@ -126,7 +126,8 @@ class State(str, enum.Enum):
 
 
 class Status(msgspec.Struct, frozen=True):
-    """A logger at a glance. Times are nanoseconds since 1970; `lost` counts samples that could not be kept."""
+    """A logger at a glance. Times are nanoseconds since 1970; `lost` counts samples that could not be
+    kept, all elements together."""
 
     logger: str
     host: str

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
+from silo.collecting.losses import lost_samples
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.ipc.messages import TableReply
@@ -153,7 +154,7 @@ class Mirror:
             reader = self._reader
             ticks = reader.ticks if reader else 0
             last_tick_ns = reader.last_time_ns if reader else 0
-            lost = reader.lost if reader else 0
+            lost = lost_samples(reader) if reader else 0
             size = reader.size_bytes if reader else 0
             saved = reader is None or ticks <= self._saved_ticks(reader)
             started_ns = reader.schema.started_ns if reader else 0

@@ -11,6 +11,7 @@ from collections import deque
 
 import zenoh
 
+from silo.collecting.losses import lost_samples
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.helper.events import Events
@@ -157,7 +158,7 @@ class Publisher:
         self._reader_path = path if self._reader is not None else ""
         self._topics.adopt(self._reader)
         self._ticks.clear()
-        self._lost_seen = self._reader.lost if self._reader else 0
+        self._lost_seen = lost_samples(self._reader) if self._reader else 0
 
     def _follow_clients(self) -> None:
         while (sample := self._presence.try_recv()) is not None:
@@ -184,12 +185,12 @@ class Publisher:
         span_s = now_s - self._ticks[0][0]
         if span_s > 0.2:
             self._mirror.measured_hz = (self._ticks[-1][1] - self._ticks[0][1]) / span_s
-        if now_s >= self._lost_due_s and reader.lost > self._lost_seen:
+        if now_s >= self._lost_due_s and (lost := lost_samples(reader)) > self._lost_seen:
             self._lost_due_s = now_s + LOST_PERIOD_S
-            lost, self._lost_seen = reader.lost - self._lost_seen, reader.lost
+            more, self._lost_seen = lost - self._lost_seen, lost
             self._events.publish(
                 EventKind.LOST,
-                f"{lost} samples could not be kept (memory limit): save and restart, or raise memory_limit_mb",
+                f"{more} samples could not be kept (memory limit): save and restart, or raise memory_limit_mb",
             )
 
     def _send_views(self, now_s: float) -> float:

@@ -330,11 +330,12 @@ else:  # the unions of all of them, by whose tags msgspec decodes
 class ViewFrame(msgspec.Struct, frozen=True):
     """One refresh of one view: put on `.../view/<id>`.
 
-    `number` counts frames, so that gaps are seen. `generation` is that of the `ViewOpened` that explains the frame: it
-    changes with a restart or an edit, and the client opens the view again. `held` and `lost` have one int64 per element
-    of `values`; `newest` one float64 per entry (NaN where there is none; integers beyond 2**53 are rounded); `texts`
-    holds the newest value of each string entry by its position; `low`/`high` float64 of shape `(len(plots), count)`:
-    columns `first ... first + count - 1`, the last of them perhaps not complete yet (it comes again).
+    `number` counts frames, so that gaps are seen. `generation` is that of the `ViewOpened` that explains the frame:
+    it changes with a restart or an edit, and the client opens the view again. `lost_total` counts samples. `held`
+    and `lost` have one int64 per element of `values`; `newest` one float64 per entry (NaN where there is none;
+    integers beyond 2**53 are rounded); `texts` holds the newest value of each string entry by its position;
+    `low`/`high` float64 of shape `(len(plots), count)`: columns `first ... first + count - 1`, the last of them
+    perhaps not complete yet (it comes again).
     """
 
     number: int

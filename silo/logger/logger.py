@@ -16,6 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from silo.collecting.losses import lost_samples
 from silo.collecting.run import Run
 from silo.collecting.schema import STOP_TEXTS, StopReason
 from silo.errors import SegmentError, SiloError, StateError
@@ -83,6 +84,7 @@ class Logger(Configuration):
         self._run_number = 0
         self._reason = ""
         self._saved_ticks = 0
+        self._lost_at_end: int | None = None  # once the segment that counts is gone
         self._new_values = NewValuesReader()
         self._serving: Serving | None = None
         _living.add(self)  # its data outlives a process that ends without close()
@@ -186,8 +188,10 @@ class Logger(Configuration):
 
     @property
     def lost(self) -> int:
-        """Rows that could not be kept since the last start."""
-        return self._run.segment.lost if self._run else 0
+        """Samples that could not be kept since the last start (memory limit), all elements together."""
+        if self._lost_at_end is not None:
+            return self._lost_at_end
+        return lost_samples(self._run.reader) if self._run and self._run.segment.lost else 0
 
     @property
     def stop_reason(self) -> str:
@@ -287,11 +291,15 @@ class Logger(Configuration):
             self._closed = True
         if self._serving is not None:
             self._serving.close()
-        if self._run is not None:
-            self._run.drop()
+        self._drop()
         self._table.release()
 
     cleanup = close
+
+    def _drop(self) -> None:
+        if self._run is not None:
+            self._lost_at_end = self.lost
+            self._run.drop()
 
     def __enter__(self) -> "Logger":
         return self
@@ -330,7 +338,7 @@ class Logger(Configuration):
         except SiloError as failure:
             self._say_where_it_is(f": {failure}")
             return
-        self._run.drop()
+        self._drop()
         paths = ", ".join(file.path for file in saved)
         print(f"silo: logger '{options.name}' ended without save() or close(); saved {paths}", file=sys.stderr)
 
