@@ -1,31 +1,54 @@
+# ruff: noqa: I001 - a line per module, not one per name
 """silo: a signal logger for robots.
 
-Public names are loaded at first use, so that commands that need none of them start fast.
+Public names are loaded at first use, so that commands that need none of them start fast. They stand here twice: for who
+reads the code (type checkers, editors) and for who runs it; a test holds both to each other.
 """
 
 import importlib
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from silo.analysis.log import Log, Signal, open_log
-    from silo.collecting.traits import register, vector_at_position
+if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itself is public
+    from silo.analysis.log import Log as Log, Signal as Signal, open_log as open_log
+    from silo.collecting.traits import register as register, vector_at_position as vector_at_position
     from silo.errors import (
-        ConnectionLostError,
-        ElementError,
-        FileFormatError,
-        RefusedError,
-        SaveError,
-        ScriptError,
-        SegmentError,
-        SiloError,
-        SourceError,
-        StateError,
+        ConnectionLostError as ConnectionLostError,
+        ElementError as ElementError,
+        FileFormatError as FileFormatError,
+        RefusedError as RefusedError,
+        SaveError as SaveError,
+        ScriptError as ScriptError,
+        SegmentError as SegmentError,
+        SiloError as SiloError,
+        SourceError as SourceError,
+        StateError as StateError,
     )
-    from silo.logger.default import add, array, cleanup, close, collect, init, restart, save, serve, start, stop, update
-    from silo.logger.logger import Logger
-    from silo.logger.null import NullLogger
-    from silo.model import Action, BufferType, ElementInfo, ElementOptions, FileType, LoggerOptions, Storage
-    from silo.recording import Recording
+    from silo.logger.default import (
+        add as add,
+        array as array,
+        cleanup as cleanup,
+        close as close,
+        collect as collect,
+        init as init,
+        restart as restart,
+        save as save,
+        serve as serve,
+        start as start,
+        stop as stop,
+        update as update,
+    )
+    from silo.logger.logger import Logger as Logger
+    from silo.logger.null import NullLogger as NullLogger
+    from silo.model import (
+        Action as Action,
+        BufferType as BufferType,
+        ElementInfo as ElementInfo,
+        ElementOptions as ElementOptions,
+        FileType as FileType,
+        LoggerOptions as LoggerOptions,
+        Storage as Storage,
+    )
+    from silo.recording import Recording as Recording
 
 __version__ = "0.1.0"
 
@@ -44,45 +67,7 @@ _HOMES = {
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
-__all__ = [
-    "Action",
-    "BufferType",
-    "ConnectionLostError",
-    "ElementError",
-    "ElementInfo",
-    "ElementOptions",
-    "FileFormatError",
-    "FileType",
-    "Log",
-    "Logger",
-    "LoggerOptions",
-    "NullLogger",
-    "Recording",
-    "RefusedError",
-    "SaveError",
-    "ScriptError",
-    "SegmentError",
-    "Signal",
-    "SiloError",
-    "SourceError",
-    "StateError",
-    "Storage",
-    "add",
-    "array",
-    "cleanup",
-    "close",
-    "collect",
-    "init",
-    "open_log",
-    "register",
-    "restart",
-    "save",
-    "serve",
-    "start",
-    "stop",
-    "update",
-    "vector_at_position",
-]
+__all__ = list(_HOME_OF)
 
 
 def __getattr__(name: str) -> object:

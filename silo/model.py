@@ -128,7 +128,7 @@ class LoggerOptions(msgspec.Struct, frozen=True):
     id: str = ""  # drawn by the logger, tells it from others of its name
 
     def default_buffer_size(self, divider: int) -> int:
-        """Samples that hold `max_time_s` at this divider; 10 s when the logging time is not limited."""
+        """Return samples that hold `max_time_s` at this divider; 10 s when the logging time is not limited."""
         return buffer_size_for(self.max_time_s or 10.0, self.frequency_hz, divider)
 
 
@@ -141,7 +141,8 @@ class State(str, enum.Enum):
 
 
 class Status(msgspec.Struct, frozen=True):
-    """A logger at a glance. Times are nanoseconds since 1970; `lost` counts samples that could not be kept."""
+    """A logger at a glance. Times are nanoseconds since 1970; `lost` counts samples that could not be
+    kept, all elements together."""
 
     logger: str
     host: str
@@ -209,12 +210,12 @@ class FieldChange(msgspec.Struct, frozen=True):
 
 
 def buffer_size_for(seconds: float, frequency_hz: float, divider: int) -> int:
-    """Samples that `seconds` fill: `ceil(seconds * frequency / divider)`, at least 1."""
+    """Return samples that `seconds` fill: `ceil(seconds * frequency / divider)`, at least 1."""
     # rounded before ceil: 0.1 s x 30 Hz is 3.0000000000000004 in floating point
     return min(max(1, math.ceil(round(seconds * frequency_hz / divider, 6))), MAX_BUFFER_SIZE)
 
 
 def join_name(prefix: str, group: str, name: str) -> str:
-    """`prefix/group/name` with runs of `/` folded into one and none at the end."""
+    """Return `prefix/group/name` with runs of `/` folded into one and none at the end."""
     parts = [part for piece in (prefix, group, name) for part in piece.split("/") if part]
     return "/" + "/".join(parts)

@@ -17,13 +17,13 @@ SEGMENT_SUFFIX = ".segment"
 
 
 def shared_memory_root() -> Path:
-    """`/dev/shm`, or the temporary folder where a system has none."""
+    """Return `/dev/shm`, or the temporary folder where a system has none."""
     root = Path("/dev/shm")
     return root if root.is_dir() else Path(tempfile.gettempdir())
 
 
 def user_name(uid: int) -> str:
-    """The name of a user, or `uid 1234` where the system knows none, as in containers."""
+    """Return the name of a user, or `uid 1234` where the system knows none, as in containers."""
     try:
         return pwd.getpwuid(uid).pw_name
     except KeyError:
@@ -31,7 +31,7 @@ def user_name(uid: int) -> str:
 
 
 def runtime_dir() -> Path:
-    """This user's private folder, made where missing.
+    """Return this user's private folder, made where missing.
 
     `SILO_RUNTIME_DIR` overrides the place. Raises SegmentError if somebody else owns the folder or may look into it.
     """
@@ -57,7 +57,10 @@ def runtime_dir() -> Path:
 
 
 def list_segments(folder: Path | None = None) -> list[Path]:
-    """Segment files of living and dead writers: those in the runtime folder, and in `folder` (`storage="file"`)."""
+    """Return segment files of living and dead writers.
+
+    Those in the runtime folder, and in `folder` (`storage="file"`).
+    """
     found = sorted(runtime_dir().glob(f"*{SEGMENT_SUFFIX}"))
     if folder is not None:
         found += sorted(folder.glob(f".*{SEGMENT_SUFFIX}"))
@@ -65,13 +68,13 @@ def list_segments(folder: Path | None = None) -> list[Path]:
 
 
 def orphaned_segments() -> list[Path]:
-    """Segments in the runtime folder whose process is gone, told by their names alone."""
+    """Return segments in the runtime folder whose process is gone, told by their names alone."""
     pids = {path: path.name.rsplit(".", 3)[1:2] for path in list_segments()}
     return [path for path, pid in pids.items() if pid and pid[0].isdecimal() and not process_start(int(pid[0]))]
 
 
 def available_memory_bytes() -> int:
-    """What the kernel says could be taken without swapping; very much where it doesn't say."""
+    """Return what the kernel says could be taken without swapping; very much where it doesn't say."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
     except OSError:
@@ -81,7 +84,7 @@ def available_memory_bytes() -> int:
 
 
 def boot_id() -> str:
-    """Changes with every boot: a segment of another boot can't have a living writer."""
+    """Return what changes with every boot: a segment of another boot can't have a living writer."""
     try:
         return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
     except OSError:
@@ -89,7 +92,10 @@ def boot_id() -> str:
 
 
 def process_start(pid: int) -> int:
-    """Clock ticks since boot at which a process began, 0 if it isn't there: tells a reused pid from the writer."""
+    """Return clock ticks since boot at which a process began, 0 if it isn't there.
+
+    Tells a reused pid from the writer.
+    """
     try:
         text = Path(f"/proc/{pid}/stat").read_text()
     except OSError:

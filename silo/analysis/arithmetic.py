@@ -5,64 +5,114 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.units import quotient, unit_of
+from silo.analysis import units
+from silo.analysis.samples import Samples
 from silo.errors import ElementError
 
-if TYPE_CHECKING:
-    from silo.analysis.signals import Operand, Signal
+One = TypeVar("One", bound=Samples)
+Other = TypeVar("Other", bound=Samples)
 
 
 def combined(
-    one: "Signal", other: "Operand", function: Callable[[Any, Any], Any], sign: str, swapped: bool = False
-) -> "Signal":
-    """What a function of two makes of a signal and another, a number or an array; `swapped` puts the other first."""
-    base, unit, shown = one, one.unit, str(other)
-    mine, theirs = wide(one), other
-    if isinstance(other, type(one)):
-        base, left, right = aligned(one, other)
-        mine, theirs, shown = wide(left), wide(right), other.name
-        mine, theirs = _broadcast(mine, theirs)
+    one: One,
+    other: One | float | NDArray[Any],
+    function: Callable[[Any, Any], Any],
+    sign: str,
+    swapped: bool = False,
+) -> One:
+    """Return what a function makes of a signal and another, a number or an array; `swapped` puts the other first."""
+    base, unit, shown = one, _unit(one, other, sign, swapped), str(other)
+    mine: NDArray[Any] = wide(one)
+    theirs: Any = other
+    if isinstance(other, Samples):
+        shown = other.name
+        base, right = aligned(one, other, f"calculate '{one.name}' {sign} '{shown}'")
+        mine, theirs = _broadcast(wide(base), wide(right))
         _check_shapes(one, other, mine, theirs, sign)
-        unit = unit_of(one.unit, other.unit, sign)
-    elif sign == "/" and swapped:
-        unit = quotient("-", one.unit)
-    elif sign == "**":
-        unit = "-" if one.unit == "-" else f"{one.unit}^{shown}"
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         values = function(theirs, mine) if swapped else function(mine, theirs)
     name = f"({shown} {sign} {one.name})" if swapped else f"({one.name} {sign} {shown})"
-    made = one if values.ndim == one.values.ndim or not isinstance(other, type(one)) else other
-    return replace(made, name=name, values=values, time_ns=base.time_ns, divider=base.divider, unit=unit, labels={})
+    made = one if values.ndim == one.values.ndim or not isinstance(other, Samples) else other
+    return replace(
+        made,
+        name=name,
+        values=values,
+        time_ns=base.time_ns,
+        start_ns=base.start_ns,
+        divider=base.divider,
+        unit=unit,
+        labels={},
+    )
 
 
-def wide(signal: "Signal") -> NDArray[Any]:
-    """The values in a type that doesn't wrap around: small integers and bools as int64."""
+def wide(signal: Samples) -> NDArray[Any]:
+    """Return the values in a type that doesn't wrap around: small integers and bools as int64."""
     values = signal.numbers("calculate with")
     if values.dtype.kind == "u" and values.dtype.itemsize == 8:
         return values.astype(np.float64)
     return values.astype(np.int64) if values.dtype.kind in "iu" else values
 
 
-def aligned(one: "Signal", other: "Signal") -> tuple["Signal", "Signal", "Signal"]:
-    """Both at the stamps of the faster one, and that one; stamps at which the other has no value yet are left out."""
+def aligned(one: One, other: Other, what: str) -> tuple[One, Other]:
+    """Return both at the stamps of the faster one; stamps at which the other has no value yet are left out.
+
+    The other one of another log is moved to the start of `one`. Raises `ElementError`, which says what can't be done,
+    where they have no time in common.
+    """
+    if other.start_ns != one.start_ns:
+        other = other.as_if_started(one.start_ns)
     if np.array_equal(one.time_ns, other.time_ns):
-        return one, one, other
-    fast, slow = (one, other) if _step(one) <= _step(other) else (other, one)
-    held = slow.resample(fast)
-    fast = replace(fast, values=fast.values[len(fast) - len(held) :], time_ns=held.time_ns)
-    return fast, *((fast, held) if slow is other else (held, fast))
+        return one, other
+    one.check_overlap(other, what)
+    fast: Samples = one if one.step_ns <= other.step_ns else other
+    slow: Samples = other if fast is one else one
+    time_ns = fast.time_ns[slow.places(fast.time_ns) >= 0]
+    return replace(one.held(time_ns), divider=fast.divider), replace(other.held(time_ns), divider=fast.divider)
 
 
-def _step(signal: "Signal") -> float:
-    return float(np.median(np.diff(signal.time_ns))) if len(signal) > 1 else float("inf")
+def _unit(one: Samples, other: Samples | float | NDArray[Any], sign: str, swapped: bool) -> str:
+    """Return the unit of what is calculated. Raises `ElementError` where units don't go together."""
+    if sign == "**":
+        return _power_unit(one, other)
+    if sign in "*/":
+        theirs = other.unit if isinstance(other, Samples) else "-"
+        left, right = (theirs, one.unit) if swapped else (one.unit, theirs)
+        return units.product(left, right) if sign == "*" else units.quotient(left, right)
+    if not isinstance(other, Samples) or other.unit in ("", "-"):
+        return one.unit
+    if one.unit in ("", "-"):
+        return other.unit
+    if units.same(one.unit, other.unit):
+        return one.unit
+    convert = units.factor(other.unit, one.unit) is not None
+    way_out = f"convert that one by .in_unit('{one.unit}')" if convert else "drop a unit by .with_unit('-')"
+    raise ElementError(
+        f"can't calculate '{one.name}' {sign} '{other.name}': the unit of one is '{one.unit}', of the other "
+        f"'{other.unit}'; {way_out}"
+    )
 
 
-def _check_shapes(one: "Signal", other: "Signal", mine: NDArray[Any], theirs: NDArray[Any], sign: str) -> None:
+def _power_unit(base: Samples, exponent: Samples | float | NDArray[Any]) -> str:
+    if isinstance(exponent, Samples) and exponent.unit not in ("", "-"):
+        raise ElementError(
+            f"'{exponent.name}' can't be an exponent: it has the unit '{exponent.unit}'; drop it by .with_unit('-')"
+        )
+    if base.unit in ("", "-"):
+        return base.unit
+    if isinstance(exponent, float | int | np.number) and np.isfinite(exponent) and np.isreal(exponent):
+        return units.power(base.unit, float(exponent.real))
+    raise ElementError(
+        f"'{base.name}' has the unit '{base.unit}', so its exponent must be one finite number, the same for all "
+        "samples; or drop the unit by .with_unit('-')"
+    )
+
+
+def _check_shapes(one: Samples, other: Samples, mine: NDArray[Any], theirs: NDArray[Any], sign: str) -> None:
     try:
         np.broadcast_shapes(mine.shape, theirs.shape)
     except ValueError as error:
@@ -73,7 +123,7 @@ def _check_shapes(one: "Signal", other: "Signal", mine: NDArray[Any], theirs: ND
 
 
 def _broadcast(one: NDArray[Any], other: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """A scalar signal meets each component of a vector or matrix."""
+    """Return both with as many axes: a scalar signal meets each component of a vector or matrix."""
     dimensions = max(one.ndim, other.ndim)
     return (
         one.reshape(one.shape + (1,) * (dimensions - one.ndim)),

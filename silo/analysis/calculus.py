@@ -20,13 +20,13 @@ def derivative(times: Floats, values: Floats) -> Floats:
 
 
 def integral(times: Floats, values: Floats) -> Floats:
-    """Area under the values since the first sample, by trapezoids; a NaN sample adds nothing."""
+    """Return the area under the values since the first sample, by trapezoids; a NaN sample adds nothing."""
     areas = np.nan_to_num((values[1:] + values[:-1]) / 2 * np.diff(times), nan=0.0)
     return np.concatenate([np.zeros(min(1, len(values))), np.cumsum(areas)])
 
 
 def spectrum(times: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Frequencies in Hz, and the amplitude of the sine at each (Hann window, mean taken out).
+    """Return frequencies in Hz, and the amplitude of the sine at each (Hann window, mean taken out).
 
     Samples are put on an even grid first; what is not finite is left out. Fewer than 4 samples have no spectrum.
     """

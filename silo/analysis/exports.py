@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.signals import Signal
+from silo.analysis.samples import Samples
 from silo.errors import ElementError
 from silo.files.extras import need
 
 _WHAT = "tables"
 
 
-def signal_to_pandas(signal: Signal) -> Any:
-    """A Series, or DataFrame for several components."""
+def signal_to_pandas(signal: Samples) -> Any:
+    """Return a Series, or DataFrame for several components."""
     pandas = need("pandas", "analysis", _WHAT)
     index = pandas.DatetimeIndex(signal.time_ns.view("M8[ns]"), name="time")
     columns = _columns(signal)
@@ -27,15 +27,15 @@ def signal_to_pandas(signal: Signal) -> Any:
     return pandas.DataFrame(made, index=index)
 
 
-def signal_to_polars(signal: Signal) -> Any:
-    """A DataFrame with `time` and one column per component."""
+def signal_to_polars(signal: Samples) -> Any:
+    """Return a DataFrame with `time` and one column per component."""
     polars = need("polars", "analysis", _WHAT)
     time = polars.Series("time", signal.time_ns).cast(polars.Datetime("ns"))
     return polars.DataFrame([time, *(_polars_column(polars, name, each) for name, each in _columns(signal).items())])
 
 
-def signal_to_xarray(signal: Signal) -> Any:
-    """A DataArray over `time` (and `component`, or `row` and `column`)."""
+def signal_to_xarray(signal: Samples) -> Any:
+    """Return a DataArray over `time` (and `component`, or `row` and `column`)."""
     xarray = need("xarray", "analysis", _WHAT)
     values = signal.values
     dims = {1: ["time"], 2: ["time", "component"], 3: ["time", "row", "column"]}.get(
@@ -51,8 +51,8 @@ def signal_to_xarray(signal: Signal) -> Any:
     return xarray.DataArray(values, coordinates, dims, name=signal.name, attrs=attributes)
 
 
-def log_to_pandas(signals: Mapping[str, Signal], time_ns: NDArray[np.int64]) -> Any:
-    """A DataFrame with one row per tick and one column per scalar."""
+def log_to_pandas(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) -> Any:
+    """Return a DataFrame with one row per tick and one column per scalar."""
     pandas = need("pandas", "analysis", _WHAT)
     index = pandas.DatetimeIndex(time_ns.view("M8[ns]"), name="time")
     columns = {}
@@ -71,8 +71,8 @@ def log_to_pandas(signals: Mapping[str, Signal], time_ns: NDArray[np.int64]) -> 
     return frame
 
 
-def log_to_polars(signals: Mapping[str, Signal], time_ns: NDArray[np.int64]) -> Any:
-    """A DataFrame with `time`, one row per tick and one column per scalar, null where there is no sample."""
+def log_to_polars(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) -> Any:
+    """Return a DataFrame with `time`, one row per tick and one column per scalar, null where there is no sample."""
     polars = need("polars", "analysis", _WHAT)
     columns = [polars.Series("time", time_ns).cast(polars.Datetime("ns"))]
     for signal in signals.values():
@@ -85,8 +85,8 @@ def log_to_polars(signals: Mapping[str, Signal], time_ns: NDArray[np.int64]) -> 
     return polars.DataFrame(columns)
 
 
-def log_to_xarray(signals: Mapping[str, Signal], time_ns: NDArray[np.int64]) -> Any:
-    """A Dataset; signals that have not one sample per tick have a time of their own, named after them."""
+def log_to_xarray(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) -> Any:
+    """Return a Dataset; signals that have not one sample per tick have a time of their own, named after them."""
     xarray = need("xarray", "analysis", _WHAT)
     variables = {}
     for name, signal in signals.items():
@@ -108,7 +108,7 @@ class _Column:
         return len(self.values)
 
 
-def _columns(signal: Signal) -> dict[str, _Column]:
+def _columns(signal: Samples) -> dict[str, _Column]:
     if not signal.components:
         if signal.values.ndim > 1:
             raise ElementError(f"'{signal.name}' of shape {signal.values.shape} doesn't fit a table")
@@ -117,7 +117,7 @@ def _columns(signal: Signal) -> dict[str, _Column]:
     return {part.name: _column(part) for part in parts}
 
 
-def _column(signal: Signal) -> _Column:
+def _column(signal: Samples) -> _Column:
     values = signal.values
     if values.dtype.kind == "f" and values.dtype.itemsize == 2:
         values = values.astype(np.float32)
@@ -126,8 +126,8 @@ def _column(signal: Signal) -> _Column:
     return _Column(values, signal.labels, signal.texts if signal.labels else None)
 
 
-def _ticks(signal: Signal, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Which tick each sample belongs to: the signal's first stamp, then every divider-th."""
+def _ticks(signal: Samples, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return which tick each sample belongs to: the signal's first stamp, then every divider-th."""
     first = int(np.searchsorted(time_ns, signal.time_ns[0])) if len(signal) else 0
     return first + np.arange(len(signal), dtype=np.int64) * signal.divider
 

@@ -7,37 +7,39 @@ NaN and disturb no other.
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.arithmetic import aligned
-from silo.analysis.signals import Signal
+from silo.analysis.samples import Samples
 from silo.errors import ElementError
 from silo.files.extras import need
 
 _WHAT = "rotations"
 
+One = TypeVar("One", bound=Samples)
 
-def rotate(vector: Signal, orientation: Signal, inverse: bool = False) -> Signal:
-    """The 3-vector turned by the quaternion, at the stamps of the faster of both.
+
+def rotate(vector: One, orientation: Samples, inverse: bool = False) -> One:
+    """Return the 3-vector turned by the quaternion, at the stamps of the faster of both.
 
     With the orientation of a body in the world, `rotate` takes a vector of the body's frame to the world's, and
     `inverse=True` one of the world's to the body's. Raises `ElementError` if shapes don't fit.
     """
     _expect(vector, 3, "a 3-vector")
     _expect(orientation, 4, "a quaternion")
-    base, left, right = aligned(vector, orientation)
+    left, right = aligned(vector, orientation, f"rotate '{vector.name}' by '{orientation.name}'")
     good = _is_rotation(right.values)
     rotations = _rotation().from_quat(right.values[good].astype(np.float64))
-    values = np.full((len(base), 3), np.nan)
+    values = np.full((len(left), 3), np.nan)
     values[good] = rotations.apply(left.values[good].astype(np.float64), inverse=inverse)
-    return replace(vector, values=values, time_ns=base.time_ns, divider=base.divider)
+    return replace(left, values=values)
 
 
-def euler(orientation: Signal, order: str = "ZYX", degrees: bool = False) -> Signal:
-    """Euler angles of a quaternion in the order of their axes; upper case: intrinsic, lower case: fixed axes."""
+def euler(orientation: One, order: str = "ZYX", degrees: bool = False) -> One:
+    """Return Euler angles of a quaternion in the order of their axes; upper case: intrinsic, lower case: fixed axes."""
     _expect(orientation, 4, "a quaternion")
     _check_order(order)
     angles = _convert(orientation, 3, lambda rotations: rotations.as_euler(order, degrees=degrees))
@@ -51,8 +53,8 @@ def euler(orientation: Signal, order: str = "ZYX", degrees: bool = False) -> Sig
     )
 
 
-def quaternion(signal: Signal, order: str = "ZYX", degrees: bool = False) -> Signal:
-    """Quaternion of Euler angles (in this order), of an angle-axis, or of 3 x 3 rotation matrices."""
+def quaternion(signal: One, order: str = "ZYX", degrees: bool = False) -> One:
+    """Return the quaternion of Euler angles (in this order), of an angle-axis, or of 3 x 3 rotation matrices."""
     rotation = _rotation()
     values = signal.values
     good = np.isfinite(values.reshape(len(signal), -1)).all(axis=1)
@@ -78,31 +80,18 @@ def quaternion(signal: Signal, order: str = "ZYX", degrees: bool = False) -> Sig
     )
 
 
-def inverse(orientation: Signal) -> Signal:
-    """The inverse rotation."""
+def inverse(orientation: One) -> One:
+    """Return the inverse rotation."""
     _expect(orientation, 4, "a quaternion")
     values = _convert(orientation, 4, lambda rotations: rotations.inv().as_quat())
     return replace(orientation, name=f"inverse({orientation.name})", values=values)
-
-
-def compose(one: Signal, other: Signal) -> Signal:
-    """The rotation `one` after `other`, at the stamps of the faster of both."""
-    _expect(one, 4, "a quaternion")
-    _expect(other, 4, "a quaternion")
-    base, left, right = aligned(one, other)
-    good = _is_rotation(left.values) & _is_rotation(right.values)
-    values = np.full((len(base), 4), np.nan)
-    rotation = _rotation()
-    first, second = (rotation.from_quat(each.values[good].astype(np.float64)) for each in (left, right))
-    values[good] = (first * second).as_quat()
-    return replace(one, name=f"({one.name} * {other.name})", values=values, time_ns=base.time_ns, divider=base.divider)
 
 
 def _rotation() -> Any:
     return need("scipy.spatial.transform", "analysis", _WHAT).Rotation
 
 
-def _convert(orientation: Signal, width: int, function: Callable[[Any], NDArray[Any]]) -> NDArray[np.float64]:
+def _convert(orientation: Samples, width: int, function: Callable[[Any], NDArray[Any]]) -> NDArray[np.float64]:
     good = _is_rotation(orientation.values)
     values = np.full((len(orientation), width), np.nan)
     values[good] = function(_rotation().from_quat(orientation.values[good].astype(np.float64)))
@@ -115,7 +104,7 @@ def _is_rotation(values: NDArray[Any]) -> NDArray[np.bool_]:
     return good
 
 
-def _expect(signal: Signal, width: int, what: str) -> None:
+def _expect(signal: Samples, width: int, what: str) -> None:
     if signal.values.shape[1:] != (width,) or signal.values.dtype.kind not in "iuf":
         raise ElementError(f"'{signal.name}' is not {what}: one sample has shape {signal.values.shape[1:]}")
 

@@ -35,7 +35,7 @@ class Picked:
         return self.values.dtype.kind in "SU"
 
     def as_numbers(self) -> tuple[Floats, Mapping[int, str]]:
-        """The values as float64, and names of values: labels of an enumeration, or a number per distinct string.
+        """Return the values as float64, and names of values: labels of an enumeration, or a number per distinct string.
 
         Complex numbers become magnitudes, dates seconds since 1970, opaque bytes NaN.
         """
@@ -56,7 +56,7 @@ class Picked:
 
 
 def pick(recording: Recording, patterns: Sequence[str]) -> list[Picked]:
-    """The signals that the patterns name, each once, in the order of the patterns.
+    """Return the signals that the patterns name, each once, in the order of the patterns.
 
     A pattern is, in this order: a name of an entry or of an element (all its entries), the end of a name after a `/`,
     a glob (`*/torque`), a part of a name. Raises `ElementError` for a pattern that names nothing, with close names.
@@ -72,25 +72,25 @@ def pick(recording: Recording, patterns: Sequence[str]) -> list[Picked]:
 
 
 def pick_all(recording: Recording) -> list[Picked]:
-    """Every signal, in the table's order."""
+    """Return every signal, in the table's order."""
     return [picked(recording, element, entry) for element in recording.elements for entry in element.entries]
 
 
 def picked(recording: Recording, element: RecordedElement, entry: RecordedEntry) -> Picked:
-    """One entry with its time stamps, by the rule of `RecordedElement`."""
+    """Return one entry with its time stamps, by the rule of `RecordedElement`."""
     stop = element.first + element.count * element.divider
     times = recording.time_ns[element.first : stop : element.divider]
     return Picked(entry.name, element.unit, times, entry.values, entry.entry.labels or {})
 
 
 def window(signal: Picked, start_ns: float, stop_ns: float) -> Picked:
-    """The samples with stamps from `start_ns` to `stop_ns`, both included."""
+    """Return the samples with stamps from `start_ns` to `stop_ns`, both included."""
     inside = (signal.time_ns >= start_ns) & (signal.time_ns <= stop_ns)
     return replace(signal, time_ns=signal.time_ns[inside], values=signal.values[inside])
 
 
 def text_of(value: bytes | str) -> str:
-    """A logged string as text; bytes that are no UTF-8 are shown as escapes."""
+    """Return a logged string as text; bytes that are no UTF-8 are shown as escapes."""
     text = value if isinstance(value, str) else value.decode("utf-8", "backslashreplace")
     return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
 

@@ -123,7 +123,10 @@ def _type_name(dtype: np.dtype[np.generic]) -> str:
 
 
 def statistics(signal: Picked) -> SignalStats:
-    """Minimum, maximum, mean ... of the finite samples; of strings and enumerations the most common values too."""
+    """Return the minimum, maximum, mean ...
+
+    Of the finite samples; of strings and enumerations the most common values too.
+    """
     values, names = signal.as_numbers()
     common: tuple[str, ...] = ()
     if signal.is_text:
@@ -149,7 +152,7 @@ def statistics(signal: Picked) -> SignalStats:
 
 
 def differences(a: Recording, b: Recording, tolerance: float = 0.0) -> list[Difference]:
-    """How two logs differ: elements, their facts, stamps and values.
+    """Return how two logs differ: elements, their facts, stamps and values.
 
     Numbers may differ by `tolerance`; NaN equals NaN.
     """
@@ -222,7 +225,7 @@ def _compare_values(a: Picked, b: Picked, tolerance: float) -> str:
 
 
 def format_report(facts: LogReport, width: int) -> str:
-    """The report as text: a few lines on the log, a table of its elements, warnings last."""
+    """Return the report as text: a few lines on the log, a table of its elements, warnings last."""
     when = datetime.fromtimestamp(facts.start_ns / 1e9, tz=timezone.utc).astimezone() if facts.start_ns > 0 else None
     rate = f", {facts.rate_hz:.6g} Hz" if facts.rate_hz else ""
     entries = f"{len(facts.elements)} elements"
@@ -251,7 +254,7 @@ def format_report(facts: LogReport, width: int) -> str:
 
 
 def format_statistics(rows: Sequence[SignalStats], width: int) -> str:
-    """The statistics as a table."""
+    """Return the statistics as a table."""
     head = ("signal", "unit", "n", "nan", "min", "max", "mean", "std", "rms")
     cells = []
     for row in rows:
@@ -264,7 +267,7 @@ def format_statistics(rows: Sequence[SignalStats], width: int) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int, align: str) -> list[str]:
-    """Lines of a table; the first column gives way when the rest leaves too little room. Empty columns are dropped."""
+    """Return lines; the first column gives way when the rest leaves too little room. Empty columns are dropped."""
     kept = [k for k in range(len(head)) if k == 0 or any(row[k] not in ("", "-") for row in rows)]
     sizes = {k: max(len(head[k]), *(len(row[k]) for row in rows), 0) if rows else len(head[k]) for k in kept}
     rest = sum(sizes[k] + 2 for k in kept[1:])
@@ -280,7 +283,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], width: int, align:
 
 
 def size_text(size_bytes: int) -> str:
-    """`12.3 MB`."""
+    """Return a size as people read it: `12.3 MB`."""
     size = float(size_bytes)
     for unit in ("bytes", "kB", "MB"):
         if size < 1000:

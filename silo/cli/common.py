@@ -23,14 +23,14 @@ _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
 
 def configuration() -> str:
-    """The file given by `silo --config`, empty for loggers of this host."""
+    """Return the file given by `silo --config`, empty for loggers of this host."""
     ctx = click.get_current_context(silent=True)
     found = ctx.find_root().obj if ctx else None
     return found if isinstance(found, str) else ""
 
 
 def find_logger(name: str | None) -> "Found":
-    """The logger of this name (`anymal`, or `anymal.4711` where several have the name), or the only one.
+    """Return the logger of this name (`anymal`, or `anymal.4711` where several have the name), or the only one.
 
     Raises ConnectionLostError where there is none, UsageError where several could be meant.
     """
@@ -47,7 +47,7 @@ def find_logger(name: str | None) -> "Found":
 
 
 def connect(name: str | None) -> "Client":
-    """A client of the logger; close it, or use it as a context manager."""
+    """Return a client of the logger; close it, or use it as a context manager."""
     found = find_logger(name)
     from silo.ipc.client import Client
 
@@ -55,7 +55,7 @@ def connect(name: str | None) -> "Client":
 
 
 def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str | None, list[str]]:
-    """A leading name of a logger, if there is one, and the other words: patterns hold `/` or `*`, settings `=`.
+    """Return a leading name of a logger, if there is one, and the other words: patterns hold `/` or `*`, settings `=`.
 
     With `or_pattern`, a plain word that names no logger is a pattern too, as long as only one logger can be meant.
     """
@@ -74,7 +74,7 @@ def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str
 
 
 def complete_logger(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Names of the loggers that run."""
+    """Complete names of the loggers that run."""
     from silo.ipc.discovery import discover
 
     try:
@@ -87,31 +87,29 @@ def complete_logger(ctx: click.Context, param: click.Parameter, incomplete: str)
 
 
 def complete_words(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """A logger first, then its elements."""
+    """Complete a logger first, then its elements."""
     words = ctx.params.get(param.name or "") or ()
     items = complete_element(split_logger(words)[0], incomplete)
     return items if words else [*complete_logger(ctx, param, incomplete), *items]
 
 
 def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem]:
-    """Names of elements; namespaces where there would be too many."""
+    """Complete names of elements; namespaces where there would be too many."""
     from silo.ipc.exchange import ask_once
-    from silo.ipc.messages import GetTable, TableReply
+    from silo.ipc.messages import GetTable
 
     try:
         found = find_logger(logger)
         reply = ask_once(found.socket, found.config, GetTable(), 1.0, found.host, found.name)
     except (SiloError, click.UsageError):
         return []
-    if not isinstance(reply, TableReply):
-        return []
     return [CompletionItem(name) for name in next_names([e.name for e in reply.table.elements], incomplete)]
 
 
 def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """A logger, or a script on its side."""
+    """Complete a logger, or a script on its side."""
     from silo.ipc.exchange import ask_once
-    from silo.ipc.messages import ListScripts, Scripts
+    from silo.ipc.messages import ListScripts
 
     words = ctx.params.get(param.name or "") or ()
     loggers = [] if words else complete_logger(ctx, param, incomplete)
@@ -120,12 +118,11 @@ def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str)
         reply = ask_once(found.socket, found.config, ListScripts(), 1.0, found.host, found.name)
     except (SiloError, click.UsageError):
         return loggers
-    names = reply.names if isinstance(reply, Scripts) else []
-    return loggers + [CompletionItem(name) for name in names if name.startswith(incomplete)]
+    return loggers + [CompletionItem(name) for name in reply.names if name.startswith(incomplete)]
 
 
 def next_names(names: Sequence[str], incomplete: str) -> list[str]:
-    """The names that begin so; cut behind the next `/` where there are too many to show."""
+    """Return the names that begin so; cut behind the next `/` where there are too many to show."""
     matching = [name for name in names if name.startswith(incomplete)]
     if len(matching) <= MOST_COMPLETIONS:
         return matching
@@ -135,17 +132,17 @@ def next_names(names: Sequence[str], incomplete: str) -> list[str]:
 
 
 def logger_argument(command: _Command) -> _Command:
-    """The optional argument LOGGER."""
+    """Return the optional argument LOGGER."""
     return click.argument("logger", required=False, metavar="[LOGGER]", shell_complete=complete_logger)(command)
 
 
 def json_option(command: _Command) -> _Command:
-    """The option `--json`."""
+    """Return the option `--json`."""
     return click.option("--json", "as_json", is_flag=True, help="JSON, for machines.")(command)
 
 
 def types_option(command: _Command) -> _Command:
-    """The option `--type`, to be read by `file_types`."""
+    """Return the option `--type`, to be read by `file_types`."""
     return click.option(
         "-t",
         "--type",
@@ -159,7 +156,7 @@ def types_option(command: _Command) -> _Command:
 
 
 def file_types(names: Sequence[str]) -> tuple[FileType, ...]:
-    """The file types of these names, each once."""
+    """Return the file types of these names, each once."""
     return tuple(FileType[name.upper()] for name in dict.fromkeys(names))
 
 
@@ -187,7 +184,7 @@ def show_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> None:
 
 
 def show_duration(seconds: float) -> str:
-    """`00:12`, `1:02:03`, `3d 04:05:06`."""
+    """Return `00:12`, `1:02:03`, `3d 04:05:06`."""
     whole = max(0, int(seconds))
     days, hours, minutes, rest = whole // 86400, whole // 3600 % 24, whole // 60 % 60, whole % 60
     if days:
@@ -196,12 +193,12 @@ def show_duration(seconds: float) -> str:
 
 
 def many(count: int, noun: str) -> str:
-    """`1 element`, `3 elements`."""
+    """Return `1 element`, `3 elements`."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def type_of(info: "ElementInfo") -> str:
-    """The type of an element in a word: `f8`, `f8[3]`, `enum`, `text`, `12 values`."""
+    """Return the type of an element in a word: `f8`, `f8[3]`, `enum`, `text`, `12 values`."""
     if any(entry.labels for entry in info.entries):
         return "enum" if len(info.entries) == 1 else f"enum[{len(info.entries)}]"
     types = {entry.dtype.lstrip("<|=>") for entry in info.entries}

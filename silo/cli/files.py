@@ -47,7 +47,7 @@ def _complete_file(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
 
 def _complete_signal(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Names of signals in the log that was typed before."""
+    """Return names of signals in the log that was typed before."""
     try:
         recording = _read(_find(ctx.params.get("file") or ""))
     except SiloError:

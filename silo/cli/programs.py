@@ -13,7 +13,7 @@ _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
 
 def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
-    """The options that both programs have."""
+    """Return the options that both programs have."""
     options = (
         click.option("--name", default=name, show_default=True, help="Name of the logger."),
         click.option(

@@ -23,7 +23,7 @@ def script() -> None:
 
 
 def _split(words: tuple[str, ...]) -> tuple[str | None, str]:
-    """Logger and path, either of which may be missing."""
+    """Return logger and path, either of which may be missing."""
     paths = [word for word in words if word.endswith((".yaml", ".yml")) or "/" in word]
     loggers = [word for word in words if word not in paths]
     if len(paths) > 1 or len(loggers) > 1:

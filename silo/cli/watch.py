@@ -31,7 +31,7 @@ class Line:
     first: int
 
     def texts(self, newest: Sequence[float], texts: Mapping[int, str]) -> list[str]:
-        """The values in words."""
+        """Return the values in words."""
         return [
             texts[place] if place in texts else show_value(newest[place], entry.dtype, entry.labels)
             for place, entry in enumerate(self.info.entries, start=self.first)
@@ -39,7 +39,7 @@ class Line:
 
 
 def show_value(value: float, dtype: str, labels: Mapping[int, str] | None) -> str:
-    """A number as its type wants it: a name, a whole number, true or false, or six digits."""
+    """Return a number as its type wants it: a name, a whole number, true or false, or six digits."""
     if math.isnan(value):
         return "nan"
     if labels is not None and value in labels:
@@ -50,7 +50,7 @@ def show_value(value: float, dtype: str, labels: Mapping[int, str] | None) -> st
 
 
 def show_clock(time_ns: int) -> str:
-    """Local time of a tick, `12:00:01.250`; dashes before the first tick."""
+    """Return the local time of a tick, `12:00:01.250`; dashes before the first tick."""
     if time_ns == 0:
         return "--:--:--.---"
     seconds, rest = divmod(time_ns, 1_000_000_000)
@@ -58,7 +58,7 @@ def show_clock(time_ns: int) -> str:
 
 
 def lay_out(elements: "Sequence[ElementInfo]") -> list[Line]:
-    """Where the entries of each element stand in a frame that shows them all."""
+    """Return where the entries of each element stand in a frame that shows them all."""
     lines, first = [], 0
     for info in elements:
         lines.append(Line(info, first))

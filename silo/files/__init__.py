@@ -1,6 +1,5 @@
 """Recordings to files and back: `.silo`, CSV, bags. Nothing here knows a logger, a process or a screen."""
 
 from silo.files.saving import PartlySavedError, write
-from silo.model import SavedFile
 
-__all__ = ["PartlySavedError", "SavedFile", "write"]
+__all__ = ["PartlySavedError", "write"]

@@ -8,7 +8,7 @@ from silo.helper.helper import Helper, open_link
 
 
 def main() -> int:
-    """Runs the helper process until its robot process is gone."""
+    """Run the helper process until its robot process is gone."""
     parser = argparse.ArgumentParser(prog="python -m silo.helper", description=__doc__)
     parser.add_argument("--fd", type=int, required=True, help="socket to the robot process")
     parser.add_argument("--name", required=True, help="name of the logger")

@@ -1,7 +1,11 @@
-"""What the helper answers to each request. Pure routing: the work is done in the modules that are called here."""
+"""What the helper answers to each request: one method each, registered with `answers_to`.
 
+Pure routing: what is checked and who does it; the work is done in the modules that are called here.
+"""
+
+from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -17,11 +21,10 @@ from silo.helper.robot import Robot
 from silo.helper.saver import Saver
 from silo.ipc.messages import (
     PROTOCOL,
-    AnyAsk,
-    AnyDo,
     AnyReply,
     ApplyEdits,
     CloseView,
+    Columns,
     DiffScript,
     Done,
     EditsApplied,
@@ -37,22 +40,39 @@ from silo.ipc.messages import (
     ReadScript,
     Refused,
     RefusedWhy,
+    ReplyT,
+    Request,
     Restart,
     Save,
     SaveScript,
+    SaveStarted,
     ScriptDiff,
     Scripts,
     ScriptText,
     Start,
     StatusReply,
     Stop,
-    TableReply,
+    ViewOpened,
 )
 from silo.model import Edit, State
 
-Signed = TypeVar("Signed", ApplyEdits, Save)
+Handler = Callable[["Answers", Any], Any]
+Signed = TypeVar("Signed", bound=Request[Any])
+Method = TypeVar("Method", bound=Handler)
+
+HANDLERS: dict[type[Request[Any]], Handler] = {}
 
 _encoder = msgspec.msgpack.Encoder()
+
+
+def answers_to(*kinds: type[Request[ReplyT]]) -> Callable[[Callable[["Answers", Any], ReplyT | bytes | Refused]], Any]:
+    """Register a method of `Answers` for a kind of request; bytes are a reply that is encoded already."""
+
+    def register(method: Method) -> Method:
+        HANDLERS.update(dict.fromkeys(kinds, method))
+        return method
+
+    return register
 
 
 class Answers:
@@ -65,48 +85,55 @@ class Answers:
         self._saver = saver
         self._robot = robot
 
+    def answer(self, request: Request[Any]) -> bytes:
+        """Return the encoded answer; waits for the robot process where it must."""
+        reply: AnyReply | bytes
+        try:
+            reply = HANDLERS[type(request)](self, request)
+        except script_folder.ScriptRefusedError as error:
+            reply = error.refused
+        except (ScriptError, SaveError) as error:
+            reply = Refused(RefusedWhy.INVALID, str(error))
+        return reply if isinstance(reply, bytes) else _encoder.encode(reply)
+
     # ------------------------------------------------------------------------------------------------------ reading
 
-    def ask(self, request: AnyAsk) -> bytes:
-        """The encoded answer to a request that reads."""
-        if isinstance(request, GetTable):
-            return self._mirror.now.table_reply
-        return _encoder.encode(self._answer(request))
-
-    def _answer(self, request: AnyAsk) -> AnyReply:
-        try:
-            if isinstance(request, Hello):
-                return self.hello()
-            if isinstance(request, GetTable):
-                return TableReply(self._mirror.now.table)
-            if isinstance(request, GetStatus):
-                return StatusReply(self._mirror.status())
-            if isinstance(request, OpenView):
-                return self._publisher.open_view(request)
-            if isinstance(request, CloseView):
-                self._publisher.close_view(request.view)
-                return Done("the view is closed")
-            if isinstance(request, GetHistory):
-                return check_history(request) or history(request, self._mirror.now, self._mirror.open_reader())
-            if isinstance(request, ListScripts):
-                own = self._own_script
-                return Scripts(str(own.parent), script_folder.list_scripts(own), own.name)
-            if isinstance(request, ReadScript):
-                return self._read_script(request)
-            return self._diff_script(request)
-        except script_folder.ScriptRefusedError as error:
-            return error.refused
-        except ScriptError as error:
-            return Refused(RefusedWhy.INVALID, str(error))
-
-    def hello(self) -> HelloReply:
-        """Who this is. A client that gets it from the key `do` too may edit."""
+    @answers_to(Hello)
+    def _hello(self, _: Hello) -> HelloReply:
+        # a client that gets this from the key `do` too may edit
         return HelloReply(PROTOCOL, silo.__version__, self._mirror.user, True, self._mirror.status())
+
+    @answers_to(GetStatus)
+    def _status(self, _: GetStatus) -> StatusReply:
+        return StatusReply(self._mirror.status())
+
+    @answers_to(GetTable)
+    def _table(self, _: GetTable) -> bytes:
+        return self._mirror.now.table_reply
+
+    @answers_to(OpenView)
+    def _open_view(self, request: OpenView) -> ViewOpened | Refused:
+        return self._publisher.open_view(request)
+
+    @answers_to(CloseView)
+    def _close_view(self, request: CloseView) -> Done:
+        self._publisher.close_view(request.view)
+        return Done("the view is closed")
+
+    @answers_to(GetHistory)
+    def _history(self, request: GetHistory) -> Columns | Refused:
+        return check_history(request) or history(request, self._mirror.now, self._mirror.open_reader())
+
+    @answers_to(ListScripts)
+    def _list_scripts(self, _: ListScripts) -> Scripts:
+        own = self._own_script
+        return Scripts(str(own.parent), script_folder.list_scripts(own), own.name)
 
     @property
     def _own_script(self) -> Path:
         return Path(self._mirror.now.robot.script)
 
+    @answers_to(ReadScript)
     def _read_script(self, request: ReadScript) -> ScriptText:
         from silo.settings.script import format_script
 
@@ -115,6 +142,7 @@ class Answers:
         path = script_folder.resolve(request.path, self._own_script)
         return ScriptText(str(path), script_folder.read_text(path))
 
+    @answers_to(DiffScript)
     def _diff_script(self, request: DiffScript) -> ScriptDiff:
         from silo.settings.script import apply_script, diff_options, parse_script
 
@@ -125,42 +153,32 @@ class Answers:
 
     # ----------------------------------------------------------------------------------------------------- changing
 
-    def do(self, request: AnyDo | Hello) -> bytes:
-        """The encoded answer to a request that changes something; waits for the robot process where it must."""
-        try:
-            reply = self._do(request)
-        except script_folder.ScriptRefusedError as error:
-            reply = error.refused
-        except (ScriptError, SaveError) as error:
-            reply = Refused(RefusedWhy.INVALID, str(error))
-        return _encoder.encode(reply)
+    @answers_to(Save)
+    def _save(self, request: Save) -> SaveStarted | Refused:
+        return self._saver.save(_signed(request))
 
-    def _do(self, request: AnyDo | Hello) -> AnyReply:
-        if isinstance(request, Hello):
-            return self.hello()
-        if isinstance(request, Save):
-            return self._saver.save(_signed(request))
-        if isinstance(request, SaveScript):
-            return self._save_script(request)
+    @answers_to(ApplyEdits)
+    def _apply(self, request: ApplyEdits) -> EditsApplied | Refused:
         now = self._mirror.now
-        if now.died:
-            return Refused(RefusedWhy.DEAD, f"{now.died}; start the robot program again")
-        if isinstance(request, ApplyEdits):
-            return _must_stop(now) or check_edits(request, now) or self._through(_signed(request))
-        if isinstance(request, LoadScript):
-            return _must_stop(now) or self._load_script(request, now)
-        return self._control(request)
+        return _must_live(now) or _must_stop(now) or check_edits(request, now) or self._through(_signed(request))
 
-    def _through(self, request: ApplyEdits) -> AnyReply:
+    def _through(self, request: ApplyEdits) -> EditsApplied | Refused:
         if not request.edits:
             return EditsApplied(self._mirror.now.table.revision, 0)
-        return self._robot.ask(request)
+        reply = self._robot.ask(request)
+        return reply if isinstance(reply, EditsApplied | Refused) else _unexpected(request, reply)
 
-    def _control(self, request: Start | Stop | Restart) -> AnyReply:
-        reply = self._robot.ask(msgspec.structs.replace(request, client=plain(request.client)))
+    @answers_to(Start, Stop, Restart)
+    def _control(self, request: Start | Stop | Restart) -> StatusReply | Refused:
+        reply = _must_live(self._mirror.now) or self._robot.ask(_signed(request))
         return reply if isinstance(reply, Refused) else StatusReply(self._mirror.status())
 
-    def _load_script(self, request: LoadScript, now: LoggerSnapshot) -> AnyReply:
+    @answers_to(LoadScript)
+    def _load_script(self, request: LoadScript) -> EditsApplied | Refused:
+        now = self._mirror.now
+        return _must_live(now) or _must_stop(now) or self._load(request, now)
+
+    def _load(self, request: LoadScript, now: LoggerSnapshot) -> EditsApplied | Refused:
         from silo.settings.script import apply_script, parse_script
 
         path = script_folder.resolve(request.path, self._own_script)
@@ -183,7 +201,8 @@ class Answers:
         self._events.publish(EventKind.SCRIPT_LOADED, text, by=request.client)
         return EditsApplied(reply.revision, reply.changed, unknown)
 
-    def _save_script(self, request: SaveScript) -> AnyReply:
+    @answers_to(SaveScript)
+    def _save_script(self, request: SaveScript) -> Done:
         from silo.settings.script import write_script
 
         path = script_folder.resolve(request.path, self._own_script)
@@ -194,6 +213,15 @@ class Answers:
         return Done(text)
 
 
+def _unexpected(request: Request[Any], reply: AnyReply) -> Refused:
+    text = f"the robot process answered {type(request).__name__} with a {type(reply).__name__}"
+    return Refused(RefusedWhy.FAILED, text)
+
+
+def _must_live(now: LoggerSnapshot) -> Refused | None:
+    return Refused(RefusedWhy.DEAD, f"{now.died}; start the robot program again") if now.died else None
+
+
 def _must_stop(now: LoggerSnapshot) -> Refused | None:
     if now.state is not State.RUNNING:
         return None
@@ -201,5 +229,5 @@ def _must_stop(now: LoggerSnapshot) -> Refused | None:
 
 
 def _signed(request: Signed) -> Signed:
-    """The request with a sender that is safe to show."""
+    """Return the request with a sender that is safe to show."""
     return msgspec.structs.replace(request, client=plain(request.client))

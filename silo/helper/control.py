@@ -43,12 +43,12 @@ class Control:
         ]
 
     def start(self) -> None:
-        """Starts the threads."""
+        """Start the threads."""
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
-        """Ends the threads and waits for them."""
+        """End the threads and wait for them."""
         self._ending = True
         self._slow.put(None)
         for queryable in (self._asked, self._to_do):
@@ -82,7 +82,7 @@ class Control:
 
     def _answer_ask(self, payload: bytes) -> bytes:
         request = decode_ask(payload)
-        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.ask(request)
+        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.answer(request)
 
     def _do(self, query: zenoh.Query) -> None:
         payload = _payload(query)
@@ -90,7 +90,7 @@ class Control:
 
     def _answer_do(self, payload: bytes) -> bytes:
         request = decode_do(payload)
-        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.do(request)
+        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.answer(request)
 
     def _read_slowly(self) -> None:
         while self._read_one(self._slow.get()):
@@ -102,7 +102,7 @@ class Control:
         return slow is not None
 
     def _reply(self, query: zenoh.Query, key: str, answer: Callable[[], bytes]) -> None:
-        """Answers whatever happens: a request that breaks something is refused and logged, the thread goes on."""
+        """Answer whatever happens: a request that breaks something is refused and logged, the thread goes on."""
         try:
             body = answer()
         except Exception as error:

@@ -19,7 +19,7 @@ log = logging.getLogger("silo.helper")
 
 
 def after_crash(mirror: Mirror, events: Events) -> bool:
-    """Saves the segment if it isn't saved, deletes it once it is, and tells the clients.
+    """Save the segment if it isn't saved, delete it once it is, and tell the clients.
 
     Returns whether there was anything to save, which people may want to read about later.
     """
@@ -67,7 +67,7 @@ def _save(mirror: Mirror, events: Events, reader: SegmentReader, who: str) -> No
 
 
 def _delete(reader: SegmentReader) -> None:
-    """Deletes the segment once its writer is gone; one that only gave up its helper still needs it."""
+    """Delete the segment once its writer is gone; one that only gave up its helper still needs it."""
     deadline = time.monotonic() + ENDING_S
     while reader.alive():
         if time.monotonic() > deadline:

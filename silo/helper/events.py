@@ -18,7 +18,7 @@ _encoder = msgspec.msgpack.Encoder()
 
 
 def plain(text: str, limit: int = MAX_BY) -> str:
-    """A client's words, safe to show on a terminal: no control characters, not too long."""
+    """Return a client's words, safe to show on a terminal: no control characters, not too long."""
     return "".join(character for character in text[:limit] if character.isprintable())
 
 
@@ -43,7 +43,7 @@ class Events:
         progress: float = 0.0,
         files: Sequence[SavedFile] = (),
     ) -> None:
-        """Publishes an event with the present status."""
+        """Publish an event with the present status."""
         status = self._mirror.status()
         with self._lock:
             self._number += 1

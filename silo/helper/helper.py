@@ -54,7 +54,7 @@ class Helper:
         self._term_s = 0.0  # when SIGTERM came
 
     def run(self) -> int:
-        """Serves until the robot process is gone and nobody needs the helper any more; returns the exit code."""
+        """Serve until the robot process is gone and nobody needs the helper any more; returns the exit code."""
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the robot program, which then says goodbye
         signal.signal(signal.SIGTERM, self._on_term)
         first = self._robot.receive()
@@ -116,7 +116,7 @@ class Helper:
     # ------------------------------------------------------------------------------------------- while it lives
 
     def _follow_robot(self, mirror: Mirror, events: Events, saver: Saver) -> bool:
-        """Takes in what the robot process pushes; True after its goodbye, False if it just ended."""
+        """Take in what the robot process pushes; True after its goodbye, False if it just ended."""
         link = self._robot.socket.fileno()
         while True:
             timeout_s = None if not self._term_s else max(0.0, self._term_s + TERM_GRACE_S - time.monotonic())
@@ -160,7 +160,7 @@ class Helper:
     # ------------------------------------------------------------------------------------------- after its end
 
     def _linger(self, publisher: Publisher, without_clients_s: float) -> None:
-        """Goes on answering while somebody is there to read what happened, or may come for it."""
+        """Go on answering while somebody is there to read what happened, or may come for it."""
         ended_s = time.monotonic()
         while not self._term_s:
             since_s = time.monotonic() - ended_s
@@ -201,5 +201,5 @@ def _changed(before: LoggerSnapshot, now: LoggerSnapshot) -> int:
 
 
 def open_link(descriptor: int) -> Robot:
-    """The link that the robot process handed over."""
+    """Return the link that the robot process handed over."""
     return Robot(socket.socket(fileno=descriptor))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
+from silo.collecting.losses import lost_samples
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.ipc.messages import TableReply
@@ -50,7 +51,7 @@ class LoggerSnapshot:
         return found
 
     def element(self, name: str) -> ElementInfo | None:
-        """The element of that name."""
+        """Return the element of that name."""
         place = self.places.get(name)
         return None if place is None else self.table.elements[place]
 
@@ -74,7 +75,7 @@ class Mirror:
     # ------------------------------------------------------------------------------------------ by the main thread
 
     def take(self, robot: RobotState) -> tuple[LoggerSnapshot, LoggerSnapshot]:
-        """Takes over what the robot pushed; returns what was before and what is now."""
+        """Take over what the robot pushed; returns what was before and what is now."""
         before = self.now
         self.now = self._made_of(robot, before)
         if robot.segment != before.robot.segment:
@@ -105,7 +106,7 @@ class Mirror:
         )
 
     def _reopen(self) -> None:
-        """Opens the present segment, so that the memory of the last one is freed."""
+        """Open the present segment, so that the memory of the last one is freed."""
         reader = None
         if self.now.robot.segment:
             try:
@@ -121,7 +122,7 @@ class Mirror:
     # --------------------------------------------------------------------------------------------- by any thread
 
     def open_reader(self) -> SegmentReader | None:
-        """A reader of the present segment for the calling thread alone; None if nothing was logged yet."""
+        """Return a reader of the present segment for the calling thread alone; None if nothing was logged yet."""
         path = self.now.robot.segment
         if not path:
             return None
@@ -132,13 +133,13 @@ class Mirror:
             return self._reader if self.now.died else None
 
     def mark_saved(self, segment: str, ticks: int) -> None:
-        """Remembers how much of a segment stands in a file."""
+        """Remember how much of a segment stands in a file."""
         with self._lock:
             if self._saved[0] != segment or self._saved[1] < ticks:
                 self._saved = (segment, ticks)
 
     def is_saved(self) -> bool:
-        """Whether every tick of the present segment stands in a file."""
+        """Return whether every tick of the present segment stands in a file."""
         with self._lock:
             return self._reader is None or self._reader.ticks <= self._saved_ticks(self._reader)
 
@@ -147,14 +148,14 @@ class Mirror:
         return max(own, reader.saved_ticks)
 
     def status(self) -> Status:
-        """The logger at a glance."""
+        """Return the logger at a glance."""
         now = self.now
         robot, options = now.robot, now.options
         with self._lock:
             reader = self._reader
             ticks = reader.ticks if reader else 0
             last_tick_ns = reader.last_time_ns if reader else 0
-            lost = reader.lost if reader else 0
+            lost = lost_samples(reader) if reader else 0
             size = reader.size_bytes if reader else 0
             saved = reader is None or ticks <= self._saved_ticks(reader)
             started_ns = reader.schema.started_ns if reader else 0

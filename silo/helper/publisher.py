@@ -11,6 +11,7 @@ from collections import deque
 
 import zenoh
 
+from silo.collecting.losses import lost_samples
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.helper.events import Events
@@ -60,11 +61,11 @@ class Publisher:
         self._thread = threading.Thread(target=self._run, name="publisher")
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends the thread and waits for it."""
+        """End the thread and wait for it."""
         self._ending = True
         self._wake.set()
         self._thread.join()
@@ -75,7 +76,7 @@ class Publisher:
         return len(self._clients)
 
     def open_view(self, request: OpenView) -> ViewOpened | Refused:
-        """Opens, replaces or renews a view."""
+        """Open, replace or renew a view."""
         refused = check_view(request)
         if refused is not None:
             return refused
@@ -101,7 +102,7 @@ class Publisher:
         )
 
     def close_view(self, view: str) -> None:
-        """Ends a view; one that isn't open is fine."""
+        """End a view; one that isn't open is fine."""
         with self._lock:
             closed = self._views.pop(view, None)
         if closed is not None:
@@ -128,7 +129,7 @@ class Publisher:
             _undeclare(view.publisher)
 
     def _round(self, now_s: float) -> float:
-        """Does what is due and says when to come again."""
+        """Do what is due and say when to come again."""
         self._follow_segment()
         self._follow_clients()
         self._measure(now_s)
@@ -157,7 +158,7 @@ class Publisher:
         self._reader_path = path if self._reader is not None else ""
         self._topics.adopt(self._reader)
         self._ticks.clear()
-        self._lost_seen = self._reader.lost if self._reader else 0
+        self._lost_seen = lost_samples(self._reader) if self._reader else 0
 
     def _follow_clients(self) -> None:
         while (sample := self._presence.try_recv()) is not None:
@@ -184,12 +185,12 @@ class Publisher:
         span_s = now_s - self._ticks[0][0]
         if span_s > 0.2:
             self._mirror.measured_hz = (self._ticks[-1][1] - self._ticks[0][1]) / span_s
-        if now_s >= self._lost_due_s and reader.lost > self._lost_seen:
+        if now_s >= self._lost_due_s and (lost := lost_samples(reader)) > self._lost_seen:
             self._lost_due_s = now_s + LOST_PERIOD_S
-            lost, self._lost_seen = reader.lost - self._lost_seen, reader.lost
+            more, self._lost_seen = lost - self._lost_seen, lost
             self._events.publish(
                 EventKind.LOST,
-                f"{lost} samples could not be kept (memory limit): save and restart, or raise memory_limit_mb",
+                f"{more} samples could not be kept (memory limit): save and restart, or raise memory_limit_mb",
             )
 
     def _send_views(self, now_s: float) -> float:
@@ -223,7 +224,7 @@ def _same(old: OpenView, new: OpenView) -> bool:
 
 
 def _too_many(request: OpenView, others: list[View]) -> Refused | None:
-    """Why one more view would be too many."""
+    """Return why one more view would be too many."""
     client = keys.client_of_view(request.view)
     same_client = sum(keys.client_of_view(view.request.view) == client for view in others)
     names = sum(len(view.request.values) + len(view.request.plots) for view in others)

@@ -25,7 +25,9 @@ class StaleSegment:
 
 
 def find_stale(folder: Path | None = None) -> list[StaleSegment]:
-    """Segments of processes that ended without saving: in the runtime folder, and in `folder` (`storage="file"`)."""
+    """Return segments of processes that ended without saving: in the runtime folder, and in `folder`
+    (`storage="file"`).
+    """
     return [stale for path in list_segments(folder) if (stale := _look(path)) is not None]
 
 
@@ -50,7 +52,7 @@ def recover(
     folder: str | os.PathLike[str] | None = None,
     types: Sequence[FileType] = (FileType.SILO,),
 ) -> list[SavedFile]:
-    """Saves a segment whose writer is gone, in `folder` or its logger's own, then deletes it; [] if it holds nothing.
+    """Save a segment whose writer is gone, in `folder` or its logger's own, then delete it; [] if it holds nothing.
 
     Raises SegmentError for what isn't a segment, StateError while its process lives or somebody saves it, SaveError if
     it can't be saved (the segment stays).
@@ -70,7 +72,7 @@ def recover(
 
 @contextmanager
 def claimed(path: Path) -> Iterator[None]:
-    """Holds a segment for one who saves it. Raises StateError while another does."""
+    """Hold a segment for one who saves it. Raises StateError while another does."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         try:
@@ -88,7 +90,7 @@ def save_reader(
     types: Sequence[FileType] = (FileType.SILO,),
     progress: Callable[[float], None] | None = None,
 ) -> list[SavedFile]:
-    """Saves all that a segment holds; [] if that is nothing. Raises SaveError."""
+    """Save all that a segment holds; [] if that is nothing. Raises SaveError."""
     from silo.files import write
 
     recording = reader.snapshot()

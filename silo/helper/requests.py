@@ -7,18 +7,7 @@ from typing import Any
 import msgspec
 
 from silo.helper.mirror import LoggerSnapshot
-from silo.ipc.messages import (
-    AnyAsk,
-    AnyDo,
-    ApplyEdits,
-    DiffScript,
-    GetHistory,
-    Hello,
-    ListScripts,
-    ReadScript,
-    Refused,
-    RefusedWhy,
-)
+from silo.ipc.messages import AnyAsk, AnyDo, ApplyEdits, Hello, Refused, RefusedWhy, SlowAsk, leaves
 from silo.model import Edit, Problem
 
 MAX_ASK_BYTES = 2 * 2**20
@@ -33,12 +22,12 @@ class _Kind(msgspec.Struct):
 _ask_decoder = msgspec.msgpack.Decoder(AnyAsk)
 _do_decoder = msgspec.msgpack.Decoder(AnyDo | Hello)
 _kind_decoder = msgspec.msgpack.Decoder(_Kind)
-_SLOW = {kind.__name__ for kind in (GetHistory, ListScripts, ReadScript, DiffScript)}
+_SLOW = {kind.__name__ for kind in leaves(SlowAsk)}
 _FIELD = re.compile(r" - at `\$\.(?:options\.)?(\w+).*`$")
 
 
 def is_slow(payload: bytes) -> bool:
-    """Whether this asks for something that may take long to answer: by its tag alone, whatever else is in it."""
+    """Return whether this asks for something that may take long to answer: by its tag alone, whatever else is in it."""
     if len(payload) > MAX_ASK_BYTES:
         return False
     try:
@@ -48,7 +37,7 @@ def is_slow(payload: bytes) -> bool:
 
 
 def decode_ask(payload: bytes) -> AnyAsk | Refused:
-    """A request that reads."""
+    """Decode a request that reads."""
     if len(payload) > MAX_ASK_BYTES:
         return _too_long(payload, MAX_ASK_BYTES)
     try:
@@ -59,7 +48,7 @@ def decode_ask(payload: bytes) -> AnyAsk | Refused:
 
 
 def decode_do(payload: bytes) -> AnyDo | Hello | Refused:
-    """A request that changes something (or `Hello`, by which a client finds out whether it gets through)."""
+    """Decode a request that changes something (or `Hello`, by which a client finds out whether it gets through)."""
     if len(payload) > MAX_DO_BYTES:
         return _too_long(payload, MAX_DO_BYTES)
     try:
@@ -80,7 +69,7 @@ def _not_understood(error: Exception) -> Refused:
 
 
 def _edit_problems(payload: bytes) -> Refused | None:
-    """What is wrong with each edit, if these are edits with values out of range."""
+    """Return what is wrong with each edit, if these are edits with values out of range."""
     try:
         raw: Any = msgspec.msgpack.decode(payload)
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
@@ -93,7 +82,7 @@ def _edit_problems(payload: bytes) -> Refused | None:
 
 
 def _problem_of(item: object) -> Problem | None:
-    """Why this is no edit, None if it is one."""
+    """Return why this is no edit, None if it is one."""
     try:
         msgspec.convert(item, Edit)
     except msgspec.ValidationError as error:
@@ -116,7 +105,7 @@ def _refused_edits(problems: list[Problem]) -> Refused:
 
 
 def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> Refused | None:
-    """Why edits of the present table can't be applied; what can be told here never reaches the robot process."""
+    """Return why edits of the present table can't be applied; what can be told here never reaches the robot process."""
     if request.revision not in (-1, now.table.revision):
         return Refused(
             RefusedWhy.CONFLICT,

@@ -4,24 +4,13 @@ import concurrent.futures
 import itertools
 import socket
 import threading
+from typing import Any
 
-from silo.ipc.messages import (
-    ApplyEdits,
-    Done,
-    EditsApplied,
-    Refused,
-    RefusedWhy,
-    Restart,
-    SaveStarted,
-    Start,
-    Stop,
-)
+from silo.ipc.messages import AnyReply, Refused, RefusedWhy, RobotRequest
 from silo.link.channel import LinkChannel
 from silo.link.messages import LinkMessage, LinkReply, LinkRequest
 
 REPLY_TIMEOUT_S = 5.0
-
-RobotReply = EditsApplied | Done | Refused | SaveStarted
 
 
 class Robot:
@@ -32,15 +21,15 @@ class Robot:
         self._channel = LinkChannel(sock)
         self._sending = threading.Lock()
         self._numbers = itertools.count(1)
-        self._pending: dict[int, concurrent.futures.Future[RobotReply]] = {}
+        self._pending: dict[int, concurrent.futures.Future[AnyReply]] = {}
         self._gone = False
 
     def receive(self) -> LinkMessage | None:
-        """The next message, None at the end. For the main thread."""
+        """Return the next message, None at the end. For the main thread."""
         return self._channel.receive()
 
     def send(self, message: LinkMessage) -> bool:
-        """Sends a message; False if the robot process is gone."""
+        """Send a message; False if the robot process is gone."""
         with self._sending:
             try:
                 self._channel.send(message)
@@ -48,10 +37,10 @@ class Robot:
                 return False
         return True
 
-    def ask(self, request: ApplyEdits | Start | Stop | Restart, timeout_s: float = REPLY_TIMEOUT_S) -> RobotReply:
-        """Has the robot process do something and waits for its answer; silence becomes a refusal."""
+    def ask(self, request: RobotRequest[Any], timeout_s: float = REPLY_TIMEOUT_S) -> AnyReply:
+        """Have the robot process do something and wait for its answer; silence becomes a refusal."""
         number = next(self._numbers)
-        future: concurrent.futures.Future[RobotReply] = concurrent.futures.Future()
+        future: concurrent.futures.Future[AnyReply] = concurrent.futures.Future()
         self._pending[number] = future
         if self._gone or not self.send(LinkRequest(number, request)):
             self._pending.pop(number, None)
@@ -68,7 +57,7 @@ class Robot:
             self._pending.pop(number, None)
 
     def answered(self, message: LinkReply) -> None:
-        """Hands an answer to the thread that waits for it; a late one is nobody's. For the main thread."""
+        """Hand an answer to the thread that waits for it; a late one is nobody's. For the main thread."""
         future = self._pending.pop(message.number, None)
         if future is not None:
             future.set_result(message.reply)

@@ -48,20 +48,20 @@ class Saver:
         self._thread = threading.Thread(target=self._run, name="saver")
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self, timeout_s: float | None = None) -> None:
-        """Ends the thread after the saves that wait; waits at most `timeout_s` for that."""
+        """End the thread after the saves that wait; waits at most `timeout_s` for that."""
         self._jobs.put(None)
         self._thread.join(timeout_s)
 
     def finish(self) -> None:
-        """Waits until all saves are done."""
+        """Wait until all saves are done."""
         self._jobs.join()
 
     def prepare(self, request: Save, *, for_robot: bool = False) -> "_Job | Refused":
-        """A job for `submit`, or why it can't be done, which all clients are told."""
+        """Return a job for `submit`, or why it can't be done, which all clients are told."""
         job = self._prepared(request, for_robot)
         if isinstance(job, Refused):
             self._events.publish(EventKind.SAVE_FAILED, job.text, by=request.client)
@@ -92,11 +92,11 @@ class Saver:
         return _Job(number, checked, reader, folder, robot.logger, robot.segment, for_robot)
 
     def submit(self, job: _Job) -> None:
-        """Has a job done."""
+        """Have a job done."""
         self._jobs.put(job)
 
     def save(self, request: Save) -> SaveStarted | Refused:
-        """Begins a save for a client."""
+        """Begin a save for a client."""
         job = self.prepare(request)
         if isinstance(job, Refused):
             return job
@@ -111,7 +111,7 @@ class Saver:
             self._jobs.task_done()
 
     def _guarded(self, job: _Job | None) -> bool:
-        """Does a job, whatever happens in it; False for the sign to end."""
+        """Do a job, whatever happens in it; False for the sign to end."""
         if job is None:
             return False
         try:
@@ -161,12 +161,12 @@ class Saver:
 
 
 def describe(files: list[SavedFile]) -> str:
-    """Paths with sizes, fit to show."""
+    """Return paths with sizes, fit to show."""
     return ", ".join(f"{file.path} ({size_text(file.size_bytes)})" for file in files) or "nothing"
 
 
 def size_text(size_bytes: int) -> str:
-    """A size as people read it: `3.2 MB`."""
+    """Return a size as people read it: `3.2 MB`."""
     size = float(size_bytes)
     for unit in ("bytes", "kB", "MB"):
         if size < 1000:

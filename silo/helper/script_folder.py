@@ -23,7 +23,7 @@ class ScriptRefusedError(Exception):
 
 
 def list_scripts(own_script: Path) -> list[str]:
-    """Scripts in the folder of `own_script` and below it, relative to it; at most 500, hidden ones left out."""
+    """Return scripts in the folder of `own_script` and below it, relative to it; at most 500, hidden ones left out."""
     folder = own_script.parent
     return sorted(str(path.relative_to(folder)) for path in _walk(folder))[:MAX_LISTED]
 
@@ -56,7 +56,7 @@ def _is_script(entry: os.DirEntry[str], folder: Path) -> bool:
 
 
 def resolve(asked: str, own_script: Path) -> Path:
-    """The file that a client means: a path relative to the script folder, or an absolute one inside it.
+    """Return the file that a client means: a path relative to the script folder, or an absolute one inside it.
 
     Empty means the logger's own script. Raises ScriptRefusedError for anything outside.
     """
@@ -83,7 +83,7 @@ def _inside(path: Path, folder: Path) -> bool:
 
 
 def read_text(path: Path) -> str:
-    """The text of a script. Raises ScriptRefusedError where there is none that can be read."""
+    """Return the text of a script. Raises ScriptRefusedError where there is none that can be read."""
     try:
         # without O_NONBLOCK, opening a named pipe would wait forever
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -104,7 +104,7 @@ def read_text(path: Path) -> str:
 
 
 def check_target(path: Path, *, overwrite: bool) -> None:
-    """Raises ScriptRefusedError if a script must not be written there; its folder is made where missing."""
+    """Raise ScriptRefusedError if a script must not be written there; its folder is made where missing."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

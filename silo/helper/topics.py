@@ -26,7 +26,7 @@ DECLARED_PER_ROUND = 250  # a declaration takes 70 us: 10,000 elements must not 
 
 
 def encoding_of(element: ElementSchema) -> str:
-    """The encoding string of an element's topic."""
+    """Return the encoding string of an element's topic."""
     entries = element.live_entries
     types = {entry.entry.dtype for entry in entries}
     if len(types) == 1:
@@ -47,7 +47,7 @@ def _little(name: str) -> np.dtype[Any]:
 
 
 def values_of(rows: Rows, element: ElementSchema) -> bytes:
-    """The values of an element in some rows, packed and little-endian."""
+    """Return the values of an element in some rows, packed and little-endian."""
     entries = element.live_entries
     types = [_little(entry.entry.dtype) for entry in entries]
     if len(entries) == 1:
@@ -88,7 +88,7 @@ class Topics:
         self._read_before: set[str] = set()
 
     def adopt(self, reader: SegmentReader | None) -> None:
-        """Goes over to another segment; rings that somebody reads go on with the first sample of the new run."""
+        """Go over to another segment; rings that somebody reads go on with the first sample of the new run."""
         self._read_before = {topic.element.info.name for topic in self._topics if topic.active}
         self._check_s = 0.0
         self._reader = reader
@@ -102,11 +102,11 @@ class Topics:
         self._cursors = {}
 
     def wanted(self) -> bool:
-        """Whether anybody subscribes to any topic."""
+        """Return whether anybody subscribes to any topic."""
         return matching(self._any)
 
     def publish(self, now_s: float) -> bool:
-        """Sends what came since the last call; True if there is more than fits in one round."""
+        """Send what came since the last call; True if there is more than fits in one round."""
         reader = self._reader
         if reader is None:
             return False
@@ -136,7 +136,7 @@ class Topics:
             self._topics.append(_Topic(element, publisher))
 
     def _check(self, reader: SegmentReader) -> None:
-        """Sees who has subscribers; a ring begins with what comes from now on, unless it was read before a restart."""
+        """See who has subscribers; a ring begins with what comes from now on, unless it was read before a restart."""
         for topic in self._topics:
             topic.active = matching(topic.publisher)
             ring = topic.element.live_ring
@@ -162,7 +162,7 @@ class Topics:
 
 
 def matching(publisher: zenoh.Publisher) -> bool:
-    """Whether anybody subscribes."""
+    """Return whether anybody subscribes."""
     status = publisher.matching_status
     # the stub says bool, but it is an object with a flag, and always true
     return bool(getattr(status, "matching", status))

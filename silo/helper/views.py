@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import zenoh
 
+from silo.collecting.losses import lost_samples
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
@@ -161,7 +162,7 @@ class View:
                 tick=tick,
                 state=now.state,
                 measured_hz=measured_hz,
-                lost_total=reader.lost if reader else 0,
+                lost_total=lost_samples(reader) if reader else 0,
                 held=held.tobytes(),
                 lost=lost.tobytes(),
                 newest=newest.tobytes(),

@@ -10,20 +10,17 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from silo.errors import ConnectionLostError, RefusedError, SaveError
 from silo.ipc.connection import Connection, Pending
 from silo.ipc.discovery import Discovery, Found, discover, not_found_text
-from silo.ipc.exchange import RequestRefusedError, client_name, decode_reply, key_of
+from silo.ipc.exchange import checked_reply, client_name, decode_reply, key_of
 from silo.ipc.messages import (
-    AnyAsk,
-    AnyDo,
     ApplyEdits,
+    Ask,
     CloseView,
-    Columns,
     DiffScript,
-    Done,
     EditsApplied,
     Event,
     EventKind,
@@ -37,17 +34,16 @@ from silo.ipc.messages import (
     OpenView,
     ReadScript,
     Refused,
+    ReplyT,
+    Request,
     Restart,
     Save,
     SaveScript,
-    SaveStarted,
     ScriptDiff,
     Scripts,
     ScriptText,
     Start,
-    StatusReply,
     Stop,
-    TableReply,
     ViewOpened,
 )
 from silo.model import Edit, FileType, SavedFile, Status, Table
@@ -56,13 +52,8 @@ if TYPE_CHECKING:
     from silo.ipc.topic import Topic
     from silo.ipc.view import HistoryColumns, View
 
-ASK_TIMEOUT_S = 2.0
-SLOW_TIMEOUT_S = 15.0  # scripts and histories: the helper reads files and gigabytes for them
-DO_TIMEOUT_S = 8.0  # the helper itself waits 5 s for the robot process
 RENEW_S = 2.0  # a third of a view's lease
 MAX_SAVES = 64
-
-Reply = TypeVar("Reply")
 
 __all__ = ["Client", "Discovery", "Found", "discover"]
 
@@ -70,7 +61,7 @@ __all__ = ["Client", "Discovery", "Found", "discover"]
 class Client:
     """A connection to one logger. A context manager."""
 
-    def __init__(self, found: Found, timeout_s: float = ASK_TIMEOUT_S) -> None:
+    def __init__(self, found: Found, timeout_s: float = Ask.timeout_s) -> None:
         """Use `connect`. Raises ConnectionLostError."""
         self._timeout_s = timeout_s
         self._name = client_name()
@@ -86,8 +77,8 @@ class Client:
         self._connection.on_link(self._note_link)
 
     @classmethod
-    def connect(cls, logger: "str | Found" = "", timeout_s: float = ASK_TIMEOUT_S, config: str = "") -> "Client":
-        """Connects to a logger: what `discover` found, a name, `name.pid` where several have the name, or the only one.
+    def connect(cls, logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> "Client":
+        """Connect to a logger: what `discover` found, a name, `name.pid` where several have the name, or the only one.
 
         `config` is a Zenoh configuration for loggers of other hosts. Raises ConnectionLostError that says what to do.
         """
@@ -115,15 +106,15 @@ class Client:
         return self._connection.connected
 
     def on_event(self, callback: Callable[[Event], None]) -> None:
-        """Calls back for every event, in a thread of its own; it must not wait long."""
+        """Call back for every event, in a thread of its own; it must not wait long."""
         self._connection.on_event(callback)
 
     def on_link(self, callback: Callable[[bool], None]) -> None:
-        """Calls back with False when the helper process is gone, with True when one is there again."""
+        """Call back with False when the helper process is gone, with True when one is there again."""
         self._connection.on_link(callback)
 
     def close(self) -> None:
-        """Ends views and connection; closing twice is fine."""
+        """End views and connection; closing twice is fine."""
         self._connection.close()
         with self._saves_changed:
             self._saves_changed.notify_all()
@@ -134,21 +125,15 @@ class Client:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _call(self, request: AnyAsk | AnyDo, expected: type[Reply], timeout_s: float) -> Reply:
-        reply = self._connection.exchange(request, max(timeout_s, self._timeout_s))
-        if isinstance(reply, Refused):
-            raise RequestRefusedError(reply)
-        if not isinstance(reply, expected):
-            raise ConnectionLostError(
-                f"the helper process answered {type(request).__name__} with a {type(reply).__name__}"
-            )
-        return reply
+    def _call(self, request: Request[ReplyT]) -> ReplyT:
+        reply = self._connection.exchange(request, max(request.timeout_s, self._timeout_s))
+        return checked_reply(request, reply)
 
     # ----------------------------------------------------------------------------------------------------- reading
 
     def hello(self) -> HelloReply:
-        """Who is there, and whether this user may change anything."""
-        reply = self._call(Hello(client=self._name), HelloReply, ASK_TIMEOUT_S)
+        """Return who is there, and whether this user may change anything."""
+        reply = self._call(Hello(client=self._name))
         try:
             self._connection.exchange(Hello(client=self._name), self._timeout_s, key="do")
         except ConnectionLostError:
@@ -159,72 +144,72 @@ class Client:
         return reply
 
     def status(self) -> Status:
-        """The logger at a glance."""
-        return self._call(GetStatus(client=self._name), StatusReply, ASK_TIMEOUT_S).status
+        """Return the logger at a glance."""
+        return self._call(GetStatus(client=self._name)).status
 
     def table(self) -> Table:
-        """The element table with its revision."""
-        return self._call(GetTable(client=self._name), TableReply, ASK_TIMEOUT_S).table
+        """Return the element table with its revision."""
+        return self._call(GetTable(client=self._name)).table
 
     def scripts(self) -> Scripts:
-        """The scripts in the logger's script folder."""
-        return self._call(ListScripts(client=self._name), Scripts, SLOW_TIMEOUT_S)
+        """Return the scripts in the logger's script folder."""
+        return self._call(ListScripts(client=self._name))
 
     def read_script(self, path: str = "") -> ScriptText:
-        """The text of a script on the robot's side; without a path the running configuration as a script."""
-        return self._call(ReadScript(path=path, client=self._name), ScriptText, SLOW_TIMEOUT_S)
+        """Return the text of a script on the robot's side; without a path the running configuration as a script."""
+        return self._call(ReadScript(path=path, client=self._name))
 
     def diff_script(self, path: str = "") -> ScriptDiff:
-        """What loading a script would change; without a path the logger's own script."""
-        return self._call(DiffScript(path=path, client=self._name), ScriptDiff, SLOW_TIMEOUT_S)
+        """Return what loading a script would change; without a path the logger's own script."""
+        return self._call(DiffScript(path=path, client=self._name))
 
     def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> "HistoryColumns":
-        """Past samples of at most 64 entries in at most 4096 columns, straight from the buffers."""
+        """Return past samples of at most 64 entries in at most 4096 columns, straight from the buffers."""
         from silo.ipc.view import history_columns
 
         request = GetHistory(
             names=list(names), start_ns=start_ns, end_ns=end_ns, column_ns=column_ns, client=self._name
         )
-        return history_columns(self._call(request, Columns, SLOW_TIMEOUT_S))
+        return history_columns(self._call(request))
 
     # ---------------------------------------------------------------------------------------------------- changing
 
     def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
-        """Edits as one transaction, all or none, based on the table of that revision (-1: whichever)."""
+        """Apply edits as one transaction, all or none, based on the table of that revision (-1: whichever)."""
         request = ApplyEdits(revision=revision, edits=list(edits), client=self._name)
-        return self._call(request, EditsApplied, DO_TIMEOUT_S)
+        return self._call(request)
 
     def start(self) -> Status:
-        """Starts the logger; the buffers are cleared."""
-        return self._call(Start(client=self._name), StatusReply, DO_TIMEOUT_S).status
+        """Start the logger; the buffers are cleared."""
+        return self._call(Start(client=self._name)).status
 
     def stop(self) -> Status:
-        """Stops the logger; stopping a stopped one succeeds."""
-        return self._call(Stop(client=self._name), StatusReply, DO_TIMEOUT_S).status
+        """Stop the logger; stopping a stopped one succeeds."""
+        return self._call(Stop(client=self._name)).status
 
     def restart(self) -> Status:
-        """Stops and starts the logger."""
-        return self._call(Restart(client=self._name), StatusReply, DO_TIMEOUT_S).status
+        """Stop and start the logger."""
+        return self._call(Restart(client=self._name)).status
 
     def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
-        """Applies a script on the robot's side; without a path the logger's own."""
-        return self._call(LoadScript(path=path, revision=revision, client=self._name), EditsApplied, DO_TIMEOUT_S)
+        """Apply a script on the robot's side; without a path the logger's own."""
+        return self._call(LoadScript(path=path, revision=revision, client=self._name))
 
     def save_script(self, path: str = "", overwrite: bool = False) -> str:
-        """Writes the configuration to a script on the robot's side; returns what was done, in words."""
+        """Write the configuration to a script on the robot's side; returns what was done, in words."""
         request = SaveScript(path=path, overwrite=overwrite, client=self._name)
-        return self._call(request, Done, SLOW_TIMEOUT_S).text
+        return self._call(request).text
 
     # ------------------------------------------------------------------------------------------------------ saving
 
     def save(self, types: Sequence[FileType] = (FileType.SILO,), name: str = "") -> int:
-        """Begins to save in the helper process; returns the number of the job for `wait_saved`."""
-        return self._call(Save(types=list(types), name=name, client=self._name), SaveStarted, ASK_TIMEOUT_S).job
+        """Begin to save in the helper process; returns the number of the job for `wait_saved`."""
+        return self._call(Save(types=list(types), name=name, client=self._name)).job
 
     def wait_saved(
         self, job: int, timeout_s: float = 600.0, progress: Callable[[float], None] | None = None
     ) -> list[SavedFile]:
-        """Waits for the end of a save; `progress` is called with the fraction done.
+        """Wait for the end of a save; `progress` is called with the fraction done.
 
         Raises SaveError with the reason if it failed or takes too long, ConnectionLostError if the connection is lost.
         """
@@ -277,7 +262,7 @@ class Client:
         rate_hz: float = 5.0,
         column_ns: int = 100_000_000,
     ) -> "View":
-        """Opens a view: newest values and fill of the elements `values`, columns of the entries `plots`.
+        """Open a view: newest values and fill of the elements `values`, columns of the entries `plots`.
 
         It goes on across reconnections until it is closed.
         """
@@ -294,7 +279,7 @@ class Client:
         view = View(request, next(self._numbers), lambda: self._renew_soon(view), self._forget_view)
         self._connection.attach(view)
         try:
-            view.accept(self._call(view.request, ViewOpened, ASK_TIMEOUT_S))
+            view.accept(self._call(view.request))
         except (RefusedError, ConnectionLostError):
             view.close()
             raise
@@ -303,7 +288,7 @@ class Client:
         return view
 
     def topic(self, element: str) -> "Topic":
-        """Subscribes to every sample of a published element."""
+        """Subscribe to every sample of a published element."""
         from silo.ipc.topic import Topic
 
         topic = Topic(element, self._connection.forget)
@@ -326,7 +311,7 @@ class Client:
                 self._views[view] = 0.0
 
     def _renew_views(self) -> None:
-        """Renews leases, and opens views anew in a new session. Called by the connection's thread; never waits."""
+        """Renew leases, and open views anew in a new session. Called by the connection's thread; never waits."""
         now_s = time.monotonic()
         with self._lock:
             if self._views_session != self._connection.sessions:
@@ -343,7 +328,7 @@ class Client:
                 self._take_renewal(view, payload)
         for view in due:
             key = key_of(view.request, self._connection.root)
-            pending = Pending(self._connection.session(), key, view.request, ASK_TIMEOUT_S)
+            pending = Pending(self._connection.session(), key, view.request, view.request.timeout_s)
             with self._lock:
                 if view in self._views:
                     self._renewals[view] = pending

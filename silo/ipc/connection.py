@@ -20,7 +20,7 @@ from silo.errors import ConnectionLostError, SiloError
 from silo.ipc import keys
 from silo.ipc.discovery import Found, discover
 from silo.ipc.exchange import encoder, exchange, key_of
-from silo.ipc.messages import AnyAsk, AnyDo, AnyReply, Event, Hello, HelloReply
+from silo.ipc.messages import AnyReply, Event, Hello, HelloReply, Request
 from silo.ipc.session import close, open_client, owner_is_gone
 from silo.model import State
 
@@ -37,7 +37,7 @@ class Attachable(Protocol):
     """What lives on across sessions: views and topics."""
 
     def attach(self, session: zenoh.Session, root: keys.Root, client_id: str) -> None:
-        """Subscribes in a new session."""
+        """Subscribe in a new session."""
 
     def detach(self) -> None:
         """The session is about to be closed."""
@@ -46,14 +46,14 @@ class Attachable(Protocol):
 class Pending:
     """A request whose answer nobody waits for: it is looked at when it has come."""
 
-    def __init__(self, session: zenoh.Session, key: str, request: AnyAsk, timeout_s: float) -> None:
+    def __init__(self, session: zenoh.Session, key: str, request: Request[Any], timeout_s: float) -> None:
         # not a ring: it loses what it holds when the query ends
         self._replies = session.get(
             key, zenoh.handlers.FifoChannel(4), payload=encoder.encode(request), timeout=timeout_s
         )
 
     def poll(self) -> tuple[bool, bytes | None]:
-        """Whether it has come to its end, and with what."""
+        """Return whether it has come to its end, and with what."""
         try:
             reply = self._replies.try_recv()
         except zenoh.ZError:
@@ -119,7 +119,7 @@ class Connection:
             self.sessions += 1
 
     def _lose(self, *, tell: bool = True) -> None:
-        """Lets the session go and says so."""
+        """Let the session go and say so."""
         with self._lock:
             session, self._session = self._session, None
             attached = list(self._attached)
@@ -133,7 +133,7 @@ class Connection:
 
     @staticmethod
     def label_of(found: Found) -> str:
-        """How to speak of a logger."""
+        """Return how to speak of a logger."""
         return f"logger '{found.name}'"
 
     # --------------------------------------------------------------------------------------------- for the client
@@ -144,7 +144,7 @@ class Connection:
         return self._session is not None
 
     def session(self) -> zenoh.Session:
-        """The present session. Raises ConnectionLostError while there is none."""
+        """Return the present session. Raises ConnectionLostError while there is none."""
         session = self._session
         if session is None:
             raise ConnectionLostError(
@@ -153,14 +153,14 @@ class Connection:
             )
         return session
 
-    def exchange(self, request: AnyAsk | AnyDo, timeout_s: float, *, key: str = "") -> AnyReply:
-        """Asks and waits. Raises ConnectionLostError."""
+    def exchange(self, request: Request[Any], timeout_s: float, *, key: str = "") -> AnyReply:
+        """Ask and wait. Raises ConnectionLostError."""
         session = self.session()
         target = self.root.key(key) if key else key_of(request, self.root)
         return exchange(session, target, request, timeout_s, self.label_of(self.found))[0]
 
     def attach(self, one: Attachable) -> None:
-        """Subscribes something now and in every later session."""
+        """Subscribe something now and in every later session."""
         one.attach(self.session(), self.root, self.client_id)
         with self._lock:
             self._attached.add(one)
@@ -171,15 +171,15 @@ class Connection:
             self._attached.discard(one)
 
     def on_event(self, callback: Callable[[Event], None]) -> None:
-        """Calls back for every event, in the thread of the connection."""
+        """Call back for every event, in the thread of the connection."""
         self._event_callbacks.append(callback)
 
     def on_link(self, callback: Callable[[bool], None]) -> None:
-        """Calls back with False when the connection is lost, with True when it is there again."""
+        """Call back with False when the connection is lost, with True when it is there again."""
         self._link_callbacks.append(callback)
 
     def close(self) -> None:
-        """Ends the thread and the session; closing twice is fine."""
+        """End the thread and the session; closing twice is fine."""
         self._stop.set()
         if self._thread is not threading.current_thread():
             self._thread.join()
@@ -240,7 +240,7 @@ class Connection:
         self._retry_s = time.monotonic() + RETRY_S
 
     def _candidates(self) -> list[Found]:
-        """The same helper process or its successor first, then other loggers of the name, the newest first."""
+        """Return the same helper process or its successor first, then other loggers of the name, the newest first."""
         if self.found.config:
             return [self.found]
         path = Path(self.found.socket)
@@ -249,7 +249,10 @@ class Connection:
         return self._namesakes()
 
     def _namesakes(self) -> list[Found]:
-        """Loggers of the same name that were started after we connected: those that were there are other robots."""
+        """Return loggers of the same name that were started after we connected.
+
+        Those that were there are other robots.
+        """
         try:
             loggers = discover().loggers
         except SiloError as error:
@@ -283,7 +286,7 @@ def _state_of(reply: AnyReply) -> State:
 
 
 def _age(found: Found) -> float:
-    """When the socket was made; 0 if it is gone."""
+    """Return when the socket was made; 0 if it is gone."""
     try:
         return Path(found.socket).stat().st_ctime
     except OSError:

@@ -5,11 +5,11 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-from silo.errors import ConnectionLostError, SiloError
+from silo.errors import SiloError
 from silo.ipc import keys
 from silo.ipc.exchange import ask_once
 from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders
-from silo.ipc.messages import GetStatus, StatusReply
+from silo.ipc.messages import GetStatus
 from silo.ipc.session import SOCKET_SUFFIX, close, dead_mark, open_client, owner_is_gone
 from silo.model import Status
 from silo.runtime import user_name
@@ -54,7 +54,8 @@ class Answer:
 
 
 def discover(timeout_s: float = 1.0, config: str = "") -> Discovery:
-    """Loggers of this host that this user may talk to; with `config` those that this Zenoh configuration reaches.
+    """Return loggers of this host that this user may talk to; with `config` those that this Zenoh configuration
+    reaches.
 
     A logger whose robot program died is left out once the program was started again.
 
@@ -69,7 +70,7 @@ def discover(timeout_s: float = 1.0, config: str = "") -> Discovery:
 
 
 def _has_successor(gone: Found, others: list[Found]) -> bool:
-    """Whether a logger of this name was started after this one died."""
+    """Return whether a logger of this name was started after this one died."""
     same = [found for found in others if not found.dead and (found.name, found.user) == (gone.name, gone.user)]
     return any(found.since >= gone.since for found in same)
 
@@ -102,14 +103,15 @@ def _remote(config: str, timeout_s: float) -> list[Found]:
 
 
 def survey(loggers: list[Found], timeout_s: float = 1.0) -> list[Answer]:
-    """The status of each logger, asked in parallel: one that is frozen costs `timeout_s`, not the sum of them."""
+    """Return the status of each logger, asked in parallel.
+
+    One that is frozen costs `timeout_s`, not the sum of them.
+    """
     answers: dict[int, Answer] = {}
 
     def ask(place: int, found: Found) -> None:
         try:
             reply = ask_once(found.socket, found.config, GetStatus(), timeout_s, found.host, found.name)
-            if not isinstance(reply, StatusReply):
-                raise ConnectionLostError(f"answered with {type(reply).__name__}")
             answers[place] = Answer(found, reply.status)
         except SiloError as error:
             answers[place] = Answer(found, None, str(error))
@@ -123,7 +125,7 @@ def survey(loggers: list[Found], timeout_s: float = 1.0) -> list[Answer]:
 
 
 def not_found_text(name: str, discovery: Discovery) -> str:
-    """Why a logger can't be reached, and what to do."""
+    """Return why a logger can't be reached, and what to do."""
     wanted = f"no logger '{name}'" if name else "no logger"
     if discovery.loggers:
         others = ", ".join(found.label for found in discovery.loggers)

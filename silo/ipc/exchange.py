@@ -4,31 +4,17 @@ import os
 import socket
 import sys
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import zenoh
 
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc import keys
-from silo.ipc.messages import (
-    AnyAsk,
-    AnyDo,
-    AnyReply,
-    ApplyEdits,
-    LoadScript,
-    Refused,
-    RefusedWhy,
-    Restart,
-    Save,
-    SaveScript,
-    Start,
-    Stop,
-)
+from silo.ipc.messages import AnyReply, Refused, RefusedWhy, ReplyT, Request, reply_type
 from silo.ipc.session import close, open_client
 from silo.model import Problem
 from silo.runtime import user_name
-
-DO_REQUESTS = (ApplyEdits, Start, Stop, Restart, Save, LoadScript, SaveScript)
 
 encoder = msgspec.msgpack.Encoder()
 _reply_decoder = msgspec.msgpack.Decoder(AnyReply)
@@ -44,22 +30,21 @@ class RequestRefusedError(RefusedError):
 
 
 def client_name() -> str:
-    """Who asks, for events: `alice@laptop silo-tui 4711`."""
+    """Return who asks, for events: `alice@laptop silo-tui 4711`."""
     path = Path(sys.argv[0] if sys.argv and sys.argv[0] else "python")
     program = path.parent.name if path.name == "__main__.py" else path.name  # as `python -m` runs it
     return f"{user_name(os.getuid())}@{socket.gethostname()} {program} {os.getpid()}"
 
 
-def key_of(request: AnyAsk | AnyDo, root: keys.Root | None) -> str:
-    """The key that a request goes to; without a root, whoever is at the other end of the session."""
-    kind = "do" if isinstance(request, DO_REQUESTS) else "ask"
-    return root.key(kind) if root is not None else f"silo/*/*/{kind}"
+def key_of(request: Request[Any], root: keys.Root | None) -> str:
+    """Return the key that a request goes to; without a root, whoever is at the other end of the session."""
+    return root.key(request.key) if root is not None else f"silo/*/*/{request.key}"
 
 
 def exchange(
-    session: zenoh.Session, key: str, request: AnyAsk | AnyDo, timeout_s: float, who: str
+    session: zenoh.Session, key: str, request: Request[Any], timeout_s: float, who: str
 ) -> tuple[AnyReply, keys.Root]:
-    """Sends a request and waits for its reply, and says who replied. Raises ConnectionLostError, never a refusal."""
+    """Send a request and wait for its reply, and say who replied. Raises ConnectionLostError, never a refusal."""
     try:
         replies = list(session.get(key, payload=encoder.encode(request), timeout=timeout_s))
     except zenoh.ZError as error:
@@ -78,7 +63,7 @@ def exchange(
 
 
 def decode_reply(payload: bytes, who: str) -> AnyReply:
-    """A reply. Raises ConnectionLostError for one that can't be understood."""
+    """Decode a reply. Raises ConnectionLostError for one that can't be understood."""
     try:
         reply: AnyReply = _reply_decoder.decode(payload)
     except msgspec.MsgspecError as error:
@@ -89,16 +74,26 @@ def decode_reply(payload: bytes, who: str) -> AnyReply:
     return reply
 
 
+def checked_reply(request: Request[ReplyT], reply: AnyReply) -> ReplyT:
+    """Return the reply if it is of the request's type.
+
+    Raises RequestRefusedError for a refusal, ConnectionLostError for another reply.
+    """
+    if isinstance(reply, Refused):
+        raise RequestRefusedError(reply)
+    if not isinstance(reply, reply_type(type(request))):
+        raise ConnectionLostError(f"the helper process answered {type(request).__name__} with a {type(reply).__name__}")
+    return reply
+
+
 def ask_once(
-    socket_path: str, config: str, request: AnyAsk | AnyDo, timeout_s: float, host: str = "", logger: str = ""
-) -> AnyReply:
-    """Opens a session, asks, closes it. Raises ConnectionLostError, or RequestRefusedError."""
+    socket_path: str, config: str, request: Request[ReplyT], timeout_s: float, host: str = "", logger: str = ""
+) -> ReplyT:
+    """Open a session, ask, close it. Raises ConnectionLostError, or RequestRefusedError."""
     session = open_client(Path(socket_path) if socket_path else None, config or None)
     try:
         root = keys.Root(host, logger) if host else None
         reply, _ = exchange(session, key_of(request, root), request, timeout_s, f"logger '{logger}'")
     finally:
         close(session)
-    if isinstance(reply, Refused):
-        raise RequestRefusedError(reply)
-    return reply
+    return checked_reply(request, reply)

@@ -33,7 +33,8 @@ class ForbiddenFolder:
 
 
 def group_folder(group: str) -> Path:
-    """The folder that this process shares with the members of a group; made, and given to the group, where missing.
+    """Return the folder that this process shares with the members of a group; made, and given to the group, where
+    missing.
 
     Raises SegmentError with the reason: no such group, not a member of it, or somebody else's folder.
     """
@@ -69,7 +70,7 @@ def _group_path(uid: int, gid: int) -> Path:
 
 
 def share_socket(socket: Path, folder: Path) -> None:
-    """Lets the group of `folder` use a socket in it, and see from its lock whether the owner lives."""
+    """Let the group of `folder` use a socket in it, and see from its lock whether the owner lives."""
     gid = folder.stat().st_gid
     for path, mode in ((socket, 0o770), (Path(f"{socket}.lock"), 0o640), (Path(f"{socket}.secret"), 0o640)):
         if path.exists():
@@ -78,12 +79,12 @@ def share_socket(socket: Path, folder: Path) -> None:
 
 
 def usable_folders() -> list[Path]:
-    """Folders in which this user may look for loggers, the private one first."""
+    """Return folders in which this user may look for loggers, the private one first."""
     return [runtime_dir(), *(path for path in _candidates() if _is_usable(path))]
 
 
 def forbidden_folders() -> list[ForbiddenFolder]:
-    """Folders of other users in which a logger listens, or seems to, and that this user may not enter."""
+    """Return folders of other users in which a logger listens, or seems to, and that this user may not enter."""
     if os.environ.get("SILO_RUNTIME_DIR"):
         return []
     closed = [path for path in _candidates() if not _is_usable(path)]
@@ -92,7 +93,7 @@ def forbidden_folders() -> list[ForbiddenFolder]:
 
 
 def _candidates() -> list[Path]:
-    """All folders but the private one that are named like ours."""
+    """Return all folders but the private one that are named like ours."""
     override = os.environ.get("SILO_RUNTIME_DIR")
     if override:
         own = Path(override)
@@ -103,7 +104,7 @@ def _candidates() -> list[Path]:
 
 
 def _is_usable(path: Path) -> bool:
-    """Whether a folder is what its name says, closed to strangers, and open to us."""
+    """Return whether a folder is what its name says, closed to strangers, and open to us."""
     try:
         found = path.lstat()
     except OSError:
@@ -119,7 +120,10 @@ def _is_usable(path: Path) -> bool:
 
 
 def _listening() -> dict[str, list[str]]:
-    """Names of loggers that listen, by folder, as the kernel lists them: readable without entering the folder."""
+    """Return names of loggers that listen, by folder, as the kernel lists them.
+
+    Readable without entering the folder.
+    """
     try:
         lines = Path("/proc/net/unix").read_text(errors="replace").splitlines()
     except OSError:

@@ -30,27 +30,27 @@ class Root(NamedTuple):
         return f"silo/{escape(self.host)}/{escape(self.logger)}"
 
     def key(self, *parts: str) -> str:
-        """A key of this logger: `root.key("view", "x1-2")`."""
+        """Return a key of this logger: `root.key("view", "x1-2")`."""
         return "/".join((str(self), *parts))
 
     def topic(self, element: str) -> str:
-        """Where the samples of an element are published."""
+        """Return where the samples of an element are published."""
         return f"{self}/topic/{escape(element.strip('/'))}"
 
 
 def escape(name: str) -> str:
-    """A name as part of a key; slashes stay, reserved characters become `%XX`, empty chunks `%`."""
+    """Return a name as part of a key; slashes stay, reserved characters become `%XX`, empty chunks `%`."""
     escaped = _RESERVED.sub(lambda found: f"%{ord(found[0]):02X}", name)
     return "/".join(chunk or "%" for chunk in escaped.split("/"))
 
 
 def unescape(key: str) -> str:
-    """The name that `escape` made this of."""
+    """Return the name that `escape` made this of."""
     return "/".join("" if chunk == "%" else unquote(chunk) for chunk in key.split("/"))
 
 
 def root_of(key: str) -> Root:
-    """The logger that a key belongs to. Raises ValueError for a key that isn't silo's."""
+    """Return the logger that a key belongs to. Raises ValueError for a key that isn't silo's."""
     chunks = key.split("/", 3)
     if len(chunks) < 3 or chunks[0] != "silo":
         raise ValueError(f"{key!r} is not a key of silo")
@@ -58,5 +58,5 @@ def root_of(key: str) -> Root:
 
 
 def client_of_view(view: str) -> str:
-    """The id of the client that made a view id."""
+    """Return the id of the client that made a view id."""
     return view.rsplit("-", 1)[0]

@@ -2,9 +2,16 @@
 
 All are msgspec structs in msgpack. Requests that only read go to the key `ask`, those that change something to `do`:
 two keys, so that roles can be given by access control. Every request gets exactly one reply.
+
+A request says here all that there is to know of it: its fields, its key, its reply, how long its client waits. What is
+done is one handler in `silo.helper.answers` (and, if the robot process does it, one in `silo.logger.answers`); who asks
+calls a method of `silo.ipc.client.Client`.
 """
 
 import enum
+import functools
+import operator
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeAlias, TypeVar, get_args
 
 import msgspec
 
@@ -12,123 +19,7 @@ from silo.model import Edit, FieldChange, FileType, Problem, SavedFile, State, S
 
 PROTOCOL = 1
 
-# ------------------------------------------------------------------------------------------------- requests: `ask`
-
-
-class Request(msgspec.Struct, frozen=True, tag=True, kw_only=True):
-    """Base of all requests. `client` says who asks, for events: `alice@laptop silo-tui 4711`."""
-
-    client: str = ""
-
-
-class Hello(Request, frozen=True):
-    """Who am I and what may I do? Answered by `HelloReply`. Everybody may ask."""
-
-
-class GetStatus(Request, frozen=True):
-    """Answered by `Status`."""
-
-
-class GetTable(Request, frozen=True):
-    """Answered by `Table`."""
-
-
-class ListScripts(Request, frozen=True):
-    """Answered by `Scripts`: the YAML files in the folder of the logger's script."""
-
-
-class ReadScript(Request, frozen=True):
-    """Answered by `ScriptText`. An empty path is the running configuration as a script."""
-
-    path: str = ""
-
-
-class DiffScript(Request, frozen=True):
-    """What loading this script would change; checks it too. Answered by `ScriptDiff`."""
-
-    path: str = ""
-
-
-class GetHistory(Request, frozen=True):
-    """Past samples in columns of `column_ns`; answered by `Columns`. Column k covers `[k, k + 1) * column_ns`.
-
-    `names` are entry names (`/log/q_x`). At most 4096 columns.
-    """
-
-    names: list[str]
-    start_ns: int
-    end_ns: int
-    column_ns: int
-
-
-class OpenView(Request, frozen=True):
-    """Opens or replaces the view `view` (an id that the client makes): one `ViewFrame` per refresh.
-
-    `values` are element names of which the newest value of every entry is wanted, `plots` entry names of which minimum
-    and maximum per column of `column_ns` are wanted. A view ends when it isn't opened again within its lease (6 s; the
-    same request renews it) or when its client's liveliness token disappears. Answered by `ViewOpened`.
-    """
-
-    view: str
-    values: list[str] = []
-    plots: list[str] = []
-    rate_hz: float = 5.0
-    column_ns: int = 100_000_000
-
-
-class CloseView(Request, frozen=True):
-    """Answered by `Done`."""
-
-    view: str
-
-
-# -------------------------------------------------------------------------------------------------- requests: `do`
-
-
-class ApplyEdits(Request, frozen=True):
-    """All or nothing, and only while stopped. `revision` is the table's that the edits are based on (-1: any)."""
-
-    revision: int
-    edits: list[Edit]
-
-
-class Start(Request, frozen=True):
-    """Answered by `Status`."""
-
-
-class Stop(Request, frozen=True):
-    """Answered by `Status`. Stopping a stopped logger succeeds."""
-
-
-class Restart(Request, frozen=True):
-    """Answered by `Status`."""
-
-
-class Save(Request, frozen=True):
-    """Save the data in the helper process. Answered by `SaveStarted` at once; progress and result come as events.
-
-    `name` replaces the usual file name (a plain name: no `/`, no leading dot). `folder` (absolute) replaces the
-    logger's own; only the robot program may choose it.
-    """
-
-    types: list[FileType]
-    name: str = ""
-    folder: str = ""
-
-
-class LoadScript(Request, frozen=True):
-    """Apply a script, only while stopped. Answered by `EditsApplied` (with the unknown names) or `Refused`."""
-
-    path: str = ""
-    revision: int = -1
-
-
-class SaveScript(Request, frozen=True):
-    """Write the configuration to a script inside the script folder. Answered by `Done`, or `Refused` if it exists."""
-
-    path: str = ""
-    overwrite: bool = False
-
+ReplyT = TypeVar("ReplyT", bound="Reply")
 
 # --------------------------------------------------------------------------------------------------------- replies
 
@@ -249,12 +140,188 @@ class Refused(Reply, frozen=True):
     problems: list[Problem] = []
 
 
-AnyAsk = Hello | GetStatus | GetTable | ListScripts | ReadScript | DiffScript | GetHistory | OpenView | CloseView
-AnyDo = ApplyEdits | Start | Stop | Restart | Save | LoadScript | SaveScript
-AnyReply = (
-    HelloReply | StatusReply | TableReply | Scripts | ScriptText | ScriptDiff | EditsApplied
-    | ViewOpened | Columns | SaveStarted | Done | Refused
-)  # fmt: skip
+# -------------------------------------------------------------------------------------------------------- requests
+
+
+class Request(msgspec.Struct, Generic[ReplyT], frozen=True, tag=True, kw_only=True):
+    """Base of all requests, by the type of their reply.
+
+    `client` says who asks, for events: `alice@laptop silo-tui 4711`. `timeout_s` is how long a client waits.
+    """
+
+    key: ClassVar[str]
+    timeout_s: ClassVar[float]
+
+    client: str = ""
+
+
+class Ask(Request[ReplyT], Generic[ReplyT], frozen=True):
+    """Base of the requests that only read."""
+
+    key: ClassVar[str] = "ask"
+    timeout_s: ClassVar[float] = 2.0
+
+
+class SlowAsk(Ask[ReplyT], Generic[ReplyT], frozen=True):
+    """Base of those for which files or gigabytes are read: a thread of its own answers them."""
+
+    timeout_s: ClassVar[float] = 15.0
+
+
+class Do(Request[ReplyT], Generic[ReplyT], frozen=True):
+    """Base of the requests that change something."""
+
+    key: ClassVar[str] = "do"
+    timeout_s: ClassVar[float] = 8.0  # the helper itself waits 5 s for the robot process
+
+
+class RobotRequest(Do[ReplyT], Generic[ReplyT], frozen=True):
+    """Base of the requests that the helper process hands on to the robot process."""
+
+
+# ------------------------------------------------------------------------------------------------ requests that read
+
+
+class Hello(Ask[HelloReply], frozen=True):
+    """Who am I and what may I do? May be asked on the key `do` too: only who may change something gets an answer."""
+
+
+class GetStatus(Ask[StatusReply], frozen=True):
+    """What is the logger's state?"""
+
+
+class GetTable(Ask[TableReply], frozen=True):
+    """Which elements are there, with which options?"""
+
+
+class ListScripts(SlowAsk[Scripts], frozen=True):
+    """Which YAML files are in the folder of the logger's script?"""
+
+    timeout_s: ClassVar[float] = 15.0
+
+
+class ReadScript(SlowAsk[ScriptText], frozen=True):
+    """What stands in a script? An empty path is the running configuration as a script."""
+
+    path: str = ""
+
+
+class DiffScript(SlowAsk[ScriptDiff], frozen=True):
+    """What would loading this script change? Checks it too."""
+
+    path: str = ""
+
+
+class GetHistory(SlowAsk[Columns], frozen=True):
+    """Past samples in columns of `column_ns`. Column k covers `[k, k + 1) * column_ns`.
+
+    `names` are entry names (`/log/q_x`). At most 4096 columns.
+    """
+
+    names: list[str]
+    start_ns: int
+    end_ns: int
+    column_ns: int
+
+
+class OpenView(Ask[ViewOpened], frozen=True):
+    """Open or replace the view `view` (an id that the client makes): one `ViewFrame` per refresh.
+
+    `values` are element names of which the newest value of every entry is wanted, `plots` entry names of which minimum
+    and maximum per column of `column_ns` are wanted. A view ends when it isn't opened again within its lease (6 s; the
+    same request renews it) or when its client's liveliness token disappears.
+    """
+
+    view: str
+    values: list[str] = []
+    plots: list[str] = []
+    rate_hz: float = 5.0
+    column_ns: int = 100_000_000
+
+
+class CloseView(Ask[Done], frozen=True):
+    """Send no more frames of this view."""
+
+    view: str
+
+
+# ---------------------------------------------------------------------------------------------- requests that change
+
+
+class ApplyEdits(RobotRequest[EditsApplied], frozen=True):
+    """All or nothing, and only while stopped. `revision` is the table's that the edits are based on (-1: any)."""
+
+    revision: int
+    edits: list[Edit]
+
+
+class Start(RobotRequest[StatusReply], frozen=True):
+    """Clear the buffers and log."""
+
+
+class Stop(RobotRequest[StatusReply], frozen=True):
+    """Stop logging. Stopping a stopped logger succeeds."""
+
+
+class Restart(RobotRequest[StatusReply], frozen=True):
+    """Stop and start."""
+
+
+class Save(Do[SaveStarted], frozen=True):
+    """Save the data in the helper process. The reply comes at once; progress and result come as events.
+
+    `name` replaces the usual file name (a plain name: no `/`, no leading dot). `folder` (absolute) replaces the
+    logger's own; only the robot program may choose it.
+    """
+
+    timeout_s: ClassVar[float] = 2.0
+
+    types: list[FileType]
+    name: str = ""
+    folder: str = ""
+
+
+class LoadScript(Do[EditsApplied], frozen=True):
+    """Apply a script, only while stopped. The reply has the names that the table lacks."""
+
+    path: str = ""
+    revision: int = -1
+
+
+class SaveScript(Do[Done], frozen=True):
+    """Write the configuration to a script inside the script folder; refused if it exists."""
+
+    timeout_s: ClassVar[float] = 15.0
+
+    path: str = ""
+    overwrite: bool = False
+
+
+# ------------------------------------------------------------------------------------------------- all there are
+
+
+def leaves(base: type[msgspec.Struct]) -> tuple[type[Any], ...]:
+    """Return the structs below a base that are no bases themselves."""
+    found: list[type[Any]] = []
+    for kind in base.__subclasses__():
+        found += leaves(kind) or (kind,)
+    return tuple(found)
+
+
+def reply_type(request: type[Request[ReplyT]]) -> type[ReplyT]:
+    """Return the type of the reply that a request declares."""
+    kind: type[ReplyT] = get_args(vars(request)["__orig_bases__"][0])[0]
+    return kind
+
+
+if TYPE_CHECKING:
+    AnyAsk: TypeAlias = Ask[Any]
+    AnyDo: TypeAlias = Do[Any]
+    AnyReply: TypeAlias = Reply
+else:  # the unions of all of them, by whose tags msgspec decodes
+    AnyAsk = functools.reduce(operator.or_, leaves(Ask))
+    AnyDo = functools.reduce(operator.or_, leaves(Do))
+    AnyReply = functools.reduce(operator.or_, leaves(Reply))
 
 
 # ------------------------------------------------------------------------------------------------ published: views
@@ -263,11 +330,12 @@ AnyReply = (
 class ViewFrame(msgspec.Struct, frozen=True):
     """One refresh of one view: put on `.../view/<id>`.
 
-    `number` counts frames, so that gaps are seen. `generation` is that of the `ViewOpened` that explains the frame: it
-    changes with a restart or an edit, and the client opens the view again. `held` and `lost` have one int64 per element
-    of `values`; `newest` one float64 per entry (NaN where there is none; integers beyond 2**53 are rounded); `texts`
-    holds the newest value of each string entry by its position; `low`/`high` float64 of shape `(len(plots), count)`:
-    columns `first ... first + count - 1`, the last of them perhaps not complete yet (it comes again).
+    `number` counts frames, so that gaps are seen. `generation` is that of the `ViewOpened` that explains the frame:
+    it changes with a restart or an edit, and the client opens the view again. `lost_total` counts samples. `held`
+    and `lost` have one int64 per element of `values`; `newest` one float64 per entry (NaN where there is none;
+    integers beyond 2**53 are rounded); `texts` holds the newest value of each string entry by its position;
+    `low`/`high` float64 of shape `(len(plots), count)`: columns `first ... first + count - 1`, the last of them
+    perhaps not complete yet (it comes again).
     """
 
     number: int

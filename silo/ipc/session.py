@@ -40,7 +40,7 @@ _COMMON: dict[str, Any] = {
 
 
 def socket_path(folder: Path, logger: str, pid: int, copy: int = 0) -> Path:
-    """Where logger `logger` of process `pid` listens; `copy` tells loggers of one name in one process apart.
+    """Return where logger `logger` of process `pid` listens; `copy` tells loggers of one name in one process apart.
 
     Raises ConnectionLostError for a path that is too long for a socket.
     """
@@ -54,7 +54,7 @@ def socket_path(folder: Path, logger: str, pid: int, copy: int = 0) -> Path:
 
 
 def owner_is_gone(path: Path) -> bool:
-    """Whether the process that listened on a socket has ended; while it listens, Zenoh locks `<socket>.lock`."""
+    """Return whether the process that listened on a socket has ended; while it listens, Zenoh locks `<socket>.lock`."""
     try:
         descriptor = os.open(f"{path}.lock", os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
     except FileNotFoundError:
@@ -71,12 +71,12 @@ def owner_is_gone(path: Path) -> bool:
 
 
 def dead_mark(path: Path) -> Path:
-    """The file that says that the robot program behind a socket is dead: only its helper still answers."""
+    """Return the file that says that the robot program behind a socket is dead: only its helper still answers."""
     return Path(f"{path}.dead")
 
 
 def secret_file(path: Path) -> Path:
-    """`user:password` for local clients of a logger that asks remote ones for a password."""
+    """Return `user:password` for local clients of a logger that asks remote ones for a password."""
     return Path(f"{path}.secret")
 
 
@@ -85,7 +85,7 @@ def _users_file(path: Path) -> Path:
 
 
 def sweep(folder: Path) -> None:
-    """Removes the sockets of processes that ended, from a folder of this user."""
+    """Remove the sockets of processes that ended, from a folder of this user."""
     for lock in folder.glob(f"*{SOCKET_SUFFIX}.lock"):
         path = lock.with_suffix("")
         if owner_is_gone(path):
@@ -93,14 +93,14 @@ def sweep(folder: Path) -> None:
 
 
 def remove_socket(path: Path) -> None:
-    """Removes a socket, its lock and what else belongs to it."""
+    """Remove a socket, its lock and what else belongs to it."""
     for stale in (path, Path(f"{path}.lock"), dead_mark(path), secret_file(path), _users_file(path)):
         with contextlib.suppress(FileNotFoundError):
             stale.unlink()
 
 
 def open_server(folder: Path, logger: str, pid: int, config: str | None = None) -> tuple[zenoh.Session, Path]:
-    """A session that listens on a Unix socket in `folder`, and on what the file `config` adds to it.
+    """Return a session that listens on a Unix socket in `folder`, and on what the file `config` adds to it.
 
     Raises ConnectionLostError with the reason. A client that sweeps at this very moment holds the lock for some
     microseconds: hence several tries.
@@ -164,7 +164,7 @@ def _from_file(config: str) -> zenoh.Config:
 
 
 def _endpoints(settings: zenoh.Config) -> list[str]:
-    """What a file says to listen on; nothing if it leaves Zenoh's default, which is the whole network."""
+    """Return what a file says to listen on; nothing if it leaves Zenoh's default, which is the whole network."""
     found = json.loads(settings.get_json("listen/endpoints"))
     if isinstance(found, dict):
         found = found.get("peer", [])
@@ -180,7 +180,7 @@ def _insert(settings: zenoh.Config, values: dict[str, Any], prefix: str = "") ->
 
 
 def open_client(path: Path | None, config: str | None = None) -> zenoh.Session:
-    """A session that is connected to one logger by its socket, or to what the file `config` names.
+    """Return a session that is connected to one logger by its socket, or to what the file `config` names.
 
     Raises ConnectionLostError where nobody listens, PermissionError's words included.
     """
@@ -211,18 +211,18 @@ def open_client(path: Path | None, config: str | None = None) -> zenoh.Session:
 
 
 def forget(path: Path) -> None:
-    """Removes what a closed server session leaves beside its socket."""
+    """Remove what a closed server session leaves beside its socket."""
     for left in (dead_mark(path), secret_file(path), _users_file(path)):
         left.unlink(missing_ok=True)
 
 
 def close(session: zenoh.Session) -> None:
-    """Closes a session; takes up to 2.5 s if the other side is frozen."""
+    """Close a session; takes up to 2.5 s if the other side is frozen."""
     session.close()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
 
 
 def _reason(error: Exception | None) -> str:
-    """Zenoh's words without the places in its sources."""
+    """Return Zenoh's words without the places in its sources."""
     text = str(error).split(" at /", 1)[0].strip()
     return text.splitlines()[0][:300] if text else type(error).__name__
 

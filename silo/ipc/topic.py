@@ -38,7 +38,7 @@ class Topic:
         self._next = -1
 
     def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
-        """Subscribes in a session; the one before is closed already."""
+        """Subscribe in a session; the one before is closed already."""
         # 26 s of batches, should the reader pause
         subscriber = session.declare_subscriber(root.topic(self.element), zenoh.handlers.RingChannel(512))
         with self._lock:
@@ -51,7 +51,7 @@ class Topic:
             self._subscriber = None
 
     def read(self) -> list[Batch]:
-        """The batches that came since the last call."""
+        """Return the batches that came since the last call."""
         batches: list[Batch] = []
         with self._lock:
             while self._subscriber is not None and (sample := self._subscriber.try_recv()) is not None:
@@ -63,7 +63,7 @@ class Topic:
         return batches
 
     def close(self) -> None:
-        """Ends the subscription; closing twice is fine."""
+        """End the subscription; closing twice is fine."""
         with self._lock:
             subscriber, self._subscriber = self._subscriber, None
         if subscriber is not None:
@@ -78,7 +78,7 @@ class Topic:
 
 
 def decode_batch(sample: zenoh.Sample) -> Batch:
-    """The arrays of a sample. Raises ConnectionLostError for an encoding that isn't silo's."""
+    """Return the arrays of a sample. Raises ConnectionLostError for an encoding that isn't silo's."""
     payload = sample.payload.to_bytes()
     dtype, shape = _layout(str(sample.encoding))
     count = len(payload) // (8 + dtype.itemsize * int(np.prod(shape)))
@@ -89,7 +89,7 @@ def decode_batch(sample: zenoh.Sample) -> Batch:
 
 
 def _layout(encoding: str) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    """Type and shape of a value, from `silo/samples;dtype=<f8;shape=3` or `silo/samples;fields=_x:<f8,_n:<i4`."""
+    """Read type and shape of a value from `silo/samples;dtype=<f8;shape=3` or `silo/samples;fields=_x:<f8,_n:<i4`."""
     kind, *parts = encoding.split(";")
     facts = dict(part.split("=", 1) for part in parts if "=" in part)
     if kind != "silo/samples" or not facts.keys() & {"dtype", "fields"}:

@@ -25,12 +25,12 @@ class LinkChannel:
         self._socket = sock
 
     def send(self, message: LinkMessage) -> None:
-        """Sends one message; waits while the other side's buffer is full. Raises OSError if it is gone."""
+        """Send one message; waits while the other side's buffer is full. Raises OSError if it is gone."""
         body = _encoder.encode(message)
         self._socket.sendall(_LENGTH.pack(len(body)) + body)
 
     def receive(self) -> LinkMessage | None:
-        """The next message; None when the other side is gone, also in the middle of a message.
+        """Return the next message; None when the other side is gone, also in the middle of a message.
 
         Raises ConnectionLostError for bytes that are no message.
         """

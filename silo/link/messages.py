@@ -2,17 +2,7 @@
 
 import msgspec
 
-from silo.ipc.messages import (
-    ApplyEdits,
-    Done,
-    EditsApplied,
-    Refused,
-    Restart,
-    Save,
-    SaveStarted,
-    Start,
-    Stop,
-)
+from silo.ipc.messages import AnyDo, AnyReply
 from silo.model import SavedFile, State, Table
 
 
@@ -33,17 +23,17 @@ class RobotState(msgspec.Struct, frozen=True, tag=True):
 
 
 class LinkRequest(msgspec.Struct, frozen=True, tag=True):
-    """Either way: a request with a number. Helper to robot: ApplyEdits, Start, Stop, Restart; robot to helper: Save."""
+    """Either way: a request with a number. Helper to robot: those handed on (`RobotRequest`); robot to helper: Save."""
 
     number: int
-    request: ApplyEdits | Start | Stop | Restart | Save
+    request: AnyDo
 
 
 class LinkReply(msgspec.Struct, frozen=True, tag=True):
     """The answer to the request of that number. The robot answers only after it has pushed its new `RobotState`."""
 
     number: int
-    reply: EditsApplied | Done | Refused | SaveStarted
+    reply: AnyReply
 
 
 class LinkSaved(msgspec.Struct, frozen=True, tag=True):

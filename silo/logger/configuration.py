@@ -57,7 +57,7 @@ class Configuration:
         return self._lock
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
-        """Why edits can't be applied, one per field; empty when they can."""
+        """Return why edits can't be applied, one per field; empty when they can."""
         return self._table.problems(edits)
 
     @property
@@ -178,7 +178,7 @@ class Configuration:
         return self.set(name, enabled=False)
 
     def apply(self, edits: Sequence[Edit]) -> int:
-        """Edits as one transaction, all or none; returns how many elements changed. Raises like `set`."""
+        """Apply edits as one transaction, all or none; returns how many elements changed. Raises like `set`."""
         with self._lock:
             self._check_stopped("change elements")
             problems = self._table.problems(edits)

@@ -26,7 +26,7 @@ def init(name: str = "silo", **options: Any) -> Logger:
 
 
 def logger() -> Logger | NullLogger:
-    """The default logger."""
+    """Return the default logger."""
     return _default
 
 
@@ -36,7 +36,7 @@ def add(source: object, name: str | None = None, **options: Any) -> None:
 
 
 def array(name: str, shape: int | tuple[int, ...] = (), dtype: DTypeLike = float, **options: Any) -> NDArray[Any]:
-    """`Logger.array` of the default logger."""
+    """Return `Logger.array` of the default logger."""
     return _default.array(name, shape, dtype, **options)
 
 
@@ -70,12 +70,12 @@ def save(
     name: str | None = None,
     folder: str | os.PathLike[str] | None = None,
 ) -> list[SavedFile]:
-    """`Logger.save` of the default logger."""
+    """Return `Logger.save` of the default logger."""
     return _default.save(types, name, folder)
 
 
 def serve(*, group: str | None = None, config: str | os.PathLike[str] | None = None) -> Any:
-    """`Logger.serve` of the default logger; returns a context manager."""
+    """Return `Logger.serve` of the default logger; returns a context manager."""
     return _default.serve(group=group, config=config)
 
 

@@ -4,20 +4,22 @@
 takes one lock, which `collect()` never touches.
 """
 
+import atexit
 import functools
 import logging
 import os
 import sys
 import threading
+import weakref
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from silo.collecting.losses import lost_samples
 from silo.collecting.run import Run
 from silo.collecting.schema import STOP_TEXTS, StopReason
 from silo.errors import SegmentError, SiloError, StateError
-from silo.logger import ending
 from silo.logger.configuration import Configuration
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_type, logger_options, nanosecond_clock
@@ -28,6 +30,9 @@ if TYPE_CHECKING:
     from silo.logger.serving import Serving
 
 log = logging.getLogger("silo")
+
+
+_living: "weakref.WeakSet[Logger]" = weakref.WeakSet()
 
 
 def _idle() -> None:
@@ -85,9 +90,10 @@ class Logger(Configuration):
         self._run_number = 0
         self._reason = ""
         self._saved_ticks = 0
+        self._lost_at_end: int | None = None  # once the segment that counts is gone
         self._new_values = NewValuesReader()
         self._serving: Serving | None = None
-        ending.watch(self)
+        _living.add(self)  # its data outlives a process that ends without close()
 
     # ------------------------------------------------------------------------------------------------ the loop
 
@@ -197,8 +203,10 @@ class Logger(Configuration):
 
     @property
     def lost(self) -> int:
-        """Rows that could not be kept since the last start."""
-        return self._run.segment.lost if self._run else 0
+        """Samples that could not be kept since the last start (memory limit), all elements together."""
+        if self._lost_at_end is not None:
+            return self._lost_at_end
+        return lost_samples(self._run.reader) if self._run and self._run.segment.lost else 0
 
     @property
     def stop_reason(self) -> str:
@@ -213,7 +221,9 @@ class Logger(Configuration):
     # ---------------------------------------------------------------------------------------------------- data
 
     def snapshot(self) -> Recording:
-        """What the buffers hold now, cut at one tick; collection goes on. Raises StateError before the first start."""
+        """Return what the buffers hold now, cut at one tick; collection goes on. Raises StateError before the first
+        start.
+        """
         with self._lock:
             self._check_open()
             if self._run is None:
@@ -221,7 +231,10 @@ class Logger(Configuration):
             return self._run.reader.snapshot()
 
     def read_new_values(self, name: str) -> NewValues:
-        """All samples of an element since the last such call, oldest first; `missed` counts those overwritten."""
+        """Return all samples of an element since the last such call, oldest first.
+
+        `missed` counts those overwritten.
+        """
         with self._lock:
             self._check_open()
             info = self._table.elements[self._table.place(name)].info
@@ -293,11 +306,15 @@ class Logger(Configuration):
             self._closed = True
         if self._serving is not None:
             self._serving.close()
-        if self._run is not None:
-            self._run.drop()
+        self._drop()
         self._table.release()
 
     cleanup = close
+
+    def _drop(self) -> None:
+        if self._run is not None:
+            self._lost_at_end = self.lost
+            self._run.drop()
 
     def __enter__(self) -> "Logger":
         return self
@@ -336,7 +353,7 @@ class Logger(Configuration):
         except SiloError as failure:
             self._say_where_it_is(f": {failure}")
             return
-        self._run.drop()
+        self._drop()
         paths = ", ".join(file.path for file in saved)
         print(f"silo: logger '{options.name}' ended without save() or close(); saved {paths}", file=sys.stderr)
 
@@ -383,3 +400,17 @@ class Logger(Configuration):
         self._closed = True
         self._serving = None
         self._run = None
+
+
+@atexit.register
+def _end_of_process() -> None:
+    for logger in list(_living):
+        logger.abandon()
+
+
+def _forked() -> None:
+    for logger in list(_living):
+        logger.after_fork_in_child()
+
+
+os.register_at_fork(after_in_child=_forked)

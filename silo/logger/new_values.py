@@ -34,7 +34,7 @@ class NewValuesReader:
         self._elements: dict[str, ElementSchema] = {}
 
     def read(self, reader: SegmentReader, name: str) -> NewValues:
-        """Raises StateError for an element that isn't logged in this run."""
+        """Raise StateError for an element that isn't logged in this run."""
         if not self._elements:
             self._elements = {element.info.name: element for element in reader.schema.elements}
         if name not in self._elements:

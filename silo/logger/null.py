@@ -98,7 +98,7 @@ class NullLogger:
     def array(
         self, name: str, shape: int | tuple[int, ...] = (), dtype: DTypeLike = float, **options: Any
     ) -> NDArray[Any]:
-        """Zeros of this shape and type."""
+        """Return zeros of this shape and type."""
         return np.zeros(shape, dtype)
 
     def update(self, *, read_script: bool = True) -> None:
@@ -141,11 +141,11 @@ class NullLogger:
         return Path(path or self.options.script)
 
     def snapshot(self) -> Recording:
-        """An empty recording."""
+        """Return an empty recording."""
         return Recording(self.options.name, np.empty(0, np.int64), 0, ())
 
     def read_new_values(self, name: str) -> NewValues:
-        """No values."""
+        """Return no values."""
         return NewValues(np.empty(0, np.int64), np.empty(0), 0)
 
     def save(
@@ -158,7 +158,7 @@ class NullLogger:
         return []
 
     def serve(self, *, group: str | None = None, config: str | os.PathLike[str] | None = None) -> NullServing:
-        """Nothing listens."""
+        """Start nothing: nobody listens."""
         return NullServing()
 
     def close(self) -> None:

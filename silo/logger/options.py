@@ -31,7 +31,7 @@ def logger_options(
     checked: bool,
     threads: str | Threads,
 ) -> LoggerOptions:
-    """Options with absolute paths. Raises ElementError that names the argument, its value and its range."""
+    """Return options with absolute paths. Raises ElementError that names the argument, its value and its range."""
     if not NAME_PATTERN.fullmatch(text("the logger's name", name, 'silo.Logger("robot")')):
         raise ElementError(f"logger name {name!r}: 1 to 40 letters, digits, '_', '-' or '.', a letter or digit first")
     if storage not in set(Storage):
@@ -60,7 +60,7 @@ def _prefix(given: str) -> str:
 
 
 def nanosecond_clock(clock: Callable[[], int | float] | None) -> Callable[[], int]:
-    """A clock of int nanoseconds, whichever unit it was given in. Raises ElementError for anything else."""
+    """Return a clock of int nanoseconds, whichever unit it was given in. Raises ElementError for anything else."""
     if clock is None:
         return time.time_ns
     if not callable(clock):
@@ -92,7 +92,7 @@ def _whole_nanoseconds(clock: Callable[[], int | float]) -> int:
 
 
 def name_of(source: object, attr: str | None) -> str:
-    """The name of an element that was given none. Raises ElementError where none can be told."""
+    """Return the name of an element that was given none. Raises ElementError where none can be told."""
     name = attr.rsplit(".", 1)[-1] if attr else getattr(source, "__name__", "")
     if not name or name == "<lambda>":
         raise ElementError(f'give the element a name: log.add({type(source).__name__.lower()}, "name")')
@@ -100,7 +100,7 @@ def name_of(source: object, attr: str | None) -> str:
 
 
 def file_type(given: FileType | str) -> FileType:
-    """A file type by its name. Raises ElementError."""
+    """Return a file type by its name. Raises ElementError."""
     if isinstance(given, FileType):
         return given
     try:

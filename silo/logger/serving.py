@@ -16,29 +16,13 @@ import threading
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
 
-import msgspec
-
-from silo.errors import ConnectionLostError, SaveError, SiloError, StateError
-from silo.ipc.messages import (
-    ApplyEdits,
-    Done,
-    EditsApplied,
-    Refused,
-    RefusedWhy,
-    Restart,
-    Save,
-    SaveStarted,
-    Start,
-    Stop,
-)
+from silo.errors import ConnectionLostError, SaveError, SiloError
+from silo.ipc.messages import Done, Refused, Save, SaveStarted
 from silo.link.channel import LinkChannel
 from silo.link.messages import Goodbye, LinkReply, LinkRequest, LinkSaved, RobotState
-from silo.model import FileType, SavedFile, Table
-
-if TYPE_CHECKING:
-    from silo.logger.logger import Logger
+from silo.logger.answers import Served, answer, robot_state
+from silo.model import FileType, SavedFile
 
 log = logging.getLogger("silo")
 
@@ -52,7 +36,7 @@ RESPAWN_WINDOW_S = 60.0
 class Serving:
     """A served logger: a helper process that clients reach. A context manager."""
 
-    def __init__(self, logger: "Logger", *, group: str | None, config: str | os.PathLike[str] | None) -> None:
+    def __init__(self, logger: Served, *, group: str | None, config: str | os.PathLike[str] | None) -> None:
         """Start the helper process and wait until it answers. Raises ConnectionLostError with its reason."""
         self._logger = logger
         self._arguments = ["--name", logger.options.name]
@@ -142,7 +126,8 @@ class Serving:
 
     def _handle(self, message: object) -> None:
         if isinstance(message, LinkRequest):
-            reply = self._answer(message.request)
+            self._by = message.request.client
+            reply = answer(self._logger, message.request)
             self._push_state()
             self._send(LinkReply(message.number, reply))
         elif isinstance(message, LinkReply):
@@ -167,69 +152,11 @@ class Serving:
             text = message.reply.text if isinstance(message.reply, Refused | Done) else repr(message.reply)
             future.set_exception(SaveError(text))
 
-    def _answer(self, request: ApplyEdits | Start | Stop | Restart | Save) -> EditsApplied | Done | Refused:
-        """Do what a client asks; whatever goes wrong becomes words."""
-        logger = self._logger
-        self._by = request.client
-        try:
-            if isinstance(request, ApplyEdits):
-                return self._edit(request)
-            if isinstance(request, Start):
-                logger.start()
-            elif isinstance(request, Stop):
-                logger.stop()
-            elif isinstance(request, Restart):
-                logger.restart()
-            else:
-                return Refused(RefusedWhy.INVALID, "a robot process doesn't save for its helper")
-        except StateError as error:
-            why = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
-            return Refused(why, str(error))
-        except SiloError as error:
-            return Refused(RefusedWhy.FAILED, str(error))
-        except Exception as error:
-            log.exception("%s failed", type(request).__name__)
-            return Refused(RefusedWhy.FAILED, f"{type(error).__name__}: {error}")
-        return Done()
-
-    def _edit(self, request: ApplyEdits) -> EditsApplied | Refused:
-        logger = self._logger
-        with logger.lock:
-            if logger.is_running:
-                return Refused(RefusedWhy.RUNNING, "the logger is running: stop it, then apply; nothing was changed")
-            if request.revision not in (-1, logger.revision):
-                text = (
-                    f"somebody changed the table meanwhile (revision {logger.revision}, the edits are based on "
-                    f"{request.revision}): read it again; nothing was changed"
-                )
-                return Refused(RefusedWhy.CONFLICT, text)
-            problems = logger.problems(request.edits)
-            if problems:
-                return Refused(RefusedWhy.INVALID, f"{len(problems)} fields are invalid; nothing was changed", problems)
-            changed = logger.apply(request.edits)
-            return EditsApplied(logger.revision, changed)
-
     def _push_state(self) -> None:
-        logger = self._logger
-        with logger.lock:
-            revision = logger.revision
-            table = Table(revision, logger.elements) if revision != self._table_sent else None
-            state = RobotState(
-                logger=logger.options.name,
-                pid=os.getpid(),
-                state=logger.state,
-                revision=revision,
-                options_json=msgspec.json.encode(logger.options),
-                folder=logger.options.folder,
-                script=logger.options.script,
-                segment=logger.segment_path,
-                reason=logger.stop_reason,
-                by=self._by,
-                table=table,
-            )
+        state = robot_state(self._logger, self._by, self._table_sent)
         self._by = ""
         self._send(state)
-        self._table_sent = revision
+        self._table_sent = state.revision
 
     def _send(self, message: RobotState | LinkRequest | LinkReply | Goodbye) -> None:
         with self._sending:

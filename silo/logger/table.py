@@ -91,14 +91,14 @@ class Table:
         return [element.info for element in self.elements]
 
     def place(self, name: str) -> int:
-        """Where an element stands, by its full name or the name after the prefix. Raises ElementError."""
+        """Return where an element stands, by its full name or the name after the prefix. Raises ElementError."""
         for candidate in (name, join_name(self.prefix, "", name)):
             if candidate in self._places:
                 return self._places[candidate]
         raise ElementError(f"no element '{name}'{self._hint(name)}")
 
     def select(self, name: str) -> list[int]:
-        """An element, or every element of a namespace; all of them for `/` or an empty name. Raises ElementError."""
+        """Return an element, or every element of a namespace; all for `/` or an empty name. Raises ElementError."""
         if not name.strip("/"):
             return list(range(len(self.elements)))
         for full in (join_name("", "", name), join_name(self.prefix, "", name)):
@@ -134,11 +134,11 @@ class Table:
         return len(changed)
 
     def set_all(self, options: Sequence[ElementOptions]) -> int:
-        """New options for the whole table, in its order."""
+        """Give the whole table new options, in its order."""
         return self.change(dict(enumerate(options)))
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
-        """Why edits from outside can't be applied, one per field; empty when they can."""
+        """Return why edits from outside can't be applied, one per field; empty when they can."""
         found: list[Problem] = []
         seen: set[str] = set()
         for edit in edits:

@@ -102,6 +102,22 @@ def find(module):
     return path.with_suffix(".py").exists() or (path / "__init__.py").exists()
 
 
+def test_type_checkers_and_programs_are_told_the_same_public_names():
+    import silo
+
+    tree = ast.parse((ROOT / "silo/__init__.py").read_text())
+    typing_only = next(node for node in tree.body if isinstance(node, ast.If))
+    imports = [node for node in typing_only.body if isinstance(node, ast.ImportFrom)]
+    told = {alias.name: node.module for node in imports for alias in node.names}
+    assert told == silo._HOME_OF
+    assert all(alias.asname == alias.name for node in imports for alias in node.names)
+
+
+def test_completion_sees_every_public_name_before_it_is_loaded():
+    program = "import silo, sys; assert set(silo.__all__) <= set(dir(silo)); assert 'silo.logger' not in sys.modules"
+    subprocess.run([sys.executable, "-c", program], env=dict(os.environ, PYTHONPATH=str(ROOT)), check=True)
+
+
 @pytest.mark.parametrize("name", sorted({*__import__("silo").__all__}))
 def test_every_public_name_has_a_home(name):
     import silo

@@ -35,6 +35,13 @@ def test_its_methods_take_the_same_arguments(name):
     assert [(p.name, p.kind, p.default) for p in mine] == [(p.name, p.kind, p.default) for p in theirs]
 
 
+@pytest.mark.parametrize("name", [name for name in METHODS if name != "serve"])  # there it has a NullServing
+def test_its_methods_take_and_return_the_same_types(name):
+    mine, theirs = (inspect.signature(getattr(kind, name)) for kind in (NullLogger, Logger))
+    assert [p.annotation for p in mine.parameters.values()] == [p.annotation for p in theirs.parameters.values()]
+    assert mine.return_annotation == theirs.return_annotation
+
+
 @pytest.mark.parametrize("name", sorted(public(Logger) - set(METHODS)))
 def test_its_properties_are_of_the_same_type(name, new_logger):
     logger = new_logger()

@@ -71,7 +71,7 @@ MISSION_S = sum(phase.seconds for phase in MISSION)
 
 
 def phase_at(time_s: float) -> Phase:
-    """The phase of the mission, which repeats."""
+    """Return the phase of the mission, which repeats."""
     left = time_s % MISSION_S
     for phase in MISSION:
         left -= phase.seconds
@@ -81,7 +81,7 @@ def phase_at(time_s: float) -> Phase:
 
 
 def foot_paths(leg_phase: Floats, duty: float, stride: Floats, lift: float) -> Floats:
-    """Feet in the heading frame, shape (4, 3): back with the ground in stance, forward through the air in swing.
+    """Return feet in the heading frame, shape (4, 3): back with the ground in stance, forward through the air in swing.
 
     `stride` (4, 2) is the way of each foot during a stance. Position and velocity are continuous at both changes.
     """
@@ -96,7 +96,10 @@ def foot_paths(leg_phase: Floats, duty: float, stride: Floats, lift: float) -> F
 
 
 def leg_angles(feet: Floats) -> Floats:
-    """Joint angles (4, 3) that put the feet (4, 3, in the base frame) there; out of reach is cut to the reach."""
+    """Return joint angles (4, 3) that put the feet (4, 3, in the base frame) there.
+
+    Out of reach is cut to the reach.
+    """
     x, y, z = (feet - HIPS_M).T
     h = np.sqrt(np.maximum(y * y + z * z - HIP_OFFSETS_M**2, 1e-6))
     angles = np.empty((4, 3))
@@ -109,7 +112,7 @@ def leg_angles(feet: Floats) -> Floats:
 
 
 def leg_positions(angles: Floats) -> tuple[Floats, Floats]:
-    """Feet (4, 3) in the base frame, and their Jacobians (4, 3, 3) by the joint angles (4, 3)."""
+    """Return feet (4, 3) in the base frame, and their Jacobians (4, 3, 3) by the joint angles (4, 3)."""
     s1, c1 = np.sin(angles[:, 0]), np.cos(angles[:, 0])
     bend = angles[:, 1] + angles[:, 2]
     s23, c23 = SHANK_M * np.sin(bend), SHANK_M * np.cos(bend)

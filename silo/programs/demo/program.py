@@ -75,14 +75,17 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
 
 
 def end_with(parent_pid: int) -> None:
-    """Ends the program in order when its parent is gone: a killed one can't. For a thread, so that the loop pays 0."""
+    """End the program in order when its parent is gone: a killed one can't. For a thread, so that the loop pays 0."""
     while os.getppid() == parent_pid:
         time.sleep(PARENT_LOOK_S)
     os.kill(os.getpid(), system_signals.SIGTERM)
 
 
 def make_robot(options: DemoOptions) -> tuple[Robot, Sequence[Signal]]:
-    """The robot and the elements to log; with more elements than it has, further diagnostic channels are made."""
+    """Return the robot and the elements to log.
+
+    With more elements than it has, further diagnostic channels are made.
+    """
     wanted = options.elements
     robot = Robot(options.frequency_hz, options.seed)
     chosen = signals(robot)
@@ -115,7 +118,7 @@ def register(log: Logger, chosen: Sequence[Signal]) -> None:
 
 
 def welcome(log: Logger) -> str:
-    """What a user needs to know at the start."""
+    """Return what a user needs to know at the start."""
     options = log.options
     script = options.script if Path(options.script).exists() else f"{options.script} (none yet: everything is logged)"
     return (
@@ -144,5 +147,5 @@ def farewell(log: Logger, types: Sequence[FileType], say: Callable[[str], None])
 
 
 def count(ticks: int) -> str:
-    """`1 tick`, `400 ticks`."""
+    """Return `1 tick`, `400 ticks`."""
     return f"{ticks} tick{'' if ticks == 1 else 's'}"

@@ -322,7 +322,7 @@ class Robot:
 
 
 def rotation(roll: float, pitch: float, yaw: float) -> Floats:
-    """Rotation matrix (3, 3) from the body to the world: yaw, then pitch, then roll."""
+    """Return the rotation matrix (3, 3) from the body to the world: yaw, then pitch, then roll."""
     sr, cr, sp, cp = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
     sy, cy = math.sin(yaw), math.cos(yaw)
     return np.array([
@@ -333,7 +333,7 @@ def rotation(roll: float, pitch: float, yaw: float) -> Floats:
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """The same rotation as x, y, z, w."""
+    """Return the same rotation as x, y, z, w."""
     sr, cr, sp, cp = math.sin(roll / 2), math.cos(roll / 2), math.sin(pitch / 2), math.cos(pitch / 2)
     sy, cy = math.sin(yaw / 2), math.cos(yaw / 2)
     return (
@@ -345,7 +345,7 @@ def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, flo
 
 
 def body_rates(roll: float, pitch: float, rates: list[float]) -> tuple[float, float, float]:
-    """Angular velocity in the body frame from the rates of roll, pitch and yaw."""
+    """Return the angular velocity in the body frame from the rates of roll, pitch and yaw."""
     sr, cr, sp, cp = math.sin(roll), math.cos(roll), math.sin(pitch), math.cos(pitch)
     roll_rate, pitch_rate, yaw_rate = rates
     return (

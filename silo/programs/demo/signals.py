@@ -99,7 +99,7 @@ _LEG: tuple[tuple[str, str, int, Action, type[enum.Enum] | None, str], ...] = (
 
 
 def signals(robot: Robot) -> list[Signal]:
-    """Every element of the robot, the most telling ones first; about 500."""
+    """Return every element of the robot, the most telling ones first; about 500."""
     return [
         *_body(robot),
         *_legs(robot),

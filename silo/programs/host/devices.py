@@ -14,7 +14,7 @@ _NOT_DISKS = ("loop", "ram", "zram", "sr", "fd", "dm-", "md")
 
 
 def disks(log: Logger, divider: int) -> Reader | None:
-    """Bytes and operations of each disk (not of its partitions)."""
+    """Return bytes and operations of each disk (not of its partitions)."""
     names = [name for name in _disk_counters() if not name.startswith(_NOT_DISKS) and _is_whole(name)]
     if not names:
         return None
@@ -54,12 +54,12 @@ def _disk_counters() -> dict[str, Any]:
 
 
 def _is_whole(name: str) -> bool:
-    """Whether this is a disk and not a partition; where /sys doesn't tell, everything counts."""
+    """Return whether this is a disk and not a partition; where /sys doesn't tell, everything counts."""
     return not Path("/sys/block").is_dir() or Path("/sys/block", name).exists()
 
 
 def networks(log: Logger, divider: int) -> Reader | None:
-    """Bytes, packets and errors of each network interface that was there at the start."""
+    """Return bytes, packets and errors of each network interface that was there at the start."""
     names = list(psutil.net_io_counters(pernic=True, nowrap=False))
     if not names:
         return None
@@ -96,12 +96,12 @@ def networks(log: Logger, divider: int) -> Reader | None:
 
 
 def temperatures(log: Logger, divider: int) -> Reader | None:
-    """Every temperature sensor."""
+    """Return every temperature sensor."""
     return _sensors(log, divider, "temperature", "degC", "sensors_temperatures")
 
 
 def fans(log: Logger, divider: int) -> Reader | None:
-    """Every fan."""
+    """Return every fan."""
     return _sensors(log, divider, "fan", "rpm", "sensors_fans")
 
 
@@ -124,7 +124,7 @@ def _sensors(log: Logger, divider: int, group: str, unit: str, function: str) ->
 
 
 def _distinct(names: list[str]) -> list[str]:
-    """The names, with a number where one comes again (two disks of one model have sensors of one name)."""
+    """Return the names, with a number where one comes again (two disks of one model have sensors of one name)."""
     seen: dict[str, int] = {}
     made = []
     for name in names:
@@ -134,7 +134,7 @@ def _distinct(names: list[str]) -> list[str]:
 
 
 def battery(log: Logger, divider: int) -> Reader | None:
-    """The battery of a laptop or a board with one."""
+    """Return the battery of a laptop or a board with one."""
     ask: Callable[[], Any] = getattr(psutil, "sensors_battery", lambda: None)
     if ask() is None:
         return None

@@ -56,7 +56,7 @@ def cpu_cores(log: Logger, divider: int) -> Reader:
 
 
 def cpu_shares(log: Logger, divider: int) -> Reader:
-    """What the processor's time went to."""
+    """Return what the processor's time went to."""
     fields = [field for field in ("user", "system", "iowait", "irq", "softirq", "steal") if field in _cpu_fields()]
     shares = elements(log, "cpu/share", divider, [(field, "%", LIVE) for field in fields])
     psutil.cpu_times_percent()
@@ -75,7 +75,7 @@ def _cpu_fields() -> tuple[str, ...]:
 
 
 def cpu_frequencies(log: Logger, divider: int) -> Reader | None:
-    """Clock of each core, where the kernel tells."""
+    """Return the clock of each core, where the kernel tells."""
     count = len(_frequencies())
     if count == 0:
         return None
@@ -89,7 +89,7 @@ def cpu_frequencies(log: Logger, divider: int) -> Reader | None:
 
 
 def _frequencies() -> list[float]:
-    """MHz per core; empty where the machine doesn't tell (containers, some ARM boards)."""
+    """Return MHz per core; empty where the machine doesn't tell (containers, some ARM boards)."""
     try:
         return [one.current for one in psutil.cpu_freq(percpu=True) or []]
     except (OSError, NotImplementedError, AttributeError):
@@ -97,7 +97,7 @@ def _frequencies() -> list[float]:
 
 
 def kernel(log: Logger, divider: int) -> Reader:
-    """Context switches and interrupts."""
+    """Return context switches and interrupts."""
     rates = Rates(3)
     names = ("context_switches", "interrupts", "soft_interrupts")
     values = elements(log, "kernel", divider, [(name, "1/s", LIVE) for name in names])
@@ -112,7 +112,7 @@ def kernel(log: Logger, divider: int) -> Reader:
 
 
 def load_average(log: Logger, divider: int) -> Reader:
-    """Length of the run queue over 1, 5 and 15 minutes."""
+    """Return the length of the run queue over 1, 5 and 15 minutes."""
     rows = [(f"{minutes}min", "-", LIVE) for minutes in (1, 5, 15)]
     values = elements(log, "load_average", divider, rows)
 
@@ -124,7 +124,7 @@ def load_average(log: Logger, divider: int) -> Reader:
 
 
 def pressure(log: Logger, divider: int) -> Reader | None:
-    """Share of the last 10 s in which some process waited for processor, memory or disk."""
+    """Return the share of the last 10 s in which some process waited for processor, memory or disk."""
     files = [path for path in _PRESSURE if not math.isnan(_some_pressure(path))]
     if not files:
         return None
@@ -149,7 +149,7 @@ def _some_pressure(path: Path) -> float:
 
 
 def memory(log: Logger, divider: int) -> Reader:
-    """Main memory."""
+    """Return main memory."""
     fields = [field for field in ("used", "available", "cached", "buffers") if hasattr(psutil.virtual_memory(), field)]
     values = elements(log, "memory", divider, [("percent", "%", LIVE), *((field, "MB", LIVE) for field in fields)])
 
@@ -163,7 +163,7 @@ def memory(log: Logger, divider: int) -> Reader:
 
 
 def swap(log: Logger, divider: int) -> Reader | None:
-    """Swap space, where there is any."""
+    """Return swap space, where there is any."""
     if psutil.swap_memory().total == 0:
         return None
     rates = Rates(2)
@@ -180,7 +180,10 @@ def swap(log: Logger, divider: int) -> Reader | None:
 
 
 def file_systems(log: Logger, divider: int) -> Reader:
-    """How full the file systems are that matter to a robot: root, home, shared memory, the folder of the logs."""
+    """Return how full the file systems are that matter to a robot.
+
+    Root, home, shared memory, the folder of the logs.
+    """
     folders = {"root": "/", "home": str(Path.home()), "shm": "/dev/shm", "logs": log.options.folder}
     devices: dict[int, str] = {}
     for name, folder in folders.items():
@@ -209,7 +212,7 @@ def _usage(folder: str) -> tuple[float, float]:
 
 
 def processes(log: Logger, divider: int) -> Reader:
-    """How many processes there are."""
+    """Return how many processes there are."""
     count = element(log, "process", divider, "count", "count", dtype="u4")
 
     def read() -> None:
@@ -219,7 +222,7 @@ def processes(log: Logger, divider: int) -> Reader:
 
 
 def own_process(log: Logger, divider: int) -> Reader:
-    """What this program itself takes."""
+    """Return what this program itself takes."""
     rows = [("load", "%", LIVE), ("memory", "MB", LIVE), ("threads", "count", LIVE), ("open_files", "count", LIVE)]
     values = elements(log, "process/self", divider, rows)
     me = psutil.Process()
@@ -235,7 +238,7 @@ def own_process(log: Logger, divider: int) -> Reader:
 
 
 def uptime(log: Logger, divider: int) -> Reader:
-    """Seconds since this computer started."""
+    """Return seconds since this computer started."""
     value = element(log, "kernel", divider, "uptime", "s")
 
     def read() -> None:

@@ -24,7 +24,7 @@ Row = tuple[str, str, Action]  # name, unit, action
 def element(
     log: Logger, group: str, divider: int, name: str, unit: str = "-", action: Action = LIVE, dtype: DTypeLike = float
 ) -> NDArray[Any]:
-    """A scalar in silo's memory, of which the last ten minutes are kept."""
+    """Return a scalar in silo's memory, of which the last ten minutes are kept."""
     size = buffer_size_for(KEEP_S, log.options.frequency_hz, divider)
     return log.array(
         name, (), dtype, group=group, unit=unit, divider=divider, action=action, buffer_size=size
@@ -32,7 +32,7 @@ def element(
 
 
 def elements(log: Logger, group: str, divider: int, rows: Sequence[Row]) -> list[NDArray[Any]]:
-    """One float per row, NaN until it is read."""
+    """Return one float per row, NaN until it is read."""
     made = [element(log, group, divider, *row) for row in rows]
     lose(made)
     return made
@@ -45,7 +45,7 @@ def lose(values: Sequence[NDArray[Any]]) -> None:
 
 
 def plain_name(text: str) -> str:
-    """A name fit for an element: what isn't a letter, digit, `_`, `-` or `.` becomes `_`."""
+    """Return a name fit for an element: what isn't a letter, digit, `_`, `-` or `.` becomes `_`."""
     return re.sub(r"[^\w.-]+", "_", text).strip("_") or "unnamed"
 
 
@@ -58,7 +58,7 @@ class Rates:
         self._clock = clock
 
     def update(self, counters: Sequence[float]) -> NDArray[np.float64]:
-        """Rates since the last update, shape `(count,)`."""
+        """Return rates since the last update, shape `(count,)`."""
         now_s, now = self._clock(), np.asarray(counters, float)
         grown = now - self._last
         rates = np.where(grown >= 0, grown, math.nan) / max(now_s - self._last_s, 1e-3)

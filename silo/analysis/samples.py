@@ -1,0 +1,185 @@
+"""`Samples`: what was logged of one element, with its times; the ground under `Signal`.
+
+What stands here says what is there and when. What one asks of it (statistics, calculus, arithmetic, frames, tables)
+stands in `silo.analysis.signals` and in the modules that it calls, which all take `Samples` and know no `Signal`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.errors import ElementError
+
+Self = TypeVar("Self", bound="Samples")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Samples:
+    """Samples `values[i]` at `time_ns[i]`.
+
+    `values` has shape `(m,)` for a scalar, `(m, 3)` for a vector of three, `(m, rows, columns)` for a matrix; an
+    element of mixed types is a structured array. `components` names the scalars of one sample (`x y z w`).
+    `labels` names the values of an enumeration. `start_ns` is where `times` counts from: the first stamp of the log.
+    """
+
+    name: str
+    values: NDArray[Any]
+    time_ns: NDArray[np.int64]
+    unit: str = "-"
+    kind: str = "scalar"
+    divider: int = 1
+    start_ns: int = 0
+    components: tuple[str, ...] = ()
+    labels: Mapping[int, str] = field(default_factory=dict)
+    description: str = ""
+
+    # ------------------------------------------------------------------------------------------------- what it is
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __repr__(self) -> str:
+        unit = "" if self.unit in ("", "-") else f" [{self.unit}]"
+        span = f" {self.times[0]:.6g} ... {self.times[-1]:.6g} s" if len(self) else ""
+        return f"<{type(self).__name__} {self.name}{unit} {self.dtype} {self.values.shape}{span}>"
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        values = self.values.astype(dtype, copy=False) if dtype is not None else self.values
+        return values.copy() if copy else values
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of one value."""
+        dtype: np.dtype[Any] = self.values.dtype
+        return dtype
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Shape `(m,)`: seconds since the first time stamp of the log."""
+        return (self.time_ns - self.start_ns).astype(np.float64) * 1e-9
+
+    @property
+    def texts(self) -> NDArray[np.str_]:
+        """Each value as text: of an enumeration its label, or the number where it has none."""
+        if not self.labels:
+            return self.values.astype("U")
+        names, places = np.unique(self.values, return_inverse=True)
+        labels = np.array([self.labels.get(int(name), str(name)) for name in names], "U")
+        return labels[places.reshape(self.values.shape)] if len(names) else np.empty(self.values.shape, "U1")
+
+    def component(self: Self, which: str | int) -> Self:
+        """Return one scalar of a vector, quaternion, matrix, pose or structure: by name (`x`, `0_1`) or by number.
+
+        Raises `ElementError` with the names there are.
+        """
+        names = self.components
+        if isinstance(which, str) and which.removeprefix("_") in names:
+            place = names.index(which.removeprefix("_"))
+        elif isinstance(which, int) and -len(names) <= which < len(names):
+            place = which % len(names)
+        else:
+            raise ElementError(f"'{self.name}' has no component {which!r}; it has: {', '.join(names) or 'none'}")
+        if self.values.dtype.names:
+            values = self.values[names[place]]
+        elif self.kind == "complex":
+            values = self.values.real if place == 0 else self.values.imag
+        else:
+            values = self.values.reshape(len(self), len(names))[:, place]
+        suffix = f"_{names[place]}" if names[place] else ""
+        return replace(self, name=self.name + suffix, values=values, kind="scalar", components=())
+
+    def part(self: Self, name: str) -> Self:
+        """Return several components that form a signal.
+
+        `position` and `orientation` of a pose, `linear` and `angular`.
+        """
+        places = [index for index, component in enumerate(self.components) if component.startswith(f"{name}_")]
+        if not places or self.values.dtype.names:
+            raise ElementError(f"'{self.name}' has no part {name!r}; it has: {', '.join(self.components) or 'none'}")
+        components = tuple(self.components[place].removeprefix(f"{name}_") for place in places)
+        return replace(
+            self,
+            name=f"{self.name}_{name}",
+            values=self.values.reshape(len(self), -1)[:, places],
+            kind="quaternion" if components == ("x", "y", "z", "w") else "vector",
+            components=components,
+        )
+
+    def numbers(self, purpose: str) -> NDArray[Any]:
+        """Return the values, bools as int64.
+
+        Raises `ElementError`, which names the purpose, where they are no numbers.
+        """
+        if self.values.dtype.kind not in "biufc":
+            raise ElementError(f"can't {purpose} '{self.name}': its values are no numbers ({self.dtype})")
+        return self.values.astype(np.int64) if self.values.dtype.kind == "b" else self.values
+
+    def columns(self, purpose: str) -> list[NDArray[np.float64]]:
+        """Return each component as float64 of shape `(m,)`.
+
+        Raises `ElementError`, which names the purpose, where they are no real numbers.
+        """
+        values = self.numbers(purpose)
+        if values.dtype.kind == "c":
+            raise ElementError(f"can't {purpose} complex '{self.name}': take .component('real') or ('imag')")
+        flat = values.reshape(len(self), -1) if len(self) else values.reshape(0, max(1, len(self.components)))
+        return [flat[:, index].astype(np.float64) for index in range(flat.shape[1])]
+
+    # ------------------------------------------------------------------------------------------------- when it is
+
+    def held(self: Self, time_ns: NDArray[np.int64]) -> Self:
+        """Return the values that hold at these stamps, none of which may be before the first sample."""
+        return replace(self, values=self.values[self.places(time_ns)], time_ns=time_ns)
+
+    def places(self, time_ns: NDArray[np.int64]) -> Any:
+        """Return which sample holds at each stamp; -1 before the first."""
+        return np.searchsorted(self.time_ns, time_ns, side="right") - 1
+
+    def stamps(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the stamps in nanoseconds of times in seconds since start."""
+        # times that are read off `times` must find their own stamp again
+        with np.errstate(invalid="ignore"):
+            since = np.asarray(np.round(np.clip(times, -9e9, 9e9) * 1e9), np.int64)
+        return np.asarray(since + self.start_ns, np.int64)
+
+    @property
+    def span(self) -> str:
+        """From when to when there are samples, in words."""
+        if not len(self):
+            return "has no sample"
+        return f"has samples from {self.times[0]:g} to {self.times[-1]:g} s"
+
+    # ---------------------------------------------------------------------------------------------- whose time it is
+
+    def counted_from(self: Self, start: "Samples | int") -> Self:
+        """Return the same stamps with `times` counted from another one: in nanoseconds, or where another signal starts.
+
+        Signals of loggers that ran at once then meet on their stamps, not on the time since each log's start.
+        """
+        return replace(self, start_ns=start.start_ns if isinstance(start, Samples) else int(start))
+
+    def as_if_started(self: Self, start_ns: int) -> Self:
+        """Return the same `times` in a log that started at that stamp."""
+        return replace(self, time_ns=self.time_ns + (start_ns - self.start_ns), start_ns=start_ns)
+
+    @property
+    def step_ns(self) -> float:
+        """Nanoseconds from sample to sample, as a rule; infinite where there are fewer than two."""
+        return float(np.median(np.diff(self.time_ns))) if len(self) > 1 else float("inf")
+
+    def check_overlap(self, other: "Samples", what: str) -> None:
+        """Raise `ElementError` with both spans where another signal of the same start has no time in common with this.
+
+        The last sample holds until the next would come. `what` says what can't be done then.
+        """
+        if len(self) and len(other):
+            ends = self.time_ns[-1] + self.step_ns, other.time_ns[-1] + other.step_ns
+            if other.time_ns[0] < ends[0] and self.time_ns[0] < ends[1]:
+                return
+        raise ElementError(
+            f"can't {what}: there is no time in common; since the start of its log '{self.name}' {self.span}, "
+            f"'{other.name}' {other.span}"
+        )

@@ -1,0 +1,137 @@
+# ruff: noqa: D102 - the parts of Served are described in silo.logger.logger
+"""What a logger tells its helper process, and what it does for the clients that come through it.
+
+One function per request that the helper hands on. Called by the thread of `silo.logger.serving`, never by the loop.
+"""
+
+import logging
+import os
+import threading
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import msgspec
+
+from silo.errors import SiloError, StateError
+from silo.ipc.messages import (
+    AnyReply,
+    ApplyEdits,
+    Done,
+    EditsApplied,
+    Refused,
+    RefusedWhy,
+    Request,
+    Restart,
+    Start,
+    Stop,
+)
+from silo.link.messages import RobotState
+from silo.model import Edit, ElementInfo, LoggerOptions, Problem, State, Table
+
+log = logging.getLogger("silo")
+
+
+class Served(Protocol):
+    """A logger, seen from here: what its clients may know of it and ask of it."""
+
+    options: LoggerOptions
+
+    @property
+    def lock(self) -> threading.RLock: ...
+    @property
+    def is_running(self) -> bool: ...
+    @property
+    def state(self) -> State: ...
+    @property
+    def stop_reason(self) -> str: ...
+    @property
+    def ticks(self) -> int: ...
+    @property
+    def has_unsaved(self) -> bool: ...
+    @property
+    def segment_path(self) -> str: ...
+    @property
+    def revision(self) -> int: ...
+    @property
+    def elements(self) -> list[ElementInfo]: ...
+
+    def problems(self, edits: list[Edit], /) -> list[Problem]: ...
+    def apply(self, edits: list[Edit], /) -> int: ...
+    def start(self) -> None: ...
+    def stop(self) -> None: ...
+    def restart(self) -> None: ...
+
+
+def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
+    """Return what the helper is to know now; with the table, unless that revision was sent before."""
+    with logger.lock:
+        revision = logger.revision
+        return RobotState(
+            logger=logger.options.name,
+            pid=os.getpid(),
+            state=logger.state,
+            revision=revision,
+            options_json=msgspec.json.encode(logger.options),
+            folder=logger.options.folder,
+            script=logger.options.script,
+            segment=logger.segment_path,
+            reason=logger.stop_reason,
+            by=by,
+            table=Table(revision, logger.elements) if revision != table_sent else None,
+        )
+
+
+def answer(logger: Served, request: Request[Any]) -> AnyReply:
+    """Do what a client asks; whatever goes wrong becomes words."""
+    if type(request) not in HANDLERS:
+        return Refused(RefusedWhy.INVALID, f"a robot process doesn't do {type(request).__name__} for its helper")
+    try:
+        return HANDLERS[type(request)](logger, request)
+    except StateError as error:
+        why = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
+        return Refused(why, str(error))
+    except SiloError as error:
+        return Refused(RefusedWhy.FAILED, str(error))
+    except Exception as error:
+        log.exception("%s failed", type(request).__name__)
+        return Refused(RefusedWhy.FAILED, f"{type(error).__name__}: {error}")
+
+
+def _edit(logger: Served, request: ApplyEdits) -> EditsApplied | Refused:
+    with logger.lock:
+        if logger.is_running:
+            return Refused(RefusedWhy.RUNNING, "the logger is running: stop it, then apply; nothing was changed")
+        if request.revision not in (-1, logger.revision):
+            text = (
+                f"somebody changed the table meanwhile (revision {logger.revision}, the edits are based on "
+                f"{request.revision}): read it again; nothing was changed"
+            )
+            return Refused(RefusedWhy.CONFLICT, text)
+        problems = logger.problems(request.edits)
+        if problems:
+            return Refused(RefusedWhy.INVALID, f"{len(problems)} fields are invalid; nothing was changed", problems)
+        changed = logger.apply(request.edits)
+        return EditsApplied(logger.revision, changed)
+
+
+def _start(logger: Served, _: Start) -> Done:
+    logger.start()
+    return Done()
+
+
+def _stop(logger: Served, _: Stop) -> Done:
+    logger.stop()
+    return Done()
+
+
+def _restart(logger: Served, _: Restart) -> Done:
+    logger.restart()
+    return Done()
+
+
+HANDLERS: dict[type[Request[Any]], Callable[[Served, Any], AnyReply]] = {
+    ApplyEdits: _edit,
+    Start: _start,
+    Stop: _stop,
+    Restart: _restart,
+}

@@ -1,0 +1,174 @@
+"""What becomes of units when signals are calculated with: nothing is dropped, nothing is added that doesn't fit."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from silo.analysis import units
+from silo.analysis.signals import Signal
+from silo.errors import ElementError
+
+
+def signal(unit, values=(1.0, 2.0, 3.0), name=None):
+    values = np.asarray(values)
+    return Signal(name or f"/{unit}", values, 10**18 + np.arange(len(values)) * 10**9, unit=unit, start_ns=10**18)
+
+
+class TestProducts:
+    @pytest.mark.parametrize(
+        ("one", "other", "expected"),
+        [
+            ("rad/s", "s", "rad"),
+            ("Nm", "rad/s", "Nm*rad/s"),
+            ("m/s²", "s", "m/s"),
+            ("m/s^2", "kg", "m*kg/s^2"),
+            ("m/s2", "s", "m/s"),
+            ("m/s**2", "s^2", "m"),
+            ("1/s", "s", "-"),
+            ("Nm/rad", "rad", "Nm"),
+            ("N·m", "1/m", "N"),
+            ("kg m", "1/kg", "m"),
+            ("kg m^2 s^-2", "s^2", "kg*m^2"),
+            ("(m/s)^2", "s", "m^2/s"),
+            ("[raw * 2]/s", "s", "raw * 2"),
+            ("rad/s/s", "s", "rad/s"),
+            ("kg/(m*s)", "s", "kg/m"),
+            ("m s⁻¹", "s", "m"),
+            ("-", "m/s²", "m/s²"),
+            ("m/s²", "", "m/s²"),
+            ("-", "-", "-"),
+            ("ticks", "1/ticks", "-"),
+            ("raw counts", "s", "raw counts*s"),
+            ("raw counts*s", "1/s", "raw counts"),
+            ("%", "s", "%*s"),
+        ],
+    )
+    def test_what_cancels_is_gone_and_the_rest_stays_as_written(self, one, other, expected):
+        assert (signal(one) * signal(other)).unit == expected
+
+    def test_a_quotient_of_equal_units_has_none(self):
+        assert (signal("Nm") / signal("Nm")).unit == "-"
+        assert (signal("m/s²") / signal("m/s^2")).unit == "-"
+
+    def test_a_number_divided_by_a_signal_turns_its_unit_over(self):
+        assert (1 / signal("rad/s")).unit == "s/rad"
+        assert (1 / signal("-")).unit == "-"
+
+    def test_derivative_and_integral_undo_each_other_in_the_unit_too(self):
+        position = signal("rad")
+        assert position.derivative().derivative().unit == "rad/s^2"
+        assert position.derivative().integral().unit == "rad"
+        assert signal("rad/s").integral().unit == "rad"
+
+    def test_powers_multiply(self):
+        assert (signal("m/s") ** 2).unit == "m^2/s^2"
+        assert (signal("m^2") ** 0.5).unit == "m"
+        assert (signal("m") ** 0.5).unit == "m^0.5"
+        assert (signal("m") ** 0).unit == "-"
+        assert (signal("m") ** -1).unit == "1/m"
+
+    def test_an_exponent_must_be_one_number_without_a_unit(self):
+        with pytest.raises(ElementError, match=r"'/s' .*unit 's'.*with_unit\('-'\)"):
+            signal("-") ** signal("s")
+        with pytest.raises(ElementError, match=r"'/m' .*unit 'm'.*with_unit\('-'\)"):
+            signal("m") ** np.array([1.0, 2.0, 3.0])
+        assert (signal("-") ** np.array([1.0, 2.0, 3.0])).unit == "-"
+
+    @pytest.mark.parametrize("text", ["a/(b", "m^", "*", "/s", "m//s", "(", "a)b", "5 of 7", "m/s/", "µ", "kg*-"])
+    def test_what_is_no_formula_stays_one_opaque_word_that_still_cancels(self, text):
+        product = signal(text) * signal("s")
+        assert (product / signal("s")).unit == (signal(text) * signal("-")).unit
+        assert (product / signal(text)).unit == "s"
+
+
+class TestSums:
+    def test_equal_units_stay_as_written(self):
+        assert (signal("m/s²") + signal("m/s²")).unit == "m/s²"
+
+    def test_the_same_unit_in_other_words_is_the_same(self):
+        assert (signal("Nm") + signal("N*m")).unit == "Nm"
+        assert (signal("m/s²") - signal("m/s^2")).unit == "m/s²"
+        assert (signal("J") + signal("Nm*rad")).unit == "J"
+        assert (signal("W") + signal("Nm*rad/s")).unit == "W"
+        assert (signal("m/s") + signal("rad/s*m")).unit == "m/s"
+
+    def test_a_signal_without_a_unit_takes_the_other_ones(self):
+        assert (signal("-") + signal("Nm")).unit == "Nm"
+        assert (signal("Nm") + signal("")).unit == "Nm"
+        assert (signal("Nm") + 1).unit == "Nm"
+
+    def test_a_position_and_a_speed_are_not_added(self):
+        with pytest.raises(
+            ElementError,
+            match=r"can't calculate '/rad' \+ '/rad/s': the unit of one is 'rad', of the other 'rad/s'.*\.with_unit",
+        ):
+            signal("rad") + signal("rad/s")
+
+    @pytest.mark.parametrize(
+        ("one", "other"), [("m", "s"), ("Hz", "rad/s"), ("rpm", "Hz"), ("°C", "K"), ("ticks", "m"), ("raw a", "raw b")]
+    )
+    def test_units_that_mean_different_things_are_not_added(self, one, other):
+        with pytest.raises(ElementError, match="with_unit"):
+            signal(one) + signal(other)
+        with pytest.raises(ElementError, match="with_unit"):
+            signal(other) - signal(one)
+
+    @pytest.mark.parametrize(
+        ("one", "other"), [("m", "mm"), ("rad", "deg"), ("rad/s", "rpm"), ("s", "ms"), ("Nm", "mNm")]
+    )
+    def test_units_of_different_size_are_not_added_and_it_is_said_how_to_convert(self, one, other):
+        with pytest.raises(ElementError, match=rf"in_unit\('{one}'\)"):
+            signal(one) + signal(other)
+
+    def test_dropping_the_unit_lets_them_meet(self):
+        assert (signal("rad") + signal("rad/s").with_unit("-")).unit == "rad"
+
+
+class TestConversion:
+    @pytest.mark.parametrize(
+        ("unit", "to", "factor"),
+        [
+            ("mm", "m", 1e-3),
+            ("deg", "rad", np.pi / 180),
+            ("rpm", "rad/s", np.pi / 30),
+            ("km/h", "m/s", 1 / 3.6),
+            ("kNm", "N*m", 1000.0),
+            ("bar", "Pa", 1e5),
+            ("m", "m", 1.0),
+            ("min", "s", 60.0),
+            ("µs", "s", 1e-6),
+            ("us", "μs", 1.0),
+            ("kWh", "J", 3.6e6),
+            ("g", "kg", 1e-3),
+            ("ticks/ms", "ticks/s", 1000.0),
+        ],
+    )
+    def test_values_are_multiplied(self, unit, to, factor):
+        converted = signal(unit).in_unit(to)
+        np.testing.assert_allclose(converted.values, factor * np.array([1.0, 2.0, 3.0]), rtol=1e-14)
+        assert (converted.unit, converted.name) == (to, f"/{unit}")
+
+    def test_what_can_not_be_converted_is_told(self):
+        with pytest.raises(ElementError, match=r"'/rad' is in 'rad', which can't be converted to 'm'"):
+            signal("rad").in_unit("m")
+        with pytest.raises(ElementError, match="'°C'"):
+            signal("°C").in_unit("K")
+
+    def test_whole_numbers_become_fractions(self):
+        assert signal("mm", [1, 2]).in_unit("m").values.tolist() == [0.001, 0.002]
+
+    def test_with_unit_changes_no_value(self):
+        relabelled = signal("mm").with_unit("m")
+        assert (relabelled.unit, relabelled.values.tolist()) == ("m", [1, 2, 3])
+
+
+# a word in brackets is quoted; unpaired brackets can't be, so such units do not cancel
+TEXTS = st.text(st.characters(exclude_characters="[]"), max_size=12) | st.text("ms*/^()2-1 ·²k", max_size=12)
+
+
+@given(TEXTS, TEXTS)
+def test_any_text_is_a_unit_that_combines_and_cancels(one, other):
+    made = units.product(one, other)
+    assert units.same(units.quotient(made, other), one)
+    assert units.same(one, one)
