@@ -205,6 +205,7 @@ class TestDamage:
         write_bag(written, path)
         return written, path
 
+    @pytest.mark.slow
     def test_a_file_cut_at_any_length_gives_what_is_whole(self, small):
         _, path = small
         data = path.read_bytes()
@@ -223,6 +224,7 @@ class TestDamage:
         assert whole == sorted(whole)
         assert len(set(whole)) > 3
 
+    @pytest.mark.slow
     def test_a_changed_byte_anywhere_is_never_a_crash(self, small):
         _, path = small
         data = path.read_bytes()

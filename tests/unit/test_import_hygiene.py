@@ -44,12 +44,14 @@ def is_within(module: str, part: str) -> bool:
     return module == part or module.startswith(part + ".")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", NOT_LOADED)
 def test_a_module_loads_nothing_that_it_can_do_without(module: str) -> None:
     unwanted = NOT_LOADED[module]
     assert [name for name in loaded_by(module) if any(is_within(name, part) for part in unwanted)] == []
 
 
+@pytest.mark.slow
 def test_a_module_that_is_gone_is_a_failure() -> None:
     with pytest.raises(AssertionError, match=r"No module named 'silo\.gone'"):
         loaded_by("silo.gone")
