@@ -52,7 +52,6 @@ print(*[next_run_number(sys.argv[1], "robot") for _ in range(200)])
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_processes_that_save_at_once_get_different_numbers(tmp_path):
     command = [sys.executable, "-c", TAKE_NUMBERS, str(tmp_path)]
     workers = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
