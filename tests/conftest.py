@@ -11,19 +11,16 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import hypothesis
 import pytest
 
 from silo.runtime import shared_memory_root
+from tests.examples import load_profile
 from tests.waiting import wait_until
 
 SLOW_FIXTURES = {"bench", "robots"}  # they start helper processes
 SLOW_FOLDERS = {"crash"}
 
-# no deadline for an example: a busy machine keeps none
-hypothesis.settings.register_profile("ci", deadline=None, print_blob=True)
-hypothesis.settings.register_profile("long", deadline=None, print_blob=True, max_examples=2000)
-hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+load_profile()
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
