@@ -6,6 +6,7 @@ import tempfile
 from dataclasses import dataclass, field
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -13,6 +14,8 @@ import silo
 from silo.model import Action, BufferType
 from silo.runtime import shared_memory_root
 from tests.examples import examples
+
+pytestmark = pytest.mark.slow
 
 LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWING
 STEP_NS = 1_000_003

@@ -13,7 +13,10 @@ from tests.waiting import DEADLINE_S
 
 RECORDED_WITH = "8.2.8"
 STEADY_LOOKS = 10
-pytestmark = pytest.mark.skipif(version("textual") != RECORDED_WITH, reason=f"pictures are of Textual {RECORDED_WITH}")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(version("textual") != RECORDED_WITH, reason=f"pictures are of Textual {RECORDED_WITH}"),
+]
 
 
 def text_of(app):
