@@ -1,6 +1,12 @@
-"""For all tests: a runtime folder of their own, so that they meet no logger of this computer and leave none behind."""
+"""For all tests: a runtime folder of their own, so that they meet no logger of this computer and leave none behind.
 
+Tests of the slow tier are marked `slow`. Whatever uses a fixture of `SLOW_FIXTURES` or stands in a folder of
+`SLOW_FOLDERS` is so by itself; a test that starts a process and is not marked fails, so that the fast tier stays fast.
+"""
+
+import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,6 +14,48 @@ from pathlib import Path
 import pytest
 
 from silo.runtime import shared_memory_root
+from tests.examples import load_profile
+from tests.waiting import wait_until
+
+SLOW_FIXTURES = {"bench", "robots"}  # they start helper processes
+SLOW_FOLDERS = {"crash"}
+
+load_profile()
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """A worker per processor; none where tests are named by their file, as they begin sooner without."""
+    named = any(".py" in argument for argument in config.args)
+    return 0 if named else len(os.sched_getaffinity(0))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if SLOW_FIXTURES & set(getattr(item, "fixturenames", ())) or item.path.parent.name in SLOW_FOLDERS:
+            item.add_marker(pytest.mark.slow)
+
+
+_started: list[str] = []
+
+
+def _note_processes(event: str, arguments: tuple[object, ...]) -> None:
+    if event == "os.fork" or (event == "subprocess.Popen" and arguments[0] == sys.executable):
+        _started.append(f"{event} {arguments}")
+
+
+sys.addaudithook(_note_processes)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    _started.clear()
+
+
+@pytest.fixture(autouse=True)
+def _fast_unless_marked(request: pytest.FixtureRequest) -> Iterator[None]:
+    yield
+    if _started and not request.node.get_closest_marker("slow"):
+        pytest.fail(f"a test that starts a process belongs to the slow tier, mark it so: {_started[0]}")
 
 
 @pytest.fixture(autouse=True)
@@ -17,6 +65,12 @@ def runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("SILO_RUNTIME_DIR", str(folder))
     yield folder
     shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture
+def until() -> Callable[..., object]:
+    """Waits for something to become true, and returns it."""
+    return wait_until
 
 
 @pytest.fixture

@@ -11,5 +11,4 @@ _spec.loader.exec_module(_fixtures)
 
 runtime = _fixtures.runtime
 robots = _fixtures.robots
-until = _fixtures.until
 Heard = _fixtures.Heard

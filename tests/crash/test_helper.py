@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -65,12 +66,18 @@ def test_killed_helper_is_replaced_and_everything_goes_on(robot, watcher, until)
     os.kill(status.helper_pid, signal.SIGKILL)
 
 
-def test_loss_of_the_helper_is_noticed_at_once(robot, watcher, until) -> None:
+def test_loss_of_the_helper_is_noticed_sooner_than_its_silence(robot, watcher, until) -> None:
     os.kill(robot.pid, signal.SIGSTOP)  # so that it starts no other
-    os.kill(robot.helper_pid, signal.SIGKILL)
     began = time.monotonic()
+    os.kill(robot.helper_pid, signal.SIGSTOP)
     until(lambda: watcher.links == [False])
-    assert time.monotonic() - began < 1.5
+    silence_s = time.monotonic() - began
+    os.kill(robot.helper_pid, signal.SIGCONT)
+    until(lambda: watcher.links == [False, True])
+    began = time.monotonic()
+    os.kill(robot.helper_pid, signal.SIGKILL)
+    until(lambda: watcher.links == [False, True, False])
+    assert time.monotonic() - began < silence_s
     with pytest.raises(ConnectionLostError, match="connecting again by itself"):
         watcher.client.status()
 
@@ -172,41 +179,51 @@ def test_damaged_segment_is_named_and_kept(runtime) -> None:
 
 def test_frozen_robot_program_holds_up_no_status(robot, watcher) -> None:
     os.kill(robot.pid, signal.SIGSTOP)
-    with pytest.raises(RefusedError, match="did not answer within"):
-        watcher.client.stop()
-    began = time.monotonic()
-    for _ in range(10):
+    refused = []
+
+    def stop() -> None:
+        with pytest.raises(RefusedError, match="did not answer within"):
+            watcher.client.stop()
+        refused.append(True)
+
+    stopping = threading.Thread(target=stop)
+    stopping.start()
+    answered = 0
+    while not refused:
         watcher.client.status()
-    assert time.monotonic() - began < 2
+        answered += 1
+    stopping.join()
+    assert answered > 10
     os.kill(robot.pid, signal.SIGCONT)
 
 
 CLIENT = """
-import sys, time
+import sys
 from silo.ipc.client import Client
 client = Client.connect("bot")
 view = client.view(["/log/x", "/log/q"], ["/log/x"], rate_hz=30)
 topics = [client.topic("/log/q"), client.topic("/log/x")]
 print("ready", flush=True)
-time.sleep(60)
+sys.stdin.read()
 """
 
 
 @pytest.fixture
 def stranger(robot):
     """Another client in a process of its own."""
-    process = subprocess.Popen([sys.executable, "-c", CLIENT], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([sys.executable, "-c", CLIENT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "ready\n"
     yield process
     process.kill()
     process.wait()
+    process.stdin.close()
     process.stdout.close()
 
 
 def test_frozen_client_costs_the_others_nothing(robot, stranger, watcher, until) -> None:
     os.kill(stranger.pid, signal.SIGSTOP)
     for _ in range(30):
-        until(watcher.sees, 2.0)
+        until(watcher.sees)
         watcher.client.status()
     assert watcher.links == []
     os.kill(stranger.pid, signal.SIGCONT)

@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -25,6 +24,7 @@ from silo.ipc.client import Client
 from silo.ipc.messages import EventKind
 from silo.model import BufferType, FileType
 from silo.runtime import shared_memory_root
+from tests.waiting import DEADLINE_S
 
 PROGRAM = Path(__file__).with_name("saving_robot.py")
 LARGE, SMALL = 7000, 50  # ticks: 100 MB, or next to nothing
@@ -49,7 +49,7 @@ class Robot:
         """End it as its user would: at the end of its input it closes the logger."""
         self.process.stdin.close()
         try:
-            self.process.wait(20)
+            self.process.wait(DEADLINE_S)
         finally:
             self.process.kill()
             self.process.stdout.close()
@@ -75,7 +75,7 @@ def saved_by_command(robot: Robot, client: Client, name: str) -> list[str]:
         "--name",
         name,
     ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S, check=True)
     return [line.split("  ")[0] for line in done.stdout.splitlines()]
 
 
@@ -173,11 +173,15 @@ def test_publishing_goes_on_while_a_large_log_is_saved(large, clients, until) ->
         batches = until(topic.read)
         client.save([FileType.SILO, FileType.BAG], "published")
         meanwhile = 0
-        while not done:
+
+        def is_saved() -> bool:
+            nonlocal meanwhile
             new = topic.read()
             meanwhile += len(new)
-            batches += new
-            time.sleep(0.005)
+            batches.extend(new)
+            return bool(done)
+
+        until(is_saved)
         assert topic.missed == 0
     seen = np.concatenate([batch.values for batch in batches]).ravel()
     np.testing.assert_array_equal(np.diff(seen), 1)

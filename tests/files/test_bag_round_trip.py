@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
@@ -17,6 +17,7 @@ from silo.files.bag_read import read_bag
 from silo.files.ros_types import channels_of
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
+from tests.examples import examples
 
 ALL_TYPES = ("<f8", ">f8", "<f4", "<f2", "<c8", "<c16", "|i1", "<i2", ">i4", "<i8", "|u1", "<u8", "|V5", "<f16", "|S3")
 
@@ -53,7 +54,7 @@ def assert_same(read, written):
 
 
 @given(data=st.data())
-@settings(deadline=None, max_examples=80, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(80))
 def test_any_recording_survives_a_bag_bit_for_bit(data, any_recording, tmp_path_factory):
     written = data.draw(any_recording())
     if len(written.time_ns) and written.time_ns.min() < 0:
@@ -205,6 +206,7 @@ class TestDamage:
         write_bag(written, path)
         return written, path
 
+    @pytest.mark.slow
     def test_a_file_cut_at_any_length_gives_what_is_whole(self, small):
         _, path = small
         data = path.read_bytes()
@@ -223,6 +225,7 @@ class TestDamage:
         assert whole == sorted(whole)
         assert len(set(whole)) > 3
 
+    @pytest.mark.slow
     def test_a_changed_byte_anywhere_is_never_a_crash(self, small):
         _, path = small
         data = path.read_bytes()

@@ -81,6 +81,7 @@ def test_logs_are_completed_as_files(folder):
     assert [item.type for item in complete.get_completions([], "ru")] == ["file"]
 
 
+@pytest.mark.slow
 def test_the_commands_load_no_heavy_library_until_they_run():
     heavy = "{'numpy', 'plotext', 'matplotlib', 'pyarrow', 'zstandard', 'textual'}"
     code = f"import sys, silo.cli.files; sys.exit(sorted({heavy} & set(sys.modules)))"

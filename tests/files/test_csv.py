@@ -5,15 +5,16 @@ import io
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.errors import FileFormatError, LogNotFoundError, SaveError
 from silo.files import csv_file
 from silo.files.csv_file import read_csv, write_csv
 from silo.model import BufferType
+from tests.examples import examples
 
-QUICK = settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+QUICK = settings(max_examples=examples(80))
 NUMBERS = ("<f8", "<f4", "<f2", "|i1", "<i2", "<i4", "<i8", "|u1", "<u2", "<u4", "<u8", "|b1", "<M8[ns]", "|S5", "<U4")
 
 

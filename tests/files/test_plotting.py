@@ -18,6 +18,7 @@ from silo.analysis.plotting import Chart, Curve, draw_png, draw_text, nice_ticks
 from silo.errors import ElementError, SiloError
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
+from tests.examples import examples
 
 TICKS = 400
 SECONDS = np.arange(TICKS) / 100
@@ -63,7 +64,7 @@ class TestText:
         assert "\x1b" in colored
         assert len(ESCAPE.sub("", colored).split("\n")) == len(plain.split("\n"))
 
-    @settings(deadline=None, max_examples=60)
+    @settings(max_examples=examples(60))
     @given(
         width=st.integers(1, 200),
         height=st.integers(1, 60),

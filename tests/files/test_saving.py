@@ -16,6 +16,7 @@ from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.naming import check_name, find_log, log_path, next_run_number
 from silo.files.silo_file import read_silo
 from silo.model import FileType
+from tests.waiting import DEADLINE_S
 
 
 @pytest.fixture
@@ -50,10 +51,11 @@ print(*[next_run_number(sys.argv[1], "robot") for _ in range(200)])
 """
 
 
+@pytest.mark.slow
 def test_processes_that_save_at_once_get_different_numbers(tmp_path):
     command = [sys.executable, "-c", TAKE_NUMBERS, str(tmp_path)]
     workers = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
-    numbers = [int(number) for worker in workers for number in worker.communicate(timeout=60)[0].split()]
+    numbers = [int(number) for worker in workers for number in worker.communicate(timeout=DEADLINE_S)[0].split()]
     assert sorted(numbers) == list(range(1, 601))
 
 

@@ -57,6 +57,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", CHANGES)
 def test_every_damaged_byte_of_the_header_is_told(small, change, tmp_path):
     end = small.index(b"# Binary Data\n") + len(b"# Binary Data\n")
@@ -69,6 +70,7 @@ def test_every_damaged_byte_of_the_header_is_told(small, change, tmp_path):
     assert silent == []
 
 
+@pytest.mark.slow
 def test_a_file_cut_at_any_length_is_told(small, tmp_path):
     silent = [length for length in range(len(small)) if not has_message(opened(small[:length], tmp_path))]
     assert silent == []

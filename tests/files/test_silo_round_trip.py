@@ -4,14 +4,15 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.errors import SaveError
 from silo.files.silo_file import read_silo, write_silo
 from silo.model import BufferType
+from tests.examples import examples
 
-QUICK = settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+QUICK = settings(max_examples=examples(120))
 
 
 def mini_reader(path):

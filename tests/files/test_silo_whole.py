@@ -13,6 +13,7 @@ from silo.files import silo_format as form
 from silo.files import silo_reader
 from silo.files.silo_file import read_silo, write_silo
 from silo.files.silo_whole import FileElements, read_whole
+from tests.examples import examples
 
 
 def whole(path):
@@ -33,7 +34,7 @@ def sealed(data):
     return data[: check + 13] + digits + data[check + 21 : end] + data[end:]
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=examples(80), suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_both_readers_find_the_same(data, any_recording, bits_of, tmp_path_factory, monkeypatch):
     recording = data.draw(any_recording())

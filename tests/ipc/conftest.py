@@ -4,10 +4,8 @@ import enum
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import pytest
@@ -15,29 +13,11 @@ import pytest
 import silo
 from silo.ipc.client import Client
 from silo.ipc.messages import Event, EventKind
-
-Result = TypeVar("Result")
+from tests.waiting import wait_until
 
 TICK_NS = 10_000_000
 BEGIN_NS = 1_700_000_000_000_000_000
 ROBOT_PROGRAM = Path(__file__).with_name("robot_program.py")
-
-
-def wait_until(get: Callable[[], Result], timeout_s: float = 20.0) -> Result:
-    """What `get` returns as soon as it is true."""
-    deadline = time.monotonic() + timeout_s
-    while time.monotonic() < deadline:
-        found = get()
-        if found:
-            return found
-        time.sleep(0.01)
-    raise AssertionError(f"nothing came within {timeout_s} s")
-
-
-@pytest.fixture
-def until() -> Callable[..., object]:
-    """Waits for something to become true, and returns it."""
-    return wait_until
 
 
 class Gait(enum.IntEnum):

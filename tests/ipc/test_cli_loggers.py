@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -17,6 +16,9 @@ import silo
 from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
 from silo.cli.watch import show_clock
 from silo.model import Action, BufferType
+from tests.waiting import DEADLINE_S, wait_until
+
+pytestmark = pytest.mark.slow
 
 Run = Callable[..., "Result"]
 
@@ -104,10 +106,7 @@ def folder(log: silo.Logger) -> Path:
 def start_and_tick(log: silo.Logger) -> None:
     """Start, and wait until something was logged."""
     log.start()
-    deadline = time.monotonic() + 30
-    while log.ticks == 0:
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
+    wait_until(lambda: log.ticks)
 
 
 def test_ls_shows_the_logger(log: silo.Logger, command: Run) -> None:
@@ -281,7 +280,7 @@ def test_ctrl_c_ends_a_watch_quietly(log: silo.Logger) -> None:
         assert process.stdout is not None
         assert "/log/joints/q" in process.stdout.readline()
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=30)
+        _, err = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, err) == (0, "")
 
 
@@ -289,7 +288,7 @@ def test_names_of_loggers_and_elements_are_completed(log: silo.Logger) -> None:
     def completed(words: str, place: int) -> list[str]:
         environment = {**os.environ, "_SILO_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(place)}
         command = [sys.executable, "-c", "from silo.cli import main; main()"]
-        done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=30, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=DEADLINE_S, check=False)
         return [line.partition(",")[2] for line in done.stdout.splitlines()]
 
     assert completed("silo stop a", 2) == ["arm"]

@@ -9,6 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import DEADLINE_S
+
+pytestmark = pytest.mark.slow
+
 Start = Callable[..., "subprocess.Popen[str]"]
 
 
@@ -42,14 +46,14 @@ def start(tmp_path: Path) -> Iterator[Start]:
 def test_a_program_ends_in_order_when_told_to(start: Start, words: tuple[str, ...], number: signal.Signals) -> None:
     process = start(*words)
     os.killpg(process.pid, number)  # a terminal sends Ctrl-C to the helper process, too
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, err) == (0, "")
     assert f"logger '{words[0]}' ended" in out
 
 
 def test_a_program_saves_at_its_end(start: Start, tmp_path: Path) -> None:
     process = start("demo", "--elements", "30", "--save", "silo", "--save", "csv", "--time-limit", "1")
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, err) == (0, "")
     saved = sorted(path.suffix for path in tmp_path.glob("demo_*"))
     assert saved == [".csv", ".silo"]
@@ -58,14 +62,14 @@ def test_a_program_saves_at_its_end(start: Start, tmp_path: Path) -> None:
 
 def test_a_program_ends_by_itself_at_its_time_limit(start: Start) -> None:
     process = start("host", "--time-limit", "0.3")
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=DEADLINE_S)
     assert (process.returncode, err) == (0, "")
     assert "ticks logged and not saved" in out
 
 
 def test_a_stopped_program_logs_nothing(start: Start) -> None:
     process = start("demo", "--elements", "10", "--stopped", "--time-limit", "0.2", "--save", "silo")
-    out, _ = process.communicate(timeout=30)
+    out, _ = process.communicate(timeout=DEADLINE_S)
     assert "nothing was logged, so there is nothing to save" in out
 
 
@@ -73,6 +77,6 @@ def test_a_wrong_script_is_told_before_anything_runs(start: Start, tmp_path: Pat
     script = tmp_path / "wrong.yaml"
     script.write_text("log_elements:\n- name: /log/base/pose\n  divider: 0\n")
     process = start("demo", "--script", str(script))
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=DEADLINE_S)
     reason = "element '/log/base/pose': divider must be 1 or more, got 0; nothing was changed"
     assert (process.returncode, err) == (1, f"silo: {script}:3: {reason}\n")

@@ -10,6 +10,9 @@ import pytest
 
 from silo.analysis.log import open_log
 from silo.cli.main import EXIT_FAILED, run
+from tests.waiting import DEADLINE_S
+
+pytestmark = pytest.mark.slow
 
 DYING = """
 import os, signal, sys
@@ -26,7 +29,9 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 def die(folder: Path, storage: str = "memory", ticks: int = 5) -> None:
     """Run a program that logs some ticks and is killed."""
-    done = subprocess.run([sys.executable, "-c", DYING, str(folder), storage, str(ticks)], timeout=60, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", DYING, str(folder), storage, str(ticks)], timeout=DEADLINE_S, check=False
+    )
     assert done.returncode == -signal.SIGKILL
 
 

@@ -13,6 +13,7 @@ from silo.cli.edits import Settings, parse_settings, select, split_settings
 from silo.cli.main import COMMANDS, EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, cli, run
 from silo.errors import ElementError
 from silo.model import Action, BufferType, ElementOptions
+from tests.waiting import DEADLINE_S
 
 NAMES = ["/log/base/pose", "/log/base/twist", "/log/legs/LF/torque", "/log/legs/RF/torque", "/log/legs/RF/contact"]
 HEAVY = ("numpy", "textual", "plotext", "silo.logger.logger", "silo.collecting.segment_reader")
@@ -197,16 +198,22 @@ def test_ctrl_c_is_quiet(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
 
 def test_a_closed_pipe_is_quiet() -> None:
     shell = f"{sys.executable} -c 'from silo.cli import main; main()' --help | true"
-    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, timeout=30, check=False)
+    done = subprocess.run(["bash", "-c", shell], capture_output=True, text=True, timeout=DEADLINE_S, check=False)
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["ls"], ["info", "demo"], ["set", "*", "on"], ["start"], ["--help"]])
 def test_light_commands_import_nothing_heavy(words: list[str]) -> None:
     code = (
         f"import sys; from silo.cli.main import run; run({words!r}); print([m for m in {HEAVY!r} if m in sys.modules])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=True, env=dict(os.environ)
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=True,
+        env=dict(os.environ),
     )
     assert done.stdout.splitlines()[-1] == "[]"

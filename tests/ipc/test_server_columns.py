@@ -1,7 +1,7 @@
 """Columns by time: every sample counts once, in the column of its time stamp."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
@@ -10,7 +10,6 @@ from silo.columns import MAX_COLUMNS, ColumnGrid, as_floats, bins_of
 TIMES = st.lists(st.integers(-5_000, 5_000), min_size=1, max_size=60)
 
 
-@settings(deadline=None)
 @given(TIMES, st.integers(1, 700), st.data())
 def test_columns_have_the_minimum_and_maximum_of_their_samples(times, column_ns, data) -> None:
     values = data.draw(arrays.arrays(float, len(times), elements=st.floats(-9, 9) | st.just(np.nan)))
@@ -26,7 +25,6 @@ def test_columns_have_the_minimum_and_maximum_of_their_samples(times, column_ns,
         np.testing.assert_array_equal((grid.low[0, column], grid.high[0, column]), want)
 
 
-@settings(deadline=None)
 @given(TIMES, st.integers(1, 700), st.integers(0, 60))
 def test_samples_in_two_pieces_give_the_columns_of_one(times, column_ns, cut) -> None:
     time_ns, values = np.array(times), np.arange(float(len(times)))

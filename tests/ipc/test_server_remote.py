@@ -15,6 +15,8 @@ from silo.ipc.client import Client
 from silo.ipc.discovery import discover
 from silo.model import State
 
+pytestmark = pytest.mark.slow
+
 CONFIG = Path(__file__).parents[2] / "config"
 
 

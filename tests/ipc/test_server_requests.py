@@ -16,6 +16,7 @@ from silo.ipc.client import Client
 from silo.ipc.messages import ApplyEdits, EventKind, GetHistory, OpenView, RefusedWhy, Save
 from silo.ipc.session import close, open_client
 from silo.model import Edit, ElementOptions, State
+from tests.examples import examples
 
 
 def options(client: Client, name: str) -> ElementOptions:
@@ -180,7 +181,7 @@ def test_garbage_is_refused_in_words_and_changes_nothing(bench, client, raw, kin
     assert client.status().helper_pid == bench.serving.helper_pid
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(100), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.binary(max_size=200))
 def test_any_bytes_get_one_answer(raw, payload) -> None:
     assert len(raw(payload, "do")) == 1

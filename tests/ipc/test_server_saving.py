@@ -8,6 +8,8 @@ from silo.errors import SaveError
 from silo.helper.writing import WriteOrder, write_log
 from silo.model import FileType
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def reader(new_logger):

@@ -1,7 +1,6 @@
 """Scripts on the robot's side, and nothing but scripts."""
 
 import os
-import time
 
 import pytest
 
@@ -112,9 +111,8 @@ def test_paths_that_clients_may_not_use(bench, client, tmp_path) -> None:
 
 def test_named_pipe_stalls_nobody(bench, client) -> None:
     os.mkfifo(bench.script.parent / "pipe.yaml")
-    began = time.monotonic()
+    # a helper that opened it would wait for its writer, and the client for an answer until it gives up
     assert refused(client.read_script, "pipe.yaml") is RefusedWhy.INVALID
-    assert time.monotonic() - began < 5
 
 
 def test_huge_script_is_not_read(bench, client) -> None:

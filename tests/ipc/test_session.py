@@ -57,6 +57,7 @@ def test_second_logger_of_a_name_in_a_process_gets_a_socket_of_its_own(server: t
         close(session)
 
 
+@pytest.mark.slow
 def test_socket_of_a_killed_process_is_taken_over(runtime: Path) -> None:
     code = (
         "import sys, pathlib; from silo.ipc.session import open_server\n"

@@ -6,12 +6,16 @@ import tempfile
 from dataclasses import dataclass, field
 
 import numpy as np
-from hypothesis import HealthCheck, example, given, settings
+import pytest
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import silo
 from silo.model import Action, BufferType
 from silo.runtime import shared_memory_root
+from tests.examples import examples
+
+pytestmark = pytest.mark.slow
 
 LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWING
 STEP_NS = 1_000_003
@@ -222,7 +226,7 @@ def check_new_values(log, model, place):
 steps = st.lists(st.tuples(st.integers(0, 60), st.booleans()), min_size=1, max_size=4)
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(120))
 @given(
     table=st.lists(specs(), min_size=1, max_size=9),
     steps=steps,
@@ -274,7 +278,7 @@ def test_the_buffers_hold_what_the_rules_of_the_original_say(table, steps, frequ
         shutil.rmtree(folder)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15))
 @given(table=st.lists(specs(3000), min_size=1, max_size=4), seed=st.integers(0, 2**32))
 def test_thousands_of_ticks_wrap_rings_and_fill_chunks_without_a_wrong_sample(table, seed):
     # wide rows, so that growing rings come to their second chunk of 1 MB soon

@@ -3,6 +3,7 @@
 import asyncio
 import inspect
 import math
+import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -42,6 +43,7 @@ from silo_tui.app import SiloApp
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.model.source import Column
 from silo_tui.sessions.finder import Found, FoundLogger
+from tests.waiting import DEADLINE_S
 
 START_NS = 1_790_000_000_000_000_000
 HZ = 400.0
@@ -434,12 +436,11 @@ class Screen:
         return phrase_for(field, int(self.session.table.values[field, row]))
 
     async def until(self, fact: Callable[[], Any], what: str = "") -> None:
-        """Waits for a fact, 10 s at most."""
-        for _ in range(500):
-            if fact():
-                return
-            await self.pilot.pause(0.02)
-        raise AssertionError(f"still not: {what or fact}\n{self.text}")
+        """Waits for a fact."""
+        deadline = time.monotonic() + DEADLINE_S
+        while not fact():
+            assert time.monotonic() < deadline, f"still not: {what or fact}\n{self.text}"
+            await self.pilot.pause(0.01)
 
     async def shows(self, words: str) -> None:
         await self.until(lambda: words in self.text, f"{words!r} on the screen")

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model.recorded import RecordingSource
+from tests.examples import examples
 
 START_NS = 1_790_000_000_123_456_789
 STEP_NS = 2_500_000
@@ -35,7 +36,7 @@ def columns(of, name="/log/a", column_ns=50_000_000):
     divider=st.integers(1, 7),
     column_ns=st.integers(STEP_NS * 8, 10**9),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 def test_a_column_holds_the_extremes_of_its_samples(data, count, divider, column_ns):
     numbers = st.floats(allow_nan=True, allow_infinity=True, width=64)
     values = np.array(data.draw(st.lists(numbers, min_size=count, max_size=count)))

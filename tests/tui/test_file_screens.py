@@ -196,7 +196,6 @@ async def test_zooming_keeps_the_cursor_on_its_moment(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")
         await screen.press("home", "L", "L", "L")
-        await screen.pilot.pause(0.05)
         before = to(screen)
         for _ in range(40):
             await screen.press("plus")
@@ -207,6 +206,7 @@ async def test_zooming_keeps_the_cursor_on_its_moment(path, on_file):
         await screen.until(lambda: monitor(screen).window.cursor is not None)
 
 
+@pytest.mark.slow
 async def test_a_window_walks_over_the_whole_file_both_ways(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")

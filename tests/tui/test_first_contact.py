@@ -123,7 +123,8 @@ async def test_without_colours_nothing_is_suggested_behind_what_is_typed(fake, o
     monkeypatch.setenv("NO_COLOR", "1")
     async with opened(fake) as screen:
         await screen.type("/unit:N")
-        await screen.pilot.pause(0.2)
+        await screen.shows("unit:N")
+        assert screen.app.focused.suggester is None  # nothing that could come later
         assert "unit:Nm" not in screen.text
         await screen.press("tab")
         await screen.shows("unit:Nm")

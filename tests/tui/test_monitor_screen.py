@@ -51,10 +51,10 @@ async def test_a_pause_holds_the_picture_while_the_logger_goes_on(fake, opened):
         await open_torque(screen)
         await screen.press("space")
         await screen.shows("PAUSED")
-        await screen.pilot.pause(0.3)
         before = monitor(screen).stack.store.end
         fake.advance(5.0)
-        await screen.pilot.pause(0.5)
+        await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "what was logged meanwhile")
+        await screen.pilot.pause()
         assert monitor(screen).stack.store.end == before
 
 

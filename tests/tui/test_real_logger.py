@@ -9,6 +9,8 @@ import silo
 from silo_tui.app import SiloApp
 from silo_tui.sessions.connect import ClientFinder
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def logger(tmp_path, monkeypatch):

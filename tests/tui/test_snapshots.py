@@ -3,22 +3,36 @@
 They belong to one version of Textual, which draws a little differently in each.
 """
 
+import time
 from importlib.metadata import version
 
 import pytest
 
 from silo_tui.app import SiloApp
+from tests.waiting import DEADLINE_S
 
 RECORDED_WITH = "8.2.8"
-pytestmark = pytest.mark.skipif(version("textual") != RECORDED_WITH, reason=f"pictures are of Textual {RECORDED_WITH}")
+STEADY_LOOKS = 10
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(version("textual") != RECORDED_WITH, reason=f"pictures are of Textual {RECORDED_WITH}"),
+]
 
 
-async def settle(pilot, ready):
-    for _ in range(500):
-        await pilot.pause(0.02)
-        if ready(pilot.app):
-            break
-    await pilot.pause(0.3)
+def text_of(app):
+    return ["".join(segment.text for segment in line) for line in app.screen._compositor.render_strips()]
+
+
+async def settle(pilot, ready=lambda app: True):
+    """Wait until it is ready and draws the same again and again; the fake's clock stands."""
+    deadline = time.monotonic() + DEADLINE_S
+    same, before = 0, []
+    while same < STEADY_LOOKS:
+        assert time.monotonic() < deadline, before
+        await pilot.pause()
+        now = text_of(pilot.app)
+        same = same + 1 if now == before and ready(pilot.app) else 0
+        before = now
 
 
 def table_is_live(app):
@@ -36,7 +50,7 @@ def test_the_table(fake, new_finder, snap_compare, size):
     async def steps(pilot):
         await settle(pilot, table_is_live if size[0] > 80 else readings_are_there)
         await pilot.press("j", "space", "t", "j", "d", "5", "enter")
-        await pilot.pause(0.4)
+        await settle(pilot)
 
     assert snap_compare(SiloApp(new_finder(fake)), terminal_size=size, run_before=steps)
 
@@ -48,7 +62,7 @@ def test_the_table_without_colours(fake, new_finder, snap_compare, monkeypatch):
     async def steps(pilot):
         await settle(pilot, readings_are_there)
         await pilot.press("j", "space", "t", "j", "d", "5", "enter")
-        await pilot.pause(0.4)
+        await settle(pilot)
 
     assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
 

@@ -6,47 +6,63 @@ import select
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
+from tests.waiting import DEADLINE_S, wait_until
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[2]
 PROGRAM = """
-import importlib.util, threading, sys
+import importlib.util, os, threading, sys
 spec = importlib.util.spec_from_file_location("fakes", {conftest!r})
 fakes = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(fakes)
 from silo_tui.app import SiloApp
+from silo_tui.terminal import backed_up
 fake = fakes.FakeClient()
 fake.run()
 def clock():
     while True:
         threading.Event().wait(0.05)
         fake.advance(0.05)
+        if backed_up(app):
+            os.write({told}, b"!")
+app = SiloApp(fakes.FakeFinder(fake), rate_hz=10)
 threading.Thread(target=clock, daemon=True).start()
-SiloApp(fakes.FakeFinder(fake), rate_hz=10).run()
+app.run()
 print("ended in order", flush=True)
 """
-DEADLINE_S = 15.0
 
 
 class Terminal:
     def __init__(self):
         self.master, slave = pty.openpty()
-        code = PROGRAM.format(conftest=str(Path(__file__).with_name("conftest.py")))
+        self.stalls, told = os.pipe()
+        code = PROGRAM.format(conftest=str(Path(__file__).with_name("conftest.py")), told=told)
         self.process = subprocess.Popen(
-            [sys.executable, "-c", code], stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
+            [sys.executable, "-c", code], stdin=slave, stdout=slave, stderr=slave,
+            start_new_session=True, pass_fds=[told],
             preexec_fn=_take_terminal,  # noqa: PLW1509 - no threads here
-            env={**os.environ, "TERM": "xterm-256color", "COLUMNS": "80", "LINES": "24"},
+            env={**os.environ, "TERM": "xterm-256color", "COLUMNS": "80", "LINES": "24", "PYTHONPATH": str(ROOT)},
         )  # fmt: skip
         os.close(slave)
+        os.close(told)
         self.seen = b""
 
     def until(self, words):
-        end = time.monotonic() + DEADLINE_S
-        while words not in self.seen:
-            assert time.monotonic() < end, self.seen[-400:]
+        def comes():
             self.read(0.1)
+            return words in self.seen
+
+        wait_until(comes)
+
+    def until_stalled(self):
+        """Reads nothing: the terminal's buffer and the app's queue fill."""
+        assert select.select([self.stalls], [], [], DEADLINE_S)[0]
+        assert os.read(self.stalls, 1) == b"!", "it ended"
 
     def read(self, timeout):
         if select.select([self.master], [], [], timeout)[0]:
@@ -56,10 +72,11 @@ class Terminal:
                 self.seen += b""
 
     def drain_until_exit(self):
-        end = time.monotonic() + DEADLINE_S
-        while self.process.poll() is None:
-            assert time.monotonic() < end, "still running"
+        def is_over():
             self.read(0.05)
+            return self.process.poll() is not None
+
+        wait_until(is_over)
         return self.process.returncode
 
 
@@ -77,6 +94,7 @@ def terminal():
     if found.process.poll() is None:
         found.process.kill()
         found.process.wait()
+    os.close(found.stalls)
 
 
 def test_sigterm_ends_it_in_order(terminal):
@@ -95,14 +113,14 @@ def test_a_terminal_that_goes_away_ends_it(terminal):
 def test_a_stalled_terminal_doesn_t_keep_it_from_ending(terminal):
     terminal.until(b"RUNNING")
     os.set_blocking(terminal.master, True)
-    time.sleep(1.5)  # nobody reads: the terminal's buffer and our queue fill
+    terminal.until_stalled()
     terminal.process.send_signal(signal.SIGTERM)
     assert terminal.process.wait(DEADLINE_S) is not None
 
 
 def test_after_a_stall_it_goes_on_where_it_is(terminal):
     terminal.until(b"RUNNING")
-    time.sleep(1.5)  # nobody reads
+    terminal.until_stalled()
     terminal.seen = b""
     terminal.until(b"Hz")
     os.write(terminal.master, b"q")

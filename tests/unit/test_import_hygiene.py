@@ -1,4 +1,4 @@
-"""Which part may know which: held in the text of the modules, and in fresh processes that import them."""
+"""What must not be loaded in a fresh process; who may import whom at all stands in `pyproject.toml`."""
 
 import ast
 import importlib.util
@@ -9,19 +9,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+import silo
 
-# part of the program -> what none of its modules may import, not even within a function
-FORBIDDEN = {
-    "silo": ["silo_tui", "textual"],
-    "silo/collecting": ["zenoh", "silo.files", "silo.ipc", "silo.helper", "silo.logger", "silo.analysis"],
-    "silo/files": ["zenoh", "silo.logger", "silo.collecting", "silo.helper"],
-    "silo/analysis": ["zenoh", "silo.logger", "silo.collecting", "silo.helper"],
-    "silo/model": ["numpy", "zenoh"],
-    "silo/recording": ["zenoh", "silo.logger", "silo.collecting", "silo.files"],
-    "silo_tui/model": ["textual", "zenoh", "silo.logger", "silo.collecting"],
-    "silo/programs": ["zenoh", "silo.helper"],
-}
+ROOT = Path(__file__).resolve().parents[2]
 
 # module -> what must not be loaded in a process that imported nothing else
 NOT_LOADED = {
@@ -42,69 +32,33 @@ NOT_LOADED = {
 }
 
 
-def modules_of(part):
-    folder = ROOT / part
-    return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
+def loaded_by(module: str) -> list[str]:
+    """Every module of a fresh process that imported this one."""
+    program = f"import sys, {module}; print(*sorted(sys.modules), sep=chr(10))"
+    environment = dict(os.environ, PYTHONPATH=str(ROOT))
+    run = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True, env=environment)
+    assert run.returncode == 0, run.stderr
+    return run.stdout.split()
 
 
-def imports_of(path):
-    """Every module that a file imports, also within functions, but not those only for type checkers."""
-    tree = ast.parse(path.read_text())
-    typing_only = {
-        id(inner)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
-        for inner in ast.walk(node)
-    }
-    for node in ast.walk(tree):
-        if id(node) in typing_only:
-            continue
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative imports hide who is meant"
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
-
-
-def is_within(module, part):
+def is_within(module: str, part: str) -> bool:
     return module == part or module.startswith(part + ".")
 
 
-@pytest.mark.parametrize("part", FORBIDDEN)
-def test_a_part_imports_nothing_that_it_must_not_know(part):
-    files = [path for path in modules_of(part) if path.exists()]
-    if not files:
-        pytest.skip(f"there is no {part}")
-    found = [
-        f"{path.relative_to(ROOT)} imports {module}"
-        for path in files
-        for module in imports_of(path)
-        for forbidden in FORBIDDEN[part]
-        if is_within(module, forbidden)
-    ]
-    assert found == []
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("module", NOT_LOADED)
-def test_a_module_loads_nothing_that_it_can_do_without(module):
-    if importlib.util.find_spec(module.split(".")[0]) is None or not find(module):
-        pytest.skip(f"there is no {module}")
-    program = f"import sys, {module}; print(*sorted(sys.modules), sep=chr(10))"
-    environment = dict(os.environ, PYTHONPATH=str(ROOT))
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, check=True)
-    loaded = run.stdout.split()
-    found = [name for name in loaded for unwanted in NOT_LOADED[module] if is_within(name, unwanted)]
-    assert found == []
+def test_a_module_loads_nothing_that_it_can_do_without(module: str) -> None:
+    unwanted = NOT_LOADED[module]
+    assert [name for name in loaded_by(module) if any(is_within(name, part) for part in unwanted)] == []
 
 
-def find(module):
-    path = ROOT / module.replace(".", "/")
-    return path.with_suffix(".py").exists() or (path / "__init__.py").exists()
+@pytest.mark.slow
+def test_a_module_that_is_gone_is_a_failure() -> None:
+    with pytest.raises(AssertionError, match=r"No module named 'silo\.gone'"):
+        loaded_by("silo.gone")
 
 
-def test_type_checkers_and_programs_are_told_the_same_public_names():
-    import silo
-
+def test_type_checkers_and_programs_are_told_the_same_public_names() -> None:
     tree = ast.parse((ROOT / "silo/__init__.py").read_text())
     typing_only = next(node for node in tree.body if isinstance(node, ast.If))
     imports = [node for node in typing_only.body if isinstance(node, ast.ImportFrom)]
@@ -113,22 +67,22 @@ def test_type_checkers_and_programs_are_told_the_same_public_names():
     assert all(alias.asname == alias.name for node in imports for alias in node.names)
 
 
-def test_completion_sees_every_public_name_before_it_is_loaded():
+@pytest.mark.slow
+def test_completion_sees_every_public_name_before_it_is_loaded() -> None:
     program = "import silo, sys; assert set(silo.__all__) <= set(dir(silo)); assert 'silo.logger' not in sys.modules"
     subprocess.run([sys.executable, "-c", program], env=dict(os.environ, PYTHONPATH=str(ROOT)), check=True)
 
 
-@pytest.mark.parametrize("name", sorted({*__import__("silo").__all__}))
-def test_every_public_name_has_a_home(name):
-    import silo
+@pytest.mark.parametrize("part", sorted({part for parts in NOT_LOADED.values() for part in parts}))
+def test_what_must_not_be_loaded_is_there_under_this_name(part: str) -> None:
+    assert importlib.util.find_spec(part) is not None
 
-    if name in ("Log", "Signal", "open_log") and not find("silo.analysis.log"):
-        pytest.skip("there is no silo.analysis.log")
+
+@pytest.mark.parametrize("name", sorted(silo.__all__))
+def test_every_public_name_has_a_home(name: str) -> None:
     assert getattr(silo, name).__name__
 
 
-def test_an_unknown_name_is_an_attribute_error():
-    import silo
-
+def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="module 'silo' has no attribute 'loger'"):
         silo.loger  # noqa: B018

@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 import silo
+from silo.collecting import segment
 from silo.errors import ElementError, ScriptError, SegmentError, SourceError, StateError
 from silo.model import Action, BufferType, Edit, ElementOptions
 from silo.runtime import list_segments
+from tests.waiting import DEADLINE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -252,6 +254,7 @@ def test_a_logger_that_the_program_forgot_without_data_leaves_nothing(tmp_path):
     assert list_segments() == []
 
 
+@pytest.mark.slow
 def test_a_program_that_ends_without_close_saves_its_unsaved_data(tmp_path, runtime_folder):
     program = f"""
 import silo
@@ -331,7 +334,7 @@ def test_a_second_thread_in_collect_gets_an_error_and_no_row_is_torn(new_logger)
 
     def slow():
         entered.set()
-        leave.wait(10)
+        leave.wait(DEADLINE_S)
         return 1.0
 
     leave.set()
@@ -341,7 +344,7 @@ def test_a_second_thread_in_collect_gets_an_error_and_no_row_is_torn(new_logger)
     entered.clear()
     first = threading.Thread(target=logger.collect)
     first.start()
-    assert entered.wait(10)
+    assert entered.wait(DEADLINE_S)
     with pytest.raises(StateError, match=r"collect\(\) was called by a second thread"):
         logger.collect()
     leave.set()
@@ -362,7 +365,7 @@ def test_a_source_that_calls_collect_gets_an_error(new_logger, caplog):
 @pytest.mark.parametrize("interrupt", [KeyboardInterrupt, SystemExit])
 @pytest.mark.parametrize("kind", list(BufferType))
 @pytest.mark.parametrize("dividers", [(1, 2), (1, 2, 3, 4, 5, 6, 7)])
-def test_a_tick_that_is_interrupted_is_logged_wholly_or_not_at_all(new_logger, interrupt, kind, dividers):
+def test_a_tick_that_is_interrupted_is_logged_wholly_or_not_at_all(new_logger, monkeypatch, interrupt, kind, dividers):
     logger = new_logger(max_time=0)
     robot = Robot(tick=0, interrupt=False)
 
@@ -371,8 +374,8 @@ def test_a_tick_that_is_interrupted_is_logged_wholly_or_not_at_all(new_logger, i
             raise interrupt
         return robot.tick
 
-    # growing: ten rows per chunk
-    x = logger.array("x", 13_000, np.int64, buffer_type=kind, buffer_size=7)
+    monkeypatch.setattr(segment, "CHUNK_BYTES", 8192)  # growing: ten rows per chunk
+    x = logger.array("x", 98, np.int64, buffer_type=kind, buffer_size=7)
     for divider in dividers:
         read = interrupted if divider == dividers[-1] else lambda: robot.tick
         logger.add(read, f"y{divider}", divider=divider, buffer_type=kind, buffer_size=7)
@@ -471,6 +474,7 @@ def test_restarts_from_another_thread_neither_tear_rows_nor_stop_the_loop(new_lo
         assert (rows == rows[0]).all()
 
 
+@pytest.mark.slow
 def test_a_forked_child_does_not_write_into_its_parents_buffers(counting):
     logger = counting()
     kept = logger.collect
@@ -488,6 +492,7 @@ def test_a_forked_child_does_not_write_into_its_parents_buffers(counting):
     assert values(logger) == [0, 1, 2, 3]
 
 
+@pytest.mark.slow
 def test_a_forked_child_does_not_delete_its_parents_segment(counting):
     logger = counting()
     child = os.fork()
@@ -500,6 +505,7 @@ def test_a_forked_child_does_not_delete_its_parents_segment(counting):
     assert Path(logger.segment_path).exists()
 
 
+@pytest.mark.slow
 def test_a_forked_child_may_have_a_logger_of_its_own(new_logger, counting, tmp_path):
     counting().collect()
     child = os.fork()

@@ -201,6 +201,11 @@ def test_an_element_that_is_only_saved_has_no_live_ring():
 def test_the_work_of_planning_does_not_explode_with_ten_thousand_elements():
     arrays = [np.zeros(1) for _ in range(10_000)]
     elements = [element(f"/e{i}", array, size=1 + i % 500, divider=1 + i % 20) for i, array in enumerate(arrays)]
-    begin = time.process_time()
-    plan(*elements)
-    assert time.process_time() - begin < 10
+
+    def work_s(count: int) -> float:
+        begin = time.process_time()
+        plan(*elements[:count])
+        return time.process_time() - begin
+
+    # ten times the elements are ten times the work, with room for noise; the square of it would be a hundred times
+    assert work_s(10_000) < 40 * min(work_s(1000) for _ in range(3))

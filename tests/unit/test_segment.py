@@ -5,18 +5,18 @@ import resource
 import signal
 import subprocess
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from silo.collecting import generate, segment_reader
+from silo.collecting import generate, segment, segment_reader
 from silo.collecting.schema import TIME_RING, RingControl, StopReason
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.model import Action, BufferType
 from silo.runtime import list_segments, runtime_dir
+from tests.waiting import DEADLINE_S, wait_until
 
 GROWING = BufferType.GROWING
 
@@ -240,9 +240,7 @@ def test_when_even_time_stamps_find_no_room_the_logger_stops_by_itself(new_logge
     logger.array("x", (), np.int64, buffer_type=GROWING, buffer_size=1)
     logger.start()
     segment = logger._run.segment
-    deadline = time.monotonic() + 30
-    while len(segment._next) < 2:  # the thread has a chunk ready for each ring
-        assert time.monotonic() < deadline
+    wait_until(lambda: len(segment._next) == 2)  # the thread has a chunk ready for each ring
     monkeypatch.setattr(segment, "_append", lambda ring: (_ for _ in ()).throw(SegmentError("full")))
     segment._next.clear()
     collect(logger, 100_000)
@@ -266,15 +264,22 @@ def test_growing_buffers_share_the_chunks_in_the_order_of_need(new_logger):
             assert entry.values.tolist() == list(range(0, 2500, element.divider))
 
 
-def test_a_row_larger_than_a_chunk_has_a_chunk_of_its_own(new_logger):
+def test_a_row_larger_than_a_chunk_has_a_chunk_of_its_own(new_logger, monkeypatch):
+    monkeypatch.setattr(segment, "CHUNK_BYTES", 8192)
     logger = new_logger(max_time=0)
-    x = logger.array("x", 140_000, buffer_type=GROWING, buffer_size=1)
+    x = logger.array("x", 1100, buffer_type=GROWING, buffer_size=1)  # 8800 bytes
     logger.start()
     for tick in range(5):
         x[:] = tick
         logger.collect()
     (element,) = logger.snapshot().elements
-    assert element.entries[139_999].values.tolist() == [0, 1, 2, 3, 4]
+    for entry in element.entries:
+        assert entry.values.tolist() == [0, 1, 2, 3, 4]
+
+
+def test_a_chunk_is_a_megabyte_or_a_whole_row():
+    assert segment.chunk_bytes_for(1000) == segment.chunk_bytes_for(131_072) == 1 << 20
+    assert segment.chunk_bytes_for(140_000) >= 8 * 140_000
 
 
 def test_no_thread_is_left_when_a_run_ends(new_logger):
@@ -283,7 +288,7 @@ def test_no_thread_is_left_when_a_run_ends(new_logger):
     logger.start()
     (thread,) = [thread for thread in threading.enumerate() if thread.name == "silo-chunks"]
     logger.stop()
-    thread.join(10)
+    thread.join(DEADLINE_S)
     assert not thread.is_alive()
 
 

@@ -1,0 +1,126 @@
+"""Who may import whom stands in `pyproject.toml`; here import-linter checks it, and is checked on damaged copies."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.slow  # in processes of their own: import-linter silences the loggers of its process
+
+ROOT = Path(__file__).resolve().parents[2]
+LINT = "from importlinter.cli import lint_imports_command as lint; lint(['--no-logo', '--no-cache'])"
+
+
+def lint(house: Path) -> tuple[bool, str]:
+    """Whether the contracts of a house are kept, and what is said of it."""
+    environment = dict(os.environ, PYTHONPATH=str(house), COLUMNS="300")
+    done = subprocess.run(
+        [sys.executable, "-c", LINT], cwd=house, env=environment, check=False, capture_output=True, text=True
+    )
+    return done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.fixture
+def house(tmp_path: Path) -> Path:
+    """A copy of the program to be damaged."""
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    for package in ("silo", "silo_tui"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
+
+
+def insert(file: str, code: str) -> Callable[[Path], None]:
+    def damage(house: Path) -> None:
+        path = house / file
+        path.write_text(path.read_text() + "\n\n" + code + "\n")
+
+    return damage
+
+
+def rename(old: str, new: str) -> Callable[[Path], None]:
+    def damage(house: Path) -> None:
+        (house / old).rename(house / new)
+
+    return damage
+
+
+def add_folder(name: str) -> Callable[[Path], None]:
+    def damage(house: Path) -> None:
+        (house / name).mkdir()
+        (house / name / "__init__.py").write_text('"""A room."""\n')
+
+    return damage
+
+
+def declare(line: str) -> Callable[[Path], None]:
+    """Add an exception that nobody needs."""
+
+    def damage(house: Path) -> None:
+        path = house / "pyproject.toml"
+        head, circles = path.read_text().split('name = "no circles"')
+        circles = circles.replace("ignore_imports = [", f"ignore_imports = [\n    {line!r},")
+        if "ignore_imports" not in circles:
+            circles = circles.rstrip() + f"\nignore_imports = [{line!r}]\n"
+        path.write_text(head + 'name = "no circles"' + circles)
+
+    return damage
+
+
+def test_all_contracts_are_kept() -> None:
+    kept, said = lint(ROOT)
+    assert kept, said
+
+
+def test_a_copy_of_the_house_keeps_them_too(house: Path) -> None:
+    kept, said = lint(house)
+    assert kept, said
+
+
+DAMAGES = {
+    "a renamed folder": (rename("silo/collecting", "silo/gathering"), "collecting"),
+    "a renamed folder of silo_tui": (rename("silo_tui/model", "silo_tui/models"), "model"),
+    "a renamed module": (rename("silo/columns.py", "silo/minmax.py"), "columns"),
+    "a folder without a storey": (add_folder("silo/extra"), "silo.extra"),
+    "zenoh in collecting": (insert("silo/collecting/plan.py", "import zenoh"), "silo.collecting.plan -> zenoh"),
+    "zenoh within a function": (
+        insert("silo/files/saving.py", "def f() -> None:\n    import zenoh"),
+        "silo.files.saving -> zenoh",
+    ),
+    "zenoh at second hand": (
+        insert("silo_tui/model/text.py", "import silo.ipc.session"),
+        "silo_tui.model.text -> silo.ipc.session",
+    ),
+    "a logger for type checkers": (
+        insert("silo/files/saving.py", "if TYPE_CHECKING:\n    from silo.logger.logger import Logger"),
+        "silo.files.saving -> silo.logger.logger",
+    ),
+    "the public names": (insert("silo/collecting/plan.py", "from silo import Logger"), "silo.collecting.plan -> silo"),
+    "a terminal": (insert("silo/cli/watch.py", "import silo_tui.app"), "silo.cli.watch -> silo_tui.app"),
+    "the helper within the robot program": (
+        insert("silo/logger/table.py", "import silo.helper.mirror"),
+        "silo.logger.table -> silo.helper.mirror",
+    ),
+    "upstairs": (insert("silo/ipc/keys.py", "import silo.settings.script"), "silo.ipc.keys -> silo.settings.script"),
+    "a circle of siblings": (
+        insert("silo/files/atomic.py", "import silo.files.extras"),
+        "No cycles are allowed in silo.files",
+    ),
+    "a circle far below": (
+        insert("silo/programs/demo/gait.py", "import silo.programs.demo.robot"),
+        "No cycles are allowed in silo.programs.demo",
+    ),
+    "an exception that nobody needs": (declare("silo.model -> silo.errors"), "silo.model -> silo.errors"),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGES)
+def test_a_damaged_house_is_refused(case: str, house: Path) -> None:
+    damage, word = DAMAGES[case]
+    damage(house)
+    kept, said = lint(house)
+    assert not kept
+    assert word in " ".join(said.split())
