@@ -36,6 +36,7 @@ from silo.ipc.messages import (
 from silo.link.channel import LinkChannel
 from silo.link.messages import Goodbye, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.model import FileType, SavedFile, Table
+from silo.settings.rules import refusal
 
 if TYPE_CHECKING:
     from silo.logger.logger import Logger
@@ -205,7 +206,7 @@ class Serving:
                 return Refused(RefusedWhy.CONFLICT, text)
             problems = logger.problems(request.edits)
             if problems:
-                return Refused(RefusedWhy.INVALID, f"{len(problems)} fields are invalid; nothing was changed", problems)
+                return Refused(RefusedWhy.INVALID, refusal(problems), problems)
             changed = logger.apply(request.edits)
             return EditsApplied(logger.revision, changed)
 

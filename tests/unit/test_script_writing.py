@@ -17,7 +17,7 @@ def info(name: str, options: ElementOptions = USUAL) -> ElementInfo:
 
 
 def plan_for(body: str, *table: ElementInfo) -> tuple[ElementOptions, ...]:
-    return apply_script(parse_script(f"log_elements:\n{body}", "s.yaml"), table).options
+    return apply_script(parse_script(f"log_elements:\n{body}", "s.yaml"), table, 100.0).options
 
 
 def test_a_listed_element_keeps_the_settings_that_are_not_given() -> None:
@@ -42,7 +42,7 @@ def test_options_come_in_the_order_of_the_table() -> None:
 
 def test_unknown_names_are_returned_with_line_and_suggestion() -> None:
     script = parse_script("log_elements:\n- name: /log/joints/tua\n- name: /elsewhere\n", "s.yaml")
-    unknown = apply_script(script, [info("/log/joints/tau")]).unknown
+    unknown = apply_script(script, [info("/log/joints/tau")], 100.0).unknown
     assert [str(name) for name in unknown] == [
         "line 2: no element '/log/joints/tua' (did you mean '/log/joints/tau'?)",
         "line 3: no element '/elsewhere'",
@@ -55,7 +55,7 @@ def test_writing_gives_the_bytes_of_the_original(name: str) -> None:
     path = FIXTURES / f"{name}.yaml"
     script = read_script(path)
     table = [info(element.name) for element in script.elements]
-    plan = apply_script(script, table)
+    plan = apply_script(script, table, 100.0)
     after = [info(element.name, options) for element, options in zip(table, plan.options, strict=True)]
     assert format_script(after).encode() == path.read_bytes()
 
@@ -63,7 +63,7 @@ def test_writing_gives_the_bytes_of_the_original(name: str) -> None:
 def test_a_written_script_reads_back_as_the_same_options(tmp_path: Path) -> None:
     table = [info("/log/a"), info('/log/ünïcode: #1 "quoted"\n', ElementOptions(False, 3))]
     write_script(tmp_path / "s.yaml", table)
-    assert diff_options(table, apply_script(read_script(tmp_path / "s.yaml"), table).options) == []
+    assert diff_options(table, apply_script(read_script(tmp_path / "s.yaml"), table, 100.0).options) == []
 
 
 def test_an_empty_table_writes_a_script_that_reads_back() -> None:
@@ -103,8 +103,8 @@ def test_a_difference_names_each_field_in_words() -> None:
     assert diff_options([info("/a"), info("/b")], [new, USUAL]) == [
         FieldChange("/a", "enabled", "on", "off"),
         FieldChange("/a", "divider", "2", "4"),
-        FieldChange("/a", "action", "PUBLISH", "SAVE"),
-        FieldChange("/a", "buffer_type", "FIXED", "LOOPING"),
+        FieldChange("/a", "action", "publish", "save"),
+        FieldChange("/a", "buffer_type", "fixed", "looping"),
         FieldChange("/a", "buffer_size", "30", "31"),
     ]
 
