@@ -104,6 +104,7 @@ class Reader:
                 continue
             first_lines[element.name] = element.line
             yield element
+        self.unknown.sort(key=lambda key: key.line)  # those of the script itself were seen first
 
     def _element(self, node: yaml.Node, position: int) -> ScriptElement | None:
         where = f"element {position} of the list: "
@@ -202,7 +203,8 @@ class Reader:
                 return None
         if isinstance(value, Change) or (isinstance(value, int) and option.accepts(value)):
             return value
-        self.report(line_of(node), where + option.problem(shorten(text)))
+        got = text if _WHOLE.fullmatch(text) else str(value)
+        self.report(line_of(node), where + option.problem(shorten(got)))
         return None
 
 

@@ -112,3 +112,53 @@ def test_a_difference_names_each_field_in_words() -> None:
 def test_a_difference_of_unequal_lengths_is_an_error() -> None:
     with pytest.raises(ValueError, match="shorter"):
         diff_options([info("/a")], [])
+
+
+NOTED = """\
+version: 3
+log_elements:
+  - name: /a
+    enabled: true
+    note: "why: it's slow"
+    buffer:
+      size: 30
+      guard: {high: [1, 2]}
+    limits:
+      low: -1
+      text: |
+        two
+          lines
+  - {name: /gone, note: lost}
+tail: [&u {a: 1}, *u]
+"""
+
+
+def test_unknown_keys_survive_saving_the_script_again(tmp_path: Path) -> None:
+    import yaml
+
+    path = tmp_path / "s.yaml"
+    path.write_text(NOTED)
+    kept = write_script(path, [info("/a"), info("/b")])
+    assert kept == ["version", "note of /a", "guard of /a", "limits of /a", "tail"]
+    before, after = yaml.safe_load(NOTED), yaml.safe_load(path.read_text())
+    assert (after["version"], after["tail"]) == (before["version"], before["tail"])
+    for key in ("note", "limits"):
+        assert after["log_elements"][0][key] == before["log_elements"][0][key]
+    assert after["log_elements"][0]["buffer"]["guard"] == {"high": [1, 2]}
+    assert diff_options([info("/a")], apply_script(read_script(path), [info("/a")], 100.0).options) == []
+
+
+def test_saving_again_changes_no_byte(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("version: 3\nlog_elements:\n- {name: /a, x: &b [1], y: *b}\ntail: [&c {a: 1}, *c]\n")
+    write_script(path, [info("/a")])
+    once = path.read_bytes()
+    write_script(path, [info("/a")])
+    assert path.read_bytes() == once
+
+
+def test_an_unknown_key_that_holds_itself_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("log_elements:\n- name: /a\nloop: &l [1, *l]\n")
+    assert write_script(path, [info("/a")]) == ["loop"]
+    assert read_script(path).unknown_keys[0].label == "loop"
