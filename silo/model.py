@@ -83,6 +83,9 @@ class ElementOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     buffer_size: Annotated[int, msgspec.Meta(ge=1, le=MAX_BUFFER_SIZE)] = 1
 
 
+DEFAULT_OPTIONS = ElementOptions()
+
+
 class Entry(msgspec.Struct, frozen=True):
     """One scalar of an element, as it stands in a saved file.
 
@@ -210,9 +213,9 @@ class FieldChange(msgspec.Struct, frozen=True):
 
 
 def buffer_size_for(seconds: float, frequency_hz: float, divider: int) -> int:
-    """Return samples that `seconds` fill: `ceil(seconds * frequency / divider)`, at least 1."""
+    """Return samples that `seconds` fill: `ceil(seconds * frequency / divider)`, at least 1, of any size."""
     # rounded before ceil: 0.1 s x 30 Hz is 3.0000000000000004 in floating point
-    return min(max(1, math.ceil(round(seconds * frequency_hz / divider, 6))), MAX_BUFFER_SIZE)
+    return max(1, math.ceil(round(seconds * frequency_hz / divider, 6)))
 
 
 def join_name(prefix: str, group: str, name: str) -> str:

@@ -271,7 +271,7 @@ class SiloApp(App[None]):
             await flow
         except RefusedError as error:
             problems = getattr(error, "problems", None) or []
-            lines = [f"{problem.name}: {problem.field}: {problem.reason}" for problem in problems[:6]]
+            lines = [f"element '{problem.name}': {problem.reason}" for problem in problems[:6]]
             self.fail("\n".join([str(error), *(line for line in lines if line not in str(error))]))
         except (SiloError, OSError) as error:
             self.fail(str(error))

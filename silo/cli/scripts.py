@@ -74,7 +74,7 @@ def show(words: tuple[str, ...]) -> None:
 def check(path: Path, logger: str | None) -> None:
     """Check a script of this computer; with --logger also whether its elements exist.
 
-    Every problem is told with its line. Exit code 1 if there are any.
+    Every problem is told with its line. Exit code 1 if there are any; unknown keys are warnings.
 
     \b
     Examples:
@@ -85,9 +85,10 @@ def check(path: Path, logger: str | None) -> None:
     from silo.settings.script import apply_script, read_script
 
     found = read_script(path)
+    _warn(found.warnings)
     if logger is not None:
         with connect(logger) as client:
-            unknown = apply_script(found, client.table().elements).unknown
+            unknown = apply_script(found, client.table().elements, client.status().frequency_hz).unknown
         if unknown:
             raise ScriptError("\n".join(f"{path}:{one}".replace(":line ", ":", 1) for one in unknown))
     click.echo(f"{path}: fine, {many(len(found.elements), 'element')}")
@@ -110,6 +111,7 @@ def load(words: tuple[str, ...], dry_run: bool) -> None:
             _diff(client, path)
             return
         applied = client.load_script(path)
+    _warn(applied.warnings)
     _warn_unknown(applied.unknown)
     click.echo(f"loaded: {many(applied.changed, 'element')} changed (revision {applied.revision})")
 
@@ -157,10 +159,16 @@ def _diff(client: "Client", path: str) -> bool:
     """Print the differences; whether there are any."""
     found = client.diff_script(path)
     show_changes(found.changes)
+    _warn(found.warnings)
     _warn_unknown(found.unknown)
     names = len({change.name for change in found.changes})
     click.echo(f"{found.path}: {many(names, 'element')} would change" if names else f"{found.path}: no difference")
     return bool(names)
+
+
+def _warn(warnings: list[str]) -> None:
+    for warning in warnings:
+        click.echo(f"warning: {warning}", err=True)
 
 
 def _warn_unknown(names: list[str]) -> None:

@@ -148,8 +148,10 @@ class Answers:
 
         path = script_folder.resolve(request.path, self._own_script)
         table = self._mirror.now.table.elements
-        plan = apply_script(parse_script(script_folder.read_text(path), path), table)
-        return ScriptDiff(str(path), diff_options(table, plan.options), [str(unknown.name) for unknown in plan.unknown])
+        script = parse_script(script_folder.read_text(path), path)
+        plan = apply_script(script, table, self._mirror.status().frequency_hz)
+        unknown = [str(unknown.name) for unknown in plan.unknown]
+        return ScriptDiff(str(path), diff_options(table, plan.options), unknown, script.warnings)
 
     # ----------------------------------------------------------------------------------------------------- changing
 
@@ -182,7 +184,8 @@ class Answers:
         from silo.settings.script import apply_script, parse_script
 
         path = script_folder.resolve(request.path, self._own_script)
-        plan = apply_script(parse_script(script_folder.read_text(path), path), now.table.elements)
+        script = parse_script(script_folder.read_text(path), path)
+        plan = apply_script(script, now.table.elements, self._mirror.status().frequency_hz)
         edits = [
             Edit(info.name, options)
             for info, options in zip(now.table.elements, plan.options, strict=True)
@@ -198,17 +201,19 @@ class Answers:
         text = f"script {path} loaded: {reply.changed} elements changed"
         if unknown:
             text += f", {len(unknown)} names are not in the table"
+        if script.unknown_keys:
+            text += f", {len(script.unknown_keys)} keys are unknown and were left alone"
         self._events.publish(EventKind.SCRIPT_LOADED, text, by=request.client)
-        return EditsApplied(reply.revision, reply.changed, unknown)
+        return EditsApplied(reply.revision, reply.changed, unknown, script.warnings)
 
     @answers_to(SaveScript)
     def _save_script(self, request: SaveScript) -> Done:
-        from silo.settings.script import write_script
+        from silo.settings.script import kept_text, write_script
 
         path = script_folder.resolve(request.path, self._own_script)
         script_folder.check_target(path, overwrite=request.overwrite)
-        write_script(path, self._mirror.now.table.elements)
-        text = f"script saved: {path}"
+        kept = write_script(path, self._mirror.now.table.elements)
+        text = f"script saved: {path}{kept_text(kept)}"
         self._events.publish(EventKind.SCRIPT_SAVED, text, by=request.client)
         return Done(text)
 

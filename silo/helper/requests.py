@@ -1,6 +1,5 @@
 """From bytes to a checked request: whatever arrives becomes a request that makes sense, or a refusal in words."""
 
-import re
 from itertools import islice
 from typing import Any
 
@@ -9,10 +8,10 @@ import msgspec
 from silo.helper.mirror import LoggerSnapshot
 from silo.ipc.messages import AnyAsk, AnyDo, ApplyEdits, Hello, Refused, RefusedWhy, SlowAsk, leaves
 from silo.model import Edit, Problem
+from silo.settings.rules import MAX_NAME, MAX_PROBLEMS, edit_problems, raw_problems, refusal, shorten
 
 MAX_ASK_BYTES = 2 * 2**20
 MAX_DO_BYTES = 8 * 2**20
-MAX_PROBLEMS = 200
 
 
 class _Kind(msgspec.Struct):
@@ -23,7 +22,6 @@ _ask_decoder = msgspec.msgpack.Decoder(AnyAsk)
 _do_decoder = msgspec.msgpack.Decoder(AnyDo | Hello)
 _kind_decoder = msgspec.msgpack.Decoder(_Kind)
 _SLOW = {kind.__name__ for kind in leaves(SlowAsk)}
-_FIELD = re.compile(r" - at `\$\.(?:options\.)?(\w+).*`$")
 
 
 def is_slow(payload: bytes) -> bool:
@@ -76,32 +74,27 @@ def _edit_problems(payload: bytes) -> Refused | None:
         return None  # the typed decoder stops at the first fault; there may be worse behind it
     if not isinstance(raw, dict) or raw.get("type") != ApplyEdits.__name__ or not isinstance(raw.get("edits"), list):
         return None
-    found = (problem for item in raw["edits"] if (problem := _problem_of(item)) is not None)
-    problems = list(islice(found, MAX_PROBLEMS))
+    problems = list(islice((problem for item in raw["edits"] for problem in _problems_of(item)), MAX_PROBLEMS))
     return _refused_edits(problems) if problems else None
 
 
-def _problem_of(item: object) -> Problem | None:
-    """Return why this is no edit, None if it is one."""
+def _problems_of(item: object) -> list[Problem]:
+    """Why this is no edit, empty if it is one."""
     try:
         msgspec.convert(item, Edit)
     except msgspec.ValidationError as error:
         text = str(error)
     else:
-        return None
+        return []
     name = item.get("name") if isinstance(item, dict) else None
-    found = _FIELD.search(text)
-    field = found[1] if found else ""
+    shown = shorten(str(name), MAX_NAME) if name else "?"
     options = item.get("options") if isinstance(item, dict) else None
-    got = f", got {options[field]!r:.80}" if isinstance(options, dict) and field in options else ""
-    reason = _FIELD.sub("", text).replace("Expected `int` >=", "must be a whole number >=")
-    return Problem(str(name)[:200] if name else "?", field, reason + got)
+    found = raw_problems(shown, options) if isinstance(options, dict) else []
+    return found or [Problem(shown, "", text)]
 
 
 def _refused_edits(problems: list[Problem]) -> Refused:
-    lines = "; ".join(f"element '{problem.name}': {problem.field} {problem.reason}" for problem in problems[:3])
-    more = f"; and {len(problems) - 3} more" if len(problems) > 3 else ""
-    return Refused(RefusedWhy.INVALID, f"{lines}{more}; nothing was changed", problems)
+    return Refused(RefusedWhy.INVALID, refusal(problems), problems)
 
 
 def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> Refused | None:
@@ -112,14 +105,5 @@ def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> Refused | None:
             f"somebody changed the table meanwhile (it is at revision {now.table.revision}, the edits are based on "
             f"{request.revision}): read it again; nothing was changed",
         )
-    problems = []
-    seen: set[str] = set()
-    for edit in request.edits:
-        if edit.name not in now.places:
-            problems.append(Problem(edit.name[:200], "name", "is not in the table"))
-        elif edit.name in seen:
-            problems.append(Problem(edit.name, "name", "is edited twice"))
-        seen.add(edit.name)
-        if len(problems) >= MAX_PROBLEMS:
-            break
+    problems = edit_problems(request.edits, now.places)
     return _refused_edits(problems) if problems else None

@@ -66,19 +66,27 @@ class ScriptText(Reply, frozen=True):
 
 
 class ScriptDiff(Reply, frozen=True):
-    """What differs between the running configuration (`old`) and a script (`new`); `unknown` names the table lacks."""
+    """What differs between the running configuration (`old`) and a script (`new`); `unknown` names the table lacks.
+
+    `warnings` are `file:line: reason` of keys that silo doesn't know.
+    """
 
     path: str
     changes: list[FieldChange]
     unknown: list[str]
+    warnings: list[str] = []
 
 
 class EditsApplied(Reply, frozen=True):
-    """`changed` counts elements; `unknown` are names of a script that the table doesn't have."""
+    """`changed` counts elements; `unknown` are names of a script that the table doesn't have.
+
+    `warnings` are `file:line: reason` of keys of the script that silo doesn't know.
+    """
 
     revision: int
     changed: int
     unknown: list[str] = []
+    warnings: list[str] = []
 
 
 class ViewOpened(Reply, frozen=True):

@@ -27,6 +27,7 @@ from silo.ipc.messages import (
 )
 from silo.link.messages import RobotState
 from silo.model import Edit, ElementInfo, LoggerOptions, Problem, State, Table
+from silo.settings.rules import refusal
 
 log = logging.getLogger("silo")
 
@@ -109,7 +110,7 @@ def _edit(logger: Served, request: ApplyEdits) -> EditsApplied | Refused:
             return Refused(RefusedWhy.CONFLICT, text)
         problems = logger.problems(request.edits)
         if problems:
-            return Refused(RefusedWhy.INVALID, f"{len(problems)} fields are invalid; nothing was changed", problems)
+            return Refused(RefusedWhy.INVALID, refusal(problems), problems)
         changed = logger.apply(request.edits)
         return EditsApplied(logger.revision, changed)
 

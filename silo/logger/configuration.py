@@ -4,6 +4,7 @@ The part of `Logger` that knows nothing of runs, segments and helper processes. 
 `collect()` never touches, and are refused while the logger runs.
 """
 
+import dataclasses
 import enum
 import logging
 import os
@@ -20,8 +21,20 @@ from silo.collecting.plan import Element
 from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
 from silo.errors import ElementError, StateError
 from silo.logger.options import name_of
-from silo.logger.table import Table, checked
-from silo.model import Action, BufferType, Edit, ElementInfo, ElementOptions, LoggerOptions, Problem, join_name
+from silo.logger.table import Table
+from silo.model import (
+    DEFAULT_OPTIONS,
+    Action,
+    BufferType,
+    Edit,
+    ElementInfo,
+    ElementOptions,
+    LoggerOptions,
+    Problem,
+    join_name,
+)
+from silo.settings.rules import option_problems, refusal
+from silo.settings.words import Settings, apply_settings, read_options
 
 log = logging.getLogger("silo")
 
@@ -80,11 +93,11 @@ class Configuration:
         attr: str | None = None,
         group: str = "",
         unit: str = "-",
-        divider: int = 1,
-        action: Action = Action.SAVE,
-        buffer_type: BufferType = BufferType.LOOPING,
-        buffer_size: int | None = None,
-        enabled: bool = True,
+        divider: int | str = DEFAULT_OPTIONS.divider,
+        action: Action | str = DEFAULT_OPTIONS.action,
+        buffer_type: BufferType | str = DEFAULT_OPTIONS.buffer_type,
+        buffer_size: int | str | None = None,
+        enabled: bool | str = DEFAULT_OPTIONS.enabled,
         kind: str = "",
         labels: type[enum.Enum] | Mapping[int, str] | None = None,
         description: str = "",
@@ -96,15 +109,16 @@ class Configuration:
         reference; an object with `attr` (a dotted path), read each due tick; a function without arguments; a dataclass,
         a registered type, or a list, tuple or dict of such. kind: how numbers belong together (`quaternion`,
         `quaternion_wxyz`, `angle_axis`, `pose`, `twist`, `vector_at_position(A, B)`, `array` for plain indices).
-        labels: names of an integer's values. string_bytes: room for a string. buffer_size: samples, `max_time` if not
-        given. Raises SourceError for what can't be logged, ElementError for names and values out of range.
+        labels: names of an integer's values. string_bytes: room for a string. divider, action, buffer_type,
+        buffer_size, enabled: values, or words as `silo set` takes them (`divider="50Hz"`, `buffer_size="10s"`,
+        `action="both"`); a buffer holds `max_time` if no size is given. Raises SourceError for what can't be logged,
+        ElementError for names and values out of range.
         """
         self._check_open()
         full = join_name(self.options.prefix, group, name or name_of(source, attr))
-        if buffer_size is None:
-            valid = isinstance(divider, int) and divider >= 1
-            buffer_size = self.options.default_buffer_size(divider) if valid else 1
-        options = checked(full, ElementOptions(enabled, divider, action, buffer_type, buffer_size))
+        options = self._new_options(
+            full, buffer_size, enabled=enabled, divider=divider, action=action, buffer_type=buffer_type
+        )
         parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=string_bytes)
         entries = tuple(
             entry_of(scalar, part.labels) for part in parts for scalar in part.scalars(strides_of(part.source))
@@ -122,6 +136,24 @@ class Configuration:
         )
         with self._lock:
             self._table.add(Element(info, tuple(parts)))
+
+    def _new_options(self, name: str, buffer_size: int | str | None, **given: Any) -> ElementOptions:
+        """The options of a new element. Raises ElementError."""
+        if buffer_size is not None:
+            given["buffer_size"] = buffer_size
+        rate = self.options.frequency_hz
+        settings = read_options(given, name)
+        (first,) = apply_settings(dataclasses.replace(settings, buffer_size=None), [(name, DEFAULT_OPTIONS)], rate)
+        # the room for max_time, and what "*2" makes of it, follow the divider
+        default = msgspec.structs.replace(first, buffer_size=self.options.default_buffer_size(first.divider))
+        if settings.buffer_size is None:
+            problems = option_problems(name, default)
+            way_out = f"that is max_time, {self.options.max_time_s:g} s at {rate:g} Hz: give a buffer_size"
+            if problems:
+                raise ElementError(refusal(problems).replace("; nothing", f" ({way_out}); nothing"))
+            return default
+        (options,) = apply_settings(Settings(buffer_size=settings.buffer_size), [(name, default)], rate)
+        return options
 
     def array(
         self, name: str, shape: int | tuple[int, ...] = (), dtype: DTypeLike = float, **options: Any
@@ -152,20 +184,17 @@ class Configuration:
     def set(self, name: str = "/", **options: Any) -> int:
         """Change options of an element or of a whole namespace, all or none; returns how many elements changed.
 
-        Options: enabled, divider, action, buffer_type, buffer_size. Raises StateError while running, ElementError for
-        unknown names and values out of range.
+        Options: enabled, divider, action, buffer_type, buffer_size, as values or as words that `silo set` takes:
+        `log.set("joints", divider="50Hz", size="10s", action="both")`. Raises StateError while running, ElementError
+        for unknown names and values out of range.
         """
-        unknown = set(options) - set(ElementOptions.__struct_fields__)
-        if unknown:
-            known = ", ".join(ElementOptions.__struct_fields__)
-            raise ElementError(f"unknown option {', '.join(sorted(unknown))}; there are {known}")
         with self._lock:
             self._check_stopped("change elements")
-            changes = {
-                place: msgspec.structs.replace(self._table.elements[place].info.options, **options)
-                for place in self._table.select(name)
-            }
-            changed = self._table.change(changes)
+            places = self._table.select(name)
+            rows = [(info.name, info.options) for info in (self._table.elements[place].info for place in places)]
+            settings = read_options(options, rows[0][0] if rows else "")
+            made = apply_settings(settings, rows, self.options.frequency_hz)
+            changed = self._table.change(dict(zip(places, made, strict=True)))
             self._tell()
             return changed
 
@@ -183,8 +212,7 @@ class Configuration:
             self._check_stopped("change elements")
             problems = self._table.problems(edits)
             if problems:
-                lines = "; ".join(f"element '{problem.name}': {problem.reason}" for problem in problems)
-                raise ElementError(f"{lines}; nothing was changed")
+                raise ElementError(refusal(problems))
             changed = self._table.apply(edits)
             self._tell()
             return changed
@@ -198,17 +226,25 @@ class Configuration:
 
         with self._lock:
             self._check_stopped("load a script")
-            plan = apply_script(read_script(path or self.options.script), self._table.infos)
+            script = read_script(path or self.options.script)
+            plan = apply_script(script, self._table.infos, self.options.frequency_hz)
             self._table.set_all(plan.options)
             self._tell()
+        for warning in script.warnings:
+            log.warning("%s", warning)
         for unknown in plan.unknown:
             log.warning("%s: %s", path or self.options.script, unknown)
         return [unknown.name for unknown in plan.unknown]
 
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
-        """Write the configuration of every element to a script, whole or not at all; returns its path."""
-        from silo.settings.script import write_script
+        """Write the configuration of every element to a script, whole or not at all; returns its path.
+
+        Keys of a script that stands there already and that silo doesn't know are kept.
+        """
+        from silo.settings.script import kept_text, write_script
 
         target = Path(path or self.options.script)
-        write_script(target, self.elements)
+        kept = write_script(target, self.elements)
+        if kept:
+            log.warning("%s: script saved%s", target, kept_text(kept))
         return target

@@ -12,6 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from silo.logger.new_values import NewValues
 from silo.model import (
+    DEFAULT_OPTIONS,
     Action,
     BufferType,
     Edit,
@@ -83,11 +84,11 @@ class NullLogger:
         attr: str | None = None,
         group: str = "",
         unit: str = "-",
-        divider: int = 1,
-        action: Action = Action.SAVE,
-        buffer_type: BufferType = BufferType.LOOPING,
-        buffer_size: int | None = None,
-        enabled: bool = True,
+        divider: int | str = DEFAULT_OPTIONS.divider,
+        action: Action | str = DEFAULT_OPTIONS.action,
+        buffer_type: BufferType | str = DEFAULT_OPTIONS.buffer_type,
+        buffer_size: int | str | None = None,
+        enabled: bool | str = DEFAULT_OPTIONS.enabled,
         kind: str = "",
         labels: type[enum.Enum] | Mapping[int, str] | None = None,
         description: str = "",

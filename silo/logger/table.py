@@ -6,43 +6,8 @@ import msgspec
 
 from silo.collecting.plan import Element
 from silo.errors import ElementError
-from silo.model import (
-    MAX_BUFFER_SIZE,
-    MAX_DIVIDER,
-    Action,
-    BufferType,
-    Edit,
-    ElementInfo,
-    ElementOptions,
-    Problem,
-    join_name,
-)
-
-
-def option_problems(name: str, options: ElementOptions) -> list[Problem]:
-    """What is out of range in options that came from outside; empty when all is well."""
-    ranges = (("divider", options.divider, MAX_DIVIDER), ("buffer_size", options.buffer_size, MAX_BUFFER_SIZE))
-    problems = [
-        Problem(name, field, f"{field} must be a whole number from 1 to {limit}, got {value!r}")
-        for field, value, limit in ranges
-        if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= limit
-    ]
-    if not isinstance(options.enabled, bool):
-        problems.append(Problem(name, "enabled", f"enabled must be true or false, got {options.enabled!r}"))
-    for field, value, kind in (("action", options.action, Action), ("buffer_type", options.buffer_type, BufferType)):
-        if not isinstance(value, kind):
-            choices = ", ".join(f"{member.name} {int(member)}" for member in kind)
-            problems.append(Problem(name, field, f"{field} must be one of {choices}, got {value!r}"))
-    return problems
-
-
-def checked(name: str, options: ElementOptions) -> ElementOptions:
-    """The options, or an ElementError that names the element, the field, the value and the range."""
-    problems = option_problems(name, options)
-    if problems:
-        reasons = "; ".join(problem.reason for problem in problems)
-        raise ElementError(f"element '{name}': {reasons}; nothing was changed")
-    return options
+from silo.model import Edit, ElementInfo, ElementOptions, Problem, join_name
+from silo.settings.rules import checked, edit_problems
 
 
 class Table:
@@ -138,17 +103,8 @@ class Table:
         return self.change(dict(enumerate(options)))
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
-        """Return why edits from outside can't be applied, one per field; empty when they can."""
-        found: list[Problem] = []
-        seen: set[str] = set()
-        for edit in edits:
-            if edit.name not in self._places:
-                found.append(Problem(edit.name, "name", "the table has no such element"))
-            elif edit.name in seen:
-                found.append(Problem(edit.name, "name", "edited twice in one transaction"))
-            seen.add(edit.name)
-            found += option_problems(edit.name, edit.options)
-        return found
+        """Why edits from outside can't be applied, one per field; empty when they can."""
+        return edit_problems(edits, self._places)
 
     def apply(self, edits: Iterable[Edit]) -> int:
         """Apply edits without `problems`. Returns how many elements changed."""

@@ -6,6 +6,8 @@ from contextlib import contextmanager
 
 import yaml
 
+from silo.settings.rules import shorten
+
 MAX_DEPTH = 16  # a script is five levels deep; the C parser recurses on the C stack
 
 
@@ -24,6 +26,9 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
 
     def ascend_resolver(self) -> None:
         self.depth -= 1
+
+
+_RESOLVER = yaml.resolver.Resolver()
 
 
 @contextmanager
@@ -99,7 +104,32 @@ def describe(node: yaml.Node) -> str:
     )
 
 
-def shorten(text: str) -> str:
-    """`text` cut so that it fits a message."""
-    text = text if len(text) <= 40 else f"{text[:30]}... ({len(text)} characters)"
-    return text if text.isprintable() else repr(text)
+Pair = tuple[yaml.Node, yaml.Node]
+
+
+def text_of(pairs: list[Pair], anchors: Iterator[int]) -> str:
+    """Keys and their values as YAML text, in the styles in which they were read; their comments are gone.
+
+    `anchors` numbers the anchors: those of one file need names of their own.
+    """
+
+    class Dumper(yaml.SafeDumper):
+        def generate_anchor(self, node: yaml.Node) -> str:
+            return f"kept{next(anchors)}"
+
+    seen: set[int] = set()
+
+    def tagged(node: yaml.Node) -> None:
+        if id(node) in seen:
+            return  # an alias, maybe into itself
+        seen.add(id(node))
+        if not node.tag:  # composed without tags, see `_Loader`
+            plain = isinstance(node, yaml.ScalarNode) and is_plain(node)
+            node.tag = _RESOLVER.resolve(type(node), node.value, (plain, not plain))  # type: ignore[no-untyped-call]
+        for child in node.value if isinstance(node, yaml.CollectionNode) else ():
+            for one in child if isinstance(child, tuple) else (child,):
+                tagged(one)
+
+    root = yaml.MappingNode("tag:yaml.org,2002:map", pairs, flow_style=False)
+    tagged(root)
+    return str(yaml.serialize(root, Dumper=Dumper, allow_unicode=True, width=2**31))

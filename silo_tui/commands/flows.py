@@ -245,6 +245,8 @@ async def load_script(app: "SiloApp", path: str = "") -> None:
     app.status_changed()
     unknown = f"; {len(loaded.unknown)} names of it are not in the table" if loaded.unknown else ""
     app.say(f"loaded {name}: {text.plural(loaded.changed, 'element')} changed{unknown}")
+    if loaded.warnings:
+        app.notify("\n".join(loaded.warnings[:6]), severity="warning", timeout=6, markup=False)
 
 
 async def save_script(app: "SiloApp", path: str | None = None) -> None:

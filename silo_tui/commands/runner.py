@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from silo.settings.words import completions, read_settings
 from silo_tui.commands import flows
 from silo_tui.model import command_line
 from silo_tui.model.rows import SORTS
@@ -32,7 +33,6 @@ OWN_WORDS = (
     "q",
     "q!",
 )
-SETTINGS = ("on=yes", "on=no", "div=", "size=", "act=save", "act=both", "act=pub", "buf=loop", "buf=fix", "buf=grow")
 
 
 class CommandRunner:
@@ -53,7 +53,8 @@ class CommandRunner:
         if word == "goto" and app.has_session:
             return {"goto": app.session.table.names}
         return {
-            "load": app.script_names, "save": app.script_names, "set": SETTINGS, "sort": SORTS,
+            "load": app.script_names, "save": app.script_names, "sort": SORTS,
+            "set": completions(line.rpartition(" ")[2]),
             "data": ("silo", "csv", "bag"), "theme": tuple(sorted(app.available_themes)),
         }  # fmt: skip
 
@@ -112,9 +113,9 @@ class CommandRunner:
     def _set(self, arguments: Sequence[str]) -> None:
         self._writing("Edit")
         app = self._app
-        changes = command_line.read_settings(arguments)
-        targets = app.session.rows.targets()
-        changed = sum(app.table_screen.change(targets, field, change) for field, change in changes)
+        if not arguments:
+            raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
+        changed = app.table_screen.change(app.session.rows.targets(), read_settings(arguments))
         app.table_changed()
         app.say(f"{changed} fields changed; u takes them back" if changed else "nothing to change")
 

@@ -5,17 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from silo.model import FileType
-from silo_tui.model.fields import Change, Field, parse_change
-
-FIELD_WORDS = {
-    "on": Field.ENABLED, "div": Field.DIVIDER, "act": Field.ACTION, "buf": Field.BUFFER_TYPE, "size": Field.BUFFER_SIZE,
-}  # fmt: skip
-# the words of `silo set`, of the scripts and of the dialogs mean the same
-FIELD_SYNONYMS = {
-    **FIELD_WORDS, "enabled": Field.ENABLED, "logging": Field.ENABLED, "divider": Field.DIVIDER,
-    "action": Field.ACTION, "buffer": Field.BUFFER_TYPE, "buffer_type": Field.BUFFER_TYPE,
-    "buffer_size": Field.BUFFER_SIZE,
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -35,23 +24,6 @@ def read(line: str) -> Spelled:
     if not words:
         raise ValueError("an empty command; `:help` lists them")
     return Spelled(words[0], tuple(words[1:]))
-
-
-def read_settings(arguments: Sequence[str]) -> list[tuple[Field, Change]]:
-    """`div=5 size=10s buf=loop off` as changes. ValueError names what can't be read."""
-    if not arguments:
-        raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
-    found = []
-    for argument in arguments:
-        word, sign, value = argument.partition("=")
-        if argument.lower() in {"on", "off"}:
-            word, sign, value = "on", "=", argument
-        field = FIELD_SYNONYMS.get(word.lower())
-        if not sign or field is None:
-            raise ValueError(f"{argument!r}: write one of {', '.join(f'{known}=' for known in FIELD_WORDS)}, on or off")
-        found.append((field, parse_change(field, value)))
-    # the divider first: a size from time depends on it
-    return sorted(found, key=lambda pair: pair[0] is not Field.DIVIDER)
 
 
 def read_save(arguments: Sequence[str]) -> tuple[list[FileType], str]:

@@ -101,11 +101,11 @@ def _term(key: str, sign: str, value: str, raw: str) -> Test | str:
         return f"{key}{sign}{raw}: {sign} compares div and size only"
     test: Test | str
     if key == "on":
-        test = _choice(Field.ENABLED, value, "on:yes or on:no")
+        test = _choice(Field.ENABLED, value, "on")
     elif key in {"act", "action"}:
         test = _action(value)
     elif key in {"buf", "buffer"}:
-        test = _choice(Field.BUFFER_TYPE, value, "buf:loop, buf:fix or buf:grow")
+        test = _choice(Field.BUFFER_TYPE, value, "buf")
     elif key in {"unit", "kind", "type", "desc"}:
         test = _text(key, value)
     else:
@@ -122,10 +122,14 @@ def _number(field: Field, sign: str, value: str) -> Test | str:
     return lambda table, marked: np.asarray(compare(table.values[field], number), np.bool_)
 
 
-def _choice(field: Field, value: str, possible: str) -> Test | str:
+def _terms(key: str, field: Field) -> list[str]:
+    return [f"{key}:{word.cell}" for word in field.option.words]
+
+
+def _choice(field: Field, value: str, key: str) -> Test | str:
     wanted = synonym(field, value)
     if wanted is None:
-        return f"{value!r}: write {possible}"
+        return f"{value!r}: write {' or '.join(_terms(key, field))}"
     return lambda table, marked: np.equal(table.values[field], wanted)
 
 
@@ -160,7 +164,7 @@ def completions(text: str, units: list[str]) -> list[str]:
     """Terms that the last word of `text` may become."""
     start = text.rsplit(" ", 1)[-1]
     pool = [f"unit:{unit}" for unit in units] + ["on:yes", "on:no", "act:save", "act:publish", "act:both"]
-    pool += [f"buf:{word}" for word in ("loop", "fix", "grow")] + list(TERM_NAMES)
+    pool += [*_terms("buf", Field.BUFFER_TYPE), *TERM_NAMES]
     return [term for term in pool if start and term.startswith(start) and term != start]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.model import Action, Edit, ElementInfo, Table
-from silo_tui.model.fields import Field, Ints, options_of, phrase_for, values_of
+from silo_tui.model.fields import Field, Ints, options_of, phrase_for, rows_of
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
@@ -139,18 +139,26 @@ class TableState:
     def edit(self, which: Sequence[int] | Rows, field: Field, new: Ints | int, label: str = "") -> int:
         """Wants `new` (one, or one per row) in `field` of those rows; one undo step. Returns how many cells changed."""
         rows: Rows = np.asarray(which, np.intp)
-        wanted = np.broadcast_to(np.asarray(new, np.int64), rows.shape)
-        changed = self.values[field, rows] != wanted
-        if not changed.any():
+        wanted = self.values[:, rows]
+        wanted[field] = new
+        return self.edit_all(rows, wanted, label)
+
+    def edit_all(self, which: Sequence[int] | Rows, wanted: Ints, label: str = "") -> int:
+        """Wants `wanted`, shape `(5, len(which))`, in those rows; one undo step. Returns how many cells changed."""
+        rows: Rows = np.asarray(which, np.intp)
+        changed = self.values[:, rows] != wanted
+        some = changed.any(axis=0)
+        if not some.any():
             return 0
-        rows, wanted = rows[changed], wanted[changed]
+        rows, wanted, changed = rows[some], wanted[:, some], changed[:, some]
         before = self._layer(rows)
-        first_touch = ~self._edited[field, rows]
-        self._based_on[field, rows] = np.where(first_touch, self._server[field, rows], self._based_on[field, rows])
-        self._wanted[field, rows] = wanted
-        self._edited[field, rows] = wanted != self._server[field, rows]
-        self._remember(label or f"{field.label} of {len(rows)}", rows, before)
-        return len(rows)
+        server, edited = self._server[:, rows], self._edited[:, rows]
+        self._based_on[:, rows] = np.where(changed & ~edited, server, self._based_on[:, rows])
+        self._wanted[:, rows] = np.where(changed, wanted, self._wanted[:, rows])
+        self._edited[:, rows] = np.where(changed, wanted != server, edited)
+        fields = ", ".join(Field(int(number)).label for number in np.flatnonzero(changed.any(axis=1)))
+        self._remember(label or f"{fields} of {len(rows)}", rows, before)
+        return int(changed.sum())
 
     def discard(self, which: Sequence[int] | Rows) -> int:
         """Takes back every pending edit of `rows`; one undo step. Returns how many fields that were."""
@@ -195,9 +203,7 @@ class TableState:
         Edits that the new table already fulfils are done; edits of elements that are gone are dropped.
         """
         names = [element.name for element in table.elements]
-        server = (
-            np.array([values_of(element.options) for element in table.elements], np.int64).reshape(-1, FIELDS).T.copy()
-        )
+        server = rows_of([element.options for element in table.elements])
         if names != self.names:
             self._carry_over(names, server)
         self.elements, self.revision, self._server = list(table.elements), table.revision, server

@@ -12,6 +12,7 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from silo.settings.words import help_rows
 from silo_tui.actions import FILE_SCOPES, commands_for, commands_like
 
 NOTES = (
@@ -27,7 +28,9 @@ NOTES = (
     )),
     ("Commands", (
         (":load x.yaml", "load a script"), (":save x.yaml", "save the table as a script"),
-        (":set div=5 size=10s", "edit what is marked; also buf= act= on="), (":data silo csv bag NAME", "save data"),
+        (":set div=5 size=10s", "edit what is marked, by these words:"),
+        *((f"  {example}", meaning) for example, meaning in help_rows()),
+        (":data silo csv bag NAME", "save data"),
         (":goto NAME", "put the cursor there"), (":sort div", "order by a column"),
         (":picture FILE.svg", "the screen as a picture"),
     )),

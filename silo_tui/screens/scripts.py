@@ -116,6 +116,8 @@ def script_diff_text(diff: ScriptDiff) -> Text:
         lines.append(f"  {change.field:<12} {change.old} → {change.new}\n")
     if len(diff.changes) > MAX_LINES:
         lines.append(f"and {len(diff.changes) - MAX_LINES} more\n")
+    if diff.warnings:
+        lines.append("\n" + "\n".join(diff.warnings) + "\n")
     if diff.unknown:
         lines.append(f"\nNames that the logger doesn't have (they are left out): {', '.join(diff.unknown[:20])}")
         lines.append(f" and {len(diff.unknown) - 20} more" if len(diff.unknown) > 20 else "")

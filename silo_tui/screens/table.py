@@ -11,11 +11,12 @@ from textual.timer import Timer
 from textual.widgets import Input, Static
 
 from silo.errors import SiloError
+from silo.settings.words import Settings, apply_settings, examples
 from silo_tui.actions import bindings_for
 from silo_tui.model import command_line, text
 from silo_tui.model import filter as filters
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.fields import Change, Field, next_value, parse_change, phrase_for
+from silo_tui.model.fields import Field, next_value, options_of, parse_change, phrase_for, rows_of
 from silo_tui.model.live import Frame
 from silo_tui.model.table import Rows
 from silo_tui.screens.base import SiloScreen
@@ -319,10 +320,7 @@ class TableScreen(SiloScreen):
     def _open_editor(self, value: str, *, select: bool) -> None:
         field, count = self.table.field, len(self.session.rows.targets())
         self.query_one(CellEditor).open(field, self.table.cell_region(), value, select=select)
-        examples = "1000  *2  10s" if field is Field.BUFFER_SIZE else "5  *2  50Hz"
-        if field.cycles:
-            examples = {Field.ENABLED: "on off", Field.ACTION: "save pub both"}.get(field, "loop fix grow")
-        self.info.ask(f"{field.label} of {text.plural(count, 'element')}: {examples}")
+        self.info.ask(f"{field.label} of {text.plural(count, 'element')}: {examples(field.option)}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
     def command_toggle(self) -> None:
@@ -349,12 +347,13 @@ class TableScreen(SiloScreen):
         changed = self.session.table.edit(targets, field, value)
         self._edited(f"{field.label} {phrase_for(field, value)}: {changed} changed" if changed else "nothing to change")
 
-    def change(self, targets: Rows, field: Field, change: Change) -> int:
-        """Edits `targets` as typed. ValueError says what is out of range; nothing is changed then."""
+    def change(self, targets: Rows, settings: Settings) -> int:
+        """Edits `targets` as typed, all or none, in one undo step. ValueError says what is out of range."""
         table = self.session.table
         values = table.values
-        new = change.on(field, values[field, targets], values[Field.DIVIDER, targets], self.session.status.frequency_hz)
-        return table.edit(targets, field, new)
+        elements = [(table.names[row], options_of(values[:, row])) for row in targets]
+        made = apply_settings(settings, elements, self.session.status.frequency_hz)
+        return table.edit_all(targets, rows_of(made))
 
     def _edited(self, words: str) -> None:
         if self.session.rows.filter.text or self.session.rows.sort not in {"name", "added"}:
@@ -428,9 +427,12 @@ class TableScreen(SiloScreen):
         """Edits as typed; False, with the reason, when that can't be."""
         field = self.query_one(CellEditor).field
         try:
-            changed = self.change(self.session.rows.targets(), field, parse_change(field, value))
+            changed = self.change(self.session.rows.targets(), parse_change(field, value))
         except ValueError as error:
-            self.info.ask(f"? {error}")
+            shown = f"? {str(error).removesuffix('; nothing was changed')}"  # which the open editor says
+            self.info.ask(shown)
+            if len(shown) > self.info.size.width:
+                self.silo.fail(str(error))  # the line shows its beginning only
             return False
         self._edited(f"{field.label}: {changed} changed" if changed else "nothing to change")
         return True

@@ -13,7 +13,7 @@ from silo.analysis.reports import ElementReport
 from silo.model import ElementInfo
 from silo_tui.model import braille, text
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.fields import BUFFER_WORDS, Field
+from silo_tui.model.fields import Field, word_for
 from silo_tui.model.live import Reading, value_text
 from silo_tui.model.plots import Plotted, PlotWindow, plots_of
 from silo_tui.sessions.recorded import FileSession
@@ -102,7 +102,7 @@ class RecordedTable(ElementTable):
         if head == "type":
             return short_type(type_word(element, report))
         if head == "buf":
-            return BUFFER_WORDS[element.options.buffer_type]
+            return word_for(Field.BUFFER_TYPE, element.options.buffer_type)
         return str(report.lost)
 
 

@@ -247,7 +247,9 @@ def test_a_script_with_problems_is_refused_with_its_lines(log: silo.Logger, comm
     (folder / "bad.yaml").write_text("log_elements:\n- name: /log/joints/q\n  divider: 0\n")
     shown = command("script", "load", "bad.yaml")
     assert shown.code == EXIT_FAILED
-    assert "bad.yaml:3: element '/log/joints/q': divider must be 1 or more, got 0" in shown.err
+    assert (
+        "bad.yaml:3: element '/log/joints/q': divider must be a whole number from 1 to 2147483647, got 0" in shown.err
+    )
 
 
 def test_watch_prints_live_values(log: silo.Logger, command: Run) -> None:

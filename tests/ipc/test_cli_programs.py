@@ -78,5 +78,5 @@ def test_a_wrong_script_is_told_before_anything_runs(start: Start, tmp_path: Pat
     script.write_text("log_elements:\n- name: /log/base/pose\n  divider: 0\n")
     process = start("demo", "--script", str(script))
     _, err = process.communicate(timeout=DEADLINE_S)
-    reason = "element '/log/base/pose': divider must be 1 or more, got 0; nothing was changed"
+    reason = "element '/log/base/pose': divider must be a whole number from 1 to 2147483647, got 0; nothing was changed"
     assert (process.returncode, err) == (1, f"silo: {script}:3: {reason}\n")

@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from silo.cli.common import next_names, show_duration, split_logger
-from silo.cli.edits import Settings, parse_settings, select, split_settings
+from silo.cli.edits import select, split_settings
 from silo.cli.main import COMMANDS, EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, cli, run
 from silo.errors import ElementError
 from silo.model import Action, BufferType, ElementOptions
+from silo.settings.words import Change, Settings, apply_settings, read_settings
 from tests.waiting import DEADLINE_S
 
 NAMES = ["/log/base/pose", "/log/base/twist", "/log/legs/LF/torque", "/log/legs/RF/torque", "/log/legs/RF/contact"]
@@ -71,10 +72,10 @@ def test_a_pattern_that_names_nothing_tells_the_nearest_name() -> None:
         ("divider=5", Settings(divider=5)),
         ("buffer=Growing", Settings(buffer_type=BufferType.GROWING)),
         ("buffer=0", Settings(buffer_type=BufferType.FIXED)),
-        ("size=1000", Settings(size=1000)),
-        ("size=10s", Settings(size_s=10.0)),
-        ("size=250ms", Settings(size_s=0.25)),
-        ("size=1.5min", Settings(size_s=90.0)),
+        ("size=1000", Settings(buffer_size=1000)),
+        ("size=10s", Settings(buffer_size=Change("s", 10.0))),
+        ("size=250ms", Settings(buffer_size=Change("s", 0.25))),
+        ("size=1.5min", Settings(buffer_size=Change("s", 90.0))),
         ("action=save", Settings(action=Action.SAVE)),
         ("action=publish", Settings(action=Action.PUBLISH)),
         ("action=both", Settings(action=Action.SAVE_AND_PUBLISH)),
@@ -82,34 +83,36 @@ def test_a_pattern_that_names_nothing_tells_the_nearest_name() -> None:
     ],
 )
 def test_a_word_is_a_setting(word: str, settings: Settings) -> None:
-    assert parse_settings([word]) == settings
+    assert read_settings([word]) == settings
 
 
 @pytest.mark.parametrize(
     ("word", "reason"),
     [
-        ("divider=0", "divider must be a whole number from 1 to 2147483647"),
-        ("divider=two", "divider must be a whole number from 1 to 2147483647"),
-        ("size=10x", "size must be a whole number from 1 to 2147483647, or a time such as 10s"),
-        ("buffer=round", "buffer must be fixed, looping or growing"),
-        ("action=send", r"action must be save, publish \(live only\) or both"),
-        ("enabled=1", "enabled must be on or off"),
-        ("divder=2", "no setting 'divder'; did you mean 'divider'"),
+        ("divider=0", "element '/x': divider must be a whole number from 1 to 2147483647, got 0"),
+        ("divider=two", "divider must be 1 to 2147483647, 50Hz, *2, /2 or +1, got two"),
+        ("size=10x", "buffer size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got 10x"),
+        ("buffer=round", "buffer type must be looping (1), fixed (0) or growing (2), got round"),
+        ("action=send", "action must be save (1), both (0) or publish (2), got send"),
+        ("enabled=2", "enabled must be on or off, got 2"),
+        ("divder=2", "no setting 'divder'; did you mean 'divider'?"),
     ],
 )
 def test_a_wrong_setting_is_told_in_words(word: str, reason: str) -> None:
-    with pytest.raises(ElementError, match=f"'{word}': {reason}"):
-        parse_settings([word])
+    with pytest.raises(ElementError) as error:
+        apply_settings(read_settings([word]), [("/x", ElementOptions())], 100.0)
+    assert str(error.value) == f"{reason}; nothing was changed"
 
 
 def test_a_size_as_a_time_follows_the_new_divider() -> None:
-    new = parse_settings(["divider=4", "size=10s"]).apply(ElementOptions(buffer_size=7), 400.0)
-    assert new == ElementOptions(divider=4, buffer_size=1000)
+    new = apply_settings(read_settings(["size=10s", "divider=4"]), [("/x", ElementOptions(buffer_size=7))], 400.0)
+    assert new == [ElementOptions(divider=4, buffer_size=1000)]
 
 
 def test_settings_leave_the_other_fields_alone() -> None:
     now = ElementOptions(False, 3, Action.PUBLISH, BufferType.FIXED, 9)
-    assert parse_settings(["on"]).apply(now, 100.0) == ElementOptions(True, 3, Action.PUBLISH, BufferType.FIXED, 9)
+    new = apply_settings(read_settings(["on"]), [("/x", now)], 100.0)
+    assert new == [ElementOptions(True, 3, Action.PUBLISH, BufferType.FIXED, 9)]
 
 
 def test_words_are_split_into_logger_patterns_and_settings() -> None:
@@ -178,7 +181,10 @@ def test_checking_a_bad_script_fails_with_its_lines(tmp_path: Path, capsys: pyte
     path = tmp_path / "s.yaml"
     path.write_text("log_elements:\n- name: /log/a\n  divider: 0\n")
     assert run(["script", "check", str(path)]) == EXIT_FAILED
-    assert f"{path}:3: element '/log/a': divider must be 1 or more, got 0" in capsys.readouterr().err
+    assert (
+        f"{path}:3: element '/log/a': divider must be a whole number from 1 to 2147483647, got 0"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

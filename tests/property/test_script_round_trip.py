@@ -27,7 +27,8 @@ yaml_like = st.lists(
 def test_every_table_survives_its_script(table: dict[str, ElementOptions]) -> None:
     infos = [ElementInfo(name, "-", "scalar", (), (Entry("", "<f8"),), option) for name, option in table.items()]
     script = parse_script(format_script(infos), "s.yaml")
-    plan = apply_script(script, [ElementInfo(i.name, "-", "scalar", (), i.entries, ElementOptions()) for i in infos])
+    table_before = [ElementInfo(i.name, "-", "scalar", (), i.entries, ElementOptions()) for i in infos]
+    plan = apply_script(script, table_before, 100.0)
     assert (plan.options, plan.unknown) == (tuple(table.values()), ())
 
 

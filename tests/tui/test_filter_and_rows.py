@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.model import Action, BufferType, Table
+from silo.model import Action, BufferType, ElementOptions, Table
+from silo.settings.words import apply_settings
 from silo_tui.model import filter as filters
-from silo_tui.model.fields import Field, parse_change
+from silo_tui.model.fields import Field, parse_change, values_of
 from silo_tui.model.rows import RowList
 from silo_tui.model.table import TableState
 
@@ -139,26 +140,24 @@ def test_a_range_marks_from_its_begin_to_the_cursor(rows):
     ],
 )  # fmt: skip
 def test_what_may_be_typed_for_a_field(field, text, old, new):
-    change = parse_change(field, text)
-    assert (
-        list(change.on(field, np.array([old]), np.array([4]), 400.0)) == [new]
-        if not field.cycles
-        else change.amount == new
-    )
+    before = ElementOptions(divider=4, buffer_size=10, action=Action.SAVE, buffer_type=BufferType.LOOPING)
+    assert values_of(before)[field] == old
+    (made,) = apply_settings(parse_change(field, text), [("/x", before)], 400.0)
+    assert values_of(made)[field] == new
 
 
 @pytest.mark.parametrize(
     ("field", "text", "reason"),
     [
-        (Field.DIVIDER, "0", "1 ... 2147483647, got 0"), (Field.DIVIDER, "x", "can't read 'x'"),
+        (Field.DIVIDER, "0", "from 1 to 2147483647, got 0"), (Field.DIVIDER, "x", "50Hz, *2, /2 or +1, got x"),
         (Field.DIVIDER, "10s", "only sets the buffer size"), (Field.DIVIDER, "1.5", "whole number"),
-        (Field.BUFFER_SIZE, "*1e30", "1 ... 2147483647"), (Field.BUFFER_SIZE, "/0", "got inf"),
-        (Field.ACTION, "shout", "save, pub, both"), (Field.DIVIDER, "0Hz", "rate"),
+        (Field.BUFFER_SIZE, "*1e30", "from 1 to 2147483647, got 1e+31"), (Field.BUFFER_SIZE, "/0", "got inf"),
+        (Field.ACTION, "shout", "save (1), both (0) or publish (2), got shout"), (Field.DIVIDER, "0Hz", "rate"),
     ],
 )  # fmt: skip
 def test_what_may_not_be_typed_says_why(field, text, reason):
     with pytest.raises(ValueError, match=re.escape(reason)):
-        parse_change(field, text).on(field, np.array([10]), np.array([4]), 400.0)
+        apply_settings(parse_change(field, text), [("/x", ElementOptions(divider=4, buffer_size=10))], 400.0)
 
 
 def test_the_cursor_goes_to_the_first_element_where_its_own_is_filtered_out(rows):

@@ -192,7 +192,7 @@ async def test_after_an_apply_fill_says_nothing_until_the_new_buffers_are_there(
 async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opened):
     async with opened(fake) as screen:
         await screen.press("asterisk", "t", "s")
-        await screen.shows("buffer size of 72 elements: 1000  *2  10s")
+        await screen.shows("buffer size of 72 elements: 1000 10k 10s *2 /2 +10")
         await screen.shows("Enter sets it")
         assert "72 marked" not in screen.text
         await screen.press("escape")
@@ -203,7 +203,7 @@ async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opene
 async def test_what_is_wrong_with_a_value_is_read_whole(fake, opened):
     async with opened(fake) as screen:
         await screen.press("asterisk", "t", "s", *"abc", "enter")
-        await screen.shows("? buffer size: can't read 'abc'; try 1000, *2, /2, +10, 10s")
+        await screen.shows("? buffer size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got abc")
         await screen.press(*["backspace"] * 3, "9", "enter")
         assert screen.value(FIRST, Field.BUFFER_SIZE) == "9"
 

@@ -94,7 +94,7 @@ async def test_a_size_may_be_multiplied(fake, opened):
 async def test_what_can_t_be_is_said_and_the_editor_stays(fake, opened):
     async with opened(fake) as screen:
         await screen.press("d", "0", "enter")
-        await screen.shows("divider must be 1 ...")
+        await screen.shows("divider must be a whole number from 1")
         await screen.press("escape")
         assert screen.session.table.pending_count == (0, 0)
 

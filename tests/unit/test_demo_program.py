@@ -104,7 +104,7 @@ def test_the_table_has_elements_of_every_sort(demo: Logger) -> None:
 def test_the_script_to_copy_fits_the_demo(demo: Logger) -> None:
     demo.update()
     script = read_script(CONFIG / "demo.yaml")
-    plan = apply_script(script, demo.elements)
+    plan = apply_script(script, demo.elements, demo.options.frequency_hz)
     demo.close()
     assert script.elements
     assert plan.unknown == ()

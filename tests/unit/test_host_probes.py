@@ -111,6 +111,6 @@ def test_an_interface_that_goes_away_becomes_nan(log: Logger, monkeypatch: pytes
 def test_the_script_to_copy_fits_elements_that_every_host_has(log: Logger) -> None:
     Monitor(log)
     log.update()
-    plan = apply_script(read_script(CONFIG / "host.yaml"), log.elements)
+    plan = apply_script(read_script(CONFIG / "host.yaml"), log.elements, log.options.frequency_hz)
     log.close()
     assert plan.unknown == ()

@@ -675,8 +675,8 @@ def test_edits_are_one_transaction(counting):
 def test_an_unknown_option_is_refused_with_those_that_there_are(counting):
     logger = counting()
     logger.stop()
-    with pytest.raises(ElementError, match="unknown option size; there are enabled, divider, action"):
-        logger.set("x", size=3)
+    with pytest.raises(ElementError, match="no setting 'sizes'; did you mean 'size'"):
+        logger.set("x", sizes=3)
 
 
 # -------------------------------------------------------------------------------------------------------- script

@@ -11,6 +11,7 @@ from silo.model import Action, BufferType
 from silo.settings.script import MAX_PROBLEMS, MAX_SCRIPT_BYTES, Script, ScriptElement, parse_script, read_script
 
 FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures"
+WHOLE = "must be a whole number from 1 to 2147483647"
 
 
 def script(text: str) -> Script:
@@ -97,53 +98,68 @@ def test_the_buffer_of_size_zero_that_the_original_allows_is_the_only_complaint_
         read_script(FIXTURES / "all_types.yaml")
     (line,) = str(error.value).splitlines()
     assert line.endswith(
-        ":182: element '/log/extra/zero_size_buffer': buffer size must be 1 or more, got 0; nothing was changed"
+        f":182: element '/log/extra/zero_size_buffer': buffer size {WHOLE}, got 0; nothing was changed"
     )
 
 
 def test_a_range_error_names_file_line_element_and_value() -> None:
-    reason = "config/robot.yaml:3: element '/log/x': divider must be 1 or more, got 0; nothing was changed"
+    reason = f"config/robot.yaml:3: element '/log/x': divider {WHOLE}, got 0; nothing was changed"
     assert element_complaint("divider: 0") == reason
 
 
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("divider: -1", "divider must be 1 or more, got -1"),
-        ("divider: 2147483648", "divider must be at most 2147483647, got 2147483648"),
-        ("divider: true", "divider must be a whole number, got true"),
-        ("divider: 2.0", "divider must be a whole number, got 2.0"),
-        ("divider: '2'", "divider must be a whole number, got the text '2'"),
-        ("divider: 010", "divider must be a whole number, got 010"),
-        ("divider: [2]", "divider must be a whole number, got a list"),
-        ("divider:", "divider has no value; give a whole number, or remove the key"),
-        ("divider: !!int 5", "divider must be a whole number, got a value with the tag 'tag:yaml.org,2002:int'"),
-        ("buffer: {size: 0}", "buffer size must be 1 or more, got 0"),
+        ("divider: -1", f"divider {WHOLE}, got -1"),
+        ("divider: 2147483648", f"divider {WHOLE}, got 2147483648"),
+        ("divider: true", "divider must be 1 to 2147483647 or 50Hz, got true"),
+        ("divider: 2.5", f"divider {WHOLE}, got 2.5"),
+        ("divider: '2'", f"divider {WHOLE}, got the text '2'"),
+        ("divider: 010", f"divider {WHOLE}, got 010"),
+        ("divider: [2]", f"divider {WHOLE}, got a list"),
+        ("divider:", "divider has no value; give a whole number from 1 to 2147483647, or remove the key"),
+        ("divider: !!int 5", f"divider {WHOLE}, got a value with the tag 'tag:yaml.org,2002:int'"),
+        ("buffer: {size: 0}", f"buffer size {WHOLE}, got 0"),
         ("buffer: 5", "buffer must have keys (type, size), got 5"),
-        ("buffer: {type: 3}", "buffer type must be FIXED (0), LOOPING (1) or GROWING (2), got 3"),
-        ("buffer: {type: true}", "buffer type must be FIXED (0), LOOPING (1) or GROWING (2), got true"),
-        ("action: -1", "action must be SAVE_AND_PUBLISH (0), SAVE (1) or PUBLISH (2), got -1"),
-        ("enabled: 1", "enabled must be true or false, got 1"),
-        ("enabled: 'true'", "enabled must be true or false, got the text 'true'"),
-        ("enabled: {a: b}", "enabled must be true or false, got a group of keys"),
-        ("dividr: 2", "unknown key 'dividr' in an element; did you mean 'divider'?"),
-        ("rate: 2", "unknown key 'rate' in an element; known are name, enabled, divider, buffer, action"),
-        ("buffer: {sice: 2}", "unknown key 'sice' in buffer; did you mean 'size'?"),
+        ("buffer: {type: 3}", "buffer type must be looping (1), fixed (0) or growing (2), got 3"),
+        ("buffer: {type: true}", "buffer type must be looping (1), fixed (0) or growing (2), got true"),
+        ("action: -1", "action must be save (1), both (0) or publish (2), got -1"),
+        ("enabled: 2", "enabled must be on or off, got 2"),
+        ("enabled: 'true'", "enabled must be on or off, got the text 'true'"),
+        ("enabled: {a: b}", "enabled must be on or off, got a group of keys"),
     ],
 )
 def test_a_wrong_value_is_told_in_words(text: str, reason: str) -> None:
     assert element_complaint(text) == f"config/robot.yaml:3: element '/log/x': {reason}; nothing was changed"
 
 
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("dividr: 2", "unknown key 'dividr' in an element; did you mean 'divider'?"),
+        ("rate: 2", "unknown key 'rate' in an element; known are name, enabled, divider, buffer, action"),
+        ("buffer: {sice: 2}", "unknown key 'sice' in buffer; did you mean 'size'?"),
+    ],
+)
+def test_an_unknown_key_is_a_warning_with_its_line_and_the_nearest_key(text: str, reason: str) -> None:
+    found = script(f"log_elements:\n  - name: /log/x\n    {text}\n")
+    assert found.warnings == [f"config/robot.yaml:3: element '/log/x': {reason}; it was left alone"]
+
+
+def test_unknown_keys_beside_a_problem_are_told_with_it() -> None:
+    lines = complaint("note: 1\nlog_elements:\n- {name: /a, divider: 0, rate: 5}\n").splitlines()
+    assert [line.split(":")[1] for line in lines] == ["3", "1", "3"]
+
+
 def test_a_number_with_thousands_of_digits_is_out_of_range() -> None:
-    assert "divider must be at most 2147483647, got 999" in element_complaint("divider: " + "9" * 5000)
+    assert f"divider {WHOLE}, got 999" in element_complaint("divider: " + "9" * 5000)
 
 
 def test_all_problems_come_at_once_each_with_its_line() -> None:
     text = "log_elements:\n- name: /a\n  divider: 0\n  action: 9\n- divider: 1\n- 5\n"
     assert complaint(text).splitlines() == [
-        "config/robot.yaml:3: element '/a': divider must be 1 or more, got 0",
-        "config/robot.yaml:4: element '/a': action must be SAVE_AND_PUBLISH (0), SAVE (1) or PUBLISH (2), got 9",
+        f"config/robot.yaml:3: element '/a': divider {WHOLE}, got 0",
+        "config/robot.yaml:4: element '/a': action must be save (1), both (0) or publish (2), got 9",
         "config/robot.yaml:5: element 2 of the list: name is missing",
         "config/robot.yaml:6: element 3 of the list: must have keys (`name: ...`), got 5; nothing was changed",
     ]

@@ -17,7 +17,7 @@ def info(name: str, options: ElementOptions = USUAL) -> ElementInfo:
 
 
 def plan_for(body: str, *table: ElementInfo) -> tuple[ElementOptions, ...]:
-    return apply_script(parse_script(f"log_elements:\n{body}", "s.yaml"), table).options
+    return apply_script(parse_script(f"log_elements:\n{body}", "s.yaml"), table, 100.0).options
 
 
 def test_a_listed_element_keeps_the_settings_that_are_not_given() -> None:
@@ -42,7 +42,7 @@ def test_options_come_in_the_order_of_the_table() -> None:
 
 def test_unknown_names_are_returned_with_line_and_suggestion() -> None:
     script = parse_script("log_elements:\n- name: /log/joints/tua\n- name: /elsewhere\n", "s.yaml")
-    unknown = apply_script(script, [info("/log/joints/tau")]).unknown
+    unknown = apply_script(script, [info("/log/joints/tau")], 100.0).unknown
     assert [str(name) for name in unknown] == [
         "line 2: no element '/log/joints/tua' (did you mean '/log/joints/tau'?)",
         "line 3: no element '/elsewhere'",
@@ -55,7 +55,7 @@ def test_writing_gives_the_bytes_of_the_original(name: str) -> None:
     path = FIXTURES / f"{name}.yaml"
     script = read_script(path)
     table = [info(element.name) for element in script.elements]
-    plan = apply_script(script, table)
+    plan = apply_script(script, table, 100.0)
     after = [info(element.name, options) for element, options in zip(table, plan.options, strict=True)]
     assert format_script(after).encode() == path.read_bytes()
 
@@ -63,7 +63,7 @@ def test_writing_gives_the_bytes_of_the_original(name: str) -> None:
 def test_a_written_script_reads_back_as_the_same_options(tmp_path: Path) -> None:
     table = [info("/log/a"), info('/log/ünïcode: #1 "quoted"\n', ElementOptions(False, 3))]
     write_script(tmp_path / "s.yaml", table)
-    assert diff_options(table, apply_script(read_script(tmp_path / "s.yaml"), table).options) == []
+    assert diff_options(table, apply_script(read_script(tmp_path / "s.yaml"), table, 100.0).options) == []
 
 
 def test_an_empty_table_writes_a_script_that_reads_back() -> None:
@@ -103,8 +103,8 @@ def test_a_difference_names_each_field_in_words() -> None:
     assert diff_options([info("/a"), info("/b")], [new, USUAL]) == [
         FieldChange("/a", "enabled", "on", "off"),
         FieldChange("/a", "divider", "2", "4"),
-        FieldChange("/a", "action", "PUBLISH", "SAVE"),
-        FieldChange("/a", "buffer_type", "FIXED", "LOOPING"),
+        FieldChange("/a", "action", "publish", "save"),
+        FieldChange("/a", "buffer_type", "fixed", "looping"),
         FieldChange("/a", "buffer_size", "30", "31"),
     ]
 
@@ -112,3 +112,53 @@ def test_a_difference_names_each_field_in_words() -> None:
 def test_a_difference_of_unequal_lengths_is_an_error() -> None:
     with pytest.raises(ValueError, match="shorter"):
         diff_options([info("/a")], [])
+
+
+NOTED = """\
+version: 3
+log_elements:
+  - name: /a
+    enabled: true
+    note: "why: it's slow"
+    buffer:
+      size: 30
+      guard: {high: [1, 2]}
+    limits:
+      low: -1
+      text: |
+        two
+          lines
+  - {name: /gone, note: lost}
+tail: [&u {a: 1}, *u]
+"""
+
+
+def test_unknown_keys_survive_saving_the_script_again(tmp_path: Path) -> None:
+    import yaml
+
+    path = tmp_path / "s.yaml"
+    path.write_text(NOTED)
+    kept = write_script(path, [info("/a"), info("/b")])
+    assert kept == ["version", "note of /a", "guard of /a", "limits of /a", "tail"]
+    before, after = yaml.safe_load(NOTED), yaml.safe_load(path.read_text())
+    assert (after["version"], after["tail"]) == (before["version"], before["tail"])
+    for key in ("note", "limits"):
+        assert after["log_elements"][0][key] == before["log_elements"][0][key]
+    assert after["log_elements"][0]["buffer"]["guard"] == {"high": [1, 2]}
+    assert diff_options([info("/a")], apply_script(read_script(path), [info("/a")], 100.0).options) == []
+
+
+def test_saving_again_changes_no_byte(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("version: 3\nlog_elements:\n- {name: /a, x: &b [1], y: *b}\ntail: [&c {a: 1}, *c]\n")
+    write_script(path, [info("/a")])
+    once = path.read_bytes()
+    write_script(path, [info("/a")])
+    assert path.read_bytes() == once
+
+
+def test_an_unknown_key_that_holds_itself_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("log_elements:\n- name: /a\nloop: &l [1, *l]\n")
+    assert write_script(path, [info("/a")]) == ["loop"]
+    assert read_script(path).unknown_keys[0].label == "loop"

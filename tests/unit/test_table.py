@@ -5,8 +5,9 @@ import pytest
 
 from silo.collecting.plan import Element
 from silo.errors import ElementError
-from silo.logger.table import Table, checked, option_problems
+from silo.logger.table import Table
 from silo.model import MAX_BUFFER_SIZE, MAX_DIVIDER, Action, BufferType, Edit, ElementInfo, ElementOptions, Entry
+from silo.settings.rules import checked, option_problems
 
 
 def element(name, suffixes=("",)):
@@ -110,10 +111,10 @@ def test_a_change_with_one_bad_value_changes_nothing(table):
         ({"divider": MAX_DIVIDER + 1}, "divider", f"got {MAX_DIVIDER + 1}"),
         ({"divider": 2.0}, "divider", "got 2.0"),
         ({"divider": True}, "divider", "got True"),
-        ({"buffer_size": 0}, "buffer_size", f"buffer_size must be a whole number from 1 to {MAX_BUFFER_SIZE}, got 0"),
-        ({"action": 7}, "action", "action must be one of SAVE_AND_PUBLISH 0, SAVE 1, PUBLISH 2, got 7"),
-        ({"buffer_type": "LOOPING"}, "buffer_type", "must be one of FIXED 0, LOOPING 1, GROWING 2, got 'LOOPING'"),
-        ({"enabled": 1}, "enabled", "enabled must be true or false, got 1"),
+        ({"buffer_size": 0}, "buffer_size", f"buffer size must be a whole number from 1 to {MAX_BUFFER_SIZE}, got 0"),
+        ({"action": 7}, "action", "action must be save (1), both (0) or publish (2), got 7"),
+        ({"buffer_type": "LOOPING"}, "buffer_type", "must be looping (1), fixed (0) or growing (2), got 'LOOPING'"),
+        ({"enabled": 1}, "enabled", "enabled must be on or off, got 1"),
     ],
 )
 def test_a_value_out_of_range_is_named_with_its_field_and_range(options, field, words):

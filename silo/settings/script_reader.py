@@ -1,0 +1,215 @@
+"""From the nodes of a script to its elements: every problem with its line, every unknown key noted.
+
+`silo.settings.script` calls it; what a value may be stands in `rules`, what may be typed for one in `words`.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any, Literal
+
+import yaml
+
+from silo.model import Action, BufferType
+from silo.settings.rules import OPTION, shorten
+from silo.settings.words import Amount, Change, UnreadableError, read_text, read_word
+from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, line_of
+
+_ELEMENT_KEYS = ("name", "enabled", "divider", "buffer", "action")
+_BUFFER_KEYS = ("type", "size")
+_WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]*)")
+_OCTAL = re.compile(r"[-+]?0[0-9]+")  # to YAML 010 is 8
+
+
+@dataclass(frozen=True)
+class ScriptElement:
+    """One element as a script lists it; None stands for a key that isn't there. `line` counts from 1.
+
+    A number may be one that follows from the logger: `size: 10s`, `divider: 50Hz`.
+    """
+
+    name: str
+    line: int
+    enabled: bool | None = None
+    divider: Amount | None = None
+    action: Action | None = None
+    buffer_type: BufferType | None = None
+    buffer_size: Amount | None = None
+
+
+@dataclass(frozen=True)
+class UnknownKey:
+    """A key that silo doesn't know: left alone, told of, and kept when the script is saved again.
+
+    `element` is empty for a key of the script itself, `place` the group of keys it stands in.
+    """
+
+    line: int
+    element: str
+    place: Literal["above", "below", "element", "buffer"]
+    pair: Pair
+    text: str
+
+    def __str__(self) -> str:
+        return f"line {self.line}: {self.text}"
+
+    @property
+    def label(self) -> str:
+        """The key in a list: `note`, `note of /log/x`."""
+        return shorten(_key_name(self.pair[0])) + (f" of {self.element}" if self.element else "")
+
+
+class Reader:
+    """Walks the nodes of one script and notes every problem, so that a user mends all of them in one go.
+
+    Unknown keys are no problems: another version of silo, or another program, may know them.
+    """
+
+    def __init__(self) -> None:
+        self.problems: list[tuple[int, str]] = []
+        self.unknown: list[UnknownKey] = []
+
+    def report(self, line: int, text: str) -> None:
+        """Note a problem."""
+        self.problems.append((line, text))
+
+    def elements(self, root: yaml.Node | None) -> Iterator[ScriptElement]:
+        """The valid elements below the top level; duplicates are problems."""
+        if root is None:
+            self.report(1, "the script is empty; it must start with `log_elements:`")
+            return
+        listed = self._mapping(root, "", ("log_elements",), "a script")
+        if "log_elements" not in listed:
+            if not self.problems and not self.unknown:
+                self.report(line_of(root), "`log_elements:` is missing")
+            # then one of the unknown keys is meant for it
+            self.problems += [(key.line, key.text) for key in self.unknown]
+            self.unknown = []
+            return
+        node = listed["log_elements"]
+        if is_null(node):
+            return
+        if not isinstance(node, yaml.SequenceNode) or node.tag:
+            self.report(line_of(node), f"log_elements must be a list (`- name: ...`), got {describe(node)}")
+            return
+        first_lines: dict[str, int] = {}
+        for position, item in enumerate(node.value, start=1):
+            element = self._element(item, position)
+            if element is None:
+                continue
+            if element.name in first_lines:
+                first = first_lines[element.name]
+                self.report(element.line, f"element '{element.name}': listed twice, first in line {first}")
+                continue
+            first_lines[element.name] = element.line
+            yield element
+        self.unknown.sort(key=lambda key: key.line)  # those of the script itself were seen first
+
+    def _element(self, node: yaml.Node, position: int) -> ScriptElement | None:
+        where = f"element {position} of the list: "
+        if not isinstance(node, yaml.MappingNode):
+            self.report(line_of(node), f"{where}must have keys (`name: ...`), got {describe(node)}")
+            return None
+        name = ""
+        for key, value in node.value:
+            if key.value == "name" and isinstance(value, yaml.ScalarNode) and not is_null(value):
+                name = value.value
+                where = f"element '{name}': "
+                break
+        keys = self._mapping(node, where, _ELEMENT_KEYS, "an element", name)
+        if not name:
+            self.report(line_of(keys.get("name", node)), f"{where}name is missing")
+        buffer: dict[str, yaml.Node] = {}
+        if "buffer" in keys:
+            buffer = self._mapping(keys["buffer"], where, _BUFFER_KEYS, "buffer", name)
+        element = ScriptElement(
+            name,
+            line_of(node),
+            self._word(keys.get("enabled"), where, "enabled"),
+            self._number(keys.get("divider"), where, "divider"),
+            self._word(keys.get("action"), where, "action"),
+            self._word(buffer.get("type"), where, "buffer_type"),
+            self._number(buffer.get("size"), where, "buffer_size"),
+        )
+        return element if name else None
+
+    def _mapping(
+        self, node: yaml.Node, where: str, known: tuple[str, ...], what: str, element: str = ""
+    ) -> dict[str, yaml.Node]:
+        """The values of the known keys; the others are noted as unknown."""
+        if not isinstance(node, yaml.MappingNode) or node.tag:
+            self.report(line_of(node), f"{where}{what} must have keys ({', '.join(known)}), got {describe(node)}")
+            return {}
+        found: dict[str, yaml.Node] = {}
+        for key, value in node.value:
+            name = _key_name(key)
+            if name in found:
+                self.report(line_of(key), f"{where}key '{name}' stands twice, first in line {line_of(found[name])}")
+            elif name not in known:
+                near = get_close_matches(name.lower(), known, 1)
+                hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(known)}"
+                text = f"{where}unknown key '{shorten(name)}' in {what}; {hint}"
+                place = _PLACES.get(what) or ("below" if found else "above")
+                self.unknown.append(UnknownKey(line_of(key), element, place, (key, value), text))
+            else:
+                found[name] = value
+        return found
+
+    def _scalar(self, node: yaml.Node, where: str, field: str, wanted: str) -> str | None:
+        """The text of a plain scalar, or None after reporting that the value is of another kind."""
+        if not isinstance(node, yaml.ScalarNode):
+            self.report(line_of(node), f"{where}{field} must be {wanted}, got {describe(node)}")
+        elif is_null(node):
+            self.report(line_of(node), f"{where}{field} has no value; give {wanted}, or remove the key")
+        elif node.tag:
+            self.report(line_of(node), f"{where}{field} must be {wanted}, got a value with the tag {node.tag!r}")
+        else:
+            return str(node.value)
+        return None
+
+    def _word(self, node: yaml.Node | None, where: str, name: str) -> Any:
+        if node is None:
+            return None
+        option = OPTION[name]
+        text = self._scalar(node, where, option.label, option.wanted)
+        if text is None:
+            return None
+        quoted_switch = isinstance(option.words[0].value, bool) and not is_plain(node)
+        value = None if quoted_switch else read_word(option, text)
+        if value is None:
+            self.report(line_of(node), where + option.problem(describe(node)))
+        return value
+
+    def _number(self, node: yaml.Node | None, where: str, name: str) -> Amount | None:
+        if node is None:
+            return None
+        option = OPTION[name]
+        text = self._scalar(node, where, option.label, option.wanted)
+        if text is None:
+            return None
+        value: object
+        if not is_plain(node) or _OCTAL.fullmatch(text):
+            self.report(line_of(node), where + option.problem(describe(node)))
+            return None
+        if _WHOLE.fullmatch(text):
+            # int() refuses more than 4300 digits; a number of 20 is out of range already
+            value = int(text) if len(text) < 20 else -1
+        else:
+            try:
+                value = read_text(option, text, relative=False)
+            except UnreadableError as error:
+                self.report(line_of(node), f"{where}{error}")
+                return None
+        if isinstance(value, Change) or (isinstance(value, int) and option.accepts(value)):
+            return value
+        got = text if _WHOLE.fullmatch(text) else str(value)
+        self.report(line_of(node), where + option.problem(shorten(got)))
+        return None
+
+
+_PLACES: dict[str, Literal["element", "buffer"]] = {"an element": "element", "buffer": "buffer"}
+
+
+def _key_name(key: yaml.Node) -> str:
+    return str(key.value) if isinstance(key, yaml.ScalarNode) else describe(key)

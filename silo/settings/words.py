@@ -1,0 +1,282 @@
+"""The one parser of typed settings: `divider=50Hz size=10k buffer=looping action=both off`.
+
+`log.set`, `log.add`, the script, `silo set`, the `:set` of `silo-tui` and its editors read by it, complete by it and
+show its help. Reading gives `Settings`; these make new options of the present ones, or problems in the words of
+`rules`.
+"""
+
+import math
+import re
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from numbers import Integral
+
+from silo.errors import ElementError
+from silo.model import Action, BufferType, ElementOptions, Problem, buffer_size_for
+from silo.settings.rules import OPTION, OPTIONS, RANGES, Option, OptionValue, refusal, shorten
+
+_KEYS = {key: option for option in OPTIONS for key in option.keys}
+_ENABLED = OPTION["enabled"]
+_BARE = tuple(word.word for word in _ENABLED.words)  # `on` and `off` need no key
+_SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
+_SCALES = {"": 1.0, "k": 1e3, "m": 1e6}
+_NUMBER = re.compile(r"\s*([=*/+-]?)\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*(ms|sec|s|min|h|hz|k|m|)\s*", re.IGNORECASE)
+_DIGITS = re.compile(r"[0-9]{1,300}")
+
+
+@dataclass(frozen=True)
+class Change:
+    """A number that follows from the element: `operator` one of `*`, `/`, `+`, `-`, `s` (seconds), `Hz` (rate)."""
+
+    operator: str
+    amount: float
+    typed: str = field(default="", compare=False)
+
+    def on(self, value: int, divider: int, frequency_hz: float) -> float:
+        """The new number, not rounded and not held against a range; a size in seconds is whole."""
+        if self.operator == "s":
+            samples = self.amount * frequency_hz / divider
+            # out of range anyway: only a size that could be one is rounded up
+            return float(buffer_size_for(self.amount, frequency_hz, divider)) if 0 < samples < 2**53 else samples
+        if self.operator == "Hz":
+            return frequency_hz / self.amount
+        if self.operator == "/":
+            return math.ceil(value / self.amount) if self.amount > 1e-12 else math.inf
+        return {"*": value * self.amount, "+": value + self.amount, "-": value - self.amount}[self.operator]
+
+
+Amount = int | Change
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What somebody asks for; None leaves a field as it is. Whole numbers are not yet held against their range."""
+
+    enabled: bool | None = None
+    divider: Amount | None = None
+    action: Action | None = None
+    buffer_type: BufferType | None = None
+    buffer_size: Amount | None = None
+
+    def on(self, name: str, now: ElementOptions, frequency_hz: float) -> tuple[ElementOptions, list[Problem]]:
+        """The options of the element `name` under these settings, and what is out of range.
+
+        A size given as a time follows the new divider. A field with a problem keeps its value.
+        """
+        problems: list[Problem] = []
+
+        def number(option: Option, asked: Amount | None, value: int, divider: int) -> int:
+            if asked is None:
+                return value
+            new = asked if isinstance(asked, int) else asked.on(value, divider, frequency_hz)
+            low, high = RANGES[option.name]
+            if low <= new <= high:
+                return round(new)
+            typed = f" ({asked.typed})" if isinstance(asked, Change) and asked.typed else ""
+            problems.append(Problem(name, option.name, option.problem(_shown(new) + typed)))
+            return value
+
+        divider = number(OPTION["divider"], self.divider, now.divider, now.divider)
+        size = number(OPTION["buffer_size"], self.buffer_size, now.buffer_size, divider)
+        options = ElementOptions(
+            now.enabled if self.enabled is None else self.enabled,
+            divider,
+            now.action if self.action is None else self.action,
+            now.buffer_type if self.buffer_type is None else self.buffer_type,
+            size,
+        )
+        return options, problems
+
+
+def _shown(number: float) -> str:
+    if isinstance(number, int):
+        return shorten(str(number))
+    return f"{number:.0f}" if 1 <= abs(number) < 1e15 else f"{number:.6g}"
+
+
+def apply_settings(
+    settings: Settings, elements: Iterable[tuple[str, ElementOptions]], frequency_hz: float
+) -> list[ElementOptions]:
+    """New options of elements, given by name and present options: of all, or an ElementError that says of which not."""
+    made, problems = [], []
+    for name, now in elements:
+        options, wrong = settings.on(name, now, frequency_hz)
+        made.append(options)
+        problems += wrong
+    if problems:
+        raise ElementError(refusal(problems))
+    return made
+
+
+# ------------------------------------------------------------------------------------------------------------ reading
+
+
+class UnreadableError(ValueError):
+    """What was typed for an option can't be read; the text is the reason alone, for the door to complete."""
+
+
+def find_option(key: str, given: Container[str] = ()) -> Option:
+    """The option that a key names. Raises UnreadableError with the nearest key, or if it is among those `given`."""
+    found = _KEYS.get(key.strip().lower())
+    if found is None:
+        near = get_close_matches(key.strip().lower(), _KEYS, 1)
+        hint = f"did you mean '{near[0]}'?" if near else f"there are {', '.join(option.keys[0] for option in OPTIONS)}"
+        raise UnreadableError(f"no setting '{shorten(key)}'; {hint}")
+    if found.name in given:
+        raise UnreadableError(f"{found.label} is given twice")
+    return found
+
+
+def read_word(option: Option, text: str) -> bool | Action | BufferType | None:
+    """The value that a word or number stands for in an option with few values (any case), None for another word."""
+    folded = text.strip().lower().replace("-", "_").replace(" ", "_")
+    return next((word.value for word in option.words if folded in word.spellings), None)
+
+
+def read_text(option: Option, text: str, *, relative: bool = True) -> OptionValue | Change:
+    """What was typed for an option. Raises UnreadableError that names the option, its range and the text.
+
+    Without `relative`, what depends on the value before (`*2`, `+1`) is refused.
+    """
+    if option.words:
+        value = read_word(option, text.strip().removeprefix("="))
+        if value is None:
+            raise UnreadableError(option.problem(shorten(text.strip()) or "nothing"))
+        return value
+    typed = text.strip()
+    match = _NUMBER.fullmatch(typed)
+    if match is None:
+        raise _unreadable(option, typed, relative)
+    operator, digits, unit = match[1].replace("=", ""), match[2], match[3].lower()
+    if unit in _SECONDS:
+        if "s" not in option.units or operator:
+            raise _unreadable(option, typed, relative, "a time only sets the buffer size")
+        return Change("s", float(digits) * _SECONDS[unit], typed)
+    if unit == "hz":
+        if "Hz" not in option.units or operator:
+            raise _unreadable(option, typed, relative, "a rate only sets the divider")
+        if not float(digits):
+            raise _unreadable(option, typed, relative, "a rate is above 0")
+        return Change("Hz", float(digits), typed)
+    if operator and not relative:
+        raise _unreadable(option, typed, relative, "a change of the value before has no place here")
+    if operator:
+        return Change(operator, float(digits) * _SCALES[unit], typed)
+    if not unit and _DIGITS.fullmatch(digits):
+        return int(digits)
+    number = round(float(digits) * _SCALES[unit], 6)  # 1.001k is 1000.9999999999999 in floating point
+    if not number.is_integer():
+        raise UnreadableError(option.problem(shorten(typed)))
+    return int(number)
+
+
+def _unreadable(option: Option, text: str, relative: bool, why: str = "") -> UnreadableError:
+    low, high = RANGES[option.name]
+    *most, last = (f"{low} to {high}", *(option.examples[1:] if relative else option.absolute))
+    reason = f"{option.label} must be {', '.join(most)} or {last}, got {shorten(text) or 'nothing'}"
+    return UnreadableError(f"{reason}; {why}" if why else reason)
+
+
+def read_value(option: Option, value: object) -> OptionValue | Change:
+    """What a program gave for an option: a value, its number, or words. Raises UnreadableError."""
+    if isinstance(value, str) and not isinstance(value, Action | BufferType):
+        return read_text(option, value)
+    number = int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None  # NumPy's too
+    for word in option.words:
+        if value is word.value or number == int(word.value):
+            return word.value
+    if option.words or number is None:
+        raise UnreadableError(option.problem(shorten(repr(value))))
+    return number
+
+
+def read_options(options: Mapping[str, object], name: str = "") -> Settings:
+    """The settings in keywords, as `log.set` takes them. Raises ElementError, for the element `name`."""
+    return _read(options.items(), name)
+
+
+def _read(pairs: Iterable[tuple[str, object]], name: str = "") -> Settings:
+    found: dict[str, OptionValue | Change] = {}
+    try:
+        for key, value in pairs:
+            option = find_option(key, found)
+            found[option.name] = read_value(option, value)
+    except UnreadableError as error:
+        where = f"element '{name}': " if name else ""
+        raise ElementError(f"{where}{error}; nothing was changed") from None
+    return Settings(**found)  # type: ignore[arg-type]  # read_value gives each option what it takes
+
+
+def is_setting(word: str) -> bool:
+    """Whether a word of a command is a setting, not the name of something."""
+    return "=" in word or word.lower() in _BARE
+
+
+def read_settings(words: Sequence[str]) -> Settings:
+    """The settings in words such as `divider=5`, `size=10s`, `on`. Raises ElementError."""
+    pairs = []
+    for word in words:
+        key, _, value = word.partition("=") if "=" in word else (_ENABLED.name, "", word)
+        if not is_setting(word):
+            keys = ", ".join(f"{option.keys[0]}=" for option in OPTIONS)
+            raise ElementError(
+                f"'{shorten(word)}' is no setting: write {keys} or {' or '.join(_BARE)}; nothing was changed"
+            )
+        pairs.append((key, value))
+    return _read(pairs)
+
+
+# ------------------------------------------------------------------------------------------------------------ showing
+
+
+def typed_form(name: str, value: OptionValue) -> str:
+    """A value as it is typed: `on`, `20`, `both`, `looping`."""
+    option = OPTION[name]
+    return option.word_of(value).word if option.words else str(value)
+
+
+def phrase(name: str, value: OptionValue) -> str:
+    """A value in a sentence or a list of differences: `on`, `20`, `save and publish`, `looping`."""
+    option = OPTION[name]
+    if not option.words:
+        return str(value)
+    word = option.word_of(value)
+    return word.phrase or word.word
+
+
+def format_settings(options: ElementOptions) -> str:
+    """Options as `read_settings` takes them: `enabled=on divider=1 action=save buffer=looping size=100`."""
+    return " ".join(f"{option.keys[0]}={typed_form(option.name, getattr(options, option.name))}" for option in OPTIONS)
+
+
+def examples(option: Option) -> str:
+    """What may be typed for an option, in a few words."""
+    return " ".join(option.examples or [word.word for word in option.words])
+
+
+def help_rows() -> list[tuple[str, str]]:
+    """One row per setting, for help: an example, and what it means."""
+    rows = []
+    for option in OPTIONS:
+        if option is _ENABLED:
+            rows.append((", ".join(_BARE), option.meaning))
+        elif option.words:
+            words = [f"{word.word} ({word.meaning})" if word.meaning else word.word for word in option.words]
+            rows.append((f"{option.keys[0]}={option.words[0].word}", ", ".join(words)))
+        else:
+            rows.append(
+                (f"{option.keys[0]}={option.examples[0]}", f"{option.meaning}; also {' '.join(option.examples[1:])}")
+            )
+    return rows
+
+
+def completions(start: str) -> list[str]:
+    """Settings that `start` may become: keys with their `=`, behind it the values of those that have few."""
+    key, sign, value = start.partition("=")
+    if not sign:
+        keys = [f"{key}=" for option in OPTIONS for key in option.keys[:2]]
+        return [word for word in (*_BARE, *keys) if word.startswith(start) and word != start]
+    option = _KEYS.get(key.lower())
+    words = option.words if option else ()
+    return [f"{key}={word.word}" for word in words if word.word.startswith(value) and word.word != value]
