@@ -54,7 +54,8 @@ from silo.model import Edit, FileType, SavedFile, Status, Table
 
 if TYPE_CHECKING:
     from silo.ipc.topic import Topic
-    from silo.ipc.view import HistoryColumns, View
+    from silo.columns import HistoryColumns
+    from silo.ipc.view import View
 
 ASK_TIMEOUT_S = 2.0
 SLOW_TIMEOUT_S = 15.0  # scripts and histories: the helper reads files and gigabytes for them
