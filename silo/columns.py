@@ -64,7 +64,8 @@ def hole_mark(hole: Hole) -> int:
 
 def holes_of(marks: Marks) -> Marks:
     """Return the `Hole` of each column, same shape."""
-    return marks >> np.uint8(_HOLE_SHIFT)
+    holes: Marks = marks >> np.uint8(_HOLE_SHIFT)
+    return holes
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ Floats = NDArray[np.float64]
 class Numbers:
     """Values as float64, shape `(n,)`: value i is `base + offsets[i]`.
 
-    `base` is 0 unless there are integers beyond 2^52; then it is the multiple of 2^53 next to them, so that they are
-    exact as long as they span no more than 2^52.
+    `base` is 0 unless there are integers beyond 2^52 that span no more than that: then it is the multiple of 2^53 next
+    to them, so that they are exact.
     """
 
     offsets: Floats
@@ -50,9 +50,11 @@ def numbers(values: NDArray[Any]) -> Numbers:
         return Numbers(offsets, known.base)
     if kind in "iu" and values.dtype.itemsize == 8 and len(values):
         smallest, largest = int(values.min()), int(values.max())
-        if max(-smallest, largest) > EXACT // 2:
+        # of what spans more no base keeps all digits
+        if max(-smallest, largest) > EXACT // 2 and largest - smallest <= EXACT // 2:
             middle = (smallest + largest) // 2
-            base = (middle + EXACT // 2) // EXACT * EXACT
+            # 2^64 itself is no integer of 64 bits, and could not travel
+            base = min((middle + EXACT // 2) // EXACT * EXACT, 2**64 - EXACT)
             return Numbers(_distances(values, base), base)
     if kind == "c":
         values = values.real

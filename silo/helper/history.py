@@ -9,6 +9,7 @@ from silo.ipc.messages import Columns, GetHistory, Refused, RefusedWhy
 
 MAX_NAMES = 64
 BLOCK_BYTES = 4 * 2**20
+SPARE_ROWS = 64  # of the oldest some may be overwritten while they are read
 
 
 def check_history(request: GetHistory) -> Refused | None:
@@ -78,16 +79,18 @@ def _fill(
     request: GetHistory,
 ) -> None:
     block = max(1, BLOCK_BYTES // (8 * reader.schema.rings[ring].row_words))
+    head = reader.head(ring)
     row = _first_row(reader, ring, request.start_ns)
-    while True:
+    while row < head:
+        # fewer than `block` rows, or none, come too where the oldest were overwritten meanwhile: the newer follow
         rows = reader.rows(ring, row, block)
+        row = max(row + 1, rows.first + len(rows))
         if not len(rows):
-            return
+            continue
         bins = bins_of(rows.time_ns, request.column_ns)
         for signal, entry in signals:
             grid.add(signal, bins, rows.column(entry))
-        row = rows.first + len(rows)
-        if int(rows.time_ns[-1]) >= request.end_ns or len(rows) < block:
+        if int(rows.time_ns[-1]) >= request.end_ns:
             return
 
 
@@ -124,7 +127,7 @@ def _ends(reader: SegmentReader, ring: int, ticks: int) -> tuple[int, int, bool,
     """Return times of the oldest and the newest row, and whether rows before and after these are gone."""
     due = -(-ticks // reader.schema.rings[ring].divider)
     head = reader.head(ring)
-    oldest, newest = reader.rows(ring, 0, 1), reader.rows(ring, head - 1, 1)
+    oldest, newest = reader.rows(ring, 0, SPARE_ROWS), reader.rows(ring, head - 1, 1)
     if not len(oldest) or not len(newest):  # all of them were overwritten while we looked
         return reader.last_time_ns, reader.last_time_ns, head > 0, False
     return int(oldest.time_ns[0]), int(newest.time_ns[0]), oldest.first > 0, head < due
@@ -132,7 +135,7 @@ def _ends(reader: SegmentReader, ring: int, ticks: int) -> tuple[int, int, bool,
 
 def _start_ns(reader: SegmentReader) -> int:
     """Return the time of the first tick, reckoned from the rate where its stamp was overwritten."""
-    oldest = reader.rows(TIME_RING, 0, 1)
+    oldest = reader.rows(TIME_RING, 0, SPARE_ROWS)
     if not len(oldest):
         return reader.last_time_ns
     return int(oldest.time_ns[0]) - int(oldest.first * 1e9 / reader.schema.frequency_hz)

@@ -53,8 +53,8 @@ from silo.ipc.messages import (
 from silo.model import Edit, FileType, SavedFile, Status, Table
 
 if TYPE_CHECKING:
-    from silo.ipc.topic import Topic
     from silo.columns import HistoryColumns
+    from silo.ipc.topic import Topic
     from silo.ipc.view import View
 
 ASK_TIMEOUT_S = 2.0

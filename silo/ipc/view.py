@@ -27,8 +27,8 @@ class Frame:
     `silo.values`). `low` and `high` have shape `(len(plots), count)` and begin at column `first`; they hold only what
     came since the last frame, so merge them with `fmin` and `fmax`, best in a `silo.columns.ColumnStore`. They are
     offsets from `bases` (by place in `plots`), `marks` are bytes of their shape or None for none. `missed` counts
-    frames that never arrived, since the view was opened. `since_ns` is 0 where this frame continues the one before; else its
-    columns are whole from that time on, and the history knows what was before.
+    frames that never arrived, since the view was opened. `since_ns` is 0 where this frame continues the one
+    before; else its columns are whole from that time on, and the history knows what was before.
     """
 
     elements: tuple[str, ...]

@@ -166,7 +166,7 @@ def value_range(low: Floats, high: Floats) -> tuple[float, float] | None:
 
 def is_constant(smallest: float, largest: float) -> bool:
     """Return whether all values are one but for rounding."""
-    return not largest / 2 - smallest / 2 > max(abs(smallest), abs(largest)) * CONSTANT / 2
+    return not largest - smallest > max(abs(smallest), abs(largest)) * CONSTANT
 
 
 def room_around(value: float) -> tuple[float, float]:

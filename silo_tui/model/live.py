@@ -133,6 +133,8 @@ def entry_text(entry: Entry, value: float, word: str | None, width: int) -> str:
         return _fit(_moment(word or _date(entry.dtype, int(value))), width)
     if word is not None and (kind not in "iumM" or word == "NaT" or len(word) <= width):
         return _fit(word, width)
+    if kind in "iu" and abs(value) >= EXACT:  # its last digits are not known
+        return text.engineering(value, 4)
     return text.number(value, width, integer=kind in "ium")
 
 

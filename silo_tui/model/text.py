@@ -50,7 +50,8 @@ def engineering(value: float, digits: int = 3) -> str:
         return number(value)
     if value == 0:
         return "0"
-    value = float(f"{value:.{digits - 1}e}")
+    rounded = float(f"{value:.{digits - 1}e}")
+    value = rounded if math.isfinite(rounded) else value
     if 1e-3 <= abs(value) < 1e3:
         return f"{value:.{max(digits, 3)}g}"
     mantissa, power = _parts(value)
@@ -67,15 +68,32 @@ def axis_ends(bottom: float, top: float, base: int = 0, width: int = 9) -> tuple
         return "", "", ""
     extent = top / 2 - bottom / 2
     if not base:
-        for digits in range(3, 10):
+        for digits in range(1, 10):
             words = [engineering(end, digits) for end in (bottom, top)]
             rounded = [float(f"{end:.{digits - 1}e}") for end in (bottom, top)]
             told = all(abs(a / 2 - b / 2) <= 2e-3 * extent for a, b in zip(rounded, (bottom, top), strict=True))
             if told and max(map(len, words)) <= width:
                 return words[0], words[1], ""
-        return "+0", "+" + engineering(2 * extent), f"{bottom:.17g}"
-    origin = math.floor(bottom)
-    return f"+{engineering(bottom - origin)}", f"+{engineering(top - origin)}", str(base + origin)
+        origins = (f"{bottom:.{digits}g}" for digits in range(6, 18))
+        origin = next((word for word in origins if abs(float(word) - bottom) <= 2e-3 * extent), repr(bottom))
+        return "+0", _step(2 * extent, width), origin
+    whole = math.floor(bottom)
+    return f"+{engineering(bottom - whole)}", f"+{engineering(top - whole)}", str(base + whole)
+
+
+def _step(size: float, width: int) -> str:
+    words = (f"+{engineering(size, digits)}" for digits in (3, 2, 1))
+    return next((word for word in words if len(word) <= width), f"+{size:.0e}")
+
+
+def told_apart(smallest: float, largest: float) -> tuple[str, str]:
+    """Two numbers in a few characters, in more where they would read the same."""
+    words = compact(smallest), compact(largest)
+    for digits in range(4, 18):
+        if words[0] != words[1] or not smallest < largest:
+            break
+        words = engineering(smallest, digits), engineering(largest, digits)
+    return words
 
 
 def compact(value: float) -> str:

@@ -165,14 +165,17 @@ class PlotStack(Widget):
             return f"at cursor {picture.cursor_signs}"
         words = [picture.signs] if picture.signs else []
         if not math.isnan(picture.smallest):
-            words += [f"min {self._end(plotted, picture.smallest, picture.base)}"]
-            words += [f"max {self._end(plotted, picture.largest, picture.base)}"]
+            smallest, largest = self._extremes(plotted, picture)
+            words += [f"min {smallest}", f"max {largest}"]
         return "  ".join([*words, f"now {self._now(plotted)}"]) if words else ""
 
-    def _end(self, plotted: Plotted, value: float, base: int) -> str:
-        if base or plotted.entry.dtype[1:2] == "M":
-            return offset_text(plotted.entry, value, base, 12)
-        return text.compact(value)
+    def _extremes(self, plotted: Plotted, picture: Picture) -> tuple[str, str]:
+        if picture.base or plotted.entry.dtype[1:2] == "M":
+            smallest, largest = (
+                offset_text(plotted.entry, end, picture.base, 12) for end in (picture.smallest, picture.largest)
+            )
+            return smallest, largest
+        return text.told_apart(picture.smallest, picture.largest)
 
     def missing(self) -> str:
         """What the chosen plot has no samples of, and why."""

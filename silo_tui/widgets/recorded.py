@@ -306,7 +306,8 @@ class RecordedStack(PlotStack):
         if facts.base:
             mean = offset_text(plotted.entry, round(facts.mean), facts.base, 12)
             return f"{words}  min {ends[0]}  max {ends[1]}  mean {mean}"
-        words += f"  min {text.compact(facts.smallest)}  max {text.compact(facts.largest)}"
+        smallest, largest = text.told_apart(facts.smallest, facts.largest)
+        words += f"  min {smallest}  max {largest}"
         return f"{words}  mean {text.compact(facts.mean)}"
 
     def _axis_word(self, share: float) -> str:
