@@ -13,6 +13,7 @@ from silo.analysis.picking import Picked, pick, window
 from silo.analysis.plotting import Chart, Curve
 from silo.errors import ElementError
 from silo.recording import Recording
+from silo.values import numbers
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,11 @@ def _curve(signal: Picked, transform: str, over: Picked | None, zero: int, right
     times = (signal.time_ns - zero) / 1e9
     values, _ = signal.as_numbers()
     unit = "" if signal.unit in ("", "-") else f" [{signal.unit}]"
+    exact = numbers(signal.values)
+    if exact.base and signal.values.dtype.kind in "iu" and not transform:
+        # a float can't tell neighbours beyond 2^53 apart: their distance to one of them is exact
+        start = exact.base + int(exact.offsets.min())
+        values, unit = exact.offsets - (start - exact.base), f"{unit} - {start}"
     if transform == "spectrum":
         frequencies, amplitudes = spectrum(times, values)
         return Curve(f"{signal.name}{unit}", frequencies, amplitudes, right)

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from silo.analysis.calculus import Floats
 from silo.errors import ElementError
 from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.values import as_floats, printable
+from silo.values import text_of as value_text
 
 _MOST_NAMES = 50
 
@@ -37,7 +39,7 @@ class Picked:
     def as_numbers(self) -> tuple[Floats, Mapping[int, str]]:
         """Return the values as float64, and names of values: labels of an enumeration, or a number per distinct string.
 
-        Complex numbers become magnitudes, dates seconds since 1970, opaque bytes NaN.
+        Dates become seconds since 1970; of all else `silo.values` tells what it counts as.
         """
         values = self.values
         kind = values.dtype.kind
@@ -45,14 +47,9 @@ class Picked:
             distinct, codes = np.unique(values, return_inverse=True)
             names = [text_of(value) for value in distinct[:_MOST_NAMES].tolist()]
             return codes.astype(np.float64), dict(enumerate(names))
-        if kind == "c":
-            return np.abs(values).astype(np.float64), {}
         if kind in "mM":
             return _seconds(values), {}
-        if kind not in "biuf":
-            return np.full(len(values), np.nan), {}
-        with np.errstate(over="ignore", invalid="ignore"):
-            return values.astype(np.float64), self.labels
+        return as_floats(values), self.labels if kind in "biuf" else {}
 
 
 def pick(recording: Recording, patterns: Sequence[str]) -> list[Picked]:
@@ -89,10 +86,9 @@ def window(signal: Picked, start_ns: float, stop_ns: float) -> Picked:
     return replace(signal, time_ns=signal.time_ns[inside], values=signal.values[inside])
 
 
-def text_of(value: bytes | str) -> str:
-    """Return a logged string as text; bytes that are no UTF-8 are shown as escapes."""
-    text = value if isinstance(value, str) else value.decode("utf-8", "backslashreplace")
-    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
+def text_of(value: Any) -> str:
+    """Return a logged value as text that can be shown; bytes that are no UTF-8 are escapes."""
+    return printable(value_text(value))
 
 
 def _find(recording: Recording, pattern: str) -> list[tuple[RecordedElement, RecordedEntry]]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.columns import bins_at, reduce
 from silo.errors import SiloError
 from silo.files.extras import whole_file
 
@@ -113,13 +114,9 @@ def thin_out(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats]:
         return x[::step], y[::step]
     edges = np.searchsorted(x, np.linspace(x[0], x[-1], columns + 1)[:-1], side="left")
     starts = np.unique(edges)
-    holes = np.isnan(y)
-    low = np.minimum.reduceat(np.where(holes, np.inf, y), starts)
-    high = np.maximum.reduceat(np.where(holes, -np.inf, y), starts)
-    empty = np.logical_and.reduceat(holes, starts)
-    low[empty] = high[empty] = np.nan
+    found = reduce(y, bins_at(starts))
     ends = np.append(starts[1:], len(x)) - 1
-    return np.column_stack([x[starts], x[ends]]).reshape(-1), np.column_stack([low, high]).reshape(-1)
+    return np.column_stack([x[starts], x[ends]]).reshape(-1), np.column_stack([found.low, found.high]).reshape(-1)
 
 
 def nice_ticks(low: float, high: float, count: int) -> list[float]:
@@ -230,6 +227,15 @@ def _legend(chart: Chart, marks: Sequence[str], width: int, color: bool) -> list
         side = (" (right)" if curve.right else " (left)") if two_sides else ""
         good = curve.y[np.isfinite(curve.y)]
         span = f"  {good.min() + 0.0:.6g} ... {good.max() + 0.0:.6g}" if len(good) else "  no finite value"
+        span += "".join(
+            f"  {count} {name}"
+            for name, count in (
+                ("nan", int(np.isnan(curve.y).sum())),
+                ("inf", int((curve.y == np.inf).sum())),
+                ("-inf", int((curve.y == -np.inf).sum())),
+            )
+            if count
+        )
         # where there is no room for a name and the range, the name is worth more
         if width - 3 - len(side) - len(span) < 8:
             span = ""

@@ -12,11 +12,12 @@ from silo.cli.common import complete_words, connect, json_option, show_json, spl
 from silo.cli.edits import select
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.model import State
+from silo.values import printable
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
     from silo.ipc.view import Frame, View
-    from silo.model import ElementInfo
+    from silo.model import ElementInfo, Entry
 
 MOST_VALUES = 16  # per line; a matrix of a hundred values is nothing to read
 GONE_AFTER_S = 5.0
@@ -33,9 +34,15 @@ class Line:
     def texts(self, newest: Sequence[float], texts: Mapping[int, str]) -> list[str]:
         """Return the values in words."""
         return [
-            texts[place] if place in texts else show_value(newest[place], entry.dtype, entry.labels)
+            self._word(texts[place], entry) if place in texts else show_value(newest[place], entry.dtype, entry.labels)
             for place, entry in enumerate(self.info.entries, start=self.first)
         ]
+
+    @staticmethod
+    def _word(word: str, entry: "Entry") -> str:
+        if entry.labels and word.lstrip("-").isdecimal():
+            return entry.labels.get(int(word), word)
+        return printable(word)
 
 
 def show_value(value: float, dtype: str, labels: Mapping[int, str] | None) -> str:
@@ -151,10 +158,13 @@ def _show_lines(lines: Sequence[Line], frame: "Frame") -> None:
 
 def _show_json(lines: Sequence[Line], frame: "Frame") -> None:
     newest = frame.newest.tolist()
-    values: dict[str, float | str] = {}
+    values: dict[str, float | int | str] = {}
     for line in lines:
         for place, entry in enumerate(line.info.entries, start=line.first):
-            values[line.info.name + entry.suffix] = frame.texts.get(place, newest[place])
+            word = frame.texts.get(place)
+            # the digits of an integer that a float can't hold are a number in JSON
+            exact = int(word) if word is not None and entry.dtype[1:2] in "iu" else word
+            values[line.info.name + entry.suffix] = newest[place] if exact is None else exact
     show_json(
         {"time_ns": frame.time_ns, "tick": frame.tick, "state": frame.state, "lost": frame.lost_total, "values": values}
     )

@@ -1,14 +1,15 @@
 """History: past samples of some entries in columns, straight from the buffers in shared memory."""
 
-from silo.collecting.schema import ElementSchema, EntrySchema
+from silo.collecting.schema import TIME_RING, ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.columns import MAX_COLUMNS, ColumnGrid, as_floats, bins_of
+from silo.columns import MAX_COLUMNS, ColumnGrid, Hole, bins_of
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.views import MIN_COLUMN_NS
 from silo.ipc.messages import Columns, GetHistory, Refused, RefusedWhy
 
 MAX_NAMES = 64
 BLOCK_BYTES = 4 * 2**20
+SPARE_ROWS = 64  # of the oldest some may be overwritten while they are read
 
 
 def check_history(request: GetHistory) -> Refused | None:
@@ -30,10 +31,12 @@ def _count(request: GetHistory) -> int:
 
 
 def history(request: GetHistory, now: LoggerSnapshot, reader: SegmentReader | None) -> Columns | Refused:
-    """The columns; NaN where nothing is known, be it that an element is disabled or that its buffer is shorter."""
+    """Return the columns; one without sample says why, be it that the element is off or that its buffer is shorter."""
+    until_ns = reader.last_time_ns if reader else 0
     grid = ColumnGrid(len(request.names), request.start_ns // request.column_ns, _count(request))
     schemas = {element.info.name: element for element in reader.schema.elements} if reader else {}
     wanted: dict[int, list[tuple[int, EntrySchema]]] = {}
+    logged: list[tuple[int, ElementSchema]] = []
     for signal, name in enumerate(request.names):
         found = now.entry_places.get(name)
         if found is None:
@@ -43,11 +46,21 @@ def history(request: GetHistory, now: LoggerSnapshot, reader: SegmentReader | No
         element = schemas.get(found[0])
         if element is not None and found[1] < len(element.entries):
             _want(wanted, element, signal, found[1])
+            logged.append((signal, element))
     if reader is not None:
         for ring, signals in wanted.items():
             _fill(grid, reader, ring, signals, request)
+        _say_why_empty(grid, reader, logged, request)
     return Columns(
-        list(request.names), grid.first, grid.low.shape[1], request.column_ns, grid.low.tobytes(), grid.high.tobytes()
+        list(request.names),
+        grid.first,
+        grid.count,
+        request.column_ns,
+        grid.low.tobytes(),
+        grid.high.tobytes(),
+        grid.marks.tobytes() if grid.marks.any() else b"",
+        {signal: base for signal, base in enumerate(grid.bases) if base},
+        until_ns,
     )
 
 
@@ -66,17 +79,66 @@ def _fill(
     request: GetHistory,
 ) -> None:
     block = max(1, BLOCK_BYTES // (8 * reader.schema.rings[ring].row_words))
+    head = reader.head(ring)
     row = _first_row(reader, ring, request.start_ns)
-    while True:
+    while row < head:
+        # fewer than `block` rows, or none, come too where the oldest were overwritten meanwhile: the newer follow
         rows = reader.rows(ring, row, block)
+        row = max(row + 1, rows.first + len(rows))
         if not len(rows):
-            return
+            continue
         bins = bins_of(rows.time_ns, request.column_ns)
         for signal, entry in signals:
-            grid.add(signal, bins, as_floats(rows.column(entry)))
-        row = rows.first + len(rows)
-        if int(rows.time_ns[-1]) >= request.end_ns or len(rows) < block:
+            grid.add(signal, bins, rows.column(entry))
+        if int(rows.time_ns[-1]) >= request.end_ns:
             return
+
+
+def _say_why_empty(
+    grid: ColumnGrid, reader: SegmentReader, logged: list[tuple[int, ElementSchema]], request: GetHistory
+) -> None:
+    ticks = reader.ticks
+    if not ticks:
+        return
+    start = _start_ns(reader) // request.column_ns
+    newest = reader.last_time_ns // request.column_ns
+    known = {signal for signal, _ in logged}
+    for signal in range(len(request.names)):
+        grid.add_hole(signal, grid.first, start, Hole.BEFORE)
+        if signal not in known:
+            grid.add_hole(signal, start, newest + 1, Hole.OFF)
+    ends: dict[int, tuple[int, int, bool, bool]] = {}
+    for signal, element in logged:
+        for ring in {element.ring, element.live_ring} - {-1}:
+            ends.setdefault(ring, _ends(reader, ring, ticks))
+        oldest_ns, newest_ns, overwritten, cut = ends[element.ring]
+        resumed = newest + 1
+        if element.live_ring >= 0 and element.live_ring != element.ring:
+            resumed = ends[element.live_ring][0] // request.column_ns
+        if overwritten:
+            grid.add_hole(signal, start, oldest_ns // request.column_ns, Hole.OVERWRITTEN)
+        if cut:
+            lost = reader.ring_lost(element.ring) > 0
+            hole = Hole.LOST if lost else Hole.OVERWRITTEN if element.live_ring >= 0 else Hole.FULL
+            grid.add_hole(signal, newest_ns // request.column_ns + 1, resumed, hole)
+
+
+def _ends(reader: SegmentReader, ring: int, ticks: int) -> tuple[int, int, bool, bool]:
+    """Return times of the oldest and the newest row, and whether rows before and after these are gone."""
+    due = -(-ticks // reader.schema.rings[ring].divider)
+    head = reader.head(ring)
+    oldest, newest = reader.rows(ring, 0, SPARE_ROWS), reader.rows(ring, head - 1, 1)
+    if not len(oldest) or not len(newest):  # all of them were overwritten while we looked
+        return reader.last_time_ns, reader.last_time_ns, head > 0, False
+    return int(oldest.time_ns[0]), int(newest.time_ns[0]), oldest.first > 0, head < due
+
+
+def _start_ns(reader: SegmentReader) -> int:
+    """Return the time of the first tick, reckoned from the rate where its stamp was overwritten."""
+    oldest = reader.rows(TIME_RING, 0, SPARE_ROWS)
+    if not len(oldest):
+        return reader.last_time_ns
+    return int(oldest.time_ns[0]) - int(oldest.first * 1e9 / reader.schema.frequency_hz)
 
 
 def _first_row(reader: SegmentReader, ring: int, start_ns: int) -> int:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.columns import Floats, as_floats
 from silo.model import BufferType
+from silo.values import Floats, newest_values
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class NewestValues:
         self._limits = np.array(limits, np.int64)
 
     def values(self) -> tuple[Floats, dict[int, str]]:
-        """Newest value of every entry, NaN where there is none, and the texts of string entries by place."""
+        """Return the newest value of every entry, NaN where there is none, and by place what only a text can tell."""
         newest = np.full(self._size, np.nan)
         texts: dict[int, str] = {}
         for ring, picks in self._picks.items():
@@ -60,10 +60,8 @@ class NewestValues:
                 column = data[pick.positions].reshape(-1).view(pick.dtype)
                 if pick.swapped:
                     column = column.byteswap()
-                if pick.dtype.kind in "SU":
-                    texts.update(zip(pick.places.tolist(), map(_text, column.tolist()), strict=True))
-                else:
-                    newest[pick.places] = as_floats(column)
+                newest[pick.places], words = newest_values(column)
+                texts.update((int(pick.places[at]), word) for at, word in words.items())
         return newest, texts
 
     def held(self) -> NDArray[np.int64]:
@@ -96,7 +94,3 @@ def _picks(entries: list[tuple[int, EntrySchema]]) -> list[_Pick]:
         places, offsets = np.array(found, np.intp).T
         picks.append(_Pick(dtype, swapped, offsets[:, None] + np.arange(dtype.itemsize), places))
     return picks
-
-
-def _text(value: bytes | str) -> str:
-    return value.decode(errors="replace") if isinstance(value, bytes) else value

@@ -14,7 +14,7 @@ from silo.collecting.losses import lost_samples
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.columns import MAX_COLUMNS, ColumnGrid, as_floats, bins_of
+from silo.columns import MAX_COLUMNS, ColumnGrid, bins_of
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.newest import NewestValues
 from silo.ipc.keys import VIEW_ID
@@ -97,6 +97,7 @@ class _Plots:
     """The plots of a view that stand in one ring."""
 
     cursor: int
+    begun: bool = False
     signals: list[tuple[int, EntrySchema]] = field(default_factory=list)
 
 
@@ -112,6 +113,7 @@ class View:
         self._number = 0
         self._sent_s = -HEARTBEAT_S
         self._sent_tick = -1
+        self._since_ns = 0
         self._layout: Layout | None = None
         self._newest: NewestValues | None = None
         self._plots: dict[int, _Plots] = {}
@@ -153,6 +155,7 @@ class View:
         elements = len(self.request.values)
         held = self._newest.held() if self._newest else np.zeros(elements, np.int64)
         lost = self._newest.lost() if self._newest else np.zeros(elements, np.int64)
+        self._since_ns = 0
         grid = self._columns()
         return _encoder.encode(
             ViewFrame(
@@ -168,9 +171,12 @@ class View:
                 newest=newest.tobytes(),
                 texts=texts,
                 first=grid.first,
-                count=grid.low.shape[1],
+                count=grid.count,
                 low=grid.low.tobytes(),
                 high=grid.high.tobytes(),
+                marks=grid.marks.tobytes() if grid.marks.any() else b"",
+                bases={signal: base for signal, base in enumerate(grid.bases) if base},
+                since_ns=self._since_ns,
             )
         )
 
@@ -187,12 +193,14 @@ class View:
                 last = max(last, int(rows.time_ns.max()) // column_ns)
         if not news:
             return ColumnGrid(len(self.request.plots), 0, 0)
-        first = max(first, last - MAX_COLUMNS + 1)
+        if first <= last - MAX_COLUMNS:
+            first = last - MAX_COLUMNS + 1
+            self._since_ns = max(self._since_ns, first * column_ns)
         grid = ColumnGrid(len(self.request.plots), first, last - first + 1)
         for plots, rows in news:
             bins = bins_of(rows.time_ns, column_ns)
             for signal, entry in plots.signals:
-                grid.add(signal, bins, as_floats(rows.column(entry)))
+                grid.add(signal, bins, rows.column(entry))
         return grid
 
     def _new_rows(self, ring: int, plots: _Plots) -> Rows:
@@ -201,6 +209,10 @@ class View:
         most = max(1, MAX_FRAME_BYTES // (8 * reader.schema.rings[ring].row_words))
         # a view that fell behind goes on with the newest: what it shows is now
         rows = reader.rows(ring, max(plots.cursor, reader.head(ring) - most))
+        skipped = rows.first > (plots.cursor if plots.begun else 0)
+        if skipped and len(rows):
+            self._since_ns = max(self._since_ns, int(rows.time_ns[0]))
+        plots.begun = plots.begun or len(rows) > 0
         plots.cursor = max(plots.cursor, rows.first + len(rows))
         return rows
 

@@ -49,8 +49,9 @@ from silo.ipc.messages import (
 from silo.model import Edit, FileType, SavedFile, Status, Table
 
 if TYPE_CHECKING:
+    from silo.columns import HistoryColumns
     from silo.ipc.topic import Topic
-    from silo.ipc.view import HistoryColumns, View
+    from silo.ipc.view import View
 
 RENEW_S = 2.0  # a third of a view's lease
 MAX_SAVES = 64

@@ -105,7 +105,12 @@ class ViewOpened(Reply, frozen=True):
 
 
 class Columns(Reply, frozen=True):
-    """Minimum and maximum per column: little-endian float64 of shape `(len(names), count)`, NaN where empty."""
+    """Minimum and maximum per column: little-endian float64 of shape `(len(names), count)`, NaN without finite value.
+
+    They are offsets from `bases` (by place in `names`, 0 where it isn't named), so that integers beyond 2^53 are exact.
+    `marks` are bytes of the same shape, empty for all 0: see `silo.columns.Mark`, and `Hole` in the upper four bits.
+    `until_ns` is the newest time stamp that is surely in it.
+    """
 
     names: list[str]
     first: int
@@ -113,6 +118,9 @@ class Columns(Reply, frozen=True):
     column_ns: int
     low: bytes
     high: bytes
+    marks: bytes = b""
+    bases: dict[int, int] = {}
+    until_ns: int = 0
 
 
 class SaveStarted(Reply, frozen=True):
@@ -340,10 +348,12 @@ class ViewFrame(msgspec.Struct, frozen=True):
 
     `number` counts frames, so that gaps are seen. `generation` is that of the `ViewOpened` that explains the frame:
     it changes with a restart or an edit, and the client opens the view again. `lost_total` counts samples. `held`
-    and `lost` have one int64 per element of `values`; `newest` one float64 per entry (NaN where there is none;
-    integers beyond 2**53 are rounded); `texts` holds the newest value of each string entry by its position;
-    `low`/`high` float64 of shape `(len(plots), count)`: columns `first ... first + count - 1`, the last of them
-    perhaps not complete yet (it comes again).
+    and `lost` have one int64 per element of `values`; `newest` one float64 per entry (NaN where there is none);
+    `texts` holds by its position each newest value that a float64 can't tell: strings, dates, NaT, complex numbers,
+    the digits of integers from 2**53 on; `low`/`high` float64 of shape `(len(plots), count)`: columns
+    `first ... first + count - 1`, the last of them perhaps not complete yet (it comes again), with `marks` and
+    `bases` as in `Columns`. They hold every sample since the frame
+    before; where some were skipped `since_ns` is the time from which on they are whole, else 0.
     """
 
     number: int
@@ -361,6 +371,9 @@ class ViewFrame(msgspec.Struct, frozen=True):
     count: int
     low: bytes
     high: bytes
+    marks: bytes = b""
+    bases: dict[int, int] = {}
+    since_ns: int = 0
 
 
 # ----------------------------------------------------------------------------------------------- published: events

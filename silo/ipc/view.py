@@ -9,39 +9,26 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
+from silo.columns import MAX_COLUMNS, ColumnGrid, Floats, HistoryColumns, Marks, grid_of
 from silo.ipc.keys import Root
 from silo.ipc.messages import Columns, OpenView, ViewFrame, ViewOpened
 from silo.model import State
 
-Floats = NDArray[np.float64]
-
-MAX_COLUMNS = 4096
 RING = 64  # 6 s at 10 Hz: who reads less often gets the newest and a gap
 
 _decoder = msgspec.msgpack.Decoder(ViewFrame)
 
 
 @dataclass(frozen=True)
-class HistoryColumns:
-    """Minimum and maximum per column of some entries, shape `(len(names), count)`; NaN where nothing is known.
-
-    Column k of the arrays covers the time stamps `[first + k, first + k + 1) * column_ns`.
-    """
-
-    names: tuple[str, ...]
-    first: int
-    column_ns: int
-    low: Floats
-    high: Floats
-
-
-@dataclass(frozen=True)
 class Frame:
     """What a view shows. `held`, `lost`: int64 per element of `elements`; `newest`: float64 per entry of them.
 
-    `entries` names the entries. `texts` holds the newest value of string entries by position in `newest`. `low` and
-    `high` have shape `(len(plots), count)` and begin at column `first`; they hold only what came since the last frame,
-    so merge them with `fmin` and `fmax`. `missed` counts frames that never arrived, since the view was opened.
+    `entries` names the entries. `texts` holds by position in `newest` each value that a float64 can't tell (see
+    `silo.values`). `low` and `high` have shape `(len(plots), count)` and begin at column `first`; they hold only what
+    came since the last frame, so merge them with `fmin` and `fmax`, best in a `silo.columns.ColumnStore`. They are
+    offsets from `bases` (by place in `plots`), `marks` are bytes of their shape or None for none. `missed` counts
+    frames that never arrived, since the view was opened. `since_ns` is 0 where this frame continues the one
+    before; else its columns are whole from that time on, and the history knows what was before.
     """
 
     elements: tuple[str, ...]
@@ -62,6 +49,9 @@ class Frame:
     first: int
     low: Floats
     high: Floats
+    marks: Marks | None
+    bases: dict[int, int]
+    since_ns: int
     missed: int
 
     @property
@@ -79,7 +69,14 @@ def history_columns(columns: Columns) -> HistoryColumns:
         columns.column_ns,
         np.frombuffer(columns.low, "<f8").reshape(shape),
         np.frombuffer(columns.high, "<f8").reshape(shape),
+        _marks(columns.marks, shape),
+        columns.bases,
+        columns.until_ns,
     )
+
+
+def _marks(data: bytes, shape: tuple[int, int]) -> Marks | None:
+    return np.frombuffer(data, np.uint8).reshape(shape) if data else None
 
 
 class View:
@@ -98,6 +95,8 @@ class View:
         self._number = 0
         self._missed = 0
         self._unread: list[ViewFrame] = []
+        self._merged_number = 0
+        self._cut = True  # whether the next frame doesn't continue the one that was handed out last
         self._refused = ""
 
     # ---------------------------------------------------------------------------------------------- by the client
@@ -110,6 +109,7 @@ class View:
             self.request = msgspec.structs.replace(self.request, view=name)
             self._subscriber = subscriber
             self._number = 0
+            self._cut = True
 
     def detach(self) -> None:
         """The session is about to be closed."""
@@ -161,7 +161,13 @@ class View:
 
     def _merged(self, frames: Sequence[ViewFrame], opened: ViewOpened) -> Frame:
         newest = frames[-1]
-        first, low, high = _merged_columns(frames, len(opened.plots))
+        grid = _merged_columns(frames, len(opened.plots))
+        since_ns = 0
+        for frame in frames:
+            if frame.since_ns or self._cut or (self._merged_number and frame.number != self._merged_number + 1):
+                # a frame that doesn't say from when on it is whole is so from its first column on
+                since_ns = max(since_ns, frame.since_ns or _begin_ns(frame, self.request.column_ns))
+            self._cut, self._merged_number = False, frame.number
         return Frame(
             elements=tuple(self.request.values),
             entries=tuple(opened.entries),
@@ -178,9 +184,12 @@ class View:
             newest=np.frombuffer(newest.newest, "<f8"),
             texts=newest.texts,
             column_ns=self.request.column_ns,
-            first=first,
-            low=low,
-            high=high,
+            first=grid.first,
+            low=grid.low,
+            high=grid.high,
+            marks=grid.marks if grid.marks.any() else None,
+            bases={row: base for row, base in enumerate(grid.bases) if base},
+            since_ns=since_ns,
             missed=self._missed,
         )
 
@@ -199,20 +208,21 @@ class View:
         self.close()
 
 
-def _merged_columns(frames: Sequence[ViewFrame], plots: int) -> tuple[int, Floats, Floats]:
-    """The columns of several frames on one grid; of more than 4096 the newest."""
+def _begin_ns(frame: ViewFrame, column_ns: int) -> int:
+    return frame.first * column_ns if frame.count else frame.time_ns
+
+
+def _merged_columns(frames: Sequence[ViewFrame], plots: int) -> ColumnGrid:
+    """Return the columns of several frames on one grid; of more than 4096 the newest."""
     filled = [frame for frame in frames if frame.count]
     if not filled:
-        return 0, np.zeros((plots, 0)), np.zeros((plots, 0))
+        return ColumnGrid(plots, 0, 0)
     end = max(frame.first + frame.count for frame in filled)
     first = max(min(frame.first for frame in filled), end - MAX_COLUMNS)
-    low, high = np.full((plots, end - first), np.nan), np.full((plots, end - first), np.nan)
+    grid = ColumnGrid(plots, first, end - first)
+    rows = range(plots)
     for frame in filled:
-        skip = max(0, first - frame.first)
-        if skip >= frame.count:
-            continue
-        place = slice(frame.first + skip - first, frame.first + frame.count - first)
         shape = (plots, frame.count)
-        low[:, place] = np.fmin(low[:, place], np.frombuffer(frame.low, "<f8").reshape(shape)[:, skip:])
-        high[:, place] = np.fmax(high[:, place], np.frombuffer(frame.high, "<f8").reshape(shape)[:, skip:])
-    return first, low, high
+        low, high = (np.frombuffer(data, "<f8").reshape(shape) for data in (frame.low, frame.high))
+        grid.merge(rows, grid_of(frame.first, low, high, _marks(frame.marks, shape), frame.bases), rows)
+    return grid

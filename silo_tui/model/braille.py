@@ -1,52 +1,72 @@
 """Plots made of braille dots, two columns and four rows per cell, drawn from minimum and maximum per column.
 
 Measured: 5 - 8 ms for a screen full of them, where plotext needs 140 ms for one series. A column always covers all
-between its minimum and its maximum, so that a spike of one sample shows whatever the zoom.
+between its minimum and its maximum, so that a spike of one sample shows whatever the zoom. NaN and inf have marks at
+the bottom and at their end of the scale; where data is missing a shade stands, and why if there is room.
 """
 
 import math
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from silo_tui.model.columns import Floats
+from silo.columns import HOLE_TEXTS, Hole, Mark, holes_of
+from silo_tui.model.columns import Floats, Marks
 
 # value of each dot by (row, column) inside a cell
 _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint32)
 # not U+2800: some fonts draw its dots, and a space is one byte instead of three
 BLANK = " "
-TINY = 1e-200  # below, powers of ten run out
+POS_INF, NEG_INF, NAN, SEVERAL = "▲", "▼", "×", "!"
+SHADE = "░"
+CONSTANT = 1e-13  # a smaller share of the value is rounding, not a change
 
 
-def rasterise(low: Floats, high: Floats, scale: tuple[float, float], width: int, height: int) -> list[str]:
-    """`height` lines of `width` braille cells showing `2 * width` columns between the ends of `scale`.
+def rasterise(
+    low: Floats, high: Floats, scale: tuple[float, float], width: int, height: int, marks: Marks | None = None
+) -> list[str]:
+    """Return `height` lines of `width` braille cells showing `2 * width` columns between the ends of `scale`.
 
-    Columns that are NaN stay empty; what lies outside of the range is drawn at its edge.
+    Columns that are NaN stay empty; what lies outside of the range is drawn at its edge. `marks` are those of
+    `silo.columns`, one per column.
     """
-    bottom, top = scale
     columns, rows = 2 * width, 4 * height
     low, high = _fit(low, columns), _fit(high, columns)
     if width < 1 or height < 1:
         return []
-    per_unit = (rows - 1) / (top - bottom) if top > bottom else 0.0
     valid = ~(np.isnan(low) | np.isnan(high))
     # row 0 is the highest; infinite values belong to the edge of their side
-    with np.errstate(invalid="ignore", over="ignore"):
-        upper = np.where(valid, (top - high) * per_unit if per_unit else rows // 2, rows)
-        lower = np.where(valid, (top - low) * per_unit if per_unit else rows // 2, -1)
-    upper = np.round(np.clip(np.nan_to_num(upper, nan=rows), 0, rows)).astype(np.int64)
-    lower = np.round(np.clip(np.nan_to_num(lower, nan=-1), -1, rows - 1)).astype(np.int64)
-    upper = np.where(valid, np.minimum(upper, rows - 1), rows)
+    upper = np.where(valid, rows - 1 - _row(high, scale, rows), rows)
+    lower = np.where(valid, rows - 1 - _row(low, scale, rows), -1)
     _join(upper, lower, valid)
     at = np.arange(rows)[:, None]
     dots = (at >= upper) & (at <= lower)
     cells = (dots.reshape(height, 4, width, 2) * _DOTS[None, :, None, :]).sum(axis=(1, 3)).astype(np.uint32) + 0x2800
     cells[cells == 0x2800] = ord(BLANK)
+    if marks is not None and len(marks):
+        _draw_marks(cells, np.concatenate([np.zeros(max(0, columns - len(marks)), np.uint8), marks[-columns:]]))
+        for hole in holes(low, marks, width):
+            _draw_hole(cells, hole)
     return [line.tobytes().decode("utf-32-le") for line in cells.astype("<u4")]
 
 
+def _row(values: Floats, scale: tuple[float, float], rows: int) -> NDArray[np.int64]:
+    """Return the row of each value, 0 at the bottom, whatever the size of the numbers."""
+    bottom, top = scale
+    # as shares of the largest end: neither 1e308 - -1e308 nor 1 / 1e-310 fits into a float
+    _, exponent = math.frexp(max(abs(bottom), abs(top)))
+    first, last = math.ldexp(bottom, -exponent), math.ldexp(top, -exponent)
+    if not last > first:
+        return np.full(len(values), rows // 2, np.int64)
+    with np.errstate(invalid="ignore", over="ignore", under="ignore"):
+        share = (np.ldexp(values, -exponent) - first) / (last - first)
+    return np.round(np.clip(np.nan_to_num(share, nan=0.0), 0.0, 1.0) * (rows - 1)).astype(np.int64)
+
+
 def _join(upper: NDArray[np.int64], lower: NDArray[np.int64], valid: NDArray[np.bool_]) -> None:
-    """Stretches each column half way to its neighbour, so that a steep line has no holes."""
+    """Stretch each column half way to its neighbour, so that a steep line has no holes."""
     both = valid[1:] & valid[:-1]
     above = both & (lower[1:] < upper[:-1] - 1)  # the next column lies higher
     below = both & (upper[1:] > lower[:-1] + 1)
@@ -60,6 +80,72 @@ def _join(upper: NDArray[np.int64], lower: NDArray[np.int64], valid: NDArray[np.
     upper[:], lower[:] = new_upper, new_lower
 
 
+def _draw_marks(cells: NDArray[np.uint32], marks: Marks) -> None:
+    """Marks of NaN and inf, over what was drawn in their cells."""
+    pairs = marks.reshape(-1, 2)
+    flags = pairs[:, 0] | pairs[:, 1]
+    kinds = np.zeros(cells.shape, np.int64)
+    for flag, line, sign in ((Mark.POS_INF, 0, POS_INF), (Mark.NEG_INF, -1, NEG_INF), (Mark.NAN, -1, NAN)):
+        here = flags & flag != 0
+        kinds[line, here] += 1
+        cells[line, here] = ord(sign)
+    cells[kinds > 1] = ord(SEVERAL)
+
+
+# ---------------------------------------------------------------------------------------------------------- holes
+
+
+@dataclass(frozen=True)
+class DrawnHole:
+    """Cells `start ... stop - 1` of a plot that have no sample, and why."""
+
+    start: int
+    stop: int
+    why: Hole
+
+
+def holes(low: Floats, marks: Marks, width: int) -> list[DrawnHole]:
+    """Return where cells have no sample: for a reason that is known, or between samples.
+
+    Before the first and after the last sample nothing is said without a reason.
+    """
+    columns = 2 * width
+    low = _fit(low, columns)
+    marks = np.concatenate([np.zeros(max(0, columns - len(marks)), np.uint8), marks[-columns:]])
+    why = holes_of(marks)
+    empty = np.isnan(low) & (marks == why << 4)
+    filled = np.flatnonzero(~empty)
+    inside = np.zeros(columns, np.bool_)
+    if len(filled):
+        inside[filled[0] : filled[-1]] = True
+    missing = empty & (inside | (why > 0))
+    cells = missing.reshape(-1, 2).all(axis=1)
+    reasons = np.where(cells, why.reshape(-1, 2).max(axis=1).astype(np.int64), -1)
+    edges = np.flatnonzero(np.diff(reasons, prepend=-2, append=-2))
+    return [
+        DrawnHole(int(start), int(stop), Hole(int(reasons[start])))
+        for start, stop in pairwise(edges)
+        if reasons[start] >= 0
+    ]
+
+
+def band(height: int) -> range:
+    """Return the lines of a plot in which its holes stand."""
+    lines = max(1, height // 2)
+    return range((height - lines) // 2, (height - lines) // 2 + lines)
+
+
+def _draw_hole(cells: NDArray[np.uint32], hole: DrawnHole) -> None:
+    lines = band(len(cells))
+    words = f" {HOLE_TEXTS[hole.why]} "
+    # before the start nothing is missing
+    if hole.why is not Hole.BEFORE:
+        cells[lines.start : lines.stop, hole.start : hole.stop] = ord(SHADE)
+    if len(words) <= hole.stop - hole.start and len(cells) > 1:
+        start = hole.start + (hole.stop - hole.start - len(words)) // 2
+        cells[lines[len(lines) // 2], start : start + len(words)] = [ord(char) for char in words]
+
+
 def _fit(values: Floats, columns: int) -> Floats:
     """The newest `columns` values, NaN in front where there are fewer."""
     if len(values) >= columns:
@@ -67,22 +153,40 @@ def _fit(values: Floats, columns: int) -> Floats:
     return np.concatenate([np.full(columns - len(values), np.nan), values])
 
 
+# --------------------------------------------------------------------------------------------------------- scales
+
+
 def value_range(low: Floats, high: Floats) -> tuple[float, float] | None:
-    """Smallest and largest finite value; None when there is none."""
+    """Return the smallest and the largest finite value; None when there is none."""
     finite_low, finite_high = low[np.isfinite(low)], high[np.isfinite(high)]
     if not len(finite_low) or not len(finite_high):
         return None
     return float(finite_low.min()), float(finite_high.max())
 
 
+def is_constant(smallest: float, largest: float) -> bool:
+    """Return whether all values are one but for rounding."""
+    return not largest - smallest > max(abs(smallest), abs(largest)) * CONSTANT
+
+
+def room_around(value: float) -> tuple[float, float]:
+    """Return a range with a constant in its middle."""
+    half = abs(value) * 0.1 or 1.0
+    return max(value - half, -_HUGE), min(value + half, _HUGE)
+
+
 def nice_range(smallest: float, largest: float) -> tuple[float, float]:
-    """A range with round ends that holds both values; steady while the values stay inside of it."""
-    extent = largest - smallest
-    floor = max(abs(smallest), abs(largest), TINY) * 1e-6
-    if not extent > floor:  # a constant: in the middle of a range around it
-        half = max(abs(largest) * 0.1, TINY) if abs(largest) > TINY else 1.0
-        return smallest - half, largest + half
-    raw = extent / 8
-    power = 10.0 ** math.floor(math.log10(raw))
+    """Return a range with round ends that holds both values; steady while the values stay inside of it."""
+    if is_constant(smallest, largest):
+        return room_around(largest)
+    raw = (largest / 8) - (smallest / 8)
+    power = 10.0 ** math.floor(math.log10(raw)) if raw > _SMALLEST else 0.0
+    if power <= _SMALLEST:  # powers of ten run out
+        return smallest, largest
     step = next(factor * power for factor in (1, 2, 2.5, 5, 10) if factor * power >= raw * 0.999)
-    return math.floor(smallest / step + 1e-9) * step, math.ceil(largest / step - 1e-9) * step
+    first, last = math.floor(smallest / step + 1e-9), math.ceil(largest / step - 1e-9)
+    return max(first * step, -_HUGE), min(last * step, _HUGE)
+
+
+_HUGE = float(np.finfo(np.float64).max)
+_SMALLEST = float(np.finfo(np.float64).tiny)

@@ -1,7 +1,8 @@
 # ruff: noqa: D102 - the parts of a Frame are described in its docstring
 """The newest values of what is on the screen, and how they read in a cell."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -9,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.model import ElementInfo, Entry
+from silo.values import EXACT
 from silo_tui.model import text
-from silo_tui.model.columns import Floats
+from silo_tui.model.columns import Floats, Marks
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What is known of one element: the newest value per entry (NaN where none), texts by position."""
+    """What is known of one element: the newest value per entry, NaN where none; texts where a float can't tell it."""
 
     newest: Floats
     texts: dict[int, str]
@@ -27,8 +29,8 @@ class Reading:
 class Frame(Protocol):
     """One refresh of a view, as `silo.ipc.view.Frame` and whatever stands in for it.
 
-    `held`, `lost` go by `elements`, `newest` by entry of them, `texts` by position in `newest`; `low`, `high` have
-    shape `(len(plots), count)` and begin at column `first`.
+    `held`, `lost` go by `elements`, `newest` by entry of them, `texts` by position in `newest`; `low`, `high`, `marks`
+    have shape `(len(plots), count)` and begin at column `first`. `since_ns`: 0, or from when on nothing is left out.
     """
 
     @property
@@ -63,6 +65,12 @@ class Frame(Protocol):
     def low(self) -> Floats: ...
     @property
     def high(self) -> Floats: ...
+    @property
+    def marks(self) -> Marks | None: ...
+    @property
+    def bases(self) -> Mapping[int, int]: ...
+    @property
+    def since_ns(self) -> int: ...
 
 
 @dataclass
@@ -106,20 +114,40 @@ def _same(old: Reading, new: Reading) -> bool:
 
 
 def entry_text(entry: Entry, value: float, word: str | None, width: int) -> str:
-    """One value as its type wants to be read: labels for enumerations, words for bool, text for strings."""
+    """One value as its type wants to be read: labels for enumerations, words for bool, text for strings.
+
+    `word` is its text where a float can't tell it.
+    """
     kind = entry.dtype[1:2]
     if kind in "SU":
         return _fit(word or "", width)
-    if np.isnan(value):
+    if word is None and np.isnan(value):
         return "nan" if kind in "fc" else "-"
     if entry.labels:
-        label = entry.labels.get(int(value))
-        return _fit(label, width) if label else f"{int(value)}?"
+        number = int(word) if word else int(value)
+        label = entry.labels.get(number)
+        return _fit(label, width) if label else f"{number}?"
     if kind == "b":
         return "true" if value else "false"
-    if kind == "M":
-        return _fit(_moment(entry.dtype, value), width)
-    return text.number(value, width, integer=kind in "iumM")
+    if kind == "M" and word != "NaT":
+        return _fit(_moment(word or _date(entry.dtype, int(value))), width)
+    if word is not None and (kind not in "iumM" or word == "NaT" or len(word) <= width):
+        return _fit(word, width)
+    if kind in "iu" and abs(value) >= EXACT:  # its last digits are not known
+        return text.engineering(value, 4)
+    return text.number(value, width, integer=kind in "ium")
+
+
+def offset_text(entry: Entry, offset: float, base: int, width: int) -> str:
+    """A value of a column, which is an offset from a base; an exact one with all its digits, however wide."""
+    value = offset + base
+    kind = entry.dtype[1:2]
+    if kind == "M" and math.isfinite(value):
+        return entry_text(entry, value, _date(entry.dtype, base + int(offset)), width)
+    if base and abs(offset) < EXACT:
+        word = str(base + int(offset))
+        return entry_text(entry, value, word, max(width, len(word)))
+    return entry_text(entry, value, None, width)
 
 
 def _fit(words: str, width: int) -> str:
@@ -127,10 +155,14 @@ def _fit(words: str, width: int) -> str:
     return words if len(words) <= width else words[: width - 1] + "…"
 
 
-def _moment(dtype: str, value: float) -> str:
-    """A date and time, the time first where there is little room: its type says in which unit it counts."""
-    stamp = np.array([int(value)], "i8").view(dtype)[0]
-    day, _, hours = str(stamp.astype("datetime64[ms]")).partition("T")
+def _date(dtype: str, count: int) -> str:
+    """A moment as text: its type says in which unit it counts."""
+    return str(np.array([count], "i8").view(dtype)[0])
+
+
+def _moment(date: str) -> str:
+    """A date and time, the time first where there is little room."""
+    day, _, hours = str(np.datetime64(date).astype("datetime64[ms]")).partition("T")
     return f"{hours} {day}"
 
 
@@ -146,7 +178,8 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str
     for position, entry in enumerate(entries):
         value = float(reading.newest[position])
         is_number = entry.dtype[1:2] in "fiu" and not entry.labels
-        piece = text.brief(value) if is_number else entry_text(entry, value, reading.texts.get(position), 8)
+        word = reading.texts.get(position)
+        piece = text.brief(value) if is_number and word is None else entry_text(entry, value, word, 8)
         rest = len(entries) - position - 1
         if len(piece) + (2 if rest else 0) > room:
             pieces.append("…")

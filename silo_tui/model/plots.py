@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from silo.columns import Mark, Marks
 from silo.model import ElementInfo, Entry
 from silo_tui.model import braille
-from silo_tui.model.columns import ColumnStore, Floats, hold
+from silo_tui.model.columns import ColumnStore, Floats, Piece, hold_piece
 
 SPANS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
 MAX_COLUMNS = 4096
@@ -52,6 +53,7 @@ class PlotWindow:
     fixed_scale: bool = False
     scales: dict[str, tuple[float, float]] = field(default_factory=dict)
     spans: tuple[float, ...] = SPANS_S
+    _bases: dict[str, int] = field(default_factory=dict)
 
     @property
     def paused(self) -> bool:
@@ -87,38 +89,78 @@ class PlotWindow:
         self.cursor = max(0, min(columns - 2, wanted))
         return self.cursor - wanted
 
-    def follow_scale(self, name: str, low: Floats, high: Floats) -> tuple[float, float]:
+    def follow_scale(self, name: str, low: Floats, high: Floats, base: int = 0) -> tuple[float, float]:
         """Bottom and top of a plot: of what is in the window, or as it was when the scale was held."""
-        if self.fixed_scale and name in self.scales:
+        if self.fixed_scale and name in self.scales and self._bases.get(name, 0) == base:
             return self.scales[name]
+        self._bases[name] = base
         found = braille.value_range(low, high)
-        scale = braille.nice_range(*found) if found else self.scales.get(name, (-1.0, 1.0))
-        self.scales[name] = scale
-        return scale
+        if found is None:
+            return self.scales.get(name, (math.nan, math.nan))
+        self.scales[name] = braille.nice_range(*found)
+        return self.scales[name]
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One plot, ready to be drawn: braille lines, the ends of its scale, and what stands at the cursor."""
+    """One plot, ready to be drawn: braille lines, the ends of its scale, and what stands at the cursor.
+
+    All numbers are offsets from `base`; NaN where there is no finite one. `signs` names what is no number.
+    """
 
     lines: tuple[str, ...]
     scale: tuple[float, float]
     smallest: float
     largest: float
     at_cursor: tuple[float, float] | None
+    base: int = 0
+    holes: tuple[braille.DrawnHole, ...] = ()
+    signs: str = ""
+    cursor_signs: str = ""
 
 
 def draw(store: ColumnStore, window: PlotWindow, plotted: Plotted, width: int, height: int, period_ns: int) -> Picture:
-    """Draws a plot of `width` x `height` cells from the newest columns of a store."""
+    """Draw a plot of `width` x `height` cells from the newest columns of a store."""
     columns = 2 * width
-    low, high = store.window(plotted.name, store.end, columns)
-    low, high = hold(low, high, max(2, 2 * period_ns // max(1, store.column_ns) + 1))
-    scale = window.follow_scale(plotted.name, low, high)
-    found = braille.value_range(low, high) or (math.nan, math.nan)
-    at_cursor = None
+    found = store.piece(plotted.name, store.end, columns)
+    piece = hold_piece(found, max(2, 2 * period_ns // max(1, store.column_ns) + 1))
+    scale = window.follow_scale(plotted.name, piece.low, piece.high, piece.base)
+    ends = braille.value_range(piece.low, piece.high) or (math.nan, math.nan)
+    at_cursor, cursor_signs = None, ""
     if window.cursor is not None:
         last = columns - 1 - window.cursor
-        piece_low, piece_high = low[max(0, last - 1) : last + 1], high[max(0, last - 1) : last + 1]
-        if not np.isnan(piece_low).all():
-            at_cursor = float(np.nanmin(piece_low)), float(np.nanmax(piece_high))
-    return Picture(tuple(braille.rasterise(low, high, scale, width, height)), scale, *found, at_cursor)
+        here = slice(max(0, last - 1), last + 1)
+        if not np.isnan(piece.low[here]).all():
+            at_cursor = float(np.nanmin(piece.low[here])), float(np.nanmax(piece.high[here]))
+        cursor_signs = signs_of(piece.marks[here])
+    return Picture(
+        tuple(braille.rasterise(piece.low, piece.high, scale, width, height, piece.marks)),
+        scale,
+        *ends,
+        at_cursor,
+        piece.base,
+        tuple(braille.holes(piece.low, piece.marks, width)),
+        signs_of(piece.marks),
+        cursor_signs,
+    )
+
+
+def signs_of(marks: Marks) -> str:
+    """Which samples of these columns are no finite numbers: `nan inf`."""
+    flags = int(np.bitwise_or.reduce(marks, initial=0))
+    names = ((Mark.NAN, "nan"), (Mark.POS_INF, "inf"), (Mark.NEG_INF, "-inf"))
+    return " ".join(name for mark, name in names if flags & mark)
+
+
+def small_plot(piece: Piece, scale: tuple[float, float], width: int, height: int) -> list[str]:
+    """Lines of a plot without axes, of what holds between samples already."""
+    return braille.rasterise(piece.low, piece.high, scale, width, height, piece.marks)
+
+
+def trend(piece: Piece, width: int) -> str:
+    """A whole signal in one line: it fills its height."""
+    found = braille.value_range(piece.low, piece.high)
+    scale = (math.nan, math.nan)
+    if found is not None:
+        scale = (found[0] - 1, found[1] + 1) if braille.is_constant(*found) else found
+    return small_plot(piece, scale, width, 1)[0]

@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.columns import Bins, ColumnGrid, Hole, grid_of
 from silo.model import Action, ElementInfo, ElementOptions
 from silo.recording import RecordedElement, Recording
-from silo_tui.model.columns import Floats
+from silo.values import newest_values, numbers
+from silo_tui.model.columns import Floats, Marks
 from silo_tui.model.live import Reading
-from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S
+from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, signs_of
 from silo_tui.model.source import Column
 
 TILE = 64
@@ -33,12 +35,15 @@ Stamps = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Facts:
-    """What a stretch of an entry holds: NaN where there is no number."""
+    """What a stretch of an entry holds, as offsets from `base`: NaN where there is no finite number."""
 
     smallest: float
     largest: float
     mean: float
-    samples: int  # that are numbers
+    samples: int  # that are numbers, inf too
+    finite: int = 0
+    base: int = 0
+    signs: str = ""
 
 
 @dataclass(frozen=True)
@@ -48,15 +53,19 @@ class _Signal:
     values: NDArray[Any]
     first: int
     divider: int
+    ended: Hole = Hole.FULL  # why it ends before the recording does
 
 
 @dataclass(frozen=True)
 class _Tile:
-    """64 columns of an entry: NaN where empty; `total` and `count` are of the samples that are numbers."""
+    """64 columns of an entry; `total` and `finite` are of the finite samples, `count` of all that are no NaN."""
 
     low: Floats
     high: Floats
+    marks: Marks
+    base: int
     total: Floats
+    finite: Stamps
     count: Stamps
 
 
@@ -76,7 +85,8 @@ class RecordingSource:
         self._signals: dict[str, _Signal] = {}
         for info, element in zip(self.elements, recording.elements, strict=True):
             for entry, recorded in zip(info.entries, element.entries, strict=True):
-                signal = _Signal(recorded.values, element.first, element.divider)
+                ended = Hole.LOST if element.lost else Hole.FULL
+                signal = _Signal(recorded.values, element.first, element.divider, ended)
                 self._signals.setdefault(info.name + entry.suffix, signal)
         self._period_ns = _period(self._times, recording.frequency_hz)
         self._tiles: OrderedDict[tuple[str, int, int], _Tile] = OrderedDict()
@@ -142,19 +152,21 @@ class RecordingSource:
         """
         stop = end_ns // column_ns + 1
         first = max(start_ns // column_ns, stop - MAX_COLUMNS - 1)
-        low, high = np.full((len(names), stop - first), np.nan), np.full((len(names), stop - first), np.nan)
+        grid = ColumnGrid(len(names), first, stop - first)
         with self._lock:
             for row, name in enumerate(names):
                 signal = self._signals.get(name)
                 if signal is None:
                     continue
-                tiles = self._covering(name, first, stop, column_ns)
-                skip = first % TILE
-                low[row] = np.concatenate([tile.low for tile in tiles])[skip : skip + stop - first]
-                high[row] = np.concatenate([tile.high for tile in tiles])[skip : skip + stop - first]
+                numbers = range(first // TILE, (stop - 1) // TILE + 1)
+                for number, tile in zip(numbers, self._covering(name, first, stop, column_ns), strict=True):
+                    some = grid_of(number * TILE, tile.low[None], tile.high[None], tile.marks[None], {0: tile.base})
+                    grid.merge([row], some, [0])
                 if column_ns < signal.divider * self._period_ns:
-                    self._hold(signal, first, column_ns, low[row], high[row])
-        return Column(tuple(names), first, column_ns, low, high)
+                    self._hold(signal, column_ns, grid, row)
+                self._say_why_empty(signal, column_ns, grid, row)
+        bases = {row: base for row, base in enumerate(grid.bases) if base}
+        return Column(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases)
 
     def facts(self, name: str, first: int, stop: int, column_ns: int) -> Facts:
         """Minimum, maximum and mean of the samples in columns `first ... stop - 1`."""
@@ -163,14 +175,19 @@ class RecordingSource:
         if not tiles:
             return Facts(math.nan, math.nan, math.nan, 0)
         inside = slice(first % TILE, first % TILE + stop - first)
-        low, high = (np.concatenate([getattr(tile, part) for tile in tiles])[inside] for part in ("low", "high"))
-        total = np.concatenate([tile.total for tile in tiles])[inside]
+        base = max((tile.base for tile in tiles if tile.finite.any()), key=abs, default=0)
+        shifts = [float(tile.base - base) for tile in tiles]
+        low = np.concatenate([tile.low + shift for tile, shift in zip(tiles, shifts, strict=True)])[inside]
+        high = np.concatenate([tile.high + shift for tile, shift in zip(tiles, shifts, strict=True)])[inside]
+        total = np.concatenate([t.total + s * t.finite for t, s in zip(tiles, shifts, strict=True)])[inside]
+        marks = np.concatenate([tile.marks for tile in tiles])[inside]
         samples = int(np.concatenate([tile.count for tile in tiles])[inside].sum())
-        if not samples:
-            return Facts(math.nan, math.nan, math.nan, 0)
+        finite = int(np.concatenate([tile.finite for tile in tiles])[inside].sum())
+        if not finite:
+            return Facts(math.nan, math.nan, math.nan, samples, signs=signs_of(marks))
         with np.errstate(invalid="ignore", over="ignore"):
-            mean = float(total.sum()) / samples
-        return Facts(float(np.nanmin(low)), float(np.nanmax(high)), mean, samples)
+            mean = float(total.sum()) / finite
+        return Facts(float(np.nanmin(low)), float(np.nanmax(high)), mean, samples, finite, base, signs_of(marks))
 
     def _covering(self, name: str, first: int, stop: int, column_ns: int) -> list[_Tile]:
         return [self._tile(name, column_ns, number) for number in range(first // TILE, (stop - 1) // TILE + 1)]
@@ -203,12 +220,33 @@ class RecordingSource:
         starts = np.array([min(column * column_ns, limit) for column in range(first, first + count)], np.int64)
         return np.searchsorted(self._times, starts, "left").astype(np.int64)
 
-    def _hold(self, signal: _Signal, first: int, column_ns: int, low: Floats, high: Floats) -> None:
-        """Fills columns without sample after the first one, up to the end of the recording."""
-        edges = _samples(signal, self._first_ticks(first, len(low) + 1, column_ns))
+    def _hold(self, signal: _Signal, column_ns: int, grid: ColumnGrid, row: int) -> None:
+        """Fill columns without sample after the first one, as long as the last one holds: until the next would be due.
+
+        What ends before the recording (a full buffer) doesn't go on.
+        """
+        edges = _samples(signal, self._first_ticks(grid.first, grid.count + 1, column_ns))
         empty = np.flatnonzero((edges[1:] == edges[:-1]) & (edges[:-1] > 0))
-        empty = empty[first + empty <= self.end_ns // column_ns]
-        low[empty] = high[empty] = _floats(signal.values[edges[empty] - 1])
+        last = self._end_of(signal) // column_ns
+        empty = empty[grid.first + empty <= last]
+        if len(empty):
+            held = Bins(grid.first + empty.astype(np.int64), np.arange(len(empty)))
+            grid.add(row, held, signal.values[edges[empty] - 1])
+
+    def _end_of(self, signal: _Signal) -> int:
+        """Until when the last sample of a signal holds."""
+        tick = min(signal.first + len(signal.values) * signal.divider - 1, len(self._times) - 1)
+        return int(self._times[max(tick, 0)])
+
+    def _say_why_empty(self, signal: _Signal, column_ns: int, grid: ColumnGrid, row: int) -> None:
+        begin, end = self.begin_ns // column_ns, self.end_ns // column_ns
+        if not len(signal.values):
+            grid.add_hole(row, begin, end + 1, signal.ended)
+            return
+        if signal.first >= signal.divider:
+            grid.add_hole(row, begin, int(self._times[signal.first]) // column_ns, Hole.OVERWRITTEN)
+        if signal.first + len(signal.values) * signal.divider < len(self._times):
+            grid.add_hole(row, self._end_of(signal) // column_ns + 1, end + 1, signal.ended)
 
     # ----------------------------------------------------------------------------------------- values at a time
 
@@ -225,10 +263,10 @@ class RecordingSource:
         if at < 0:
             return Reading(newest, texts, 0, element.lost, time_ns)
         for position, entry in enumerate(element.entries):
-            if entry.values.dtype.kind in "SU":
-                texts[position] = _word(entry.values[at])
-            else:
-                newest[position] = _floats(entry.values[at : at + 1])[0]
+            floats, words = newest_values(entry.values[at : at + 1])
+            newest[position] = floats[0]
+            if words:
+                texts[position] = words[0]
         return Reading(newest, texts, element.count, element.lost, time_ns)
 
     def neighbour(self, name: str, time_ns: int, step: int) -> int:
@@ -272,32 +310,17 @@ def _samples(signal: _Signal, ticks: Stamps) -> Stamps:
 def _reduce(values: NDArray[Any], edges: Stamps) -> _Tile:
     """Columns of samples; column k has those from `edges[k]` to `edges[k + 1]`."""
     width = len(edges) - 1
-    low, high, total = np.full(width, np.nan), np.full(width, np.nan), np.zeros(width)
-    count = np.zeros(width, np.int64)
+    grid = ColumnGrid(1, 0, width)
+    total, finite, count = np.zeros(width), np.zeros(width, np.int64), np.zeros(width, np.int64)
     filled = np.flatnonzero(edges[1:] > edges[:-1])
     if len(filled):
-        piece = _floats(values[edges[0] : edges[-1]])
+        piece = values[edges[0] : edges[-1]]
         starts = edges[filled] - edges[0]
-        good = ~np.isnan(piece)
-        low[filled], high[filled] = np.fmin.reduceat(piece, starts), np.fmax.reduceat(piece, starts)
+        grid.add(0, Bins(filled.astype(np.int64), starts), piece)
+        offsets = numbers(piece).offsets
+        good = np.isfinite(offsets)
         with np.errstate(invalid="ignore", over="ignore"):
-            total[filled] = np.add.reduceat(np.where(good, piece, 0.0), starts)
-        count[filled] = np.add.reduceat(good, starts, dtype=np.int64)
-    return _Tile(low, high, total, count)
-
-
-def _floats(values: NDArray[Any]) -> Floats:
-    """Any numbers as float64: dates as they count, complex numbers by their real part, the rest as NaN."""
-    kind = values.dtype.kind
-    if kind in "Mm":
-        return np.where(np.isnat(values), np.nan, values.astype(np.int64).astype(np.float64))
-    if kind == "c":
-        return np.asarray(values.real, np.float64)
-    if kind not in "biuf":
-        return np.full(len(values), np.nan)
-    with np.errstate(over="ignore"):
-        return values.astype(np.float64)
-
-
-def _word(value: Any) -> str:
-    return value.decode("utf-8", "backslashreplace") if isinstance(value, bytes) else str(value)
+            total[filled] = np.add.reduceat(np.where(good, offsets, 0.0), starts)
+        finite[filled] = np.add.reduceat(good, starts, dtype=np.int64)
+        count[filled] = np.add.reduceat(~np.isnan(offsets), starts, dtype=np.int64)
+    return _Tile(grid.low[0], grid.high[0], grid.marks[0], grid.bases[0], total, finite, count)

@@ -1,22 +1,12 @@
 """Where plots get their data: a live logger, or a recording. The monitor knows only this."""
 
 from collections.abc import Awaitable, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
+from silo.columns import HistoryColumns
 from silo.model import ElementInfo
-from silo_tui.model.columns import Floats
 
-
-@dataclass(frozen=True)
-class Column:
-    """Minimum and maximum per column of some entries, shape `(len(names), count)`, from column `first` on."""
-
-    names: tuple[str, ...]
-    first: int
-    column_ns: int
-    low: Floats
-    high: Floats
+Column = HistoryColumns
 
 
 class PlotSource(Protocol):

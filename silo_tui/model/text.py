@@ -3,6 +3,7 @@
 import math
 from pathlib import PurePosixPath
 
+SUFFIXES = "kMGT"
 BARS = "▏▎▍▌▋▊▉█"
 
 
@@ -14,29 +15,90 @@ def number(value: float, width: int = 11, *, integer: bool = False) -> str:
         return "inf" if value > 0 else "-inf"
     if integer:
         text = str(int(value))
-        return text if len(text) <= width else _scientific(value, width)
+        return text if len(text) <= width else _fitting(value, width)
     size = abs(value)
     if value != 0 and (size >= 1e6 or size < 1e-4):
-        return _scientific(value, width)
+        return _fitting(value, width)
     decimals = 4 if size < 1000 else 2
     text = f"{value:.{decimals}f}"
     while len(text) > width and decimals:
         decimals -= 1
         text = f"{value:.{decimals}f}"
-    return text if len(text) <= width else _scientific(value, width)
+    return text if len(text) <= width else _fitting(value, width)
 
 
-def _scientific(value: float, width: int) -> str:
-    return next((text for digits in (4, 3, 2, 1, 0) if len(text := f"{value:.{digits}e}") <= width), f"{value:.0e}")
+def _fitting(value: float, width: int) -> str:
+    """In engineering notation, with as many decimals as fit; else in the shortest one."""
+    texts = [f"{mantissa:.{digits}f}e{power}" for digits in (4, 3, 2, 1, 0) for mantissa, power in [_parts(value)]]
+    texts += [f"{value:.{digits}e}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-") for digits in (2, 1, 0)]
+    return next((text for text in texts if len(text) <= width), texts[-1])
+
+
+def _parts(value: float) -> tuple[float, int]:
+    """Mantissa from 1 to below 1000, and a power of ten that is a multiple of three."""
+    power = math.floor(math.log10(abs(value))) // 3 * 3 if value else 0
+    # in two steps: 1e324 is too much for a float
+    mantissa = value / 10.0 ** (power // 2) / 10.0 ** (power - power // 2)
+    if abs(mantissa) >= 999.99995:
+        return mantissa / 1000, power + 3
+    return mantissa, power
+
+
+def engineering(value: float, digits: int = 3) -> str:
+    """`12.5k`, `-3.2M`, `250e-6`, `1e-300`: a number with so many digits, no more than it needs."""
+    if not math.isfinite(value):
+        return number(value)
+    if value == 0:
+        return "0"
+    rounded = float(f"{value:.{digits - 1}e}")
+    value = rounded if math.isfinite(rounded) else value
+    if 1e-3 <= abs(value) < 1e3:
+        return f"{value:.{max(digits, 3)}g}"
+    mantissa, power = _parts(value)
+    words = f"{mantissa:.{max(digits, 3)}g}"
+    return words + (SUFFIXES[power // 3 - 1] if 3 <= power <= 12 else f"e{power}")
+
+
+def axis_ends(bottom: float, top: float, base: int = 0, width: int = 9) -> tuple[str, str, str]:
+    """Both ends of an axis so that they can be told apart, and from what they count where that takes too many digits.
+
+    `bottom` and `top` are offsets from `base`.
+    """
+    if not (math.isfinite(bottom) and math.isfinite(top)):
+        return "", "", ""
+    extent = top / 2 - bottom / 2
+    if not base:
+        for digits in range(1, 10):
+            words = [engineering(end, digits) for end in (bottom, top)]
+            rounded = [float(f"{end:.{digits - 1}e}") for end in (bottom, top)]
+            told = all(abs(a / 2 - b / 2) <= 2e-3 * extent for a, b in zip(rounded, (bottom, top), strict=True))
+            if told and max(map(len, words)) <= width:
+                return words[0], words[1], ""
+        origins = (f"{bottom:.{digits}g}" for digits in range(6, 18))
+        origin = next((word for word in origins if abs(float(word) - bottom) <= 2e-3 * extent), repr(bottom))
+        return "+0", _step(2 * extent, width), origin
+    whole = math.floor(bottom)
+    return f"+{engineering(bottom - whole)}", f"+{engineering(top - whole)}", str(base + whole)
+
+
+def _step(size: float, width: int) -> str:
+    words = (f"+{engineering(size, digits)}" for digits in (3, 2, 1))
+    return next((word for word in words if len(word) <= width), f"+{size:.0e}")
+
+
+def told_apart(smallest: float, largest: float) -> tuple[str, str]:
+    """Two numbers in a few characters, in more where they would read the same."""
+    words = compact(smallest), compact(largest)
+    for digits in range(4, 18):
+        if words[0] != words[1] or not smallest < largest:
+            break
+        words = engineering(smallest, digits), engineering(largest, digits)
+    return words
 
 
 def compact(value: float) -> str:
     """A number in a few characters, for lists and axes."""
-    if math.isnan(value):
-        return "nan"
-    if value and (abs(value) >= 1e6 or abs(value) < 1e-3):
-        return f"{value:.1e}".replace("e+0", "e").replace("e-0", "e-")
-    return f"{value + 0.0:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e4 else engineering(value)
 
 
 def brief(value: float) -> str:

@@ -127,9 +127,13 @@ class DetailScreen(SiloScreen):
         count = past.low.shape[1]
         if not count or np.isnan(past.low).all():
             return None
+        bases = [past.bases.get(row, 0) for row in range(len(self.plots))]
         seconds = ((past.first + np.arange(count)) * past.column_ns - self.zero_ns) / SECOND_NS
         units = list(dict.fromkeys(plotted.element.unit for plotted in self.plots))
-        labels = [self._label(plotted) for plotted in self.plots]
+        labels = [
+            self._label(plotted) + (f" - {base}" if base else "")
+            for plotted, base in zip(self.plots, bases, strict=True)
+        ]
         if self.mode == "x-y" and len(self.plots) > 1:
             x, y = (_middle(past, row) for row in (0, 1))
             good = ~(np.isnan(x) | np.isnan(y))
@@ -188,7 +192,7 @@ class DetailScreen(SiloScreen):
 
 
 def _middle(past: Column, row: int) -> Floats:
-    middle: Floats = (past.low[row] + past.high[row]) / 2
+    middle: Floats = past.low[row] / 2 + past.high[row] / 2
     return middle
 
 

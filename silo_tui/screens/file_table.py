@@ -122,7 +122,7 @@ class FileTableScreen(TableScreen, inherit_bindings=False):
     async def _read(self, store: ColumnStore, begin_ns: int, end_ns: int) -> None:
         past = await self.file.source.history(store.names, begin_ns, end_ns, store.column_ns)
         store.advance_to(past.first + past.low.shape[1])
-        store.merge(past.names, past.first, past.low, past.high)
+        store.take(past)
 
     # --------------------------------------------------------------------------------------------------- commands
 

@@ -53,6 +53,7 @@ class MonitorScreen(SiloScreen):
         self.stack.prefix = session.status.prefix.rstrip("/")
         self._said = ""
         self._asked = self.stack.store  # where the live columns should go
+        self._mending = False
         self._timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
@@ -110,9 +111,12 @@ class MonitorScreen(SiloScreen):
         try:
             past = await self.source.history(names, end - self.window.span_ns, end, store.column_ns)
             store.advance_to(end // store.column_ns + 1)
-            store.merge(past.names, past.first, past.low, past.high)
+            store.take(past)
         except SiloError as error:
             self.say(f"no history: {error}")
+        self._mending = False
+        if store is not self._asked and not self.window.paused:
+            return  # another one was asked for meanwhile
         self.stack.store = store
         self.stack.redraw()
         self.line.refresh()
@@ -127,6 +131,9 @@ class MonitorScreen(SiloScreen):
             if self.session.running and not self.stack.store.empty:
                 self.stack.store.advance_to(frame.time_ns // self.stack.store.column_ns + 1)
             self.stack.advance()
+            if self.session.columns is self._asked and self._asked.gapped and not self._mending:
+                self._mending = True  # frames got lost on their way: the logger still has what was in them
+                self.run_worker(self._fill(self._asked, list(self._asked.names)), group="history")
 
     def status_changed(self) -> None:
         """State or link changed."""
@@ -170,6 +177,8 @@ class MonitorScreen(SiloScreen):
         total, fitting = len(self.stack.plots), self.stack.fitting
         if total > fitting:
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
+        if missing := self.stack.missing():
+            words.append(missing)
         if self._waiting and not self._said:
             words.append(f"{len(self._waiting)} saved only: P prepares to publish")
         if self._said:

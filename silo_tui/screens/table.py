@@ -200,7 +200,7 @@ class TableScreen(SiloScreen):
             past = await self.silo.source.history(names, end - COLUMNS * COLUMN_NS, end, COLUMN_NS)
         except SiloError:
             return  # trends then fill as time goes by; a lost link is told by the banner
-        store.merge(past.names, past.first, past.low, past.high)
+        store.take(past)
         self.pane.live_changed()
         self.inspector.refresh()
 

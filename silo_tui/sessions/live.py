@@ -5,9 +5,11 @@ Screens read its parts and call its coroutines; it draws nothing and asks nothin
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from silo.columns import MAX_COLUMNS
 from silo.errors import RefusedError
 from silo.ipc.messages import Event, EventKind, RefusedWhy
 from silo.model import BufferType, ElementInfo, ElementOptions, State, Status
@@ -16,9 +18,10 @@ from silo_tui.model.live import Frame, LiveValues
 from silo_tui.model.rows import RowList
 from silo_tui.model.source import Column
 from silo_tui.model.table import TableState
-from silo_tui.sessions.link import ClientLike, HistoryLike, Link, ViewRequest
+from silo_tui.sessions.link import ClientLike, Link, ViewRequest
 
 MAX_HISTORY_NAMES = 64
+AHEAD_NS = 2_000_000_000
 NO_STATUS = Status(
     logger="", host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=-1, frequency_hz=0.0,
     measured_hz=0.0, ticks=0, started_ns=0, last_tick_ns=0, lost=0, elements=0, enabled=0, entries=0, max_time_s=0.0,
@@ -147,17 +150,18 @@ class Session:
         for begin in range(0, len(names), MAX_HISTORY_NAMES):
             some = list(names[begin : begin + MAX_HISTORY_NAMES])
 
-            def ask(client: ClientLike, some: Sequence[str] = some) -> HistoryLike:
+            def ask(client: ClientLike, some: Sequence[str] = some) -> Column:
                 return client.history(some, start_ns, end_ns, column_ns)
 
             past = await self._link.read(ask)
             if store is None:
                 store = ColumnStore(names, max(1, past.low.shape[1]), column_ns)
-            store.merge(past.names, past.first, past.low, past.high)
+                until = past.until_ns
+            store.take(past)
         if store is None:
             empty = np.zeros((0, 0))
             return Column((), 0, column_ns, empty, empty)
-        return Column(store.names, store.first, column_ns, store.low, store.high)
+        return store.stretch(until)
 
     def watch(self, request: ViewRequest) -> None:
         """What the screen shows from now on."""
@@ -175,7 +179,9 @@ class Session:
         self.frame_time_ns, self.ticks = frame.time_ns, frame.tick
         self.measured_hz, self.lost_total = frame.measured_hz, frame.lost_total
         if frame.column_ns == self.columns.column_ns:  # else it is of the view before
-            self.columns.merge(frame.plots, frame.first, frame.low, frame.high)
+            if frame.since_ns:
+                self.columns.live_since_ns = frame.since_ns
+            self.columns.merge(frame.plots, frame.first, frame.low, frame.high, frame.marks, frame.bases)
         return frame
 
     def take_values(self, frame: Frame) -> list[str]:
@@ -278,10 +284,19 @@ class LiveSource:
         return row is not None and self._session.table.is_live(row)
 
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
-        """Columns straight from the logger's buffers."""
+        """Columns straight from the logger's buffers.
+
+        What came after `end_ns` until the logger answers is in it too: frames that a new view brings go on from there.
+        """
         if end_ns <= start_ns:
             names = ()
-        return await self._session.history(names, start_ns, end_ns, column_ns)
+        ahead = min(AHEAD_NS, (MAX_COLUMNS - 2) * column_ns - (end_ns - start_ns))
+        asked = end_ns + max(0, ahead) if end_ns >= self.end_ns else end_ns
+        past = await self._session.history(names, start_ns, asked, column_ns)
+        newest = end_ns if past.until_ns is None else max(end_ns, min(asked, past.until_ns))
+        count = max(0, newest // column_ns + 1 - past.first)
+        marks = None if past.marks is None else past.marks[:, :count]
+        return replace(past, low=past.low[:, :count], high=past.high[:, :count], marks=marks)
 
 
 def _buffer(options: ElementOptions) -> tuple[BufferType, int]:

@@ -1,14 +1,17 @@
 """The pane on the right of a wide terminal: everything about the element under the cursor, with small plots."""
 
+import math
+
 from rich.text import Text
 from textual.app import RenderResult
 from textual.widget import Widget
 
 from silo.model import ElementInfo
 from silo_tui.model import braille, text
-from silo_tui.model.columns import ColumnStore, hold
+from silo_tui.model.columns import ColumnStore, hold_piece
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.model.live import Reading, entry_text, fill_share
+from silo_tui.model.plots import signs_of, small_plot
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import color
 
@@ -142,16 +145,17 @@ class Inspector(Widget):
         height = max(2, min(7, room // len(names) - 1))
         shown_columns = 2 * max(8, width)
         for name in names:
-            low, high = columns.window(name, columns.end, shown_columns)
-            low, high = hold(low, high, 4)
-            found = braille.value_range(low, high)
-            scale = braille.nice_range(*found) if found else (-1.0, 1.0)
+            piece = hold_piece(columns.piece(name, columns.end, shown_columns), 4)
+            found = braille.value_range(piece.low, piece.high)
+            scale = braille.nice_range(*found) if found else (math.nan, math.nan)
+            bottom, top, origin = text.axis_ends(*scale, piece.base)
+            ends = f"{bottom} … {top}" + (f" from {origin}" if origin else "") if found else signs_of(piece.marks)
             row = self.session.rows.row
             prefix = self.session.table.elements[row].name if row is not None else ""
-            title = f"{name[len(prefix) :] or 'value'}  {text.compact(scale[0])} … {text.compact(scale[1])}"
+            title = f"{name[len(prefix) :] or 'value'}  {ends}"
             span = text.span(min(columns.count, shown_columns) * columns.column_ns / 1e9)
             pane.append(f"{title}  {span}\n", style=self._quiet)
-            for line in braille.rasterise(low, high, scale, max(8, width), height):
+            for line in small_plot(piece, scale, max(8, width), height):
                 pane.append(line + "\n", style=self._plot if self.session.fresh else self._quiet)
 
     @property

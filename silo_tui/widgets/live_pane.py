@@ -14,10 +14,10 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from silo.model import BufferType, State
-from silo_tui.model import braille
-from silo_tui.model.columns import hold
+from silo_tui.model.columns import hold_piece
 from silo_tui.model.fields import Field
 from silo_tui.model.live import fill_share, value_text
+from silo_tui.model.plots import trend
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.element_table import ElementTable
 
@@ -169,11 +169,4 @@ class LivePane(Widget):
         columns = self.session.columns
         if not names or not self.session.table.is_live(row) or columns.row(names[0]) is None:
             return " " * self.trend_width
-        low, high = columns.window(names[0], columns.end, 2 * self.trend_width)
-        low, high = hold(low, high, 4)
-        found = braille.value_range(low, high)
-        if found is None:
-            return " " * self.trend_width
-        floor = max(abs(found[0]), abs(found[1])) * 1e-6
-        scale = found if found[1] - found[0] > floor else (found[0] - 1, found[1] + 1)
-        return braille.rasterise(low, high, scale, self.trend_width, 1)[0]
+        return trend(hold_piece(columns.piece(names[0], columns.end, 2 * self.trend_width), 4), self.trend_width)

@@ -4,6 +4,7 @@ Measured: 5 - 8 ms for a screen full; twenty of Textual's Sparkline widgets at 1
 """
 
 import math
+from itertools import groupby
 from typing import ClassVar
 
 from rich.segment import Segment
@@ -12,10 +13,11 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
+from silo.columns import HOLE_TEXTS, Hole
 from silo_tui.model import text
-from silo_tui.model.braille import BLANK
+from silo_tui.model.braille import BLANK, band
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.live import Reading, entry_text
+from silo_tui.model.live import Reading, entry_text, offset_text
 from silo_tui.model.plots import Picture, Plotted, PlotWindow, draw
 from silo_tui.model.source import PlotSource
 
@@ -146,6 +148,9 @@ class PlotStack(Widget):
         if self.prefix and name.startswith(self.prefix + "/"):
             name = name[len(self.prefix) :]
         name = text.shorten_left(name, max(8, room))
+        origin = self._ends(index)[2] if facts else ""
+        if origin and len(name) + len(origin) + 7 <= room:
+            name += f"  from {origin}"
         gap = max(1, width - 1 - len(mark) - len(name) - len(unit) - len(facts))
         return [Segment(mark + name, style), Segment(unit + " " * gap + facts + " ", quiet)]
 
@@ -153,49 +158,78 @@ class PlotStack(Widget):
         """The numbers at the right end of a title."""
         picture = self._picture(index)
         if picture.at_cursor is not None:
-            low, high = picture.at_cursor
-            highest = f" … {self._value(plotted, high)}" if high != low else ""
-            return f"at cursor {self._value(plotted, low)}{highest}"
-        if math.isnan(picture.smallest):
+            low, high = (offset_text(plotted.entry, end, picture.base, 12) for end in picture.at_cursor)
+            highest = f" … {high}" if high != low else ""
+            return f"at cursor {low}{highest}" + (f" {picture.cursor_signs}" if picture.cursor_signs else "")
+        if picture.cursor_signs:
+            return f"at cursor {picture.cursor_signs}"
+        words = [picture.signs] if picture.signs else []
+        if not math.isnan(picture.smallest):
+            smallest, largest = self._extremes(plotted, picture)
+            words += [f"min {smallest}", f"max {largest}"]
+        return "  ".join([*words, f"now {self._now(plotted)}"]) if words else ""
+
+    def _extremes(self, plotted: Plotted, picture: Picture) -> tuple[str, str]:
+        if picture.base or plotted.entry.dtype[1:2] == "M":
+            smallest, largest = (
+                offset_text(plotted.entry, end, picture.base, 12) for end in (picture.smallest, picture.largest)
+            )
+            return smallest, largest
+        return text.told_apart(picture.smallest, picture.largest)
+
+    def missing(self) -> str:
+        """What the chosen plot has no samples of, and why."""
+        if not self.plots or not self.plots[self.chosen].numeric or self.store.empty:
             return ""
-        range_words = f"min {text.compact(picture.smallest)}  max {text.compact(picture.largest)}"
-        return f"{range_words}  now {self._now(plotted)}"
+        cell_s = 2 * self.store.column_ns / 1e9
+        seconds: dict[Hole, float] = {}
+        for hole in self._picture(self.chosen).holes:
+            seconds[hole.why] = seconds.get(hole.why, 0.0) + (hole.stop - hole.start) * cell_s
+        return ", ".join(f"{text.span(float(f'{some:.2g}'))} {HOLE_TEXTS[why]}" for why, some in seconds.items())
 
     def _now(self, plotted: Plotted) -> str:
         reading = self.readings.get(plotted.element.name)
         if reading is None or plotted.position >= len(reading.newest) or not reading.held:
             return "-"
-        return self._value(plotted, float(reading.newest[plotted.position]))
-
-    def _value(self, plotted: Plotted, value: float) -> str:
-        return entry_text(plotted.entry, value, None, 12)
+        word = reading.texts.get(plotted.position)
+        # a number has all its digits, however many
+        width = max(12, len(word)) if word is not None and plotted.entry.dtype[1:2] in "iu" else 12
+        return entry_text(plotted.entry, float(reading.newest[plotted.position]), word, width)
 
     def _text(self, plotted: Plotted) -> list[Segment]:
         reading = self.readings.get(plotted.element.name)
         word = reading.texts.get(plotted.position, "") if reading is not None else ""
-        return [Segment(" " * AXIS + f" {word or '-'}", self._style("plot--line"))]
+        return [Segment(" " * AXIS + f" {text.clean(word) or '-'}", self._style("plot--line"))]
 
     def _curve(self, index: int, line: int) -> list[Segment]:
         picture = self._picture(index)
-        bottom, top = picture.scale
-        label = ""
-        if line == 0:
-            label = self._tick(self.plots[index], top)
-        elif line == len(picture.lines) - 1:
-            label = self._tick(self.plots[index], bottom)
+        bottom, top, _ = self._ends(index)
+        label = top if line == 0 else bottom if line == len(picture.lines) - 1 else ""
         cells = picture.lines[line]
         style = self._style("plot--line" if self.fresh else "plot--stale")
         axis = Segment(f"{label:>{AXIS - 1}} │", self._style("plot--quiet"))
-        if self.window.cursor is None:
-            return [axis, Segment(cells, style)]
-        at = max(0, len(cells) - 1 - self.window.cursor // 2)
-        cursor = Segment(cells[at].replace(BLANK, "│"), self._style("plot--cursor"))
-        return [axis, Segment(cells[:at], style), cursor, Segment(cells[at + 1 :], style)]
+        styles = [style] * len(cells)
+        for hole in picture.holes if line in band(len(picture.lines)) else ():
+            styles[hole.start : hole.stop] = [self._style("plot--quiet")] * (hole.stop - hole.start)
+        if self.window.cursor is not None:
+            at = max(0, len(cells) - 1 - self.window.cursor // 2)
+            cells = cells[:at] + cells[at].replace(BLANK, "│") + cells[at + 1 :]
+            styles[at] = self._style("plot--cursor")
+        pieces = groupby(zip(cells, styles, strict=True), lambda cell: cell[1])
+        return [axis, *(Segment("".join(char for char, _ in some), its) for its, some in pieces)]
 
-    def _tick(self, plotted: Plotted, value: float) -> str:
-        if plotted.entry.labels and value == int(value) and int(value) in plotted.entry.labels:
-            return plotted.entry.labels[int(value)][: AXIS - 1]
-        return text.compact(value)
+    def _ends(self, index: int) -> tuple[str, str, str]:
+        """What stands at both ends of the scale, and what these count from."""
+        picture, entry = self._picture(index), self.plots[index].entry
+        ends = picture.scale
+        if entry.labels and all(end == end // 1 and int(end) in entry.labels for end in ends):
+            bottom, top = (entry.labels[int(end)][: AXIS - 1] for end in ends)
+            return bottom, top, ""
+        if entry.dtype[1:2] == "M" and not math.isnan(ends[0]):
+            words = [offset_text(entry, end, picture.base, 30) for end in ends]
+            if words[0][: AXIS - 2] != words[1][: AXIS - 2]:
+                return words[0][: AXIS - 2], words[1][: AXIS - 2], ""
+        return text.axis_ends(*ends, picture.base)
 
     def _time_axis(self) -> list[Segment]:
         width = self.plot_width

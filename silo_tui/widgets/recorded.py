@@ -10,12 +10,13 @@ from textual.geometry import Region
 from textual.strip import Strip
 
 from silo.analysis.reports import ElementReport
+from silo.columns import coarser
 from silo.model import ElementInfo
-from silo_tui.model import braille, text
-from silo_tui.model.columns import ColumnStore
+from silo_tui.model import text
+from silo_tui.model.columns import ColumnStore, Piece
 from silo_tui.model.fields import Field, word_for
-from silo_tui.model.live import Reading, value_text
-from silo_tui.model.plots import Plotted, PlotWindow, plots_of
+from silo_tui.model.live import Reading, offset_text, value_text
+from silo_tui.model.plots import Plotted, PlotWindow, plots_of, trend
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar, color
 from silo_tui.widgets.element_table import FLAGS, UNIT, ElementTable, TableHead
@@ -179,13 +180,8 @@ class RecordedPane(LivePane):
         if place is None or store.empty:
             return " " * self.trend_width
         begins = np.linspace(0, store.count, 2 * self.trend_width, endpoint=False).astype(np.intp)
-        low, high = np.fmin.reduceat(store.low[place], begins), np.fmax.reduceat(store.high[place], begins)
-        found = braille.value_range(low, high)
-        if found is None:
-            return " " * self.trend_width
-        floor = max(abs(found[0]), abs(found[1])) * 1e-6
-        scale = found if found[1] - found[0] > floor else (found[0] - 1, found[1] + 1)
-        return braille.rasterise(low, high, scale, self.trend_width, 1)[0]
+        together = coarser(store.low[place], store.high[place], store.marks[place], begins)
+        return trend(Piece(*together, store.base(place)), self.trend_width)
 
 
 class RecordedInspector(Inspector):
@@ -299,12 +295,19 @@ class RecordedStack(PlotStack):
             return f"{words}  begins at {report.start_s:.6g} s"
         if not facts.samples or self.size.width < 60:
             return words
-        ends = [self._value(plotted, end) for end in (facts.smallest, facts.largest)]
+        ends = [offset_text(plotted.entry, end, facts.base, 12) for end in (facts.smallest, facts.largest)]
+        words += f"  {facts.signs}" if facts.signs else ""
+        if not facts.finite:
+            return words
         if plotted.entry.labels or plotted.entry.dtype[1:2] in "Mm":  # their mean means nothing
             return words + ("" if ends[0] == ends[1] else f"  ({ends[0]} … {ends[1]})")
         if plotted.entry.dtype[1:2] == "b":
             return f"{words}  true {facts.mean:.1%}"
-        words += f"  min {text.compact(facts.smallest)}  max {text.compact(facts.largest)}"
+        if facts.base:
+            mean = offset_text(plotted.entry, round(facts.mean), facts.base, 12)
+            return f"{words}  min {ends[0]}  max {ends[1]}  mean {mean}"
+        smallest, largest = text.told_apart(facts.smallest, facts.largest)
+        words += f"  min {smallest}  max {largest}"
         return f"{words}  mean {text.compact(facts.mean)}"
 
     def _axis_word(self, share: float) -> str:

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
@@ -126,6 +126,9 @@ class FakeFrame:
     first: int
     low: np.ndarray
     high: np.ndarray
+    marks: np.ndarray | None = None
+    bases: dict[int, int] = field(default_factory=dict)
+    since_ns: int = 0
 
 
 class FakeView:
@@ -140,6 +143,7 @@ class FakeView:
         if client.now_ns == self.seen_ns or not client.connected or self.closed:
             return None
         begin = max(self.from_ns, self.seen_ns)
+        since_ns = begin if self.seen_ns < 0 else 0
         self.seen_ns = client.now_ns
         infos = [client.info(name) for name in self.values]
         unpublished = {info.name for info in infos if not info.options.action.publishes or not info.options.enabled}
@@ -157,7 +161,7 @@ class FakeView:
             tick=client.ticks, running=client.state is State.RUNNING, measured_hz=HZ, lost_total=client.lost,
             held=np.array(held), lost=np.zeros(len(infos), int), newest=np.array(newest, float),
             texts=texts, column_ns=self.column_ns,
-            first=column.first, low=column.low, high=column.high,
+            first=column.first, low=column.low, high=column.high, since_ns=since_ns,
         )  # fmt: skip
 
     def close(self) -> None:
@@ -336,7 +340,7 @@ class FakeClient:
             values = signal(name, ticks / HZ)[good]
             np.fmin.at(low[position], columns[good], values)
             np.fmax.at(high[position], columns[good], values)
-        return Column(tuple(names), int(first), column_ns, low, high)
+        return Column(tuple(names), int(first), column_ns, low, high, until_ns=self.now_ns)
 
     def view(self, values: Sequence[str], plots: Sequence[str], rate_hz: float, column_ns: int) -> FakeView:
         self._ask()

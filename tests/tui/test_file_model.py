@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.columns import Mark
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model.recorded import RecordingSource
@@ -44,12 +45,22 @@ def test_a_column_holds_the_extremes_of_its_samples(data, count, divider, column
     past = columns(of, column_ns=column_ns)
     places = (of.recording.time_ns[::divider][:count] // column_ns) - past.first
     low, high = np.full(past.low.shape[1], np.nan), np.full(past.low.shape[1], np.nan)
-    np.fmin.at(low, places, values)
-    np.fmax.at(high, places, values)
+    finite = np.isfinite(values)
+    np.fmin.at(low, places[finite], values[finite])
+    np.fmax.at(high, places[finite], values[finite])
     there = np.zeros(len(low), bool)
     there[places] = True
     np.testing.assert_array_equal(past.low[0][there], low[there])
     np.testing.assert_array_equal(past.high[0][there], high[there])
+    for mark, hit in (
+        (Mark.NAN, np.isnan(values)),
+        (Mark.POS_INF, values == np.inf),
+        (Mark.NEG_INF, values == -np.inf),
+    ):
+        marked = np.flatnonzero(past.marks[0] & mark)
+        if column_ns >= divider * STEP_NS:  # else a column without sample shows the value that holds
+            np.testing.assert_array_equal(marked, np.unique(places[hit]))
+        assert set(places[hit].tolist()) <= set(marked.tolist())
 
 
 def test_a_spike_of_one_sample_shows_at_every_zoom():

@@ -1,0 +1,114 @@
+"""One rule for logged values of every type: as numbers that a curve can show, and as text.
+
+| values | as numbers | as text, where a float64 can't tell them |
+| --- | --- | --- |
+| bool, enumerations, integers | exact, see `Numbers` | digits from 2^53 on |
+| float | as they are | |
+| datetime, timedelta | as they count, exact; NaT is a NaN | ISO 8601, `NaT` |
+| complex | real part | `1+2j` |
+| strings, bytes | a NaN | UTF-8, other bytes as `\\xff` |
+
+Live values, files, charts and the shell commands use it alike; it knows none of them.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# integers up to here are exact as float64
+EXACT = 2**53
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Values as float64, shape `(n,)`: value i is `base + offsets[i]`.
+
+    `base` is 0 unless there are integers beyond 2^52 that span no more than that: then it is the multiple of 2^53 next
+    to them, so that they are exact.
+    """
+
+    offsets: Floats
+    base: int = 0
+
+
+def numbers(values: NDArray[Any]) -> Numbers:
+    """Return any values as numbers; what is no number is NaN. The table at the top of the module is the rule."""
+    kind = values.dtype.kind
+    if kind in "Mm":
+        missing = np.isnat(values)
+        counted = numbers(np.where(missing, 0, values.astype(np.int64)))
+        if not missing.any():
+            return counted
+        # the base belongs to the moments that there are
+        known = numbers(values[~missing].astype(np.int64))
+        offsets = np.full(len(values), np.nan)
+        offsets[~missing] = known.offsets
+        return Numbers(offsets, known.base)
+    if kind in "iu" and values.dtype.itemsize == 8 and len(values):
+        smallest, largest = int(values.min()), int(values.max())
+        # of what spans more no base keeps all digits
+        if max(-smallest, largest) > EXACT // 2 and largest - smallest <= EXACT // 2:
+            middle = (smallest + largest) // 2
+            # 2^64 itself is no integer of 64 bits, and could not travel
+            base = min((middle + EXACT // 2) // EXACT * EXACT, 2**64 - EXACT)
+            return Numbers(_distances(values, base), base)
+    if kind == "c":
+        values = values.real
+    elif kind not in "biuf":
+        return Numbers(np.full(len(values), np.nan))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return Numbers(values.astype(np.float64))
+
+
+def as_floats(column: NDArray[Any]) -> Floats:
+    """Return any values as the nearest float64, shape `(n,)`; what is no number becomes NaN."""
+    found = numbers(column)
+    return found.offsets + found.base if found.base else found.offsets
+
+
+def _distances(values: NDArray[Any], base: int) -> Floats:
+    """How far 64-bit integers lie from a base: modulo 2^64 there is no overflow, exact up to 2^53."""
+    words = np.ascontiguousarray(values).view(np.uint64)
+    zero = np.uint64(base % 2**64)
+    above = values >= base if np.iinfo(values.dtype).min <= base <= np.iinfo(values.dtype).max else base < 0
+    distances: Floats = np.where(above, (words - zero).astype(np.float64), -(zero - words).astype(np.float64))
+    return distances
+
+
+def rebased(offsets: Floats, old: int, new: int) -> Floats:
+    """Return offsets from another base."""
+    return offsets + float(old - new) if old != new else offsets
+
+
+def newest_values(column: NDArray[Any]) -> tuple[Floats, dict[int, str]]:
+    """Return values as the nearest float64, and by index the text of those that a float64 can't tell."""
+    kind, size = column.dtype.kind, column.dtype.itemsize
+    if kind in "biuf":
+        floats = as_floats(column)
+        if kind in "bf" or size < 8:
+            return floats, {}
+        wide = np.flatnonzero(np.abs(floats) >= EXACT)
+        return floats, {int(at): str(int(column[at])) for at in wide}
+    return as_floats(column), {at: text_of(value) for at, value in enumerate(column)}
+
+
+def text_of(value: Any) -> str:
+    """Return one value of a column as text, everywhere the same: bytes that are no UTF-8 as escapes."""
+    if isinstance(value, bytes):
+        return value.rstrip(b"\0").decode("utf-8", "backslashreplace")
+    if isinstance(value, np.timedelta64):
+        return "NaT" if np.isnat(value) else str(int(value.astype(np.int64)))
+    if isinstance(value, complex | np.complexfloating):
+        return f"{value.real:.6g}{value.imag:+.6g}j"
+    return str(value)
+
+
+def printable(text: str) -> str:
+    """Return a text whose control characters are escapes, so that it can't move a terminal's cursor."""
+    if text.isprintable():
+        return text
+    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)

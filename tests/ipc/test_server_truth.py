@@ -1,0 +1,218 @@
+"""What a view and a history say is what was logged: every type, every sample, and why there is none."""
+
+import numpy as np
+import pytest
+
+import silo
+from silo.collecting.segment_reader import SegmentReader
+from silo.columns import ColumnGrid, ColumnStore, Hole, Mark, holes_of
+from silo.helper.history import _fill
+from silo.ipc.client import Client
+from silo.ipc.messages import GetHistory
+from silo.model import BufferType, Edit, ElementOptions
+
+COLUMN_NS = 100_000_000
+LIVE = silo.Action.SAVE_AND_PUBLISH
+BIG = 2**62
+
+
+@pytest.fixture
+def odd(runtime, tmp_path):
+    """A logger with values that a float64 can't tell, and its clock."""
+    clock = [1_700_000_000_000_000_000]
+    logger = silo.Logger("odd", frequency=100, max_time=10, folder=tmp_path, clock=lambda: clock[0])
+    values = {
+        "count": np.zeros((), "i8"), "unsigned": np.zeros((), "u8"), "when": np.zeros((), "M8[ns]"),
+        "moment": np.zeros((), "M8[s]"), "raw": np.zeros((), "S4"), "float": np.zeros(()),
+    }  # fmt: skip
+    for name, value in values.items():
+        logger.add(value, name, action=LIVE)
+    serving = logger.serve()
+    logger.start()
+
+    def tick(**new):
+        for name, value in new.items():
+            values[name][...] = value
+        logger.collect()
+        clock[0] += 10_000_000
+
+    yield tick, clock
+    serving.close()
+    logger.close()
+
+
+def newest(client, names, tick, until):
+    with client.view([f"/log/{name}" for name in names], rate_hz=30) as view:
+        return until(lambda: (frame := view.frame()) and frame.tick == tick and frame)
+
+
+def test_integers_beyond_2_53_come_with_all_their_digits(odd, until):
+    tick, _ = odd
+    tick(count=BIG + 1, unsigned=2**64 - 1)
+    with Client.connect("odd") as client:
+        assert newest(client, ["count", "unsigned"], 1, until).texts == {0: str(BIG + 1), 1: str(2**64 - 1)}
+
+
+def test_a_nat_is_called_so_and_a_date_reads_to_the_nanosecond(odd, until):
+    tick, _ = odd
+    tick(when=np.datetime64(1_790_000_000_123_456_789, "ns"), moment=np.datetime64("NaT"))
+    with Client.connect("odd") as client:
+        frame = newest(client, ["when", "moment"], 1, until)
+    assert frame.texts == {0: "2026-09-21T14:13:20.123456789", 1: "NaT"}
+    assert np.isnan(frame.newest[1])
+
+
+def test_bytes_that_are_no_text_are_shown_as_escapes(odd, until):
+    tick, _ = odd
+    tick(raw=b"\xffab")
+    with Client.connect("odd") as client:
+        assert newest(client, ["raw"], 1, until).texts == {0: "\\xffab"}
+
+
+@pytest.mark.parametrize("source", ["view", "history"])
+def test_columns_of_a_counter_near_2_62_are_exact(odd, until, source):
+    tick, clock = odd
+    begin = clock[0]
+    with Client.connect("odd") as client, client.view(plots=["/log/count"], rate_hz=30, column_ns=COLUMN_NS) as view:
+        store = ColumnStore(["/log/count"], 3, COLUMN_NS)
+        for number in range(30):
+            tick(count=BIG + number)
+
+        def follow():
+            if (frame := view.frame()) is not None:
+                store.merge(frame.plots, frame.first, frame.low, frame.high, frame.marks, frame.bases)
+            return frame is not None and frame.tick == 30
+
+        until(follow)
+        if source == "history":
+            store = ColumnStore(["/log/count"], 3, COLUMN_NS)
+            store.take(client.history(["/log/count"], begin, clock[0], COLUMN_NS))
+    low, high = ([store.base(0) + int(end) for end in ends[0]] for ends in (store.low, store.high))
+    assert low == [BIG, BIG + 10, BIG + 20]
+    assert high == [BIG + 9, BIG + 19, BIG + 29]
+
+
+def test_columns_tell_of_nan_and_inf_beside_their_numbers(odd):
+    tick, clock = odd
+    begin = clock[0]
+    for value in [1.0, np.nan, 2.0, *[3.0] * 7, np.inf, *[4.0] * 9, *[-np.inf] * 10, *[5.0] * 10]:
+        tick(float=value)
+    with Client.connect("odd") as client:
+        past = client.history(["/log/float"], begin, clock[0], COLUMN_NS)
+    assert past.marks.tolist() == [[Mark.NAN, Mark.POS_INF, Mark.NEG_INF, 0]]
+    np.testing.assert_array_equal(past.low, [[1, 4, np.nan, 5]])
+    np.testing.assert_array_equal(past.high, [[3, 4, np.nan, 5]])
+
+
+def test_frames_of_ordinary_numbers_carry_no_marks_and_no_bases(bench, client, until):
+    client.start()
+    with client.view(plots=["/log/x", "/log/q_x"], rate_hz=30, column_ns=COLUMN_NS) as view:
+        bench.ticks(30)
+        frame = until(lambda: (frame := view.frame()) and frame.tick == 30 and frame)
+    assert (frame.marks, frame.bases) == (None, {})
+
+
+# ---------------------------------------------------------------------------------------------------------- holes
+
+
+def why_empty(client, bench, name, begin_ns, columns):
+    past = client.history([name], begin_ns, begin_ns + columns * COLUMN_NS, COLUMN_NS)
+    marks = np.zeros(past.low.shape, np.uint8) if past.marks is None else past.marks
+    return [
+        Hole(int(hole)) if np.isnan(low) else None for hole, low in zip(holes_of(marks)[0], past.low[0], strict=True)
+    ]
+
+
+def test_history_before_the_start_says_so(bench, client):
+    client.start()
+    bench.ticks(10)
+    assert why_empty(client, bench, "/log/x", bench.begin_ns - 2 * COLUMN_NS, 3) == [Hole.BEFORE, Hole.BEFORE, None]
+
+
+def test_history_of_what_was_overwritten_says_so(bench, client):
+    client.apply([Edit("/log/kept", ElementOptions(buffer_size=10, buffer_type=BufferType.LOOPING))], -1)
+    client.start()
+    bench.ticks(1000)
+    found = why_empty(client, bench, "/log/kept", bench.begin_ns, 100)
+    assert found[:50] == [Hole.OVERWRITTEN] * 50
+    assert found[-1] is None
+
+
+def test_history_of_a_full_buffer_that_is_not_published_says_so(bench, client):
+    client.apply([Edit("/log/kept", ElementOptions(buffer_size=10, buffer_type=BufferType.FIXED))], -1)
+    client.start()
+    bench.ticks(40)
+    assert why_empty(client, bench, "/log/kept", bench.begin_ns, 4) == [None, Hole.FULL, Hole.FULL, Hole.FULL]
+
+
+def test_history_of_an_element_that_is_off_says_so(bench, client):
+    client.apply([Edit("/log/kept", ElementOptions(enabled=False))], -1)
+    client.start()
+    bench.ticks(20)
+    assert why_empty(client, bench, "/log/kept", bench.begin_ns, 2) == [Hole.OFF, Hole.OFF]
+
+
+class Racing(SegmentReader):
+    """A reader whose copies always take so long that the writer goes on meanwhile."""
+
+    def __init__(self, path, write):
+        super().__init__(path)
+        self.write = write
+
+    def _copy(self, ring, begin, end):
+        words = super()._copy(ring, begin, end)
+        self.write()
+        return words
+
+
+def test_history_is_whole_though_its_oldest_rows_are_overwritten_while_they_are_read(monkeypatch, tmp_path):
+    monkeypatch.setattr("silo.helper.history.BLOCK_BYTES", 8 * 100 * 3)  # ten blocks: x has three words a row
+    clock = [0]
+    logger = silo.Logger("race", frequency=100, max_time=0, folder=tmp_path, clock=lambda: clock[0])
+    x = np.zeros(())
+    options = {"buffer_type": BufferType.LOOPING, "buffer_size": 1000}
+    logger.add(x, "x", action=LIVE, **options)
+    logger.start()
+
+    def tick():
+        clock[0] += 10_000_000
+        x[...] = clock[0]
+        logger.collect()
+
+    for _ in range(5000):
+        tick()
+    reader = Racing(logger._run.segment.path, tick)
+    element = reader.schema.elements[0]
+    head_ns = clock[0]
+    request = GetHistory(names=["/log/x"], start_ns=0, end_ns=head_ns + 1, column_ns=COLUMN_NS)
+    grid = ColumnGrid(1, 0, head_ns // COLUMN_NS + 1)
+    _fill(grid, reader, element.ring, [(0, element.entries[0])], request)
+    reader.close()
+    logger.close()
+    there = np.flatnonzero(~np.isnan(grid.low[0]))
+    assert there[-1] == head_ns // COLUMN_NS
+    assert len(there) > 80  # of a hundred columns that the ring holds
+    assert (np.diff(there) == 1).all()
+
+
+# --------------------------------------------------------------------------------------------------- frames that fail
+
+
+def test_the_first_frame_says_from_when_on_it_is_whole(bench, client, until):
+    client.start()
+    bench.ticks(500)
+    with client.view(plots=["/log/x"], rate_hz=30, column_ns=COLUMN_NS) as view:
+        first = until(view.frame)
+        bench.ticks(5)
+        second = until(view.frame)
+    assert bench.begin_ns < first.since_ns <= bench.now_ns
+    assert second.since_ns == 0
+
+
+def test_a_store_asks_for_the_history_until_it_reaches_the_frames():
+    store = ColumnStore(["a"], 10, 100)
+    assert not store.gapped
+    store.live_since_ns, store.past_until_ns = 500, 450
+    assert store.gapped
+    store.past_until_ns = 500
+    assert not store.gapped
