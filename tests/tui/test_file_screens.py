@@ -192,6 +192,7 @@ async def test_home_and_end_jump_to_the_ends_of_the_file(path, on_file):
         await screen.until(lambda: to(screen) == 19.9975 and monitor(screen).window.cursor is not None)
 
 
+@pytest.mark.slow
 async def test_zooming_keeps_the_cursor_on_its_moment(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")
@@ -224,6 +225,7 @@ async def test_a_window_walks_over_the_whole_file_both_ways(path, on_file):
         await screen.until(lambda: monitor(screen).window.paused_end_ns == source.end_ns)
 
 
+@pytest.mark.slow
 async def test_a_cursor_that_leaves_the_window_takes_it_along(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "torque")
