@@ -25,6 +25,14 @@ class SegmentError(SiloError, RuntimeError):
     """The shared memory segment can't be made, opened or understood."""
 
 
+class NoRoomError(SegmentError):
+    """There is no room for the buffers: `needed_bytes` of which `free_bytes` are there."""
+
+    def __init__(self, message: str, needed_bytes: int, free_bytes: int) -> None:
+        super().__init__(message)
+        self.needed_bytes, self.free_bytes = needed_bytes, free_bytes
+
+
 class FileFormatError(SiloError, ValueError):
     """A log file isn't what its name says, or is damaged beyond what can be read."""
 

@@ -103,10 +103,19 @@ class Run:
         )
 
     @property
+    def id(self) -> str:
+        """What tells this run from all others."""
+        return self.segment.schema.run
+
+    @property
     def reader(self) -> SegmentReader:
         """A reader of this run's segment, opened at first use. Not for the control loop."""
         if self._reader is None:
-            self._reader = SegmentReader(self.segment.path)
+            descriptor = self.segment.open_read_only()
+            try:
+                self._reader = SegmentReader(self.segment.path, descriptor)
+            finally:
+                os.close(descriptor)
         return self._reader
 
     def end(self, reason: StopReason) -> None:

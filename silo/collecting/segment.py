@@ -31,7 +31,7 @@ from silo.collecting.schema import (
     StopReason,
     page_up,
 )
-from silo.errors import SegmentError
+from silo.errors import NoRoomError, SegmentError
 from silo.model import BufferType
 from silo.runtime import available_memory_bytes
 
@@ -97,6 +97,10 @@ class Segment:
             self._fill()
             self._first = {ring: self._append_rows(ring, first_rows.get(ring, 1)) for ring in self._growing}
             temporary.rename(path)
+        except OSError as error:
+            os.close(self._fd)
+            temporary.unlink()
+            raise SegmentError(f"{path}: can't make the buffers ({error.strerror})") from error
         except BaseException:
             os.close(self._fd)
             temporary.unlink()
@@ -108,9 +112,11 @@ class Segment:
     def _fill(self) -> None:
         if self._in_memory and self._chunk_data > (available := available_memory_bytes()):
             # a tmpfs may be larger than the memory: what doesn't fit would have the kernel kill the robot program
-            raise SegmentError(
+            raise NoRoomError(
                 f"no memory for {self._chunk_data / 1e6:.1f} MB of buffers, {available / 1e6:.1f} MB are available; "
-                'make buffers smaller, or use storage="file"'
+                'make buffers smaller, or use storage="file"',
+                self._chunk_data,
+                available,
             )
         self._allocate(0, self._chunk_data)
         mapped = mmap.mmap(self._fd, self._chunk_data)
@@ -143,15 +149,32 @@ class Segment:
             os.posix_fallocate(self._fd, offset, size_bytes)
         except OSError as error:
             room = os.statvfs(self.path.parent)
-            raise SegmentError(
+            free_bytes = room.f_bavail * room.f_frsize
+            raise NoRoomError(
                 f"{self.path.parent}: no room for {size_bytes / 1e6:.1f} MB of buffers, "
-                f"{room.f_bavail * room.f_frsize / 1e6:.1f} MB are free ({error.strerror}); "
-                'make buffers smaller, enlarge /dev/shm, or use storage="file"'
+                f"{free_bytes / 1e6:.1f} MB are free ({error.strerror}); "
+                'make buffers smaller, enlarge /dev/shm, or use storage="file"',
+                size_bytes,
+                free_bytes,
             ) from error
 
     def ring_control(self, ring: int) -> int:
         """Word position of a ring's control line."""
         return self._control // 8 + LINE_WORDS * (1 + ring)
+
+    @property
+    def named(self) -> bool:
+        """Whether the file still has its name: somebody may have deleted it from the folder of the buffers."""
+        return self._fd >= 0 and os.fstat(self._fd).st_nlink > 0
+
+    @property
+    def size_bytes(self) -> int:
+        """The size of the file, whether it has a name or not; 0 once it is let go of."""
+        return os.fstat(self._fd).st_size if self._fd >= 0 else 0
+
+    def open_read_only(self) -> int:
+        """Open the file once more, for reading, also where its name is gone; the caller closes the descriptor."""
+        return os.open(f"/proc/self/fd/{self._fd}", os.O_RDONLY | os.O_CLOEXEC)
 
     @property
     def ticks(self) -> int:

@@ -44,11 +44,14 @@ UNSAFE_ROWS = 1 if ORDERED_STORES else 2
 class SegmentReader:
     """A segment file, mapped read-only. May be used while the writer writes; by one thread at a time."""
 
-    def __init__(self, path: str | Path) -> None:
-        """Raises SegmentError where the file is missing, not a segment, or damaged."""
+    def __init__(self, path: str | Path, descriptor: int | None = None) -> None:
+        """Raises SegmentError where the file is missing, not a segment, or damaged.
+
+        With a `descriptor` that file is read, opened anew, whatever became of the name `path`; it stays the caller's.
+        """
         self.path = Path(path)
         try:
-            self._file = self.path.open("rb")
+            self._file = open(self.path if descriptor is None else f"/proc/self/fd/{descriptor}", "rb")  # noqa: PTH123, SIM115
         except OSError as error:
             raise SegmentError(f"{path}: can't open the segment ({error.strerror})") from error
         try:

@@ -11,12 +11,13 @@ def main() -> int:
     """Run the helper process until its robot process is gone."""
     parser = argparse.ArgumentParser(prog="python -m silo.helper", description=__doc__)
     parser.add_argument("--fd", type=int, required=True, help="socket to the robot process")
+    parser.add_argument("--runs-fd", type=int, required=True, help="socket on which the robot process hands over runs")
     parser.add_argument("--name", required=True, help="name of the logger")
     parser.add_argument("--group", help="system group whose members may connect")
     parser.add_argument("--config", help="Zenoh configuration with remote access")
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.WARNING, format="silo: %(message)s", stream=sys.stderr)
-    return Helper(open_link(arguments.fd), arguments.name, arguments.group, arguments.config).run()
+    return Helper(open_link(arguments.fd, arguments.runs_fd), arguments.name, arguments.group, arguments.config).run()
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ The main thread is the one that reads the link. It is the only one that changes 
 """
 
 import contextlib
+import enum
 import logging
 import os
 import select
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import zenoh
 
-from silo.errors import ConnectionLostError, SiloError
+from silo.errors import ConnectionLostError, SegmentError, SiloError
 from silo.helper.answers import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
@@ -28,8 +29,9 @@ from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
 from silo.ipc.messages import Done, EventKind, Refused, RefusedWhy, Save, SaveStarted
 from silo.ipc.session import close, dead_mark, forget, open_server
-from silo.link.messages import Goodbye, LinkReply, LinkRequest, LinkSaved, RobotState
-from silo.model import State
+from silo.link.handover import RunOffer
+from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
+from silo.model import FileType, State
 from silo.runtime import runtime_dir
 
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't
@@ -38,8 +40,17 @@ SAVE_GRACE_S = 10.0
 DEAD_WITHOUT_CLIENTS_S = 10.0
 DEAD_WITH_CLIENTS_S = 600.0
 DEAD_POLL_S = 0.2
+WATCH_PERIOD_S = 1.0  # how often is looked whether the files are still there
 
 log = logging.getLogger("silo.helper")
+
+
+class _Ended(enum.Enum):
+    """Why the helper process follows its robot process no more."""
+
+    GOODBYE = enum.auto()
+    DIED = enum.auto()
+    FILES_DELETED = enum.auto()
 
 
 class Helper:
@@ -52,6 +63,8 @@ class Helper:
         self._config = config
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._term_s = 0.0  # when SIGTERM came
+        self._deleted = ""  # the run whose files somebody deleted
+        self._exit_code = 0
 
     def run(self) -> int:
         """Serve until the robot process is gone and nobody needs the helper any more; returns the exit code."""
@@ -70,7 +83,7 @@ class Helper:
         finally:
             close(session)
             forget(path)
-        return 0
+        return self._exit_code
 
     def _open(self, first: RobotState) -> tuple[zenoh.Session, Path]:
         folder = group_folder(self._group) if self._group else runtime_dir()
@@ -81,6 +94,7 @@ class Helper:
 
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
         mirror = Mirror(first)
+        self._take_runs(mirror)
         root = Root(mirror.host, first.logger)
         events = Events(session, root, mirror)
         publisher = Publisher(session, root, mirror, events)
@@ -94,7 +108,12 @@ class Helper:
         token = session.liveliness().declare_token(root.key("alive"))
         self._robot.send(LinkReply(READY, Done(str(path))))
         try:
-            if self._follow_robot(mirror, events, saver):
+            ended = self._follow_robot(mirror, events, saver, path)
+            if ended is _Ended.FILES_DELETED:
+                self._exit_code = FILES_DELETED
+                journaling.stop(keep=True)
+                saver.stop()
+            elif ended is _Ended.GOODBYE:
                 journaling.stop(keep=bool(self._term_s))
                 events.publish(EventKind.CLOSED, "the robot program closed its logger")
                 saver.stop(SAVE_GRACE_S)
@@ -115,31 +134,62 @@ class Helper:
 
     # ------------------------------------------------------------------------------------------- while it lives
 
-    def _follow_robot(self, mirror: Mirror, events: Events, saver: Saver) -> bool:
-        """Take in what the robot process pushes; True after its goodbye, False if it just ended."""
-        link = self._robot.socket.fileno()
+    def _follow_robot(self, mirror: Mirror, events: Events, saver: Saver, path: Path) -> "_Ended":
+        """Take in what the robot process pushes, until one of its ends."""
+        link, runs = self._robot.socket.fileno(), self._robot.runs.fileno()
+        waited = [link, runs, self._wake]
         while True:
-            timeout_s = None if not self._term_s else max(0.0, self._term_s + TERM_GRACE_S - time.monotonic())
-            readable = select.select([link, self._wake], [], [], timeout_s)[0]
+            timeout_s = WATCH_PERIOD_S
+            if self._term_s:
+                timeout_s = min(timeout_s, max(0.0, self._term_s + TERM_GRACE_S - time.monotonic()))
+            readable = select.select(waited, [], [], timeout_s)[0]
             if self._wake in readable:
                 os.eventfd_read(self._wake)
-            if not readable:
+            if not readable and self._term_s and time.monotonic() >= self._term_s + TERM_GRACE_S:
                 log.warning("ended by SIGTERM; the robot program goes on")
-                return True
+                return _Ended.GOODBYE
+            # a run first: what comes after it on the link may be about it, and it outlives the robot process
+            if not self._take_runs(mirror) and runs in readable:
+                waited = [link, self._wake]  # that channel is closed
+            if not readable and self._files_deleted(mirror, events, saver, path):
+                return _Ended.FILES_DELETED
             if link not in readable:
                 continue
             try:
                 message = self._robot.receive()
             except ConnectionLostError:
                 log.exception("the link to the robot program is broken")
-                return False
+                return _Ended.DIED
             if message is None or isinstance(message, Goodbye):
-                return message is not None
+                self._take_runs(mirror)
+                return _Ended.DIED if message is None else _Ended.GOODBYE
             self._handle(message, mirror, events, saver)
+
+    def _take_runs(self, mirror: Mirror) -> bool:
+        """Take over all runs that were handed over; False if there was none."""
+        taken = self._robot.taken_runs()
+        for offer, descriptor in taken:
+            _take_run(mirror, offer, descriptor)
+        return bool(taken)
+
+    def _files_deleted(self, mirror: Mirror, events: Events, saver: Saver, path: Path) -> bool:
+        """Save what somebody deleted the names of; True if clients can't find this process any more either."""
+        if mirror.run != self._deleted and mirror.files_deleted():
+            self._deleted = mirror.run
+            text = (
+                "somebody deleted this logger's files from the runtime folder (a cleanup job, or systemd's RemoveIPC "
+                "at logout); logging goes on, and what was logged is saved now, but a kill of both the program and "
+                "its helper process would lose what follows until the next start"
+            )
+            log.warning("%s", text)
+            events.publish(EventKind.FILES_DELETED, text)
+            if not mirror.is_saved():
+                saver.save(Save(types=[FileType.SILO], client="silo, because its files were deleted"))
+        return not path.exists()
 
     def _handle(
         self,
-        message: RobotState | LinkRequest | LinkReply | LinkSaved,
+        message: RobotState | LinkRequest | LinkReply | LinkSaved | LetGo,
         mirror: Mirror,
         events: Events,
         saver: Saver,
@@ -147,6 +197,8 @@ class Helper:
         if isinstance(message, RobotState):
             before, now = mirror.take(message)
             _tell_changes(events, before, now)
+        elif isinstance(message, LetGo):
+            mirror.let_go()
         elif isinstance(message, LinkReply):
             self._robot.answered(message)
         elif isinstance(message, LinkRequest) and isinstance(message.request, Save):
@@ -176,6 +228,14 @@ class Helper:
             os.eventfd_write(self._wake, 1)
 
 
+def _take_run(mirror: Mirror, offer: RunOffer, descriptor: int) -> None:
+    try:
+        mirror.take_run(offer, descriptor)
+    except SegmentError:
+        os.close(descriptor)
+        log.exception("a run can't be taken over")
+
+
 def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -> None:
     """Events for what differs between two states of the robot process."""
     by = now.robot.by
@@ -200,6 +260,8 @@ def _changed(before: LoggerSnapshot, now: LoggerSnapshot) -> int:
     return sum(one != other for one, other in zip(old, new, strict=False)) + abs(len(old) - len(new))
 
 
-def open_link(descriptor: int) -> Robot:
-    """Return the link that the robot process handed over."""
-    return Robot(socket.socket(fileno=descriptor))
+def open_link(descriptor: int, runs: int) -> Robot:
+    """Return the channels that the robot process handed over."""
+    handed = socket.socket(fileno=runs)
+    handed.setblocking(False)
+    return Robot(socket.socket(fileno=descriptor), handed)

@@ -79,10 +79,11 @@ class Journaling:
                 self._tell(f"the journal can't read the buffers ({error}): ")
 
     def _step(self) -> None:
-        path = self._mirror.now.robot.segment
+        path = self._mirror.segment
         if not path:
+            self._close()
             return
-        if self._segment != Path(path):
+        if self._segment != Path(path) or self._reader is None:
             self._follow(Path(path))
         assert self._reader is not None
         if self._writer is None:
@@ -102,7 +103,9 @@ class Journaling:
 
     def _follow(self, segment: Path) -> None:
         """A new run: the journal of the one before goes with its buffers."""
-        reader = SegmentReader(segment)
+        reader = self._mirror.open_reader()
+        if reader is None or reader.path != segment:
+            raise SegmentError("a new run began meanwhile")
         self._close()
         if self._segment is not None:
             remove_journals(self._segment, Path(self._mirror.now.robot.folder))

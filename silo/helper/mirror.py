@@ -16,6 +16,7 @@ from silo.collecting.losses import lost_samples
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.ipc.messages import TableReply
+from silo.link.handover import RunOffer
 from silo.link.messages import RobotState
 from silo.model import ElementInfo, LoggerOptions, State, Status, Table
 from silo.runtime import user_name
@@ -68,11 +69,28 @@ class Mirror:
         self._generation = 0
         self._saved: tuple[str, int] = ("", 0)
         self._lock = threading.Lock()
-        self._reader: SegmentReader | None = None
+        self._reader: SegmentReader | None = None  # of the present run, for the status
+        self._descriptor = -1  # its file, as it was handed over
+        self._known: set[str] = set()  # paths of all runs that were handed over
+        self.segment = ""  # path of the present run's segment, empty before the first start and while it is let go of
+        self.run = ""  # its id
         self.now = self._made_of(first, None)
-        self._reopen()
+        self._follow(first)
 
     # ------------------------------------------------------------------------------------------ by the main thread
+
+    def take_run(self, offer: RunOffer, descriptor: int) -> None:
+        """Take over a run that is about to begin; the descriptor is closed when the next one comes.
+
+        Raises SegmentError for a file that is no segment.
+        """
+        reader = SegmentReader(offer.segment, descriptor)
+        self._known.add(offer.segment)
+        self._replace(reader, descriptor, offer.segment)
+
+    def let_go(self) -> None:
+        """Free the present run's memory: the robot process needs it for the next one."""
+        self._replace(None, -1, "")
 
     def take(self, robot: RobotState) -> tuple[LoggerSnapshot, LoggerSnapshot]:
         """Take over what the robot pushed; returns what was before and what is now."""
@@ -80,7 +98,7 @@ class Mirror:
         self.now = self._made_of(robot, before)
         if robot.segment != before.robot.segment:
             self.measured_hz = 0.0
-            self._reopen()
+            self._follow(robot)
         return before, self.now
 
     def mark_dead(self, why: str) -> None:
@@ -105,32 +123,49 @@ class Mirror:
             generation=self._generation,
         )
 
-    def _reopen(self) -> None:
-        """Open the present segment, so that the memory of the last one is freed."""
-        reader = None
-        if self.now.robot.segment:
+    def _follow(self, robot: RobotState) -> None:
+        """Open a segment by its path, where the run could not be handed over."""
+        if robot.segment and robot.segment not in self._known:
             try:
-                reader = SegmentReader(self.now.robot.segment)
+                self._replace(SegmentReader(robot.segment), -1, robot.segment)
             except SegmentError:
                 # restarted or closed since: the robot's next message names another segment
-                reader = None
+                self._replace(None, -1, "")
+
+    def _replace(self, reader: SegmentReader | None, descriptor: int, segment: str) -> None:
+        """Another present run, so that the memory of the last one is freed."""
         with self._lock:
             old, self._reader = self._reader, reader
+            old_descriptor, self._descriptor = self._descriptor, descriptor
+            self.run = reader.schema.run if reader else ""
+            self.segment = segment
         if old is not None:
             old.close()
+        if old_descriptor >= 0:
+            os.close(old_descriptor)
+        self._generation += 1
+        self.now = replace(self.now, generation=self._generation)
 
     # --------------------------------------------------------------------------------------------- by any thread
 
     def open_reader(self) -> SegmentReader | None:
         """Return a reader of the present segment for the calling thread alone; None if nothing was logged yet."""
-        path = self.now.robot.segment
-        if not path:
-            return None
+        with self._lock:
+            if self._reader is None:
+                return None
+            path, descriptor = self._reader.path, os.dup(self._reader.fileno())
         try:
-            return SegmentReader(path)
+            return SegmentReader(path, descriptor)
         except SegmentError:
-            # after a crash the segment is saved and deleted; the mapping stays readable, and nobody writes any more
+            # after a crash nobody writes any more, and what is mapped stays readable
             return self._reader if self.now.died else None
+        finally:
+            os.close(descriptor)
+
+    def files_deleted(self) -> bool:
+        """Return whether somebody deleted the present segment while the robot process needs it."""
+        with self._lock:
+            return self._reader is not None and os.fstat(self._reader.fileno()).st_nlink == 0
 
     def mark_saved(self, segment: str, ticks: int) -> None:
         """Remember how much of a segment stands in a file."""
@@ -144,7 +179,7 @@ class Mirror:
             return self._reader is None or self._reader.ticks <= self._saved_ticks(self._reader)
 
     def _saved_ticks(self, reader: SegmentReader) -> int:
-        own = self._saved[1] if self._saved[0] == self.now.robot.segment else 0
+        own = self._saved[1] if self._saved[0] == self.segment else 0
         return max(own, reader.saved_ticks)
 
     def status(self) -> Status:

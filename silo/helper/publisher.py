@@ -148,7 +148,7 @@ class Publisher:
         return min(due_s, self._send_views(now_s))
 
     def _follow_segment(self) -> None:
-        path = self._mirror.now.robot.segment
+        path = self._mirror.segment
         if path == self._reader_path:
             return
         if self._reader is not None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from silo.ipc.messages import AnyReply, Refused, RefusedWhy, RobotRequest
 from silo.link.channel import LinkChannel
+from silo.link.handover import RunOffer, taken_runs
 from silo.link.messages import LinkMessage, LinkReply, LinkRequest
 
 REPLY_TIMEOUT_S = 5.0
@@ -16,8 +17,8 @@ REPLY_TIMEOUT_S = 5.0
 class Robot:
     """The robot process, as the helper talks to it. Any thread may ask; the main thread receives."""
 
-    def __init__(self, sock: socket.socket) -> None:
-        self.socket = sock
+    def __init__(self, sock: socket.socket, runs: socket.socket) -> None:
+        self.socket, self.runs = sock, runs
         self._channel = LinkChannel(sock)
         self._sending = threading.Lock()
         self._numbers = itertools.count(1)
@@ -27,6 +28,10 @@ class Robot:
     def receive(self) -> LinkMessage | None:
         """Return the next message, None at the end. For the main thread."""
         return self._channel.receive()
+
+    def taken_runs(self) -> list[tuple[RunOffer, int]]:
+        """Return the runs that were handed over since the last call, with descriptors to close. For the main thread."""
+        return taken_runs(self.runs)
 
     def send(self, message: LinkMessage) -> bool:
         """Send a message; False if the robot process is gone."""

@@ -89,7 +89,7 @@ class Saver:
             number = self._number
         checked = Save(types=types, name=request.name, client=request.client)
         folder = request.folder if for_robot and request.folder else robot.folder
-        return _Job(number, checked, reader, folder, robot.logger, robot.segment, for_robot)
+        return _Job(number, checked, reader, folder, robot.logger, str(reader.path), for_robot)
 
     def submit(self, job: _Job) -> None:
         """Have a job done."""
@@ -151,8 +151,7 @@ class Saver:
         self._events.publish(
             EventKind.SAVED, f"saved {describe(files)}", by=by, job=job.number, progress=1.0, files=files
         )
-        if job.for_robot:
-            self._robot.send(LinkSaved(job.number, files, ""))
+        self._robot.send(LinkSaved(job.number, files, "", job.reader.schema.run, report.ticks))
 
     def _failed(self, job: _Job, text: str, files: list[SavedFile]) -> None:
         self._events.publish(EventKind.SAVE_FAILED, text, by=job.request.client, job=job.number, files=files)

@@ -394,6 +394,7 @@ class EventKind(str, enum.Enum):
     CLOSED = "closed"
     SCRIPT_SAVED = "script saved"
     SCRIPT_LOADED = "script loaded"
+    FILES_DELETED = "files deleted"
     DURABLE = "durable"  # the journal stopped or goes on
 
 

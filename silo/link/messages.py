@@ -5,6 +5,8 @@ import msgspec
 from silo.ipc.messages import AnyDo, AnyReply
 from silo.model import SavedFile, State, Table
 
+FILES_DELETED = 75  # exit code of a helper process that ends so that its successor makes its socket anew
+
 
 class RobotState(msgspec.Struct, frozen=True, tag=True):
     """Robot to helper: pushed at connection and after every change. `table` only when its revision changed."""
@@ -37,15 +39,24 @@ class LinkReply(msgspec.Struct, frozen=True, tag=True):
 
 
 class LinkSaved(msgspec.Struct, frozen=True, tag=True):
-    """Helper to robot: a save asked for through the link came to its end; `error` is empty when it worked."""
+    """Helper to robot: a save of any client came to its end; `error` is empty when it worked.
+
+    Then the first `ticks` of the run of that id stand in files.
+    """
 
     job: int
     files: list[SavedFile]
     error: str
+    run: str = ""
+    ticks: int = 0
+
+
+class LetGo(msgspec.Struct, frozen=True, tag=True):
+    """Robot to helper: let go of the present run's memory, it is needed for the next."""
 
 
 class Goodbye(msgspec.Struct, frozen=True, tag=True):
     """Robot to helper: closed on purpose; end without saving. End of file without it means that the robot died."""
 
 
-LinkMessage = RobotState | LinkRequest | LinkReply | LinkSaved | Goodbye
+LinkMessage = RobotState | LinkRequest | LinkReply | LinkSaved | LetGo | Goodbye

@@ -18,9 +18,10 @@ _default: Logger | NullLogger = NullLogger()
 
 
 def init(name: str = "silo", **options: Any) -> Logger:
-    """Make the default logger; takes the arguments of `silo.Logger`. A previous one is closed."""
+    """Make the default logger; takes the arguments of `silo.Logger`. What a previous one holds is saved."""
     global _default  # noqa: PLW0603  # the one logger of the program
-    _default.close()
+    if isinstance(_default, Logger):
+        _default.abandon()
     _default = made = Logger(name, **options)
     return made
 
@@ -45,9 +46,9 @@ def update(*, read_script: bool = True) -> None:
     _default.update(read_script=read_script)
 
 
-def start() -> None:
+def start(*, unsaved: str = "clear") -> None:
     """`Logger.start` of the default logger."""
-    _default.start()
+    _default.start(unsaved=unsaved)
 
 
 def collect() -> None:
@@ -60,9 +61,9 @@ def stop() -> None:
     _default.stop()
 
 
-def restart() -> None:
+def restart(*, unsaved: str = "clear") -> None:
     """`Logger.restart` of the default logger."""
-    _default.restart()
+    _default.restart(unsaved=unsaved)
 
 
 def save(

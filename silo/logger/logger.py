@@ -16,11 +16,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from silo.collecting.losses import lost_samples
 from silo.collecting.run import Run
 from silo.collecting.schema import STOP_TEXTS, StopReason
-from silo.errors import SegmentError, SiloError, StateError
+from silo.errors import StateError
 from silo.logger.configuration import Configuration
+from silo.logger.current_run import CurrentRun
+from silo.logger.ending import forked_collect, save_at_end, say_where_it_is, write_run
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_type, logger_options, nanosecond_clock
 from silo.model import FileType, SavedFile, State, Storage, Threads
@@ -84,13 +85,11 @@ class Logger(Configuration):
             threads=threads,
         )
         self._clock = nanosecond_clock(clock)
+        _end_namesakes(options.name)
         super().__init__(options)
-        self._run: Run | None = None
+        self._present = CurrentRun()
         self._collect: Callable[[], None] = _idle
-        self._run_number = 0
         self._reason = ""
-        self._saved_ticks = 0
-        self._lost_at_end: int | None = None  # once the segment that counts is gone
         self._new_values = NewValuesReader()
         self._serving: Serving | None = None
         _living.add(self)  # its data outlives a process that ends without close()
@@ -114,82 +113,96 @@ class Logger(Configuration):
         if collect is _idle:
             vars(self).pop("collect", None)
 
-    def start(self) -> None:
+    def start(self, *, unsaved: str = "clear") -> None:
         """Clear all buffers and begin to log; calls `update()` first if that was never done.
 
-        Raises StateError if it runs already, SegmentError if there is no room for the buffers.
+        unsaved: what becomes of data of the last run that is in no file: `"clear"` drops it, `"save"` saves it first,
+        `"refuse"` raises a StateError that tells how much it is. Where two runs don't fit into the memory it is saved
+        in any case. Raises StateError if the logger runs already, SegmentError if there is no room for the buffers,
+        SaveError if what had to be saved could not be: the last run is then kept as it was.
         """
         with self._lock:
             self._check_open()
             self._check_stopped("start")
             if not self._updated:
                 self.update()
+            self._present.settle(unsaved, self._save_unsaved, self.options.name, self.options.frequency_hz)
             self._warn_of_pending()
-            if self.options.storage is Storage.DISK and (self._serving is None or not self._serving.alive):
-                log.warning(
-                    "%s: storage='disk' keeps its journal in the helper process, and this logger has none: nothing is "
-                    "durable, a power cut loses what was not saved; call serve() before start()",
-                    self.options.name,
-                )
-            self._run = self._new_run()
-            self._saved_ticks = 0
+            self._warn_of_durability()
+            self._present.number += 1
+            stopped = functools.partial(self._stop_by_itself, self._present.number)
+            make = functools.partial(Run, self.options, self._table.elements, self._clock, stopped, self._collect_now)
+            run = self._present.replace(make, self._save_unsaved, self._let_go)
             self._new_values = NewValuesReader()
             self._reason = ""
             self._running = True
-            self._set_collect(self._run.collect)
+            if self._serving is not None:
+                self._serving.hand_over()  # before its first tick: whatever happens next, the helper process knows it
+            self._set_collect(run.collect)
             self._tell()
+
+    def _save_unsaved(self) -> None:
+        """Save the last run in this process: the link thread, which the helper's answer comes by, may wait for us."""
+        run = self._present.run
+        assert run is not None
+        files = write_run(run, self.options)
+        self._present.mark_saved(run, run.segment.ticks)
+        paths = ", ".join(file.path for file in files)
+        log.warning("%s: the last run was saved before it is cleared: %s", self.options.name, paths)
+
+    def _let_go(self) -> None:
+        if self._serving is not None:
+            self._serving.let_go()
 
     def _warn_of_pending(self) -> None:
         if self._table.pending:
             names = ", ".join(element.info.name for element in self._table.pending)
             log.warning("%s: added after the last update(), so not logged: call update() before start()", names)
 
-    def _new_run(self) -> Run:
-        previous = self._run
-        self._run_number += 1
-        stopped = functools.partial(self._stop_by_itself, self._run_number)
-        make = functools.partial(Run, self.options, self._table.elements, self._clock, stopped, self._collect_now)
-        try:
-            run = make()
-        except SegmentError:
-            if previous is None:
-                raise
-            self._run = None
-            previous.drop()
-            del previous  # the old buffers may be what fills the memory, which is freed with the last of their users
-            return make()
-        if previous is not None:
-            previous.drop()
-        return run
+    def _warn_of_durability(self) -> None:
+        if self.options.storage is Storage.DISK and self._serving is None:
+            log.warning(
+                "%s: storage='disk' keeps its journal in the helper process, and this logger has none: nothing is "
+                "durable, a power cut loses what was not saved; call serve() before start()",
+                self.options.name,
+            )
 
     def stop(self) -> None:
         """End logging; the data stays and can be saved. Stopping a stopped logger succeeds."""
         with self._lock:
-            if self._running and self._run is not None:
+            if self._running and self._present.run is not None:
                 self._running = False
                 self._set_collect(_idle)
-                self._run.end(StopReason.ASKED)
+                self._present.run.end(StopReason.ASKED)
                 self._reason = STOP_TEXTS[StopReason.ASKED]
                 self._tell()
 
-    def restart(self) -> None:
-        """Stop and start: the buffers are cleared."""
+    def restart(self, *, unsaved: str = "clear") -> None:
+        """Stop and start: the buffers are cleared, `unsaved` as for `start`. After an error the logger is stopped."""
         with self._lock:
+            self._check_open()
+            if unsaved != "save":  # a save waits until the loop stands still
+                self._present.settle(unsaved, self._save_unsaved, self.options.name, self.options.frequency_hz)
             self.stop()
-            self.start()
+            self.start(unsaved="save" if unsaved == "save" else "clear")
 
     def _stop_by_itself(self, run_number: int, reason: StopReason) -> None:
         """Called by the tick that filled the time buffer: takes no lock."""
-        if run_number != self._run_number:
+        if run_number != self._present.number:
             return  # a tick that was under way while another thread restarted
         self._set_collect(_idle)
         self._running = False
         self._reason = STOP_TEXTS[reason]
-        if self._run is not None:
-            self._run.end(reason)
+        if self._present.run is not None:
+            self._present.run.end(reason)
         self._tell()
 
     # ----------------------------------------------------------------------------------------------- the state
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it was closed, for good."""
+        return self._closed
 
     @property
     def is_running(self) -> bool:
@@ -199,14 +212,12 @@ class Logger(Configuration):
     @property
     def ticks(self) -> int:
         """Ticks logged since the last start."""
-        return self._run.segment.ticks if self._run else 0
+        return self._present.ticks
 
     @property
     def lost(self) -> int:
         """Samples that could not be kept since the last start (memory limit), all elements together."""
-        if self._lost_at_end is not None:
-            return self._lost_at_end
-        return lost_samples(self._run.reader) if self._run and self._run.segment.lost else 0
+        return self._present.lost
 
     @property
     def stop_reason(self) -> str:
@@ -216,7 +227,7 @@ class Logger(Configuration):
     @property
     def source_failures(self) -> dict[str, int]:
         """At how many ticks each element could not be read since start; only attributes and functions that failed."""
-        return self._run.segment.failures if self._run else {}
+        return self._present.failures
 
     # ---------------------------------------------------------------------------------------------------- data
 
@@ -226,9 +237,9 @@ class Logger(Configuration):
         """
         with self._lock:
             self._check_open()
-            if self._run is None:
+            if self._present.run is None:
                 raise StateError("nothing was logged yet: call start() and collect() first")
-            return self._run.reader.snapshot()
+            return self._present.run.reader.snapshot()
 
     def read_new_values(self, name: str) -> NewValues:
         """Return all samples of an element since the last such call, oldest first.
@@ -238,9 +249,9 @@ class Logger(Configuration):
         with self._lock:
             self._check_open()
             info = self._table.elements[self._table.place(name)].info
-            if self._run is None:
+            if self._present.run is None:
                 raise StateError("nothing was logged yet: call start() and collect() first")
-            return self._new_values.read(self._run.reader, info.name)
+            return self._new_values.read(self._present.run.reader, info.name)
 
     def save(
         self,
@@ -257,26 +268,31 @@ class Logger(Configuration):
         """
         chosen = [file_type(one) for one in ([types] if isinstance(types, FileType | str) else types)]
         self._check_open()
-        run = self._run
+        run = self._present.run
         if run is None:
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
         ticks = run.segment.ticks
-        if self._serving is not None and self._serving.alive:
+        if self._serving is not None and self._serving.is_up:
             saved = self._serving.save(chosen, name or "", str(Path(folder).resolve()) if folder else "")
         else:
             from silo.files import write
 
             saved = write(self.snapshot(), folder or self.options.folder, self.options.name, chosen, name)
         with self._lock:
-            if run is self._run:  # else it was started anew meanwhile
-                self._saved_ticks = max(self._saved_ticks, ticks)
-                run.segment.mark_saved(self._saved_ticks)
+            self._present.mark_saved(run, ticks)
         return saved
+
+    def note_saved(self, run_id: str, ticks: int) -> None:
+        """Take in that the helper process saved the first `ticks` of a run for one of its clients."""
+        with self._lock:
+            run = self._present.run
+            if run is not None and run.id == run_id:
+                self._present.mark_saved(run, ticks)
 
     @property
     def has_unsaved(self) -> bool:
         """Whether ticks were logged that stand in no file."""
-        return self.ticks > self._saved_ticks
+        return self._present.has_unsaved
 
     # ------------------------------------------------------------------------------------------- serving, ending
 
@@ -306,15 +322,10 @@ class Logger(Configuration):
             self._closed = True
         if self._serving is not None:
             self._serving.close()
-        self._drop()
+        self._present.drop()
         self._table.release()
 
     cleanup = close
-
-    def _drop(self) -> None:
-        if self._run is not None:
-            self._lost_at_end = self.lost
-            self._run.drop()
 
     def __enter__(self) -> "Logger":
         return self
@@ -335,45 +346,33 @@ class Logger(Configuration):
         """
         if self._closed:
             return
-        if not self.has_unsaved or self._run is None:
+        run = self._present.run
+        if not self.has_unsaved or run is None:
             self.close()
             return
         self.stop()
         self._closed = True
         if self._serving is not None:
-            if self._serving.alive:
-                self._serving.abandon()
+            if self._serving.is_up:
+                self._serving.abandon(self.segment_path, self.ticks)
+            else:
+                self._serving.close()
             if self._serving.left == (self.segment_path, self.ticks):
                 return  # the helper process saves them and deletes the segment
-        from silo.files import write
-
-        options = self.options
-        try:
-            saved = write(self._run.reader.snapshot(), options.folder, options.name, [FileType.SILO])
-        except SiloError as failure:
-            self._say_where_it_is(f": {failure}")
-            return
-        self._drop()
-        paths = ", ".join(file.path for file in saved)
-        print(f"silo: logger '{options.name}' ended without save() or close(); saved {paths}", file=sys.stderr)
+        if save_at_end(run, self.options):
+            self._present.drop()
 
     def __del__(self) -> None:
         """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""
         if getattr(self, "_closed", True):
             return
-        if self.has_unsaved and (self._serving is None or not self._serving.alive):
+        run = self._present.run
+        if run is not None and self.has_unsaved and (self._serving is None or not self._serving.is_up):
             self.stop()
             self._closed = True
-            self._say_where_it_is("")  # the collector may run in any thread: no place to write files
+            say_where_it_is(run, self.options)  # the collector may run in any thread: no place to write files
         else:
             self.abandon()
-
-    def _say_where_it_is(self, problem: str) -> None:
-        print(
-            f"silo: logger '{self.options.name}' ended without save() or close(){problem}; {self.ticks} ticks are kept "
-            f"in {self.segment_path}: run `silo recover` to save them",
-            file=sys.stderr,
-        )
 
     def _tell(self) -> None:
         """Let the helper process know of a new state or table. Never waits."""
@@ -388,18 +387,34 @@ class Logger(Configuration):
     @property
     def segment_path(self) -> str:
         """The file of the current or last run, empty before the first start."""
-        return str(self._run.segment.path) if self._run else ""
+        return self._present.path
+
+    @property
+    def present_run(self) -> Run | None:
+        """The current or last run; for the serving thread."""
+        return self._present.run
 
     def after_fork_in_child(self) -> None:
         """A forked child must not write into its parent's buffers, nor delete them."""
         self._lock = threading.RLock()  # the parent may hold it
-        if self._run is not None:
-            self._run.forget()
-        self._set_collect(_idle)
+        if self._present.run is not None:
+            self._present.run.forget()
+        self._set_collect(forked_collect(self.options.name) if self._running else _idle)
         self._running = False
         self._closed = True
         self._serving = None
-        self._run = None
+        self._present = CurrentRun()
+
+
+def _end_namesakes(name: str) -> None:
+    """A logger of a name that lives in this process already ends: clients could not tell the two from each other."""
+    for other in [each for each in _living if each.options.name == name and not each.is_closed]:
+        print(
+            f"silo: logger '{name}' was made a second time in this program (a cell run again, a name rebound?): the "
+            "first one is closed; give loggers that are to live side by side names of their own",
+            file=sys.stderr,
+        )
+        other.abandon()
 
 
 @atexit.register

@@ -48,6 +48,7 @@ class NullLogger:
     """Takes every call of `Logger` and logs nothing. `array` returns ordinary zeros, so that the program works on."""
 
     is_running = False
+    is_closed = False
     has_unsaved = False
     ticks = 0
     lost = 0
@@ -108,13 +109,13 @@ class NullLogger:
     def collect(self) -> None:
         """Do nothing."""
 
-    def start(self) -> None:
+    def start(self, *, unsaved: str = "clear") -> None:
         """Do nothing."""
 
     def stop(self) -> None:
         """Do nothing."""
 
-    def restart(self) -> None:
+    def restart(self, *, unsaved: str = "clear") -> None:
         """Do nothing."""
 
     def set(self, name: str = "/", **options: Any) -> int:

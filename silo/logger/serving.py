@@ -1,7 +1,8 @@
 """The robot process's end of the link to its helper process: one small thread, never the control loop.
 
 The thread answers what clients ask of the logger (edits, start, stop, restart), pushes every new state, and starts a
-new helper when one died. `collect()` never waits for any of it.
+new helper when one died, again and again. `collect()` never waits for any of it. The thread holds the logger weakly:
+one that the program forgot ends with its helper process.
 """
 
 import concurrent.futures
@@ -9,28 +10,26 @@ import itertools
 import logging
 import os
 import select
-import socket
-import subprocess
-import sys
 import threading
 import time
+import weakref
 from pathlib import Path
 from types import TracebackType
 
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.ipc.messages import Done, Refused, Save, SaveStarted
-from silo.link.channel import LinkChannel
-from silo.link.messages import Goodbye, LinkReply, LinkRequest, LinkSaved, RobotState
+from silo.link.handover import RunOffer, offer_run
+from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.logger.answers import Served, answer, robot_state
+from silo.logger.helper_process import HelperProcess
 from silo.model import FileType, SavedFile
 
 log = logging.getLogger("silo")
 
 SaveFuture = concurrent.futures.Future[list[SavedFile]]
 
-READY_TIMEOUT_S = 15.0
-MAX_RESPAWNS = 5  # within RESPAWN_WINDOW_S, then the logger goes on without a helper
-RESPAWN_WINDOW_S = 60.0
+LONG_LIFE_S = 60.0  # a helper process that lived longer was a good one: the next is started at once
+RESPAWN_DELAYS_S = (0.0, 0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)  # before each try; the last one for ever after
 
 
 class Serving:
@@ -38,8 +37,9 @@ class Serving:
 
     def __init__(self, logger: Served, *, group: str | None, config: str | os.PathLike[str] | None) -> None:
         """Start the helper process and wait until it answers. Raises ConnectionLostError with its reason."""
-        self._logger = logger
-        self._arguments = ["--name", logger.options.name]
+        self._logger_ref = weakref.ref(logger)
+        self._name = logger.options.name
+        self._arguments = ["--name", self._name]
         if group is not None:
             self._arguments += ["--group", group]
         if config is not None:
@@ -52,71 +52,53 @@ class Serving:
         self._saves: dict[int, SaveFuture] = {}
         self._table_sent = -1
         self._by = ""
-        self._spawned: list[float] = []
-        self.alive = True
+        self._tries = 0
+        self._started_s = 0.0
+        self.alive = True  # until it is closed
+        self.is_up = False  # whether a helper process is there right now
         self.left: tuple[str, int] | None = None  # the segment and the ticks that the helper was told to save
-        self._spawn()
+        try:
+            self._spawn()
+        except (SiloError, OSError) as error:
+            os.close(self._wake)
+            text = f"the helper process of logger '{self._name}' didn't start: {error}"
+            raise ConnectionLostError(text) from error
         self._thread = threading.Thread(target=self._serve, name="silo-link", daemon=True)
         self._thread.start()
 
     # ------------------------------------------------------------------------------------------ the helper process
 
     def _spawn(self) -> None:
-        ours, theirs = socket.socketpair()
-        command = [sys.executable, "-m", "silo.helper", "--fd", str(theirs.fileno()), *self._arguments]
-        home = str(Path(__file__).resolve().parents[2])
-        paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
-        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(paths), OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
-        self._spawned.append(time.monotonic())
-        # a session of its own: Ctrl-C in the robot's terminal must not end the helper before the data is saved
-        self._process = subprocess.Popen(
-            command, pass_fds=[theirs.fileno()], env=environment, start_new_session=True, stdin=subprocess.DEVNULL
-        )
-        theirs.close()
-        self._channel = LinkChannel(ours)
-        self._socket = ours
+        self._started_s = time.monotonic()
+        self._helper = HelperProcess(self._arguments)
         self._table_sent = -1
         try:
+            self.hand_over()
             self._push_state()
         except OSError:
             log.debug("the helper process ended before it read its first message")  # why is asked for next
-        self._wait_until_ready()
-
-    def _wait_until_ready(self) -> None:
-        readable, _, _ = select.select([self._socket], [], [], READY_TIMEOUT_S)
-        message = self._channel.receive() if readable else None
-        reply = message.reply if isinstance(message, LinkReply) and message.number == 0 else None
-        if isinstance(reply, Done):
-            self.socket_path = reply.text
-            return
-        self._socket.close()
-        self._process.kill()
-        self._process.wait()
-        reason = (
-            reply.text
-            if isinstance(reply, Refused)
-            else f"no answer within {READY_TIMEOUT_S:.0f} s; see its output above"
-        )
-        raise ConnectionLostError(f"the helper process of logger '{self._logger.options.name}' didn't start: {reason}")
+        self.socket_path = self._helper.wait_until_ready()
+        self.is_up = True
 
     @property
     def helper_pid(self) -> int:
         """Process id of the helper."""
-        return self._process.pid
+        return self._helper.pid
 
     # -------------------------------------------------------------------------------------------------- the thread
 
     def _serve(self) -> None:
         while self.alive:
-            readable = select.select([self._socket.fileno(), self._wake], [], [])[0]
+            link = self._helper.link.fileno()
+            readable = select.select([link, self._wake], [], [])[0]
             try:
                 if self._wake in readable:
                     os.eventfd_read(self._wake)
                     if not self.alive:
                         return
                     self._push_state()
-                if self._socket.fileno() in readable:
-                    message = self._channel.receive()
+                if link in readable:
+                    message = self._helper.channel.receive()
                     if message is None:
                         self._helper_died()
                     else:
@@ -125,14 +107,17 @@ class Serving:
                 self._helper_died()
 
     def _handle(self, message: object) -> None:
-        if isinstance(message, LinkRequest):
+        logger = self._logger_ref()
+        if isinstance(message, LinkRequest) and logger is not None:
             self._by = message.request.client
-            reply = answer(self._logger, message.request)
+            reply = answer(logger, message.request)
             self._push_state()
             self._send(LinkReply(message.number, reply))
         elif isinstance(message, LinkReply):
-            self._started(message)
+            self._replied(message)
         elif isinstance(message, LinkSaved):
+            if logger is not None and message.ticks:
+                logger.note_saved(message.run, message.ticks)
             future = self._saves.pop(message.job, None)
             if future is not None:
                 if message.error:
@@ -140,7 +125,7 @@ class Serving:
                 else:
                     future.set_result(message.files)
 
-    def _started(self, message: LinkReply) -> None:
+    def _replied(self, message: LinkReply) -> None:
         future = self._replies.pop(message.number, None)
         if future is None:
             return
@@ -153,39 +138,61 @@ class Serving:
             future.set_exception(SaveError(text))
 
     def _push_state(self) -> None:
-        state = robot_state(self._logger, self._by, self._table_sent)
+        logger = self._logger_ref()
+        if logger is None:
+            return  # it is being forgotten, and ends this
+        state = robot_state(logger, self._by, self._table_sent)
         self._by = ""
         self._send(state)
         self._table_sent = state.revision
 
-    def _send(self, message: RobotState | LinkRequest | LinkReply | Goodbye) -> None:
+    def _send(self, message: RobotState | LinkRequest | LinkReply | LetGo | Goodbye) -> None:
         with self._sending:
-            self._channel.send(message)
+            self._helper.channel.send(message)
 
     def _helper_died(self) -> None:
-        """Start a new helper; its predecessor may have been killed. The control loop notices nothing."""
+        """Start a new helper, as often as it takes. The control loop notices nothing."""
         if not self.alive:
             return  # it ended because the logger is being closed
-        self._socket.close()
-        self._process.kill()
-        code = self._process.wait()
+        self.is_up = False
+        code = self._helper.kill()
         self._fail_pending("the helper process died while it saved; a new one is being started: save again")
-        recent = [moment for moment in self._spawned if time.monotonic() - moment < RESPAWN_WINDOW_S]
-        name = self._logger.options.name
-        if len(recent) >= MAX_RESPAWNS:
-            log.error(
-                "%s: the helper process died %d times in a row, not starting another; logging goes on",
-                name,
-                len(recent),
+        if time.monotonic() - self._started_s > LONG_LIFE_S:
+            self._tries = 0
+        if code == FILES_DELETED:
+            log.warning("%s: a new helper process makes the folder and the socket of this logger anew", self._name)
+        else:
+            log.warning(
+                "%s: the helper process died (exit code %s), starting a new one; logging goes on", self._name, code
             )
-            self.alive = False
-            return
-        log.warning("%s: the helper process died (exit code %s), starting a new one; logging goes on", name, code)
+        while self.alive and not self._respawned():
+            pass
+
+    def _respawned(self) -> bool:
+        """Wait for the next try and make it; False if it failed."""
+        delay_s = RESPAWN_DELAYS_S[min(self._tries, len(RESPAWN_DELAYS_S) - 1)]
+        self._tries += 1
+        until_s = time.monotonic() + delay_s
+        while (left_s := until_s - time.monotonic()) > 0:
+            if select.select([self._wake], [], [], left_s)[0]:
+                os.eventfd_read(self._wake)
+                if not self.alive:
+                    return True
         try:
             self._spawn()
         except (SiloError, OSError) as failure:
-            log.error("%s: %s; logging goes on without it", name, failure)  # noqa: TRY400  # the words say it all
-            self.alive = False
+            again_s = RESPAWN_DELAYS_S[min(self._tries, len(RESPAWN_DELAYS_S) - 1)]
+            log.error(  # noqa: TRY400  # the words say it all
+                "%s: no helper process: %s; clients can't reach this logger, logging goes on, save() works in this "
+                "process; it is tried again in %g s",
+                self._name,
+                failure,
+                again_s,
+            )
+            return False
+        if self._tries > 1:
+            log.warning("%s: a helper process is there again", self._name)
+        return True
 
     def _fail_pending(self, reason: str) -> None:
         for reply in list(self._replies.values()):
@@ -203,6 +210,26 @@ class Serving:
             if self.alive:
                 os.eventfd_write(self._wake, 1)
 
+    def hand_over(self) -> None:
+        """Make the present run known to the helper process, before its first tick. Never waits."""
+        logger = self._logger_ref()
+        run = logger.present_run if logger is not None else None
+        if run is None:
+            return
+        descriptor = run.segment.open_read_only()
+        try:
+            if not offer_run(self._helper.runs, RunOffer(run.id, str(run.segment.path)), descriptor):
+                log.info("%s: the helper process takes no run over now, its successor will", self._name)
+        finally:
+            os.close(descriptor)
+
+    def let_go(self) -> None:
+        """Have the helper process free the memory of the present run, soon."""
+        try:
+            self._send(LetGo())
+        except OSError:
+            log.debug("a helper process that is gone holds nothing")
+
     def save(self, types: list[FileType], name: str, folder: str = "") -> list[SavedFile]:
         """Save in the helper process; waits without holding the GIL. Raises SaveError."""
         number = next(self._numbers)
@@ -219,9 +246,9 @@ class Serving:
         """End the helper process: clients are told that the logger was closed. The logger goes on."""
         self._end(say_goodbye=True)
 
-    def abandon(self) -> None:
-        """End without a goodbye: the helper process saves what was collected."""
-        self.left = (self._logger.segment_path, self._logger.ticks)
+    def abandon(self, segment_path: str, ticks: int) -> None:
+        """End without a goodbye: the helper process saves what was collected, so many ticks of that segment."""
+        self.left = (segment_path, ticks)
         self._end(say_goodbye=False)
 
     def _end(self, *, say_goodbye: bool) -> None:
@@ -237,15 +264,12 @@ class Serving:
             try:
                 self._send(Goodbye())
             except OSError:
-                log.info("%s: the helper process was gone already", self._logger.options.name)
-        self._socket.close()
+                log.info("%s: the helper process was gone already", self._name)
+        self._helper.let_go()
         self._fail_pending("the logger was closed meanwhile")
-        if say_goodbye:
-            try:
-                self._process.wait(READY_TIMEOUT_S)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+        if say_goodbye and self.is_up:
+            self._helper.wait()
+        self.is_up = False
 
     def __enter__(self) -> "Serving":
         return self
@@ -254,7 +278,8 @@ class Serving:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close; after Ctrl-C or an error, the helper process saves what was not saved yet."""
-        if kind is None or not self._logger.has_unsaved:
+        logger = self._logger_ref()
+        if kind is None or logger is None or not logger.has_unsaved:
             self.close()
         else:
-            self.abandon()
+            self.abandon(logger.segment_path, logger.ticks)

@@ -37,6 +37,7 @@ def test_nothing_offered_is_nothing_taken(ends):
     assert taken_runs(ends[1]) == []
 
 
+@pytest.mark.slow
 def test_a_run_arrives_when_its_program_died_right_after_the_offer(ends, tmp_path):
     ours, theirs = ends
     path = tmp_path / "segment"

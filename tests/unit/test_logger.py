@@ -322,7 +322,7 @@ def test_a_logger_that_stopped_by_itself_can_be_edited_and_started(counting):
 def test_the_segment_says_why_it_ended(counting):
     logger = counting()
     logger.stop()
-    assert logger._run.reader.stop_reason == logger.stop_reason == "stopped on request"
+    assert logger.present_run.reader.stop_reason == logger.stop_reason == "stopped on request"
 
 
 # --------------------------------------------------------------------------------------- calls in the wrong place

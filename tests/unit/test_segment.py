@@ -50,7 +50,7 @@ def test_without_room_start_says_how_much_is_missing_and_what_to_do(new_logger, 
     logger = new_logger()
     logger.array("x", 1000, buffer_size=10_000)
     with pytest.raises(
-        SegmentError, match=r"no room for 8\d\.\d MB of buffers, [34]\.\d MB are free.*storage=\"disk\""
+        SegmentError, match=r"no room for 8\d\.\d MB of buffers, [34]\.\d MB are free.*storage=\"file\""
     ):
         logger.start()
 
@@ -239,7 +239,7 @@ def test_when_even_time_stamps_find_no_room_the_logger_stops_by_itself(new_logge
     logger = new_logger(max_time=0, frequency=10)
     logger.array("x", (), np.int64, buffer_type=GROWING, buffer_size=1)
     logger.start()
-    segment = logger._run.segment
+    segment = logger.present_run.segment
     wait_until(lambda: len(segment._next) == 2)  # the thread has a chunk ready for each ring
     monkeypatch.setattr(segment, "_append", lambda ring: (_ for _ in ()).throw(SegmentError("full")))
     segment._next.clear()

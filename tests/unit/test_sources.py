@@ -188,8 +188,8 @@ def test_no_type_makes_silo_give_up_reading_by_address(new_logger, dtype):
     logger = new_logger()
     logger.add(np.ones(2, dtype), "x")
     logger.start()
-    assert addresses_work(logger._run.plan)
-    assert logger._run.plan.references
+    assert addresses_work(logger.present_run.plan)
+    assert logger.present_run.plan.references
 
 
 def test_text_keeps_its_zeros_out_of_the_log(logged):
@@ -617,4 +617,4 @@ def test_the_self_test_finds_an_address_that_is_wrong(new_logger, monkeypatch):
     logger = new_logger()
     logger.add(np.array([1.0, 2.0]), "x")
     logger.start()
-    assert logger._run.plan.references == ()
+    assert logger.present_run.plan.references == ()

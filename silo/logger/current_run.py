@@ -1,0 +1,113 @@
+"""The run that a logger has: how the next one takes its place, and how much of it stands in files.
+
+A run that holds unsaved data is let go of only by a decision: the program's (`clear`), or after it was saved.
+"""
+
+import time
+from collections.abc import Callable
+
+from silo.collecting.losses import lost_samples
+from silo.collecting.run import Run
+from silo.errors import NoRoomError, StateError
+
+FREEING_S = 3.0  # how long other processes may take to unmap what was deleted
+
+
+def _patiently(make: Callable[[], Run]) -> Run:
+    """Make a run as soon as there is room: memory is free when the last process has let go of it."""
+    until_s = time.monotonic() + FREEING_S
+    while (made := _made(make)) is None and time.monotonic() < until_s:
+        time.sleep(0.02)  # the end of another process's mapping can only be polled
+    return made or make()
+
+
+def _made(make: Callable[[], Run]) -> Run | None:
+    try:
+        return make()
+    except NoRoomError:
+        return None
+
+
+class CurrentRun:
+    """Holds the present run, or the last one; nothing before the first start."""
+
+    def __init__(self) -> None:
+        self.run: Run | None = None
+        self.number = 0
+        self.saved_ticks = 0
+        self._lost_at_end = 0
+
+    def replace(self, make: Callable[[], Run], save: Callable[[], object], let_go: Callable[[], None]) -> Run:
+        """Make a new run in the place of the present one, which stays if that fails.
+
+        Where both don't fit into the memory, the present one is saved by `save` if it must be, and freed before the new
+        one is made; `let_go` has other processes free it too. Raises SegmentError, SaveError: the present run stays.
+        """
+        try:
+            made = make()
+        except NoRoomError as error:
+            if self.run is None or error.needed_bytes > error.free_bytes + self.run.segment.size_bytes:
+                raise
+            if self.has_unsaved:
+                save()
+            let_go()
+            self.drop()
+            self.run = None
+            made = _patiently(make)
+        self.drop()
+        self.run, self.saved_ticks = made, 0
+        return made
+
+    def drop(self) -> None:
+        """Free the run's memory; its counts stay."""
+        if self.run is not None:
+            self._lost_at_end = self.lost
+            self.run.drop()
+
+    @property
+    def ticks(self) -> int:
+        """Ticks logged since the last start."""
+        return self.run.segment.ticks if self.run else 0
+
+    @property
+    def lost(self) -> int:
+        """Samples that could not be kept since the last start, also of a run that was dropped."""
+        if self.run is None or not self.run.segment.lost:
+            return 0
+        return lost_samples(self.run.reader) if self.run.segment.size_bytes else self._lost_at_end
+
+    @property
+    def failures(self) -> dict[str, int]:
+        """At how many ticks each element could not be read since the last start."""
+        return self.run.segment.failures if self.run else {}
+
+    @property
+    def path(self) -> str:
+        """The file of the run, empty before the first start."""
+        return str(self.run.segment.path) if self.run else ""
+
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether it has ticks that stand in no file."""
+        return self.ticks > self.saved_ticks
+
+    def mark_saved(self, run: Run, ticks: int) -> None:
+        """Remember that the first `ticks` of a run stand in files, unless it is the present one no more."""
+        if run is self.run and ticks > self.saved_ticks:
+            self.saved_ticks = ticks
+            run.segment.mark_saved(ticks)
+
+    def settle(self, unsaved: str, save: Callable[[], object], name: str, frequency_hz: float) -> None:
+        """Do with unsaved data what `start(unsaved=...)` was told. Raises StateError, or SaveError: nothing changed."""
+        if unsaved not in ("clear", "save", "refuse"):
+            raise StateError(f"unsaved must be 'clear', 'save' or 'refuse', got {unsaved!r}; nothing was changed")
+        if not self.has_unsaved or unsaved == "clear":
+            return
+        if unsaved == "save":
+            save()
+            return
+        ticks = self.ticks - self.saved_ticks
+        raise StateError(
+            f"logger '{name}' holds {ticks} ticks ({ticks / frequency_hz:.1f} s) that are in no file, and a start "
+            "clears them: save them first, or say what is to become of them (save or discard); nothing was changed"
+        )

@@ -1,0 +1,83 @@
+"""One helper process from the robot program's side: started, asked whether it is ready, ended."""
+
+import os
+import select
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from silo.errors import ConnectionLostError
+from silo.ipc.messages import Done, Refused
+from silo.link.channel import LinkChannel
+from silo.link.handover import handover_pair
+from silo.link.messages import LinkReply
+
+READY_TIMEOUT_S = 15.0
+# glibc gives each thread an arena of its own that it rarely gives back
+ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+
+
+class HelperProcess:
+    """A helper process: `link` carries messages, `runs` hands runs over."""
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        """Start it; it waits for the first message on the link. Raises OSError."""
+        self.link, theirs = socket.socketpair()
+        self.runs, their_runs = handover_pair()
+        self.channel = LinkChannel(self.link)
+        descriptors = [theirs.fileno(), their_runs.fileno()]
+        command = [sys.executable, "-m", "silo.helper", "--fd", str(descriptors[0]), "--runs-fd", str(descriptors[1])]
+        home = str(Path(__file__).resolve().parents[2])
+        paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
+        try:
+            # a session of its own: Ctrl-C in the robot's terminal must not end the helper before the data is saved
+            self._process = subprocess.Popen(
+                [*command, *arguments],
+                pass_fds=descriptors,
+                env=dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **ENVIRONMENT),
+                start_new_session=True,
+                stdin=subprocess.DEVNULL,
+            )
+        except BaseException:
+            self.let_go()
+            raise
+        finally:
+            theirs.close()
+            their_runs.close()
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    def wait_until_ready(self) -> str:
+        """Return the path of its socket once clients can come. Raises ConnectionLostError with its reason."""
+        readable, _, _ = select.select([self.link], [], [], READY_TIMEOUT_S)
+        message = self.channel.receive() if readable else None
+        reply = message.reply if isinstance(message, LinkReply) and message.number == 0 else None
+        if isinstance(reply, Done):
+            return reply.text
+        self.kill()
+        if isinstance(reply, Refused):
+            raise ConnectionLostError(reply.text)
+        raise ConnectionLostError(f"no answer within {READY_TIMEOUT_S:.0f} s; see its output above")
+
+    def let_go(self) -> None:
+        """Close both channels, by which it learns that the robot program is done with it."""
+        self.link.close()
+        self.runs.close()
+
+    def kill(self) -> int:
+        """End it at once, if it hasn't; return its exit code."""
+        self.let_go()
+        self._process.kill()
+        return self._process.wait()
+
+    def wait(self) -> None:
+        """Wait until it ended by itself; kill it if it takes too long."""
+        try:
+            self._process.wait(READY_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self.kill()

@@ -1,0 +1,347 @@
+"""No run gets lost: known before its first tick, kept when the next can't begin, saved when its files are deleted."""
+
+import gc
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import SegmentError, StateError
+from silo.ipc.client import Client
+from silo.ipc.messages import EventKind
+
+PROGRAM = """
+import os, signal, sys
+import numpy as np
+import silo
+log = silo.Logger("bot", frequency=1000, folder={folder!r}, script={folder!r} + "/none.yaml")
+x = log.array("x", 3, np.int64)
+serving = log.serve()
+log.start()
+for tick in range({ticks}):
+    x[:] = tick
+    log.collect()
+{then}
+"""
+
+
+def run_program(folder: Path, ticks: int, then: str) -> subprocess.CompletedProcess[str]:
+    code = PROGRAM.format(folder=str(folder), ticks=ticks, then=textwrap.dedent(then))
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+
+def saved_values(folder: Path) -> list[int]:
+    (path,) = folder.glob("*.silo")
+    return silo.open_log(path)["/log/x_x"].values.tolist()
+
+
+@pytest.fixture
+def served(tmp_path):
+    made = []
+
+    def make(name="bot", **options):
+        log = silo.Logger(name, frequency=1000, folder=tmp_path, script=tmp_path / "none.yaml", **options)
+        made.append(log)
+        return log
+
+    yield make
+    for log in made:
+        log.close()
+
+
+# ---------------------------------------------------------------------------------------- before the first tick
+
+
+@pytest.mark.parametrize("ticks", [1, 20, 80])
+def test_a_save_right_after_the_start_has_every_tick(tmp_path, ticks):
+    for number in range(5):
+        folder = tmp_path / str(number)
+        done = run_program(folder, ticks, "log.save(); log.close()")
+        assert done.returncode == 0, done.stderr
+        assert saved_values(folder) == list(range(ticks))
+
+
+@pytest.mark.parametrize("ticks", [1, 7])
+@pytest.mark.parametrize("then", ["raise ValueError", "os.kill(os.getpid(), signal.SIGKILL)", "os._exit(3)"])
+def test_a_program_that_ends_right_after_the_start_leaves_every_tick(tmp_path, until, ticks, then):
+    run_program(tmp_path, ticks, then)
+    until(lambda: list(tmp_path.glob("*.silo")))
+    assert saved_values(tmp_path) == list(range(ticks))
+
+
+def test_a_new_helper_process_is_handed_the_run_that_goes_on(served, until):
+    log = served()
+    x = log.array("x", (), np.int64)
+    serving = log.serve()
+    log.start()
+    for tick in range(10):
+        x[...] = tick
+        log.collect()
+    first = serving.helper_pid
+    os.kill(first, signal.SIGKILL)
+    until(lambda: serving.helper_pid != first and serving.is_up)
+    (file,) = log.save()
+    assert silo.open_log(file.path)["/log/x"].values.tolist() == list(range(10))
+
+
+# ----------------------------------------------------------------------------------------- a start that fails
+
+
+@pytest.fixture
+def small_memory(tmp_path, monkeypatch):
+    """A runtime folder of 12 MB."""
+    folder = tmp_path / "shm"
+    folder.mkdir(mode=0o700)
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=12m,mode=0700", "none", str(folder)], check=False, capture_output=True
+    )
+    if mounted.returncode:
+        pytest.skip("needs the right to mount")
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(folder))
+    yield folder
+    subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("with_helper", [False, True])
+def test_a_restart_that_finds_no_room_keeps_the_recording(served, small_memory, with_helper):
+    log = served()
+    x = log.array("x", 100, buffer_size=4000)
+    if with_helper:
+        log.serve()
+    log.start()
+    x[:] = 7
+    log.collect()
+    log.stop()
+    log.set("x", buffer_size=100_000)
+    with pytest.raises(SegmentError, match="no room for"):
+        log.start()
+    assert log.has_unsaved
+    assert log.snapshot().elements[0].entries[0].values.tolist() == [7]
+    (file,) = log.save()
+    assert silo.open_log(file.path)["/log/x_0"].values.tolist() == [7]
+
+
+@pytest.mark.parametrize("with_helper", [False, True])
+def test_where_two_runs_do_not_fit_the_old_one_is_saved_before_it_is_freed(
+    served, small_memory, tmp_path, with_helper, caplog
+):
+    log = served()
+    x = log.array("x", 100, buffer_size=8000)  # 6.5 MB
+    if with_helper:
+        log.serve()
+    log.start()
+    x[:] = 7
+    log.collect()
+    log.restart()
+    assert (log.ticks, log.is_running) == (0, True)
+    assert saved_at(tmp_path, "/log/x_0") == [7]
+    assert "the last run was saved before it is cleared" in caplog.text
+
+
+def saved_at(folder: Path, name: str) -> list[float]:
+    (path,) = folder.glob("*.silo")
+    return silo.open_log(path)[name].values.tolist()
+
+
+def test_a_start_without_descriptors_keeps_the_recording(served):
+    log = served()
+    x = log.array("x")
+    log.start()
+    x[...] = 7
+    log.collect()
+    log.stop()
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, limits[1]))
+    try:
+        with pytest.raises(SegmentError):
+            log.start()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert log.has_unsaved
+    assert log.snapshot().elements[0].entries[0].values.tolist() == [7]
+
+
+# ------------------------------------------------------------------------------------- what becomes of the last run
+
+
+def test_a_start_clears_saves_or_refuses_as_it_was_told(served, tmp_path):
+    log = served()
+    log.array("x")
+    for unsaved in ("clear", "save", "refuse"):
+        log.start()
+        log.collect()
+        log.stop()
+        if unsaved == "refuse":
+            with pytest.raises(StateError, match=r"holds 1 ticks \(0.0 s\) that are in no file"):
+                log.start(unsaved=unsaved)
+            assert log.has_unsaved
+        else:
+            log.start(unsaved=unsaved)
+            log.stop()
+        assert len(list(tmp_path.glob("*.silo"))) == (0 if unsaved == "clear" else 1)
+
+
+def test_a_restart_that_is_refused_goes_on_logging(served):
+    log = served()
+    log.array("x")
+    log.start()
+    log.collect()
+    with pytest.raises(StateError, match="in no file"):
+        log.restart(unsaved="refuse")
+    log.collect()
+    assert (log.is_running, log.ticks) == (True, 2)
+
+
+def test_a_save_by_a_client_counts_for_the_robot_program_too(served, until):
+    log = served()
+    log.array("x")
+    log.serve()
+    log.start()
+    log.collect()
+    with Client.connect("bot") as client:
+        client.save([silo.FileType.SILO])
+        until(lambda: not log.has_unsaved)
+    log.collect()
+    assert log.has_unsaved
+
+
+# --------------------------------------------------------------------------------------------- files deleted
+
+
+def test_what_is_logged_is_saved_and_reachable_when_its_files_are_deleted(served, runtime_folder, tmp_path, until):
+    log = served()
+    x = log.array("x", (), np.int64)
+    serving = log.serve()
+    log.start()
+    for tick in range(2000):
+        x[...] = tick
+        log.collect()
+    first = serving.helper_pid
+    with Client.connect("bot") as client:
+        events = []
+        client.on_event(events.append)
+        shutil.rmtree(runtime_folder)
+        until(lambda: any(event.kind is EventKind.FILES_DELETED for event in events))
+    until(lambda: list(tmp_path.glob("*.silo")))
+    assert saved_at(tmp_path, "/log/x") == list(range(2000))
+    until(lambda: serving.helper_pid != first and serving.is_up)
+    with Client.connect("bot") as client:
+        assert client.status().ticks == 2000
+    x[...] = 2000
+    log.collect()
+    (file,) = log.save()
+    assert silo.open_log(file.path)["/log/x"].values.tolist() == list(range(2001))
+    log.restart()
+    assert Path(log.segment_path).exists()
+
+
+def test_a_save_without_helper_works_when_the_files_are_deleted(served, runtime_folder):
+    log = served()
+    x = log.array("x")
+    log.start()
+    x[...] = 3
+    log.collect()
+    shutil.rmtree(runtime_folder)
+    (file,) = log.save()
+    assert silo.open_log(file.path)["/log/x"].values.tolist() == [3]
+
+
+# ------------------------------------------------------------------------------------- the helper process again
+
+
+def test_a_helper_process_is_started_again_however_often_it_dies(served, until, monkeypatch):
+    monkeypatch.setattr("silo.logger.serving.RESPAWN_DELAYS_S", (0.0,))
+    log = served()
+    log.array("x")
+    serving = log.serve()
+    for _ in range(8):
+        pid = serving.helper_pid
+        os.kill(pid, signal.SIGKILL)
+        until(lambda pid=pid: serving.helper_pid != pid and serving.is_up)
+    with Client.connect("bot") as client:
+        assert client.status().logger == "bot"
+
+
+def test_while_there_is_no_helper_process_the_program_saves_by_itself(served, until, monkeypatch, caplog):
+    log = served()
+    log.array("x")
+    serving = log.serve()
+    log.start()
+    log.collect()
+    monkeypatch.setattr("silo.logger.helper_process.sys.executable", "/bin/false")
+    os.kill(serving.helper_pid, signal.SIGKILL)
+    until(lambda: "no helper process:" in caplog.text)
+    (file,) = log.save()
+    assert silo.open_log(file.path)["/log/x"].values.tolist() == [0.0]
+    monkeypatch.undo()
+    until(lambda: serving.is_up)
+    assert "a helper process is there again" in caplog.text
+
+
+# -------------------------------------------------------------------------------------------- forgotten loggers
+
+
+def test_a_forgotten_logger_ends_with_its_helper_process(tmp_path, until):
+    log = silo.Logger("bot", frequency=1000, folder=tmp_path, script=tmp_path / "none.yaml")
+    x = log.array("x")
+    pid = log.serve().helper_pid
+    log.start()
+    x[...] = 5
+    log.collect()
+    del log, x
+    gc.collect()  # what collect() needs of its logger is a circle
+    until(lambda: not Path(f"/proc/{pid}/cmdline").exists() or not Path(f"/proc/{pid}/cmdline").read_bytes())
+    assert saved_at(tmp_path, "/log/x") == [5.0]
+
+
+def test_a_second_logger_of_the_name_saves_and_closes_the_first(served, tmp_path, capfd):
+    first = served()
+    x = first.array("x")
+    first.start()
+    x[...] = 5
+    first.collect()
+    second = served()
+    assert saved_at(tmp_path, "/log/x") == [5.0]
+    assert "logger 'bot' was made a second time in this program" in capfd.readouterr().err
+    second.array("x")
+    second.start()
+    with pytest.raises(StateError, match="is closed"):
+        first.start()
+
+
+def test_init_again_saves_what_the_default_logger_holds(tmp_path, capfd):
+    options = {"folder": tmp_path, "script": tmp_path / "none.yaml"}
+    silo.init("bot", **options)
+    silo.array("x")
+    silo.start()
+    silo.collect()
+    silo.init("bot", **options)
+    silo.close()
+    assert saved_at(tmp_path, "/log/x") == [0.0]
+
+
+def test_a_forked_child_says_once_that_it_logs_nothing(served, capfd):
+    log = served()
+    log.array("x")
+    log.start()
+    kept = log.collect
+    child = os.fork()
+    if child == 0:
+        try:
+            for _ in range(3):
+                log.collect()
+                kept()
+        finally:
+            os._exit(0)
+    os.waitpid(child, 0)
+    error = capfd.readouterr().err
+    assert error.count("does nothing in process") == 1
+    assert "make a logger of its own there" in error
