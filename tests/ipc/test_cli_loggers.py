@@ -297,6 +297,8 @@ def test_names_of_loggers_and_elements_are_completed(log: silo.Logger) -> None:
     assert completed("silo watch arm /log/j", 3) == ["/log/joints/q", "/log/joints/tau"]
     assert completed("silo watch /log/m", 2) == ["/log/mode"]
     assert completed("silo sc", 1) == ["script"]
+    assert completed("silo set arm /log buf", 4) == ["buffer=", "buf=", "buffer_size="]
+    assert completed("silo set arm /log buffer=f", 4) == ["buffer=fixed"]
     log.save_script()
     assert completed("silo script load a", 3) == ["arm", "arm.yaml"]
     assert completed("silo script load arm ", 4) == ["arm.yaml"]

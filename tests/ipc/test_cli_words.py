@@ -177,6 +177,15 @@ def test_checking_a_good_script_says_so(tmp_path: Path, capsys: pytest.CaptureFi
     assert capsys.readouterr().out == f"{path}: fine, 1 element\n"
 
 
+def test_checking_a_script_with_an_unknown_key_warns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text("log_elements:\n- name: /log/a\n  rat: 0\n")
+    assert run(["script", "check", str(path)]) == 0
+    shown = capsys.readouterr()
+    assert shown.out == f"{path}: fine, 1 element\n"
+    assert shown.err.startswith(f"warning: {path}:3: element '/log/a': unknown key 'rat' in an element; ")
+
+
 def test_checking_a_bad_script_fails_with_its_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "s.yaml"
     path.write_text("log_elements:\n- name: /log/a\n  divider: 0\n")

@@ -39,6 +39,27 @@ def test_loading_a_script_changes_the_table(bench, client, heard) -> None:
     assert "1 names are not in the table" in heard.wait(EventKind.SCRIPT_LOADED).text
 
 
+def test_unknown_keys_are_told_with_their_line_and_kept(bench, client, heard) -> None:
+    bench.script.write_text(SCRIPT + "    dividr: 3\nversion: 2\n")
+    warnings = [
+        f"{bench.script}:5: element '/log/x': unknown key 'dividr' in an element; did you mean 'divider'?",
+        f"{bench.script}:6: unknown key 'version' in a script; known are log_elements",
+    ]
+    assert (
+        client.diff_script().warnings == client.load_script().warnings == [f"{w}; it was left alone" for w in warnings]
+    )
+    assert "2 keys are unknown and were left alone" in heard.wait(EventKind.SCRIPT_LOADED).text
+    saved = client.save_script("", overwrite=True)
+    assert saved.endswith("kept what silo doesn't know: dividr of /log/x, version")
+    assert client.diff_script().warnings[0].partition(": ")[2] == f"{warnings[0].partition(': ')[2]}; it was left alone"
+
+
+def test_a_time_in_a_script_follows_the_rate_of_the_logger(bench, client) -> None:
+    (bench.script.parent / "a.yaml").write_text(SCRIPT + "    buffer: {size: 7s}\n")
+    client.load_script("a.yaml")
+    assert bench.logger.elements[0].options.buffer_size == bench.logger.options.frequency_hz
+
+
 def test_loading_is_refused_while_running(bench, client) -> None:
     (bench.script.parent / "a.yaml").write_text(SCRIPT)
     client.start()
