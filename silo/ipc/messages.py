@@ -104,7 +104,7 @@ class ViewOpened(Reply, frozen=True):
     missing: list[str]
 
 
-class Columns(Reply, frozen=True):
+class Columns(Reply, frozen=True, omit_defaults=True):
     """Minimum and maximum per column: little-endian float64 of shape `(len(names), count)`, NaN without finite value.
 
     They are offsets from `bases` (by place in `names`, 0 where it isn't named), so that integers beyond 2^53 are exact.
@@ -343,7 +343,7 @@ else:  # the unions of all of them, by whose tags msgspec decodes
 # ------------------------------------------------------------------------------------------------ published: views
 
 
-class ViewFrame(msgspec.Struct, frozen=True):
+class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     """One refresh of one view: put on `.../view/<id>`.
 
     `number` counts frames, so that gaps are seen. `generation` is that of the `ViewOpened` that explains the frame:

@@ -130,6 +130,10 @@ class TableScreen(SiloScreen):
         self.status_bar.update()
         if self.inspector.display:
             self.inspector.live_changed()
+        store = self.session.columns
+        if store.gapped and store.names:
+            store.past_until_ns = None  # asked for once: the logger still has what was in the frames that got lost
+            self.run_worker(self._fill(store, list(store.names)), group="history", exclusive=True)
 
     def second_passed(self) -> None:
         """Times go on."""

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.columns import Mark
+from silo.columns import Hole, Mark, holes_of
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.values import newest_values
 from silo_tui.model.recorded import RecordingSource
 from tests.examples import examples
 
@@ -137,6 +138,34 @@ def test_times_that_go_back_hide_no_sample():
     of = source(element("a", values), times=times)
     assert of.clock_jumps == 1
     assert np.nanmax(columns(of).high) == 9.0
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        (np.array(["NaT"], "M8[s]"), "NaT"), (np.array([b"\xffab"]), "\\xffab"),
+        (np.array([2**62 + 1]), str(2**62 + 1)),
+        (np.array([2**64 - 1], "u8"), str(2**64 - 1)), (np.array([1 + 2j]), "1+2j"),
+        (np.array([1_790_000_000_123_456_789], "M8[ns]"), "2026-09-21T14:13:20.123456789"),
+    ],
+)  # fmt: skip
+def test_a_value_of_a_file_has_the_text_that_a_live_one_has(values, text):
+    of = source(element("a", np.repeat(values, 1000)))
+    assert of.readings(["/log/a"], of.end_ns)["/log/a"].texts == {0: text}
+    assert newest_values(values)[1] == {0: text}
+
+
+@pytest.mark.parametrize(
+    ("made", "hole", "where"),
+    [
+        ({"first": 900}, Hole.OVERWRITTEN, slice(0, 89)), ({"lost": 5}, Hole.LOST, slice(12, None)),
+        ({}, Hole.FULL, slice(12, None)),
+    ],
+)  # fmt: skip
+def test_where_a_file_has_no_samples_it_says_why(made, hole, where):
+    past = columns(source(element("a", np.ones(100), **made)), column_ns=25_000_000)
+    assert (holes_of(past.marks[0])[where] == hole).all()
+    assert np.isnan(past.low[0][where]).all()
 
 
 def test_a_reading_is_the_newest_sample_up_to_that_time():

@@ -1,7 +1,11 @@
 """The monitor and the detail plot, driven by keys."""
 
+import threading
+from dataclasses import replace
+
 import numpy as np
 
+from silo.columns import Hole, hole_mark
 from silo.model import Action
 from silo_tui.model.braille import BLANK
 from silo_tui.model.fields import Field
@@ -66,6 +70,70 @@ async def test_zoom_shows_another_span(fake, opened):
         await screen.shows("5 s shown")
         await screen.press("minus", "minus")
         await screen.shows("20 s shown")
+
+
+async def test_frames_that_got_lost_are_fetched_from_the_history(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.until(lambda: fake.views[-1].seen_ns == fake.now_ns, "a frame")
+        store = monitor(screen).stack.store
+        fake.advance(2.0)
+        fake.views[-1].from_ns, fake.views[-1].seen_ns = fake.now_ns, -1  # what came in these 2 s is gone
+        fake.advance(0.5)
+        newest = fake.now_ns // store.column_ns
+        await screen.until(lambda: store.end > newest, "the frame after that")
+        await screen.until(lambda: not np.isnan(store.window(TORQUE, newest, 100)[0]).any(), "what was lost")
+
+
+async def test_a_wider_span_has_no_blank_though_its_history_comes_late(fake, opened):
+    fake.run(60)
+    gate = threading.Event()
+    gate.set()
+    history = fake.history
+
+    def late(*asked):
+        found = history(*asked)  # as it was when it was asked for
+        # frames are made of it too, by the screen's own thread
+        assert threading.current_thread() is threading.main_thread() or gate.wait(20)
+        return found
+
+    fake.history = late
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        gate.clear()
+        await screen.press("minus", "minus")
+        for _ in range(8):
+            fake.advance(0.25)
+            await screen.pilot.pause(0.05)
+        gate.set()
+        await screen.shows("30 s shown")
+        store = monitor(screen).session.columns
+        await screen.until(lambda: monitor(screen).stack.store is store and store.past_until_ns, "the history")
+        for _ in range(3):
+            fake.advance(0.25)
+            newest = fake.now_ns // store.column_ns
+            await screen.until(lambda newest=newest: store.end > newest, "the newest frame")
+        await screen.until(lambda: not np.isnan(store.window(TORQUE, newest, 120)[0]).any(), "no blank")
+
+
+async def test_what_was_overwritten_is_said_under_the_plots(fake, opened):
+    fake.run(20)
+    history = fake.history
+
+    def short(names, start_ns, end_ns, column_ns):
+        found = history(names, start_ns, end_ns, column_ns)
+        marks = np.zeros(found.low.shape, np.uint8)
+        gone = found.first + np.arange(found.low.shape[1]) < (fake.now_ns - 4_000_000_000) // column_ns
+        found.low[:, gone] = found.high[:, gone] = np.nan
+        marks[:, gone] = hole_mark(Hole.OVERWRITTEN)
+        return replace(found, marks=marks)
+
+    fake.history = short
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.shows("░ overwritten ░")
+        await screen.shows("5.9 s overwritten")
 
 
 async def test_the_cursor_reads_values(fake, opened):
