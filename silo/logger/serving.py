@@ -48,6 +48,13 @@ READY_TIMEOUT_S = 15.0
 MAX_RESPAWNS = 5  # within RESPAWN_WINDOW_S, then the logger goes on without a helper
 RESPAWN_WINDOW_S = 60.0
 
+HELPER_ENVIRONMENT = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "PYTHONMALLOC": "malloc",  # gives freed memory back, see silo/helper/heap.py
+    "PYTHONSAFEPATH": "1",  # `-m` puts the present folder first: a `queue.py` of the robot's would be the helper's, too
+}
+
 
 class Serving:
     """A served logger: a helper process that clients reach. A context manager."""
@@ -82,7 +89,7 @@ class Serving:
         command = [sys.executable, "-m", "silo.helper", "--fd", str(theirs.fileno()), *self._arguments]
         home = str(Path(__file__).resolve().parents[2])
         paths = [home, *filter(None, [os.environ.get("PYTHONPATH")])]
-        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(paths), OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
+        environment = dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **HELPER_ENVIRONMENT)
         self._spawned.append(time.monotonic())
         # a session of its own: Ctrl-C in the robot's terminal must not end the helper before the data is saved
         self._process = subprocess.Popen(

@@ -33,7 +33,19 @@ import psutil
 from numpy.typing import NDArray
 from processes import ROBOT, end_process, gone, show, signal_process, silo_command, wait_until, workplace
 from robot import Case
-from truth import IDLE, PHASE, RESTARTING, RUN_FIRST, RUNNING, SAID, SAVING, STARTING, STARTS, PhaseError, look, new_page
+from truth import (
+    PHASE,
+    RESTARTING,
+    RUN_FIRST,
+    RUNNING,
+    SAID,
+    SAVING,
+    STARTING,
+    STARTS,
+    PhaseError,
+    look,
+    new_page,
+)
 
 VICTIMS = ("robot", "both", "early")
 MOMENTS = {"running": RUNNING, "starting": STARTING, "restarting": RESTARTING, "saving": SAVING}
@@ -141,13 +153,15 @@ def perform(kill: Kill) -> Outcome:
             robot.wait()
         outcome = Outcome(kill)
         for helper in helpers:
-            wait_until(lambda helper=helper: gone(helper) or "ended without close" in said_path.read_text(), SETTLE_S, 0.02)
+            wait_until(
+                lambda helper=helper: gone(helper) or "ended without close" in said_path.read_text(), SETTLE_S, 0.02
+            )
         texts = [said_path.read_text()]
         texts.append(_next_command(kill, case, folder, environment))
         for helper in helpers:
             if not end_process(helper):
                 outcome.notes.append("the helper did not end by SIGTERM")
-        _judge(outcome, page.copy(), folder, environment, texts + [said_path.read_text()])
+        _judge(outcome, page.copy(), folder, environment, [*texts, said_path.read_text()])
         return outcome
 
 
@@ -155,7 +169,9 @@ def _strike(kill: Kill, robot: "subprocess.Popen[str]", page: Page) -> list[int]
     """Kill at the moment; returns the helpers that live on (those that were killed have ended)."""
     # a logger served after its start is "running" before its helper is there: that is a kill worth having, too
     phase = MOMENTS[kill.moment]
-    started = kill.moment == "starting" or wait_until(lambda: page[STARTS] > 0 or robot.poll() is not None, PHASE_TIMEOUT_S)
+    started = kill.moment == "starting" or wait_until(
+        lambda: page[STARTS] > 0 or robot.poll() is not None, PHASE_TIMEOUT_S
+    )
     # a start may be over before it is seen; the other phases come again
     if not started or not wait_until(
         lambda: page[PHASE] == phase or robot.poll() is not None or phase == STARTING < page[PHASE],
@@ -186,7 +202,12 @@ def _next_command(kill: Kill, case: Case, folder: Path, environment: dict[str, s
     new_page(folder / "page2")
     steps = ["serve", "start", "ticks 5", "save silo", "close"]
     case = Case(
-        name=case.name, folder=case.folder, page=str(folder / "page2"), storage=case.storage, steps=steps, size=case.size
+        name=case.name,
+        folder=case.folder,
+        page=str(folder / "page2"),
+        storage=case.storage,
+        steps=steps,
+        size=case.size,
     )
     command = [sys.executable, str(ROBOT), case.text]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False, cwd=logs)

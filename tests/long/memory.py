@@ -70,7 +70,9 @@ def _weigh(elements: int, helper: int) -> list[tuple[str, ...]]:
             act()
             time.sleep(rest_s)  # rest is what is measured: the helper trims its memory meanwhile
         now = memory_of(helper)
-        rows.append((str(elements), what, f"{now.private:.1f}", f"{max(peak.private, now.private):.1f}", f"{now.rss:.1f}"))
+        rows.append(
+            (str(elements), what, f"{now.private:.1f}", f"{max(peak.private, now.private):.1f}", f"{now.rss:.1f}")
+        )
 
     weigh("after start", lambda: None, 5.0)
     with connected(NAME) as client:

@@ -16,6 +16,7 @@ from types import TracebackType
 
 import psutil
 
+from silo.errors import ConnectionLostError
 from silo.ipc.client import Client
 
 HERE = Path(__file__).resolve().parent
@@ -101,7 +102,7 @@ def memory_of(pid: int) -> Memory:
 def descriptors_of(pid: int) -> int:
     """Open descriptors of a process; 0 if it has ended."""
     try:
-        return len(os.listdir(f"/proc/{pid}/fd"))
+        return sum(1 for _ in Path(f"/proc/{pid}/fd").iterdir())
     except OSError:
         return 0
 
@@ -131,20 +132,23 @@ class Peak:
 
 
 def connected(name: str, timeout_s: float = 20.0) -> Client:
-    """A client of a logger that may only just be starting. Raises what the last try raised."""
+    """A client of a logger that may only just be starting. Raises ConnectionLostError."""
     deadline = time.monotonic() + timeout_s
     while True:
         try:
             return Client.connect(name)
-        except Exception:
+        except ConnectionLostError:
             if time.monotonic() > deadline:
                 raise
-            time.sleep(0.05)
+        time.sleep(0.05)
 
 
 def show(rows: list[tuple[str, ...]]) -> None:
     """A table, its first row the head; the first column to the left, the others to the right."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     for row in rows:
-        cells = [text.ljust(width) if not at else text.rjust(width) for at, (text, width) in enumerate(zip(row, widths, strict=True))]
+        cells = [
+            text.ljust(width) if not at else text.rjust(width)
+            for at, (text, width) in enumerate(zip(row, widths, strict=True))
+        ]
         print("  ".join(cells), flush=True)

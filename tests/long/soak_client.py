@@ -1,10 +1,11 @@
-"""The clients of `soak.py`: `python soak_client.py KIND SECONDS`. Prints `uncounted N` at the end: gaps that were not told.
+"""The clients of `soak.py`: `python soak_client.py KIND SECONDS`. It prints `uncounted N`: gaps not told.
 
 watch: all values and eight plots at 5 Hz, with histories, as silo-tui asks. follow: every sample of twenty topics.
 save: one save after the other, in all formats. flood: as many requests as eight threads can make. visit: connects, asks
 and leaves again.
 """
 
+import contextlib
 import sys
 import threading
 import time
@@ -78,10 +79,8 @@ def flood(client: Client, seconds: float) -> int:
         ]
         while time.monotonic() < end:
             for call in calls:
-                try:
+                with contextlib.suppress(silo.SiloError):
                     call()
-                except silo.SiloError:
-                    time.sleep(0.001)
 
     threads = [threading.Thread(target=ask) for _ in range(FLOODING)]
     for thread in threads:

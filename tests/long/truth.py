@@ -97,7 +97,7 @@ def look(path: Path, divider: int, size: int, run_first: int) -> Kept:
     torn = missing = 0
     for name, sort in sorts(divider).items():
         due = np.arange(run_first, last + 1, sort.divider, dtype=np.int64)
-        found = log[name] if name in log else None
+        found = log.get(name)
         ticks = found.time_ns // TICK_NS - 1 if found is not None else np.zeros(0, np.int64)
         if found is not None:
             logged = np.asarray(found.values).reshape(len(ticks), -1).astype(np.int64)
