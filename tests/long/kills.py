@@ -26,6 +26,7 @@ import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -153,9 +154,7 @@ def perform(kill: Kill) -> Outcome:
             robot.wait()
         outcome = Outcome(kill)
         for helper in helpers:
-            wait_until(
-                lambda helper=helper: gone(helper) or "ended without close" in said_path.read_text(), SETTLE_S, 0.02
-            )
+            wait_until(partial(_has_saved, helper, said_path), SETTLE_S, 0.02)
         texts = [said_path.read_text()]
         texts.append(_next_command(kill, case, folder, environment))
         for helper in helpers:
@@ -163,6 +162,11 @@ def perform(kill: Kill) -> Outcome:
                 outcome.notes.append("the helper did not end by SIGTERM")
         _judge(outcome, page.copy(), folder, environment, [*texts, said_path.read_text()])
         return outcome
+
+
+def _has_saved(helper: int, said_path: Path) -> bool:
+    """Whether a helper is done with what its robot program left; one that saved says so and stays a while."""
+    return gone(helper) or "ended without close" in said_path.read_text()
 
 
 def _strike(kill: Kill, robot: "subprocess.Popen[str]", page: Page) -> list[int]:

@@ -12,7 +12,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 
+import psutil
 from processes import Peak, connected, memory_of, show, wait_until, workplace
 
 from silo.ipc.client import Client
@@ -66,27 +68,33 @@ def _weigh(elements: int, helper: int) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
 
     def weigh(what: str, act: Callable[[], object], rest_s: float = REST_S) -> None:
+        busy_s = _cpu_s(helper)
         with Peak(helper) as peak:
             act()
             time.sleep(rest_s)  # rest is what is measured: the helper trims its memory meanwhile
         now = memory_of(helper)
-        rows.append(
-            (str(elements), what, f"{now.private:.1f}", f"{max(peak.private, now.private):.1f}", f"{now.rss:.1f}")
-        )
+        figures = (now.private, max(peak.private, now.private), now.rss)
+        rows.append((str(elements), what, *(f"{mb:.1f}" for mb in figures), f"{_cpu_s(helper) - busy_s:.2f}"))
 
     weigh("after start", lambda: None, 5.0)
     with connected(NAME) as client:
         weigh("client connected, table read", client.table)
         for file_type in FileType:
-            weigh(f"after a save as {file_type.name.lower()}", lambda chosen=file_type: _save(client, chosen))
-        weigh("three saves in all formats", lambda: [_save(client, *FileType) for _ in range(3)])
-        weigh("while watched like a terminal", lambda: _watch(client), 0.0)
+            weigh(f"after a save as {file_type.name.lower()}", partial(_save, client, [file_type]))
+        weigh("three saves in all formats", partial(_save, client, list(FileType), 3))
+        weigh("while watched like a terminal", partial(_watch, client), 0.0)
     weigh("client gone", lambda: None)
     return rows
 
 
-def _save(client: Client, *types: FileType) -> None:
-    client.wait_saved(client.save(types))
+def _cpu_s(pid: int) -> float:
+    used = psutil.Process(pid).cpu_times()
+    return used.user + used.system
+
+
+def _save(client: Client, types: list[FileType], times: int = 1) -> None:
+    for _ in range(times):
+        client.wait_saved(client.save(types))
 
 
 def _watch(client: Client) -> None:
@@ -108,7 +116,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--elements", type=int, nargs="+", default=[500, 10_000])
     rows = [row for elements in parser.parse_args().elements for row in measure(elements)]
-    show([("elements", "helper's memory, MB", "private", "its peak", "resident"), *rows])
+    show([("elements", "helper's memory, MB", "private", "its peak", "resident", "CPU s"), *rows])
     broken = []
     for elements, what, private, *_ in rows:
         limit = min((mb for most, mb in PROMISED_MB.items() if int(elements) <= most), default=None)

@@ -72,7 +72,7 @@ def main() -> int:
     parser.add_argument("--times", type=int, default=20, help="robot programs per end")
     parser.add_argument("--verbose", action="store_true", help="what was said where ticks are lost")
     options = parser.parse_args()
-    rows: list[tuple[str, ...]] = [("end", "tries", "saved", "lost, announced", "lost without a word")]
+    rows: list[tuple[str, ...]] = [("end", "tries", "saved", "not saved, told", "not saved, without a word")]
     lost = 0
     for name, steps in ENDS.items():
         outcomes = [perform(steps) for _ in range(options.times)]

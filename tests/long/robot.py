@@ -69,16 +69,20 @@ class Robot:
             storage=case.storage,
             clock=lambda: truth.stamp(self.tick),
         )
-        options = {"buffer_type": silo.BufferType[case.buffer.upper()], "buffer_size": case.size}
+        kind, size = silo.BufferType[case.buffer.upper()], case.size
         both = silo.Action.SAVE_AND_PUBLISH
         self.scattered = [np.zeros(1, np.int64) for _ in range(truth.SCATTERED)]
         for place, array in enumerate(self.scattered):
-            self.log.add(array, f"s{place}", divider=case.divider, **options)
-        self.wide = self.log.array("wide", truth.WIDE, np.int64, divider=case.divider, **options)
+            self.log.add(array, f"s{place}", divider=case.divider, buffer_type=kind, buffer_size=size)
+        self.wide = self.log.array(
+            "wide", truth.WIDE, np.int64, divider=case.divider, buffer_type=kind, buffer_size=size
+        )
         slow_divider = truth.SLOW_DIVIDER * case.divider
-        self.slow = self.log.array("slow", truth.SLOW, np.int64, divider=slow_divider, action=both, **options)
+        self.slow = self.log.array(
+            "slow", truth.SLOW, np.int64, divider=slow_divider, action=both, buffer_type=kind, buffer_size=size
+        )
         self.source = Source()
-        self.log.add(self.source, "read", attr="value", divider=case.divider, **options)
+        self.log.add(self.source, "read", attr="value", divider=case.divider, buffer_type=kind, buffer_size=size)
         # with one buffer that is not fixed the logger doesn't stop by itself when all others are full
         self.log.array("beat", dtype=np.int64, action=silo.Action.PUBLISH, buffer_size=2)
         self._make_values()

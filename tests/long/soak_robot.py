@@ -16,6 +16,11 @@ BEGIN_NS = 1_700_000_000_000_000_000
 MOVED = 100
 
 
+def _wait_for_the_end(ended: threading.Event) -> None:
+    sys.stdin.readline()
+    ended.set()
+
+
 def main() -> None:
     """Log at the given rate; at the end print ticks and lost rows of the last run."""
     folder, elements, frequency, limit_mb = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), int(sys.argv[4])
@@ -37,7 +42,7 @@ def main() -> None:
         group, action = f"part{place % 5}", both if place % 5 < 2 else silo.Action.SAVE
         values.append(log.array(f"x{place}", group=group, unit="m", action=action, buffer_size=5 * frequency))
     ended = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.readline(), ended.set()), daemon=True).start()
+    threading.Thread(target=_wait_for_the_end, args=(ended,), daemon=True).start()
     with log, log.serve() as serving:
         log.start()
         log.collect()
