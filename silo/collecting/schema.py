@@ -149,7 +149,7 @@ class ElementSchema(msgspec.Struct, frozen=True):
     failures: int = -1
 
 
-class SegmentSchema(msgspec.Struct, frozen=True):
+class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     """What the segment holds and who writes it. `pid_start` and `boot_id` tell the writer from a reused pid.
 
     `logger_id` is drawn once in the life of a logger, `run` once per start: names may come again, these don't.

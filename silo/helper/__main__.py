@@ -4,6 +4,7 @@ import argparse
 import logging
 import sys
 
+from silo.helper.heap import limit_heap
 from silo.helper.helper import Helper, open_link
 
 
@@ -17,6 +18,7 @@ def main() -> int:
     parser.add_argument("--config", help="Zenoh configuration with remote access")
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.WARNING, format="silo: %(message)s", stream=sys.stderr)
+    limit_heap()
     return Helper(open_link(arguments.fd, arguments.runs_fd), arguments.name, arguments.group, arguments.config).run()
 
 

@@ -1,6 +1,5 @@
 """The saver thread: one save after the other, with progress, while everything else goes on."""
 
-import ctypes
 import logging
 import queue
 import threading
@@ -10,6 +9,7 @@ from dataclasses import dataclass
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SiloError
 from silo.helper.events import Events
+from silo.helper.heap import trim_heap
 from silo.helper.mirror import Mirror
 from silo.helper.robot import Robot
 from silo.ipc.messages import EventKind, Refused, RefusedWhy, Save, SaveStarted
@@ -172,10 +172,3 @@ def size_text(size_bytes: int) -> str:
             return f"{size:.0f} {unit}" if unit == "bytes" else f"{size:.1f} {unit}"
         size /= 1000
     return f"{size:.2f} GB"
-
-
-def trim_heap() -> None:
-    """Give freed memory back to the system: 2 MB after a save of 11 MB. Only glibc needs, and has, the call."""
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-    if trim is not None:
-        trim(0)

@@ -91,7 +91,12 @@ def main() -> None:
         sys.stdout.buffer.flush()
 
     reader = SegmentReader(f"/proc/self/fd/{sys.argv[1]}")
-    say(_write(reader, order, lambda fraction: say(WriteReport(min(max(fraction, 0.0), 1.0)))))
+    try:
+        say(_write(reader, order, lambda fraction: say(WriteReport(min(max(fraction, 0.0), 1.0)))))
+    except BrokenPipeError:
+        # the helper was killed: what was written is removed, and nobody is left to be told
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
 
 
 if __name__ == "__main__":

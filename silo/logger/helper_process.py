@@ -15,8 +15,12 @@ from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply
 
 READY_TIMEOUT_S = 15.0
-# glibc gives each thread an arena of its own that it rarely gives back
-ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+HELPER_ENVIRONMENT = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "PYTHONMALLOC": "malloc",  # gives freed memory back, see silo/helper/heap.py
+    "PYTHONSAFEPATH": "1",  # `-m` puts the present folder first: a `queue.py` of the robot's would be the helper's, too
+}
 
 
 class HelperProcess:
@@ -36,7 +40,7 @@ class HelperProcess:
             self._process = subprocess.Popen(
                 [*command, *arguments],
                 pass_fds=descriptors,
-                env=dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **ENVIRONMENT),
+                env=dict(os.environ, PYTHONPATH=os.pathsep.join(paths), **HELPER_ENVIRONMENT),
                 start_new_session=True,
                 stdin=subprocess.DEVNULL,
             )
