@@ -36,7 +36,7 @@ _FILE_ENDINGS = (".silo", ".csv", ".mcap", ".rosbag2", ".bag")
 @click.command()
 @json_option
 def ls(as_json: bool) -> None:
-    """List the loggers that run on this host.
+    """List the loggers that run on this host, and remove what dead ones left that holds no data.
 
     \b
     Examples:
@@ -45,6 +45,8 @@ def ls(as_json: bool) -> None:
     """
     from silo.ipc.discovery import discover, not_found_text, survey
 
+    if not configuration():
+        _sweep()
     discovery = discover(config=configuration())
     answers = survey(discovery.loggers)
     if as_json:
@@ -64,6 +66,21 @@ def ls(as_json: bool) -> None:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
     _tell_orphans()
+
+
+def _sweep() -> None:
+    """Sockets of helpers that died, and segments without an unsaved tick."""
+    from silo.ipc.folders import own_folders
+    from silo.ipc.session import sweep
+    from silo.runtime import orphaned_segments, runtime_dir, sweep_unfinished
+
+    for folder in own_folders():
+        sweep(folder)
+    sweep_unfinished(runtime_dir())
+    if orphaned_segments():
+        from silo.collecting.left_behind import sweep_segments  # needs NumPy, which `ls` does without as a rule
+
+        sweep_segments()
 
 
 def _tell_orphans() -> None:

@@ -33,7 +33,7 @@ from silo.collecting.schema import (
 )
 from silo.errors import SegmentError
 from silo.model import BufferType
-from silo.runtime import available_memory_bytes
+from silo.runtime import available_memory_bytes, open_unfinished, orphaned_segments
 
 CHUNK_BYTES = 1 << 20
 SPARE_CHUNKS = 4096  # words of the directory for time stamps past the memory limit: 268 million ticks
@@ -90,7 +90,7 @@ class Segment:
         self._failed: dict[str, int] | None = None  # and its failures
         temporary = path.with_name(f".{path.name}.new")
         try:
-            self._fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+            self._fd = open_unfinished(temporary)
         except OSError as error:
             raise SegmentError(f"{path.parent}: can't make a segment there ({error.strerror})") from error
         try:
@@ -98,19 +98,21 @@ class Segment:
             self._first = {ring: self._append_rows(ring, first_rows.get(ring, 1)) for ring in self._growing}
             temporary.rename(path)
         except BaseException:
+            temporary.unlink(missing_ok=True)
             os.close(self._fd)
-            temporary.unlink()
             raise
         self._thread = threading.Thread(target=self._prepare_chunks, name="silo-chunks", daemon=True)
         if self._growing:
             self._thread.start()
 
     def _fill(self) -> None:
+        if self.path.exists():  # pids come again, in containers at every start: no unsaved recording is replaced
+            raise SegmentError(f"{self.path}: there is a recording of that name already; start again")
         if self._in_memory and self._chunk_data > (available := available_memory_bytes()):
             # a tmpfs may be larger than the memory: what doesn't fit would have the kernel kill the robot program
             raise SegmentError(
                 f"no memory for {self._chunk_data / 1e6:.1f} MB of buffers, {available / 1e6:.1f} MB are available; "
-                'make buffers smaller, or use storage="disk"'
+                f'make buffers smaller, or use storage="disk"{_held_by_dead()}'
             )
         self._allocate(0, self._chunk_data)
         mapped = mmap.mmap(self._fd, self._chunk_data)
@@ -146,7 +148,7 @@ class Segment:
             raise SegmentError(
                 f"{self.path.parent}: no room for {size_bytes / 1e6:.1f} MB of buffers, "
                 f"{room.f_bavail * room.f_frsize / 1e6:.1f} MB are free ({error.strerror}); "
-                'make buffers smaller, enlarge /dev/shm, or use storage="disk"'
+                f'make buffers smaller, enlarge /dev/shm, or use storage="disk"{_held_by_dead()}'
             ) from error
 
     def ring_control(self, ring: int) -> int:
@@ -279,6 +281,18 @@ class Segment:
             self.words = memoryview(b"").cast("l")
             self._next.clear()
             self._first.clear()
+
+
+def _held_by_dead() -> str:
+    """What of the missing room can be had: recordings of programs that died take theirs until they are saved."""
+    sizes = []
+    for path in orphaned_segments():
+        with contextlib.suppress(FileNotFoundError):  # another process saved it just now
+            sizes.append(path.stat().st_size)
+    if not sizes:
+        return ""
+    several = f"{len(sizes)} recordings" if len(sizes) > 1 else "a recording"
+    return f"; {several} of programs that died hold {sum(sizes) / 1e6:.1f} MB: run `silo recover`"
 
 
 def _schema_room(schema: SegmentSchema) -> int:

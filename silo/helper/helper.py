@@ -20,6 +20,7 @@ from silo.helper.control import Control
 from silo.helper.crash import after_crash
 from silo.helper.events import Events
 from silo.helper.mirror import LoggerSnapshot, Mirror
+from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.publisher import Publisher
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
@@ -89,7 +90,9 @@ class Helper:
         saver.start()
         control.start()
         token = session.liveliness().declare_token(root.key("alive"))
+        predecessors = PredecessorRecovery(mirror, events)
         self._robot.send(LinkReply(READY, Done(str(path))))
+        predecessors.start()
         try:
             if self._follow_robot(mirror, events, saver):
                 events.publish(EventKind.CLOSED, "the robot program closed its logger")
@@ -105,6 +108,7 @@ class Helper:
             self._robot.lost()
             control.stop()
             publisher.stop()
+            predecessors.stop(SAVE_GRACE_S)
             saver.stop(SAVE_GRACE_S)
 
     # ------------------------------------------------------------------------------------------- while it lives

@@ -43,7 +43,7 @@ def write_log(reader: SegmentReader, order: WriteOrder, progress: Callable[[floa
     """Save what a segment holds now; the report's `error` is empty when all of it worked."""
     if order.types == [FileType.SILO]:
         return _write(reader, order, progress)
-    return _write_apart(reader, order, progress)
+    return write_apart(reader, order, progress)
 
 
 def _write(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
@@ -56,7 +56,8 @@ def _write(reader: SegmentReader, order: WriteOrder, progress: Callable[[float],
     return WriteReport(1.0, True, recording.offset, files)
 
 
-def _write_apart(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
+def write_apart(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
+    """The same in a process of its own. Raises SaveError if that dies."""
     segment = reader.fileno()
     command = [sys.executable, "-m", "silo.helper.writing", str(segment)]
     decoder = msgspec.json.Decoder(WriteReport)

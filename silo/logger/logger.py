@@ -14,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from silo.collecting.holdings import recording_holdings, segment_holdings
 from silo.collecting.run import Run
 from silo.collecting.schema import STOP_TEXTS, StopReason
 from silo.errors import SegmentError, SiloError, StateError
@@ -21,6 +22,7 @@ from silo.logger import ending
 from silo.logger.configuration import Configuration
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_type, logger_options, nanosecond_clock
+from silo.logger.predecessors import look_back
 from silo.model import FileType, SavedFile, State, Storage, Threads
 from silo.recording import Recording
 
@@ -109,6 +111,10 @@ class Logger(Configuration):
     def start(self) -> None:
         """Clear all buffers and begin to log; calls `update()` first if that was never done.
 
+        The first start looks for what earlier processes of this logger (same name, same folder) left unsaved. The
+        helper process of a served logger saves that, beside its work, and says where, on the console and as an event;
+        without one, a warning names the `silo recover` command that does.
+
         Raises StateError if it runs already, SegmentError if there is no room for the buffers.
         """
         with self._lock:
@@ -117,6 +123,8 @@ class Logger(Configuration):
             if not self._updated:
                 self.update()
             self._warn_of_pending()
+            if self._run_number == 0:
+                look_back(self.options, served=self._serving is not None and self._serving.alive)
             self._run = self._new_run()
             self._saved_ticks = 0
             self._new_values = NewValuesReader()
@@ -324,13 +332,15 @@ class Logger(Configuration):
 
         options = self.options
         try:
-            saved = write(self._run.reader.snapshot(), options.folder, options.name, [FileType.SILO])
+            recording = self._run.reader.snapshot()
+            saved = write(recording, options.folder, options.name, [FileType.SILO])
         except SiloError as failure:
             self._say_where_it_is(f": {failure}")
             return
         self._run.drop()
         paths = ", ".join(file.path for file in saved)
-        print(f"silo: logger '{options.name}' ended without save() or close(); saved {paths}", file=sys.stderr)
+        held = recording_holdings(recording).text
+        print(f"silo: logger '{options.name}' ended without save() or close(); saved {held}: {paths}", file=sys.stderr)
 
     def __del__(self) -> None:
         """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""
@@ -344,9 +354,13 @@ class Logger(Configuration):
             self.abandon()
 
     def _say_where_it_is(self, problem: str) -> None:
+        try:
+            held = segment_holdings(self._run.reader).text if self._run else "nothing"
+        except SiloError as error:
+            held = f"what it holds ({error})"
         print(
-            f"silo: logger '{self.options.name}' ended without save() or close(){problem}; {self.ticks} ticks are kept "
-            f"in {self.segment_path}: run `silo recover` to save them",
+            f"silo: logger '{self.options.name}' ended without save() or close(){problem}; "
+            f"{self.segment_path} keeps {held}: run `silo recover` to save it",
             file=sys.stderr,
         )
 

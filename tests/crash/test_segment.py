@@ -239,7 +239,7 @@ def test_a_segment_of_another_layout_is_refused_with_both_versions(dead_segment)
     with dead_segment.open("r+b") as file:
         file.seek(8 * Header.VERSION)
         file.write((99).to_bytes(8, "little"))
-    with pytest.raises(SegmentError, match="layout version 99, this silo reads 1"):
+    with pytest.raises(SegmentError, match="layout 99, this silo reads 1 to 2"):
         SegmentReader(dead_segment)
 
 
