@@ -60,7 +60,7 @@ class PredecessorRecovery:
         try:
             with contextlib.closing(SegmentReader(stale.path)) as reader, claimed(reader):
                 if stale.holdings.samples:
-                    order = WriteOrder(stale.schema.folder, stale.schema.logger, [FileType.SILO], "")
+                    order = WriteOrder(stale.schema.folder, stale.schema.logger, [FileType.SILO], "", of_dead=True)
                     report = write_apart(reader, order, _unheard)
                 if report is None or not report.error:
                     mark_saved(reader)
@@ -76,7 +76,7 @@ class PredecessorRecovery:
             self._tell_failed(stale, who, report.error)
             return
         files = report.files if report else []
-        text = f"{who}; saved {stale.holdings.text}: {describe(files)}"
+        text = "; ".join([f"{who}; saved {stale.holdings.text}: {describe(files)}", *(report.damage if report else ())])
         log.warning("%s", text)
         self._events.publish(EventKind.RECOVERED, text, files=files)
 

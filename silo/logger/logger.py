@@ -270,6 +270,8 @@ class Logger(Configuration):
     def serve(self, *, group: str | None = None, config: str | os.PathLike[str] | None = None) -> "Serving":
         """Start the helper process: from now on `silo` and `silo-tui` find this logger.
 
+        It also saves what earlier processes of this logger left unsaved, see `start()`.
+
         group: lets the members of a system group in too (off by default). config: a file with remote access settings
         (see `config/`). Use it as a context manager, or call its `close()`.
         """

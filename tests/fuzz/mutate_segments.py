@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import silo
+from silo.collecting.damage import damage
 from silo.collecting.holdings import segment_holdings
 from silo.collecting.left_behind import find_stale
 from silo.collecting.schema import LINE_WORDS, Header
@@ -25,8 +26,26 @@ from silo.model import Action, BufferType
 from silo.runtime import boot_id
 
 MEMORY_BYTES = 4 << 30  # of addresses; what is taken in good faith is far less
-SECONDS = 10  # for one input
-WILD = [0, 1, 2, 7, 8, 4095, 4096, 4097, 2**16, 2**31, 2**32 - 1, 2**53, 2**62, 2**63 - 1, 2**63, 2**64 - 4096, 2**64 - 1]
+SECONDS = 10  # of the processor, for one input
+WILD = [
+    0,
+    1,
+    2,
+    7,
+    8,
+    4095,
+    4096,
+    4097,
+    2**16,
+    2**31,
+    2**32 - 1,
+    2**53,
+    2**62,
+    2**63 - 1,
+    2**63,
+    2**64 - 4096,
+    2**64 - 1,
+]
 WILD_JSON = [None, True, -1, 0, 1, 2, 7, 2**31, 2**62, 2**70, -(2**63), 1e308, -0.5, "", "x", "|O", "<f8", "|S0", "|V8",
              "<M8[ns]", "../../x", "\x00", "ä" * 300, [], {}, [[[]]]]  # fmt: skip
 
@@ -43,7 +62,9 @@ def write_segments(folder: Path) -> list[bytes]:
     made = []
     for number, max_time in enumerate((1, 0, 0)):
         thing = Thing()
-        log = silo.Logger(f"f{number}", folder=folder, script=folder / "none.yaml", max_time=max_time, memory_limit_mb=4)
+        log = silo.Logger(
+            f"f{number}", folder=folder, script=folder / "none.yaml", max_time=max_time, memory_limit_mb=4
+        )
         for kind in BufferType if not max_time else (BufferType.FIXED, BufferType.LOOPING):
             log.array(f"{kind.name}_3", 3, buffer_type=kind, buffer_size=20, action=Action.SAVE_AND_PUBLISH)
             log.array(f"{kind.name}_slow", (2, 2), np.float32, buffer_type=kind, buffer_size=9, divider=3)
@@ -123,7 +144,7 @@ def change_schema(out: bytearray, dice: random.Random) -> None:
     begin, size = header(out, Header.SCHEMA_OFFSET), header(out, Header.SCHEMA_BYTES)
     try:
         schema = json.loads(out[begin : begin + size])
-    except ValueError:
+    except (ValueError, RecursionError):
         return
     place: object = schema
     while True:
@@ -168,6 +189,7 @@ def attempt(path: Path, folder: Path, *, save: bool) -> bool:
             reader.alive()
             segment_holdings(reader)
             reader.snapshot()
+            damage(reader)
             _ = reader.last_time_ns, reader.lost, reader.stop_reason, reader.size_bytes
             for ring in reader.schema.rings:
                 reader.rows(ring.ring, 0)
@@ -188,7 +210,7 @@ def main() -> int:
     folder, seed, count = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     valid = write_segments(folder)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    signal.signal(signal.SIGALRM, out_of_time)
+    signal.signal(signal.SIGPROF, out_of_time)
     path = Path(os.environ["SILO_RUNTIME_DIR"]) / "f.1.0.segment"
     failed = refused = 0
     for number in range(seed, seed + count):
@@ -196,13 +218,13 @@ def main() -> int:
         # of another boot, so that its writer is gone: else nothing would be recovered
         data = dice.choices(valid, (12, 4, 1))[0].replace(boot_id().encode(), b"0" * len(boot_id()), 1)
         path.write_bytes(mutated(data, dice))
-        signal.alarm(SECONDS)
         try:
+            signal.setitimer(signal.ITIMER_PROF, SECONDS)
             refused += not attempt(path, folder, save=number % 4 == 0)
-        except Exception:
+            signal.setitimer(signal.ITIMER_PROF, 0)
+        except Exception:  # noqa: BLE001  # whatever it is, it is what is looked for
             failed += 1
             print(f"--- input {number}\n{traceback.format_exc()}", flush=True)
-        signal.alarm(0)
         path.unlink(missing_ok=True)
     print(f"{count} inputs, {refused} refused, {failed} failed")
     return 1 if failed else 0
