@@ -49,6 +49,8 @@ def ls(as_json: bool) -> None:
         _sweep()
     discovery = discover(config=configuration())
     answers = survey(discovery.loggers)
+    if not configuration():
+        _sweep_logs(answers)
     if as_json:
         show_json([answer.status or {"logger": answer.found.label, "error": answer.error} for answer in answers])
         return
@@ -81,6 +83,15 @@ def _sweep() -> None:
         from silo.collecting.left_behind import sweep_segments  # needs NumPy, which `ls` does without as a rule
 
         sweep_segments()
+
+
+def _sweep_logs(answers: "list[Answer]") -> None:
+    """What killed saves left in the folders of the loggers."""
+    for folder in dict.fromkeys(answer.status.folder for answer in answers if answer.status):
+        if any(Path(folder).glob(".silo-*.part")):
+            from silo.files.atomic import sweep_parts  # needs NumPy, which `ls` does without as a rule
+
+            sweep_parts(folder)
 
 
 def _tell_orphans() -> None:

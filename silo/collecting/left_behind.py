@@ -15,7 +15,7 @@ from silo.collecting.holdings import Holdings, segment_holdings
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, StateError
-from silo.model import LoggerOptions
+from silo.model import LoggerOptions, Storage
 from silo.runtime import is_at, list_segments, runtime_dir, sweep_unfinished
 
 
@@ -71,12 +71,16 @@ def _unreadable(path: Path, schema: SegmentSchema | None, error: SegmentError) -
 
 def predecessors(options: LoggerOptions) -> list[StaleSegment]:
     """What earlier processes of this very logger (its name, its folder) left with ticks that are in no file."""
-    folder = Path(options.folder)
-    own = [path for path in list_segments(folder) if path.name.lstrip(".").startswith(f"{options.name}.")]
+    paths = list_segments(segment_folder(options))
+    own = [path for path in paths if path.name.lstrip(".").startswith(f"{options.name}.")]
     found = [stale for path in own if (stale := _look(path)) is not None and stale.ticks]
-    return [
-        one for one in found if one.schema and (one.schema.logger, one.schema.folder) == (options.name, str(folder))
-    ]
+    key = (options.name, options.folder)
+    return [one for one in found if one.schema and (one.schema.logger, one.schema.folder) == key]
+
+
+def segment_folder(options: LoggerOptions) -> Path | None:
+    """Where a logger keeps its segments other than in the runtime folder."""
+    return Path(options.folder) if options.storage is Storage.DISK else None
 
 
 def sweep_segments(folder: Path | None = None) -> list[Path]:

@@ -9,7 +9,7 @@ import logging
 import threading
 from pathlib import Path
 
-from silo.collecting.left_behind import StaleSegment, claimed, mark_saved, predecessors, sweep_segments
+from silo.collecting.left_behind import StaleSegment, claimed, mark_saved, predecessors, segment_folder, sweep_segments
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SiloError, StateError
 from silo.files.atomic import sweep_parts
@@ -44,7 +44,7 @@ class PredecessorRecovery:
     def _run(self) -> None:
         options = self._mirror.now.options
         with contextlib.suppress(SiloError):  # no runtime folder any more: then there is nothing in it either
-            sweep_segments(Path(options.folder))
+            sweep_segments(segment_folder(options))
             sweep_parts(Path(options.folder))
             for stale in predecessors(options):
                 if not self._ended.is_set():

@@ -5,9 +5,8 @@ It saves nothing: the program waits for its start. Its helper process saves it a
 
 import contextlib
 import logging
-from pathlib import Path
 
-from silo.collecting.left_behind import predecessors, sweep_segments
+from silo.collecting.left_behind import predecessors, segment_folder, sweep_segments
 from silo.errors import SiloError
 from silo.model import LoggerOptions
 
@@ -16,9 +15,12 @@ log = logging.getLogger("silo")
 
 def look_back(options: LoggerOptions, *, served: bool) -> None:
     """Remove what dead processes left that holds no data; without a helper, warn of what predecessors left unsaved."""
+    from silo.files.atomic import sweep_parts
+
     # a start doesn't fail for what others left; where there is no folder to look into, the start itself says so
     with contextlib.suppress(SiloError, OSError):
-        sweep_segments(Path(options.folder))
+        sweep_segments(segment_folder(options))
+        sweep_parts(options.folder)
         for stale in predecessors(options) if not served else ():
             held = stale.holdings.text if stale.holdings else ""
             log.warning(

@@ -122,8 +122,8 @@ def by_recover(new_logger) -> None:
     assert run(["recover"]) == 0
 
 
-def by_start(new_logger) -> None:
-    logger = new_logger("other")
+def by_start(new_logger, **options: str) -> None:
+    logger = new_logger("other", **options)
     logger.array("x")
     logger.start()
 
@@ -139,7 +139,7 @@ def test_a_segment_that_a_killed_program_never_finished_is_swept(tmp_path, runti
 def test_an_unfinished_segment_on_disk_is_swept_by_the_next_start_there(tmp_path, new_logger):
     with program(STARTING, tmp_path, "disk"):
         assert len(list(tmp_path.glob(".*.new"))) == 1
-    by_start(new_logger)
+    by_start(new_logger, storage="disk")
     assert list(tmp_path.glob(".*.new")) == []
 
 
@@ -263,6 +263,21 @@ def test_recover_sweeps_the_folder_of_the_logs(tmp_path, capsys):
     assert run(["recover", "--look-in", str(tmp_path)]) == 0
     assert list(tmp_path.iterdir()) == []
     assert "was never finished, its process died; removed" in capsys.readouterr().err
+
+
+def test_a_start_sweeps_what_a_killed_save_left(tmp_path, new_logger):
+    with program(SAVING.format(what="atomic_folder", fill="pass"), tmp_path):
+        pass
+    by_start(new_logger)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ls_sweeps_what_a_killed_save_left_in_the_folder_of_a_logger(tmp_path, robots):
+    robots("bot")
+    with program(SAVING.format(what="atomic_file", fill="pass"), tmp_path / "logs"):
+        assert len(list((tmp_path / "logs").iterdir())) == 1
+    assert run(["ls"]) == 0
+    assert list((tmp_path / "logs").iterdir()) == []
 
 
 def test_sweeps_beside_saves_take_none_of_them(tmp_path):
