@@ -273,6 +273,7 @@ def test_a_start_sweeps_what_a_killed_save_left(tmp_path, new_logger):
 
 
 def test_ls_sweeps_what_a_killed_save_left_in_the_folder_of_a_logger(tmp_path, robots):
+    (tmp_path / "logs").mkdir()
     robots("bot")
     with program(SAVING.format(what="atomic_file", fill="pass"), tmp_path / "logs"):
         assert len(list((tmp_path / "logs").iterdir())) == 1
