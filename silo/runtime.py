@@ -4,9 +4,13 @@
 would miss each other, and it is deleted at the last logout while the robot program in tmux runs on.
 """
 
+import contextlib
+import errno
+import fcntl
 import os
 import pwd
 import stat
+import struct
 import sys
 import tempfile
 from pathlib import Path
@@ -14,6 +18,8 @@ from pathlib import Path
 from silo.errors import SegmentError
 
 SEGMENT_SUFFIX = ".segment"
+UNFINISHED_SUFFIX = f"{SEGMENT_SUFFIX}.new"
+_BYTE_LOCK = struct.Struct("hhqqi4x")  # `struct flock` of the kernel
 
 
 def shared_memory_root() -> Path:
@@ -68,9 +74,93 @@ def list_segments(folder: Path | None = None) -> list[Path]:
 
 
 def orphaned_segments() -> list[Path]:
-    """Return segments in the runtime folder whose process is gone, told by their names alone."""
+    """Return segments in the runtime folder whose process is gone, told by their names and locks alone."""
     pids = {path: path.name.rsplit(".", 3)[1:2] for path in list_segments()}
-    return [path for path, pid in pids.items() if pid and pid[0].isdecimal() and not process_start(int(pid[0]))]
+    dead = [path for path, pid in pids.items() if pid and pid[0].isdecimal() and not process_start(int(pid[0]))]
+    return [path for path in dead if not _has_writer(path)]
+
+
+def _has_writer(path: Path) -> bool:
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        return has_writer(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+# ---------------------------------------------------------------------------------------------- who writes a file
+
+# A lock of the open file, not of the process: it ends with the writer, however that ends, is seen from every container
+# that shares the folder, and is another one than the `flock` of who saves a segment.
+
+
+def lock_as_writer(descriptor: int) -> bool:
+    """Mark a file as being written until it is closed; False if another process has marked it.
+
+    A file system that knows no locks can't mark: there, True is said, and everybody takes every file for being written.
+    """
+    try:
+        fcntl.fcntl(descriptor, fcntl.F_OFD_SETLK, _BYTE_LOCK.pack(fcntl.F_WRLCK, os.SEEK_SET, 0, 1, 0))
+    except (BlockingIOError, PermissionError):
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def has_writer(descriptor: int) -> bool:
+    """Whether a process has marked the file as being written; True too where that can't be told."""
+    try:
+        answer = fcntl.fcntl(descriptor, fcntl.F_OFD_GETLK, _BYTE_LOCK.pack(fcntl.F_RDLCK, os.SEEK_SET, 0, 1, 0))
+    except OSError:
+        return True
+    return bool(_BYTE_LOCK.unpack(answer)[0] != fcntl.F_UNLCK)
+
+
+def is_at(descriptor: int, path: Path) -> bool:
+    """Whether an open file still stands under this path: another process may have removed or replaced it."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.lstat())
+    except FileNotFoundError:
+        return False
+
+
+def open_unfinished(path: Path) -> int:
+    """The descriptor of an empty file of our own, marked as being written: no sweep takes it. Raises OSError."""
+    for _ in range(100):
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        # a sweep may have come between the two calls
+        if lock_as_writer(descriptor) and is_at(descriptor, path):
+            os.ftruncate(descriptor, 0)
+            return descriptor
+        os.close(descriptor)
+    raise FileExistsError(errno.EEXIST, "another process is making one of the same name", str(path))
+
+
+def sweep_unfinished(folder: Path) -> list[Path]:
+    """Remove segments that were never finished because their process died while it made them.
+
+    They hold no tick. One that is being made is marked by its writer, see `open_unfinished`, and stays.
+    """
+    return [path for path in folder.glob(f".*{UNFINISHED_SUFFIX}") if _removed_if_dead(path)]
+
+
+def _removed_if_dead(path: Path) -> bool:
+    # what can't be opened or removed isn't ours, or another one removes it just now
+    with contextlib.suppress(OSError):
+        descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            regular = stat.S_ISREG(os.fstat(descriptor).st_mode)
+            # asked first: where locks are unknown the answer is that somebody writes
+            if regular and not has_writer(descriptor) and lock_as_writer(descriptor) and is_at(descriptor, path):
+                path.unlink()
+                return True
+        finally:
+            os.close(descriptor)
+    return False
 
 
 def available_memory_bytes() -> int:
@@ -97,8 +187,16 @@ def process_start(pid: int) -> int:
     Tells a reused pid from the writer.
     """
     try:
-        text = Path(f"/proc/{pid}/stat").read_text()
+        text = Path(f"/proc/{pid}/stat").read_bytes()  # the name of a program may hold any byte
     except OSError:
         return 0
-    fields = text.rsplit(")", 1)[1].split()
-    return 0 if fields[0] in "ZX" else int(fields[19])
+    fields = text.rpartition(b")")[2].split()
+    return 0 if len(fields) < 20 or fields[0] in b"ZX" else int(fields[19])
+
+
+def pid_namespace() -> int:
+    """Tells the containers of this host apart, each of which counts its processes by itself; 0 where unknown."""
+    try:
+        return Path("/proc/self/ns/pid").stat().st_ino
+    except OSError:
+        return 0

@@ -36,7 +36,7 @@ _FILE_ENDINGS = (".silo", ".csv", ".mcap", ".rosbag2", ".bag")
 @click.command()
 @json_option
 def ls(as_json: bool) -> None:
-    """List the loggers that run on this host.
+    """List the loggers that run on this host, and remove what dead ones left that holds no data.
 
     \b
     Examples:
@@ -45,8 +45,12 @@ def ls(as_json: bool) -> None:
     """
     from silo.ipc.discovery import discover, not_found_text, survey
 
+    if not configuration():
+        _sweep()
     discovery = discover(config=configuration())
     answers = survey(discovery.loggers)
+    if not configuration():
+        _sweep_logs(answers)
     if as_json:
         show_json([answer.status or {"logger": answer.found.label, "error": answer.error} for answer in answers])
         return
@@ -64,6 +68,30 @@ def ls(as_json: bool) -> None:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
     _tell_orphans()
+
+
+def _sweep() -> None:
+    """Sockets of helpers that died, and segments without an unsaved tick."""
+    from silo.ipc.folders import own_folders
+    from silo.ipc.session import sweep
+    from silo.runtime import orphaned_segments, runtime_dir, sweep_unfinished
+
+    for folder in own_folders():
+        sweep(folder)
+    sweep_unfinished(runtime_dir())
+    if orphaned_segments():
+        from silo.collecting.left_behind import sweep_segments  # needs NumPy, which `ls` does without as a rule
+
+        sweep_segments()
+
+
+def _sweep_logs(answers: "list[Answer]") -> None:
+    """What killed saves left in the folders of the loggers."""
+    for folder in dict.fromkeys(answer.status.folder for answer in answers if answer.status):
+        if any(Path(folder).glob(".silo-*.part")):
+            from silo.files.atomic import sweep_parts  # needs NumPy, which `ls` does without as a rule
+
+            sweep_parts(folder)
 
 
 def _tell_orphans() -> None:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.common import file_types, json_option, many, show_json, types_option
-from silo.errors import SaveError, SiloError
+from silo.errors import SaveError, SegmentError, SiloError
 from silo.model import FileType
 
 if TYPE_CHECKING:
-    from silo.helper.recovery import StaleSegment
+    from silo.collecting.left_behind import StaleSegment
 
 
 @click.command()
@@ -36,38 +36,80 @@ def recover(
 ) -> None:
     """Save what programs left behind that died without saving, and free its memory.
 
-    The helper process of a logger does this by itself; this command is for when that died, too.
+    The helper process of a logger does this by itself, also when the program is started again; this command is for when
+    nobody does. Rests that hold no data are removed on the way.
 
     \b
     Examples:
       silo recover --list
       silo recover --folder /tmp/logs -t silo -t csv
     """
-    from silo.helper.recovery import find_stale
+    from silo.collecting.left_behind import find_stale
 
-    stale = find_stale(look_in)
+    chosen = file_types(types)
+    stale = [] if segments else find_stale(look_in)
     if only_list:
         _show(stale, as_json)
-        return
-    chosen = file_types(types)
-    # a file that isn't readable as a segment is listed, and only touched when it is named
-    paths = segments or tuple(one.path for one in stale if one.schema is not None)
-    _recover(paths, folder, chosen, as_json)
+    elif segments:
+        _recover(segments, folder, chosen, as_json, listed=False)
+    else:
+        _sweep([look_in, *(Path(one.schema.folder) for one in stale if one.schema)])
+        _recover([one.path for one in stale if one.holdings], folder, chosen, as_json, listed=True)
+    damaged = [one for one in stale if one.holdings is None]
+    if damaged:
+        if not only_list:
+            _say(damaged)
+        raise SegmentError(f"{many(len(damaged), 'segment')} can't be read; nothing of them was changed")
+
+
+def _sweep(folders: Sequence[Path]) -> None:
+    from silo.files.atomic import sweep_parts
+    from silo.runtime import runtime_dir, sweep_unfinished
+
+    removed = sweep_unfinished(runtime_dir())
+    for folder in dict.fromkeys(path.resolve() for path in folders):
+        removed += sweep_unfinished(folder) + sweep_parts(folder)
+    for path in removed:
+        click.echo(f"{path}: was never finished, its process died; removed", err=True)
 
 
 def _show(stale: "Sequence[StaleSegment]", as_json: bool) -> None:
     if as_json:
-        show_json([{"path": str(one.path), "ticks": one.ticks, "reason": one.reason} for one in stale])
+        show_json([_facts(one) for one in stale])
         return
-    for one in stale:
-        logger = f"logger '{one.schema.logger}', {many(one.ticks, 'tick')}: " if one.schema else ""
-        click.echo(f"{one.path}  {logger}{one.reason}")
+    _say(stale)
     if not stale:
         click.echo("nothing to recover")
 
 
-def _recover(paths: Sequence[Path], folder: Path | None, types: Sequence[FileType], as_json: bool) -> None:
-    """Each segment by itself: one that fails doesn't keep the others. Raises SaveError at the end if any did."""
+def _say(stale: "Sequence[StaleSegment]") -> None:
+    for one in stale:
+        logger = f"logger '{one.schema.logger}': " if one.schema else ""
+        held = f"{one.holdings.text}; " if one.holdings else ""
+        click.echo(f"{one.path}  {logger}{held}{one.reason}", err=one.holdings is None)
+
+
+def _facts(one: "StaleSegment") -> dict[str, object]:
+    held = one.holdings
+    return {
+        "path": str(one.path),
+        "logger": one.schema.logger if one.schema else "",
+        "ticks": one.ticks,
+        "samples": held.samples if held else 0,
+        "seconds": held.seconds if held else 0.0,
+        "readable": held is not None,
+        "reason": one.reason,
+    }
+
+
+def _recover(
+    paths: Sequence[Path], folder: Path | None, types: Sequence[FileType], as_json: bool, *, listed: bool
+) -> None:
+    """Each segment by itself: one that fails doesn't keep the others. Raises SaveError at the end if any did.
+
+    `listed`: the paths were found here, so that one that is gone now was there a moment ago.
+    """
+    from silo.collecting.left_behind import SavedMeanwhileError
     from silo.helper.recovery import recover as recover_segment
 
     files, failed = [], 0
@@ -75,16 +117,22 @@ def _recover(paths: Sequence[Path], folder: Path | None, types: Sequence[FileTyp
         folder.mkdir(parents=True, exist_ok=True)
     for path in paths:
         try:
-            saved = recover_segment(path, folder, types)
+            recovered = recover_segment(path, folder, types)
+        except SavedMeanwhileError as error:
+            click.echo(str(error), err=as_json)
+            continue
         except SiloError as error:
+            if listed and not path.exists():
+                click.echo(f"{path}: is gone: another process saved or removed it meanwhile", err=as_json)
+                continue
             text = str(error)
             click.echo(text if text.startswith(str(path)) else f"{path}: {text}", err=True)
             failed += 1
             continue
-        files += saved
+        files += recovered.files
         if not as_json:
-            click.echo(f"{path}: {'saved' if saved else 'held no tick; its memory was freed'}")
-            for file in saved:
+            click.echo(f"{path}: {recovered.text}")
+            for file in recovered.files:
                 click.echo(f"  {file.path}  {file.size_bytes / 1e6:.1f} MB")
     if as_json:
         show_json(files)

@@ -22,7 +22,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.sources import Reference, abandoned
 from silo.errors import SegmentError
 from silo.model import LoggerOptions, Storage, Threads
-from silo.runtime import SEGMENT_SUFFIX, boot_id, process_start, runtime_dir, user_name
+from silo.runtime import SEGMENT_SUFFIX, boot_id, pid_namespace, process_start, runtime_dir, user_name
 
 logger = logging.getLogger("silo")
 _numbers = itertools.count()
@@ -67,15 +67,17 @@ class Run:
 
     @staticmethod
     def _path(options: LoggerOptions) -> Path:
-        name = f"{options.name}.{os.getpid()}.{next(_numbers)}{SEGMENT_SUFFIX}"
         if options.storage is Storage.FILE:
-            folder = Path(options.folder)
+            folder, dot = Path(options.folder), "."
             try:
                 folder.mkdir(parents=True, exist_ok=True)
             except OSError as error:
                 raise SegmentError(f"{folder}: can't make the folder for logs ({error.strerror})") from error
-            return folder / f".{name}"
-        return runtime_dir() / name
+        else:
+            folder, dot = runtime_dir(), ""
+        names = (f"{dot}{options.name}.{os.getpid()}.{number}{SEGMENT_SUFFIX}" for number in _numbers)
+        # pids come again, in containers at every start: a predecessor's recording keeps its name
+        return next(path for path in map(folder.joinpath, names) if not path.exists())
 
     @staticmethod
     def _schema(options: LoggerOptions, plan: Plan) -> SegmentSchema:
@@ -100,6 +102,7 @@ class Run:
             elements=plan.elements,
             logger_id=options.id,
             run=secrets.token_hex(8),
+            pid_namespace=pid_namespace(),
         )
 
     @property

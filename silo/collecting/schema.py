@@ -175,6 +175,7 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     version: int = LAYOUT_VERSION
     logger_id: str = ""
     run: str = ""
+    pid_namespace: int = 0  # in which `pid` counts, 0 in older segments
 
 
 def page_up(size_bytes: int) -> int:

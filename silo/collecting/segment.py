@@ -33,7 +33,7 @@ from silo.collecting.schema import (
 )
 from silo.errors import NoRoomError, SegmentError
 from silo.model import BufferType
-from silo.runtime import available_memory_bytes
+from silo.runtime import available_memory_bytes, open_unfinished, orphaned_segments
 
 CHUNK_BYTES = 1 << 20
 SPARE_CHUNKS = 4096  # words of the directory for time stamps past the memory limit: 268 million ticks
@@ -90,7 +90,7 @@ class Segment:
         self._failed: dict[str, int] | None = None  # and its failures
         temporary = path.with_name(f".{path.name}.new")
         try:
-            self._fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+            self._fd = open_unfinished(temporary)
         except OSError as error:
             raise SegmentError(f"{path.parent}: can't make a segment there ({error.strerror})") from error
         try:
@@ -102,19 +102,21 @@ class Segment:
             temporary.unlink()
             raise SegmentError(f"{path}: can't make the buffers ({error.strerror})") from error
         except BaseException:
+            temporary.unlink(missing_ok=True)
             os.close(self._fd)
-            temporary.unlink()
             raise
         self._thread = threading.Thread(target=self._prepare_chunks, name="silo-chunks", daemon=True)
         if self._growing:
             self._thread.start()
 
     def _fill(self) -> None:
+        if self.path.exists():  # pids come again, in containers at every start: no unsaved recording is replaced
+            raise SegmentError(f"{self.path}: there is a recording of that name already; start again")
         if self._in_memory and self._chunk_data > (available := available_memory_bytes()):
             # a tmpfs may be larger than the memory: what doesn't fit would have the kernel kill the robot program
             raise NoRoomError(
                 f"no memory for {self._chunk_data / 1e6:.1f} MB of buffers, {available / 1e6:.1f} MB are available; "
-                'make buffers smaller, or use storage="file"',
+                f'make buffers smaller, or use storage="file"{_held_by_dead()}',
                 self._chunk_data,
                 available,
             )
@@ -153,7 +155,7 @@ class Segment:
             raise NoRoomError(
                 f"{self.path.parent}: no room for {size_bytes / 1e6:.1f} MB of buffers, "
                 f"{free_bytes / 1e6:.1f} MB are free ({error.strerror}); "
-                'make buffers smaller, enlarge /dev/shm, or use storage="file"',
+                f'make buffers smaller, enlarge /dev/shm, or use storage="file"{_held_by_dead()}',
                 size_bytes,
                 free_bytes,
             ) from error
@@ -302,6 +304,18 @@ class Segment:
             self.words = memoryview(b"").cast("l")
             self._next.clear()
             self._first.clear()
+
+
+def _held_by_dead() -> str:
+    """What of the missing room can be had: recordings of programs that died take theirs until they are saved."""
+    sizes = []
+    for path in orphaned_segments():
+        with contextlib.suppress(FileNotFoundError):  # another process saved it just now
+            sizes.append(path.stat().st_size)
+    if not sizes:
+        return ""
+    several = f"{len(sizes)} recordings" if len(sizes) > 1 else "a recording"
+    return f"; {several} of programs that died hold {sum(sizes) / 1e6:.1f} MB: run `silo recover`"
 
 
 def _schema_room(schema: SegmentSchema) -> int:

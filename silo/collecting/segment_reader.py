@@ -3,8 +3,12 @@
 No locks and no retries: rows are copied, then the head is read again and what was overwritten meanwhile is cut.
 """
 
+import functools
 import hashlib
 import mmap
+import os
+import re
+import stat
 import weakref
 from pathlib import Path
 
@@ -37,10 +41,21 @@ from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
 from silo.model import BufferType
 from silo.recording import NO_FAILURES, Failures, Recording
-from silo.runtime import boot_id, process_start
+from silo.runtime import boot_id, has_writer, pid_namespace, process_start
 
 # the writer may be filling the row after the head, whose slot holds an old row; elsewhere than on x86 one row further
 UNSAFE_ROWS = 1 if ORDERED_STORES else 2
+
+_DTYPE = re.compile(r"[<>=|]?(b1|[iu][1248]|f[248]|c8|c16|S\d{1,9}|[mM]8(\[\d{0,9}[A-Za-z]{1,2}\])?)")
+
+
+@functools.lru_cache(maxsize=1000)
+def _item_size(dtype: str) -> int:
+    """Bytes of a type that a segment may hold, -1 for what is none."""
+    try:
+        return np.dtype(dtype).itemsize if _DTYPE.fullmatch(dtype) else -1
+    except TypeError:  # a unit of time that NumPy doesn't know
+        return -1
 
 
 # the schemas that somebody in this process holds, by the hash of their text: a helper has several readers of a segment,
@@ -67,30 +82,51 @@ class SegmentReader:
         """
         self.path = Path(path)
         try:
-            self._file = open(self.path if descriptor is None else f"/proc/self/fd/{descriptor}", "rb")  # noqa: PTH123, SIM115
+            # a pipe of that name must not hold anybody up
+            name = self.path if descriptor is None else f"/proc/self/fd/{descriptor}"
+            opened = os.open(name, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        except (OSError, ValueError) as error:
+            raise SegmentError(f"{path}: can't open the segment ({getattr(error, 'strerror', error)})") from error
+        try:
+            self._file = os.fdopen(opened, "rb")
         except OSError as error:
-            raise SegmentError(f"{path}: can't open the segment ({error.strerror})") from error
+            os.close(opened)
+            raise SegmentError(f"{path}: is not a silo segment ({error.strerror})") from error
         try:
             self._remap()
             self.schema = self._read_schema()
+            self._control, self._directory = self._words_at(Header.CONTROL_OFFSET), self._words_at(Header.CHUNKS_OFFSET)
+            self._directory_words = int(self._words[Header.CHUNKS_LIMIT])
+            self._chunk_data = 8 * self._words_at(Header.CHUNK_DATA_OFFSET)
+            self._check_layout()
         except BaseException:
             self._file.close()
             raise
-        self._control = int(self._words[Header.CONTROL_OFFSET]) // 8
-        self._directory = int(self._words[Header.CHUNKS_OFFSET]) // 8
-        self._directory_words = int(self._words[Header.CHUNKS_LIMIT])
-        self._chunk_data = int(self._words[Header.CHUNK_DATA_OFFSET])
-        self._check_layout()
         self._growing: dict[int, list[int]] = {}  # the places of the chunks of each growing ring, in order
         self._chunks_seen = 0
         self._writer_gone = False
 
     def _remap(self) -> None:
-        self._size_bytes = self._file.seek(0, 2)
+        found = os.fstat(self._file.fileno())
+        if not stat.S_ISREG(found.st_mode):
+            raise SegmentError(f"{self.path}: is not a silo segment, not even a file")
+        self._size_bytes = found.st_size
         if self._size_bytes < 2 * PAGE:
             raise SegmentError(f"{self.path}: {self._size_bytes} bytes are too few for a segment")
-        self._map = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
+        try:
+            self._map = mmap.mmap(self._file.fileno(), self._size_bytes, access=mmap.ACCESS_READ)
+        except (OSError, ValueError, OverflowError) as error:
+            raise SegmentError(f"{self.path}: {self._size_bytes} bytes can't be mapped ({error})") from error
         self._words = np.frombuffer(self._map, np.uint64, self._size_bytes // 8)
+
+    def _words_at(self, position: Header) -> int:
+        offset = int(self._words[position])
+        if offset % 8:
+            raise self._damaged(f"{position.name.lower()} is {offset}, no multiple of 8")
+        return offset // 8
+
+    def _damaged(self, what: str) -> SegmentError:
+        return SegmentError(f"{self.path}: the segment is damaged: {what}")
 
     def _read_schema(self) -> SegmentSchema:
         magic, version, begin, size = (int(word) for word in self._words[:4])
@@ -102,24 +138,56 @@ class SegmentReader:
                 f"{self.path}: was written by a newer silo (layout {version}, this silo reads {older} to {newer}): "
                 "update silo here, then try again; the data stays where it is"
             )
+        if begin + size > self._size_bytes:
+            raise SegmentError(f"{self.path}: cut short, {self._size_bytes} of {begin + size} bytes are there")
         try:
             return decoded_schema(self._map[begin : begin + size])
-        except msgspec.MsgspecError as error:
+        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
             raise SegmentError(f"{self.path}: the segment's description is damaged ({error})") from error
 
     def _check_layout(self) -> None:
+        """What the description says must fit the file, and itself: everything that reads rows relies on it."""
+        schema = self.schema
         ends = [
-            8 * (self._control + LINE_WORDS * (1 + len(self.schema.rings))),
+            8 * (self._control + LINE_WORDS * (1 + len(schema.rings))),
             8 * (self._directory + self._directory_words),
         ]
-        ends += [8 * (element.failures + BLOCK_WORDS) for element in self.schema.elements if element.failures >= 0]
-        for ring in self.schema.rings:
-            if ring.row_words < STAMP_WORDS or ring.capacity < 1 or ring.divider < 1:
-                raise SegmentError(f"{self.path}: ring {ring.ring} of the segment's description makes no sense")
+        if not schema.rings or (schema.rings[0].divider, schema.rings[0].live) != (1, False):
+            raise self._damaged("there is no ring of time stamps")
+        for place, ring in enumerate(schema.rings):
+            sensible = ring.ring == place and ring.row_words >= STAMP_WORDS and ring.capacity >= 1 and ring.divider >= 1
+            if not sensible or ring.offset < 0 or ring.offset % 8:
+                raise self._damaged(f"ring {ring.ring} of its description makes no sense")
+            row_bytes = 8 * ring.row_words * ring.capacity
             if ring.buffer_type is not BufferType.GROWING:
-                ends.append(ring.offset + 8 * ring.row_words * ring.capacity)
+                ends.append(ring.offset + row_bytes)
+            elif row_bytes > schema.chunk_bytes or schema.chunk_bytes % 8:
+                raise self._damaged(f"rows of ring {ring.ring} don't fit its chunks")
+        for element in schema.elements:
+            self._check_element(element)
+        ends += [8 * (element.failures + BLOCK_WORDS) for element in schema.elements if element.failures >= 0]
         if max(ends) > self._size_bytes:
             raise SegmentError(f"{self.path}: cut short, {self._size_bytes} of {max(ends)} bytes are there")
+
+    def _check_element(self, element: ElementSchema) -> None:
+        options, rings = element.info.options, self.schema.rings
+        for number, entries in ((element.ring, element.entries), (element.live_ring, element.live_entries)):
+            if number == -1 and entries is element.live_entries:
+                continue
+            if not 0 <= number < len(rings) or rings[number].divider != options.divider:
+                raise self._damaged(f"{element.info.name!r} has no ring of its divider")
+            row_bytes = 8 * rings[number].row_words
+            for entry in entries:
+                size = _item_size(entry.entry.dtype)
+                if size < 0:
+                    raise self._damaged(f"{element.info.name!r} is of the unknown type {entry.entry.dtype!r}")
+                if not 0 <= entry.byte_offset <= row_bytes - size:
+                    raise self._damaged(f"{element.info.name!r} reaches beyond its row")
+        ring = rings[element.ring]
+        if ring.buffer_type is not options.buffer_type:
+            raise self._damaged(f"{element.info.name!r} has no ring of its buffer type")
+        if ring.buffer_type is not BufferType.GROWING and options.buffer_size > ring.capacity:
+            raise self._damaged(f"the ring of {element.info.name!r} is too small for its buffer")
 
     def fileno(self) -> int:
         """The open file, to be handed to another process: it stays readable when the segment is deleted."""
@@ -166,6 +234,11 @@ class SegmentReader:
         return self._control_word(Control.SAVED_TICKS)
 
     @property
+    def saved_ticks_offset(self) -> int:
+        """Where in the file that is noted."""
+        return 8 * (self._control + Control.SAVED_TICKS)
+
+    @property
     def last_time_ns(self) -> int:
         """Time stamp of the newest tick, 0 before the first."""
         newest = self.rows(TIME_RING, self.ticks - 1)
@@ -179,12 +252,17 @@ class SegmentReader:
     @property
     def size_bytes(self) -> int:
         """The size of the file."""
-        return self.path.stat().st_size if self.path.exists() else self._size_bytes
+        return self._size_bytes if self._file.closed else os.fstat(self._file.fileno()).st_size
 
     def alive(self) -> bool:
         """Whether the writing process still exists."""
         schema = self.schema
-        alive = schema.boot_id == boot_id() and process_start(schema.pid) == schema.pid_start
+        if schema.boot_id != boot_id():
+            alive = False
+        elif schema.pid_namespace in (0, pid_namespace()):
+            alive = process_start(schema.pid) == schema.pid_start
+        else:
+            alive = has_writer(self._file.fileno())  # pids of another container say nothing here
         self._writer_gone = not alive
         return alive
 
@@ -225,7 +303,10 @@ class SegmentReader:
         `Rows.first` is larger than `since` where older rows were overwritten.
         """
         layout = self.schema.rings[ring]
+        self._check_size()
         head = self.head(ring)
+        if layout.buffer_type is BufferType.FIXED and head > layout.capacity:
+            raise self._damaged(f"ring {ring} says that it holds {head} rows, {layout.capacity} fit in")
         begin = max(since, 0)
         if layout.buffer_type is BufferType.LOOPING:
             begin = max(begin, head - layout.capacity + UNSAFE_ROWS)
@@ -238,7 +319,18 @@ class SegmentReader:
                 return Rows(layout, begin + cut, words[cut:])
         return Rows(layout, begin, words)
 
+    def _check_size(self) -> None:
+        """Raise SegmentError if the file was cut under the mapping.
+
+        To read memory beyond the end of a file ends the process (SIGBUS). A file that is cut in the midst of a copy
+        still does that: nobody who keeps to silo's ways cuts one.
+        """
+        if not self._file.closed and (size := os.fstat(self._file.fileno()).st_size) < self._size_bytes:
+            raise SegmentError(f"{self.path}: cut short while it was read, {size} of {self._size_bytes} bytes are left")
+
     def _copy(self, ring: RingSchema, begin: int, end: int) -> NDArray[np.uint64]:
+        if ring.buffer_type is BufferType.GROWING and end > begin:
+            self._chunk(ring.ring, (end - 1) // ring.capacity)  # before memory is taken for what isn't there
         out = np.empty((end - begin, ring.row_words), np.uint64)
         done = 0
         while done < len(out):
@@ -255,10 +347,6 @@ class SegmentReader:
             offset = ring.offset
         else:
             offset = self._chunk_data + self._chunk(ring.ring, number) * self.schema.chunk_bytes
-            if offset + self.schema.chunk_bytes > self._size_bytes:
-                self._remap()
-                if offset + self.schema.chunk_bytes > self._size_bytes:
-                    raise SegmentError(f"{self.path}: cut short, chunk {number} of ring {ring.ring} is missing")
         size_words = ring.capacity * ring.row_words
         return self._words[offset // 8 : offset // 8 + size_words].reshape(ring.capacity, ring.row_words), slot
 
@@ -267,6 +355,10 @@ class SegmentReader:
         places = self._growing.get(ring, [])
         if number >= len(places):
             used = min(self._control_word(Control.CHUNKS), self._directory_words)
+            if used > self._chunks_seen and self._chunk_data + used * self.schema.chunk_bytes > self._size_bytes:
+                self._remap()
+                if self._chunk_data + used * self.schema.chunk_bytes > self._size_bytes:
+                    raise SegmentError(f"{self.path}: cut short, chunk {used - 1} of the segment is missing")
             owners = self._words[self._directory + self._chunks_seen : self._directory + used]
             for place, owner in enumerate(owners.tolist(), self._chunks_seen):
                 self._growing.setdefault(owner - 1, []).append(place)

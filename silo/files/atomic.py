@@ -5,6 +5,7 @@ which is flushed to the disk and then renamed; on any failure, Ctrl-C included, 
 """
 
 import errno
+import fcntl
 import os
 import secrets
 import shutil
@@ -28,10 +29,10 @@ def atomic_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     final = Path(path)
     part = _temporary_name(final)
     try:
-        with part.open("xb", buffering=0) as file:
+        with _open_part(part) as file:
             yield file
             os.fsync(file.fileno())
-        part.replace(final)
+            part.replace(final)  # while it is locked still
         _sync_folder(final.parent)
     except SaveError:
         _remove(part)
@@ -55,12 +56,12 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise SaveError(f"can't save '{final}': it exists already; remove it or choose another name")
     part = _temporary_name(final)
     try:
-        part.mkdir()
-        yield part
-        for file in sorted(part.rglob("*")):
-            _sync(file)
-        _sync(part)
-        part.rename(final)
+        with _made_part(part):
+            yield part
+            for file in sorted(part.rglob("*")):
+                _sync(file)
+            _sync(part)
+            part.rename(final)
         _sync_folder(final.parent)
     except SaveError:
         _remove(part)
@@ -71,6 +72,72 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     except BaseException:
         _remove(part)
         raise
+
+
+def sweep_parts(folder: str | os.PathLike[str]) -> list[Path]:
+    """Remove temporary files and folders in `folder` whose writers died; returns them.
+
+    One that is being written is locked by its writer and stays, whatever process or container that is in; so does
+    everything in a file system that knows no locks.
+    """
+    names: list[str] = []
+    with suppress(OSError):
+        names = os.listdir(folder)  # noqa: PTH208  # of 10,000 logs no paths are made
+    parts = [name for name in names if name.startswith(".silo-") and name.endswith(PART_ENDING)]
+    return [part for name in sorted(parts) if _removed_if_dead(part := Path(folder, name))]
+
+
+def _removed_if_dead(part: Path) -> bool:
+    # what can't be opened or removed isn't ours, or another one removes it just now
+    with suppress(OSError):
+        descriptor = os.open(part, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(descriptor), part.lstat()):
+                _remove(part)
+                return not part.exists()
+        finally:
+            os.close(descriptor)
+    return False
+
+
+@contextmanager
+def _open_part(part: Path) -> Iterator[BinaryIO]:
+    """A new file, locked while it is written. Raises OSError."""
+    while True:
+        with part.open("xb", buffering=0) as file:
+            if _locked(file.fileno(), part):
+                yield file
+                return
+
+
+@contextmanager
+def _made_part(part: Path) -> Iterator[None]:
+    """A new folder, locked while it is filled. Raises OSError."""
+    while True:
+        part.mkdir()
+        try:
+            descriptor = os.open(part, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        except FileNotFoundError:
+            continue
+        try:
+            if _locked(descriptor, part):
+                yield
+                return
+        finally:
+            os.close(descriptor)
+
+
+def _locked(descriptor: int, part: Path) -> bool:
+    """Lock what was just made; False if a sweep came before that and takes it for a dead writer's: make it again."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)  # a sweep holds it for the moment in which it removes it
+    except OSError:
+        return True  # no locks in this file system: then nothing is swept there either
+    try:
+        return os.path.samestat(os.fstat(descriptor), part.lstat())
+    except FileNotFoundError:
+        return False
 
 
 def write_all(file_descriptor: int, buffers: list[memoryview], offset: int) -> None:

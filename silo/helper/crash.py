@@ -4,11 +4,13 @@ import logging
 import time
 from pathlib import Path
 
+from silo.collecting.holdings import segment_holdings
+from silo.collecting.left_behind import BusyError, SavedMeanwhileError, claimed, mark_saved
 from silo.collecting.segment_reader import SegmentReader
-from silo.errors import SiloError
+from silo.errors import SegmentError, SiloError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
-from silo.helper.recovery import claimed, save_reader
+from silo.helper.recovery import save_reader
 from silo.helper.saver import describe
 from silo.ipc.messages import EventKind
 from silo.model import SavedFile
@@ -27,15 +29,14 @@ def after_crash(mirror: Mirror, events: Events) -> bool:
     who = f"the robot program (process {robot.pid})"
     reader = mirror.open_reader()
     if reader is None or not reader.ticks or mirror.is_saved():
-        ticks = reader.ticks if reader else 0
-        kept = f"its {ticks} ticks were saved before" if ticks else "it had logged nothing"
+        kept = "all that it logged was saved before" if reader and reader.ticks else "it had logged nothing"
         text = f"{who} ended without close(); {kept}"
         mirror.mark_dead(text)
         events.publish(EventKind.CRASHED, text)
         if reader is not None:
             _delete(reader)
         return False
-    mirror.mark_dead(f"{who} ended without close(); saving the {reader.ticks} ticks that it had logged")
+    mirror.mark_dead(f"{who} ended without close(); saving {_held(reader)}")
     events.publish(EventKind.SAVING, mirror.now.died)
     _save(mirror, events, reader, who)
     return True
@@ -52,18 +53,33 @@ def _save(mirror: Mirror, events: Events, reader: SegmentReader, who: str) -> No
             events.publish(EventKind.SAVING, f"saving after a crash: {fraction:.0%}", progress=fraction)
 
     try:
-        with claimed(reader.path):
-            files = save_reader(reader, mirror.now.robot.folder, progress=progress)
+        with claimed(reader):
+            files, held = save_reader(reader, mirror.now.robot.folder, progress=progress)
             mirror.mark_saved(str(reader.path), reader.ticks)
+            mark_saved(reader)
             _delete(reader)
+    except SavedMeanwhileError as error:
+        mirror.mark_saved(str(reader.path), reader.ticks)
+        text = f"{who} ended without close(); {error}"
+        log.warning("%s", text)
+    except BusyError as error:
+        text = f"{who} ended without close(); {error}, and says where; `silo recover --list` tells if it did not"
+        log.warning("%s", text)
     except (SiloError, OSError) as error:
         text = f"{who} ended without close(), and its log could not be saved: {error}; run `silo recover {reader.path}`"
         log.error("%s", text)  # noqa: TRY400  # the words say it all
     else:
-        text = f"{who} ended without close(); its {reader.ticks} ticks were saved: {describe(files)}"
+        text = f"{who} ended without close(); saved {held.text}: {describe(files)}"
         log.warning("%s", text)
     mirror.mark_dead(text)
     events.publish(EventKind.CRASHED, text, files=files)
+
+
+def _held(reader: SegmentReader) -> str:
+    try:
+        return segment_holdings(reader).text
+    except SegmentError as error:
+        return f"what it had logged ({error})"
 
 
 def _delete(reader: SegmentReader) -> None:

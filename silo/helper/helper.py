@@ -22,6 +22,7 @@ from silo.helper.crash import after_crash
 from silo.helper.events import Events
 from silo.helper.journaling import Journaling
 from silo.helper.mirror import LoggerSnapshot, Mirror
+from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.publisher import Publisher
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
@@ -106,7 +107,9 @@ class Helper:
         journaling.start()
         control.start()
         token = session.liveliness().declare_token(root.key("alive"))
+        predecessors = PredecessorRecovery(mirror, events)
         self._robot.send(LinkReply(READY, Done(str(path))))
+        predecessors.start()
         try:
             ended = self._follow_robot(mirror, events, saver, path)
             if ended is _Ended.FILES_DELETED:
@@ -130,6 +133,7 @@ class Helper:
             journaling.stop(keep=True)
             control.stop()
             publisher.stop()
+            predecessors.stop(SAVE_GRACE_S)
             saver.stop(SAVE_GRACE_S)
 
     # ------------------------------------------------------------------------------------------- while it lives

@@ -5,6 +5,7 @@ good: 112 instead of 53 MB. The other process gets the segment as an open file, 
 deletes it, and is told to be nice to the control loop.
 """
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from collections.abc import Callable
 
 import msgspec
 
+from silo.collecting.damage import damage
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SiloError
 from silo.files import PartlySavedError, write
@@ -21,12 +23,16 @@ NICER = 5
 
 
 class WriteOrder(msgspec.Struct, frozen=True):
-    """What to write, and where; the arguments of `silo.files.write`."""
+    """What to write, and where; the arguments of `silo.files.write`.
+
+    `of_dead`: the writer of the segment is gone, so that rows that aren't what it committed are damaged.
+    """
 
     folder: str
     logger: str
     types: list[FileType]
     name: str
+    of_dead: bool = False
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -37,26 +43,30 @@ class WriteReport(msgspec.Struct, frozen=True):
     ticks: int = 0
     files: list[SavedFile] = []
     error: str = ""
+    damage: tuple[str, ...] = ()
 
 
 def write_log(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
     """Save what a segment holds now; the report's `error` is empty when all of it worked."""
     if order.types == [FileType.SILO]:
         return _write(reader, order, progress)
-    return _write_apart(reader, order, progress)
+    return write_apart(reader, order, progress)
 
 
 def _write(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
     try:
         recording = reader.snapshot()
+        damaged = damage(reader) if order.of_dead else ()
+        recording = dataclasses.replace(recording, warnings=(*damaged, *recording.warnings))
         files = write(recording, order.folder, order.logger, order.types, order.name or None, progress)
     except SiloError as error:
         saved = list(error.saved) if isinstance(error, PartlySavedError) else []
         return WriteReport(1.0, True, 0, saved, str(error))
-    return WriteReport(1.0, True, recording.offset, files)
+    return WriteReport(1.0, True, recording.offset, files, damage=damaged)
 
 
-def _write_apart(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
+def write_apart(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
+    """The same in a process of its own. Raises SaveError if that dies."""
     segment = reader.fileno()
     command = [sys.executable, "-m", "silo.helper.writing", str(segment)]
     decoder = msgspec.json.Decoder(WriteReport)

@@ -83,6 +83,12 @@ def usable_folders() -> list[Path]:
     return [runtime_dir(), *(path for path in _candidates() if _is_usable(path))]
 
 
+def own_folders() -> list[Path]:
+    """Folders for sockets that belong to this user, the private one first."""
+    shared = [path for path in _candidates() if _is_usable(path) and path.lstat().st_uid == os.getuid()]
+    return [runtime_dir(), *shared]
+
+
 def forbidden_folders() -> list[ForbiddenFolder]:
     """Return folders of other users in which a logger listens, or seems to, and that this user may not enter."""
     if os.environ.get("SILO_RUNTIME_DIR"):

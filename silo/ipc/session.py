@@ -9,6 +9,7 @@ import fcntl
 import json
 import os
 import secrets
+import socket
 import time
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,13 @@ from typing import Any
 import zenoh
 
 from silo.errors import ConnectionLostError
+from silo.runtime import is_at
 
 SOCKET_SUFFIX = ".sock"
 MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL
 MAX_MESSAGE_BYTES = 8 * 2**20  # about 60,000 edits; a larger message is dropped before it is put together
 OPEN_TRIES = 5
+_BESIDE = (".lock", ".dead", ".secret", ".users")  # what may lie beside a socket
 
 _COMMON: dict[str, Any] = {
     "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
@@ -84,17 +87,55 @@ def _users_file(path: Path) -> Path:
     return Path(f"{path}.users")
 
 
-def sweep(folder: Path) -> None:
-    """Remove the sockets of processes that ended, from a folder of this user."""
-    for lock in folder.glob(f"*{SOCKET_SUFFIX}.lock"):
-        path = lock.with_suffix("")
-        if owner_is_gone(path):
-            remove_socket(path)
+def sweep(folder: Path) -> list[Path]:
+    """Remove the sockets of processes that ended, and what belongs to them, from a folder of this user.
+
+    Returns the sockets. What this takes from a process that starts just now, `open_server` makes again.
+    """
+    ends = [f"{SOCKET_SUFFIX}{end}" for end in ("", *_BESIDE)]
+    names = {path.name.removesuffix(end) for path in folder.iterdir() for end in ends if path.name.endswith(end)}
+    return [path for name in sorted(names) if _removed_if_dead(path := folder / f"{name}{SOCKET_SUFFIX}")]
 
 
-def remove_socket(path: Path) -> None:
-    """Remove a socket, its lock and what else belongs to it."""
-    for stale in (path, Path(f"{path}.lock"), dead_mark(path), secret_file(path), _users_file(path)):
+def _removed_if_dead(path: Path) -> bool:
+    lock = Path(f"{path}.lock")
+    try:
+        descriptor = os.open(lock, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        if _listens(path):
+            return False
+        _remove_socket(path)
+        return True
+    except OSError:
+        return False
+    try:
+        # held while the files go: a process that starts meanwhile is refused the lock, and tries again
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not is_at(descriptor, lock):
+            return False
+        _remove_socket(path)
+    except BlockingIOError:
+        return False
+    finally:
+        os.close(descriptor)
+    return True
+
+
+def _listens(path: Path) -> bool:
+    """Whether somebody listens on a socket that lost its lock; True where that can't be told."""
+    with socket.socket(socket.AF_UNIX) as client:
+        client.setblocking(False)
+        try:
+            client.connect(str(path))
+        except (ConnectionRefusedError, FileNotFoundError):
+            return False
+        except OSError:
+            return True
+    return True
+
+
+def _remove_socket(path: Path) -> None:
+    for stale in (path, *(Path(f"{path}{end}") for end in reversed(_BESIDE))):  # the lock last
         with contextlib.suppress(FileNotFoundError):
             stale.unlink()
 
@@ -103,7 +144,7 @@ def open_server(folder: Path, logger: str, pid: int, config: str | None = None) 
     """Return a session that listens on a Unix socket in `folder`, and on what the file `config` adds to it.
 
     Raises ConnectionLostError with the reason. A client that sweeps at this very moment holds the lock for some
-    microseconds: hence several tries.
+    microseconds, or takes away what was just made: hence several tries.
     """
     sweep(folder)
     error: Exception | None = None
@@ -113,17 +154,27 @@ def open_server(folder: Path, logger: str, pid: int, config: str | None = None) 
         while path.exists() and not owner_is_gone(path):
             copy += 1
             path = socket_path(folder, logger, pid, copy)
-        remove_socket(path)
+        _removed_if_dead(path)
         settings = _server_config(path, config)
         old_mask = os.umask(0o077)
         try:
-            return zenoh.open(settings), path
+            session = zenoh.open(settings)
+            if _is_whole(path, settings):
+                return session, path
+            close(session)
         except zenoh.ZError as failure:
             error = failure
             time.sleep(0.02 * (attempt + 1))
         finally:
             os.umask(old_mask)
     raise ConnectionLostError(f"can't listen on {path}: {_reason(error)}{_hint(config)}")
+
+
+def _is_whole(path: Path, settings: zenoh.Config) -> bool:
+    """Whether a server's files are there, and locked; a sweep beside its start may have taken some."""
+    passwords = json.loads(settings.get_json("transport/auth/usrpwd/dictionary_file"))
+    needed = [path, Path(f"{path}.lock"), *([secret_file(path), _users_file(path)] if passwords else [])]
+    return all(file.exists() for file in needed) and not owner_is_gone(path)
 
 
 def _server_config(path: Path, config: str | None) -> zenoh.Config:

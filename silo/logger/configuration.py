@@ -61,6 +61,11 @@ class Configuration:
                 f"can't {what} while logger '{self.options.name}' runs: stop() it first; nothing was changed"
             )
 
+    def _warn_of_pending(self) -> None:
+        if self._table.pending:
+            names = ", ".join(element.info.name for element in self._table.pending)
+            log.warning("%s: added after the last update(), so not logged: call update() before start()", names)
+
     def _tell(self) -> None:
         """Called after each change, for who has somebody to tell. Never waits."""
 

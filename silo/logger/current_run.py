@@ -3,12 +3,18 @@
 A run that holds unsaved data is let go of only by a decision: the program's (`clear`), or after it was saved.
 """
 
+import logging
 import time
 from collections.abc import Callable
 
+from silo.collecting.holdings import segment_holdings
 from silo.collecting.losses import lost_samples
 from silo.collecting.run import Run
 from silo.errors import NoRoomError, StateError
+from silo.logger.ending import write_run
+from silo.model import LoggerOptions
+
+log = logging.getLogger("silo")
 
 FREEING_S = 3.0  # how long other processes may take to unmap what was deleted
 
@@ -37,11 +43,11 @@ class CurrentRun:
         self.saved_ticks = 0
         self._lost_at_end = 0
 
-    def replace(self, make: Callable[[], Run], save: Callable[[], object], let_go: Callable[[], None]) -> Run:
+    def replace(self, make: Callable[[], Run], options: LoggerOptions, let_go: Callable[[], None]) -> Run:
         """Make a new run in the place of the present one, which stays if that fails.
 
-        Where both don't fit into the memory, the present one is saved by `save` if it must be, and freed before the new
-        one is made; `let_go` has other processes free it too. Raises SegmentError, SaveError: the present run stays.
+        Where both don't fit into the memory, the present one is saved if it must be, and freed before the new one is
+        made; `let_go` has other processes free it too. Raises SegmentError, SaveError: the present run stays.
         """
         try:
             made = make()
@@ -49,7 +55,7 @@ class CurrentRun:
             if self.run is None or error.needed_bytes > error.free_bytes + self.run.segment.size_bytes:
                 raise
             if self.has_unsaved:
-                save()
+                self._save(options)
             let_go()
             self.drop()
             self.run = None
@@ -97,17 +103,26 @@ class CurrentRun:
             self.saved_ticks = ticks
             run.segment.mark_saved(ticks)
 
-    def settle(self, unsaved: str, save: Callable[[], object], name: str, frequency_hz: float) -> None:
+    def _save(self, options: LoggerOptions) -> None:
+        """Save in this process: the link thread, which an answer of the helper comes by, may wait for the caller."""
+        assert self.run is not None
+        run, ticks = self.run, self.run.segment.ticks
+        paths = ", ".join(file.path for file in write_run(run, options))
+        self.mark_saved(run, ticks)
+        log.warning("%s: the last run was saved before it is cleared: %s", options.name, paths)
+
+    def settle(self, unsaved: str, options: LoggerOptions) -> None:
         """Do with unsaved data what `start(unsaved=...)` was told. Raises StateError, or SaveError: nothing changed."""
         if unsaved not in ("clear", "save", "refuse"):
             raise StateError(f"unsaved must be 'clear', 'save' or 'refuse', got {unsaved!r}; nothing was changed")
         if not self.has_unsaved or unsaved == "clear":
             return
         if unsaved == "save":
-            save()
+            self._save(options)
             return
-        ticks = self.ticks - self.saved_ticks
+        assert self.run is not None
+        held = segment_holdings(self.run.reader).text
         raise StateError(
-            f"logger '{name}' holds {ticks} ticks ({ticks / frequency_hz:.1f} s) that are in no file, and a start "
-            "clears them: save them first, or say what is to become of them (save or discard); nothing was changed"
+            f"logger '{options.name}' holds {held}, and what is new of it is in no file; a start clears it: save it "
+            "first, or say what is to become of it (save or discard); nothing was changed"
         )

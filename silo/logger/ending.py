@@ -1,12 +1,65 @@
 """What is done for a logger that ends without `close()`, and what is said of it on the console."""
 
+import atexit
 import os
 import sys
+import weakref
 from collections.abc import Callable
+from typing import Protocol
 
+from silo.collecting.holdings import segment_holdings
 from silo.collecting.run import Run
 from silo.errors import SiloError
 from silo.model import FileType, LoggerOptions, SavedFile
+
+
+class Ending(Protocol):
+    """A logger, seen from here."""
+
+    options: LoggerOptions
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it was closed, for good."""
+
+    def abandon(self) -> None:
+        """End without `close()`; unsaved data is kept."""
+
+    def after_fork_in_child(self) -> None:
+        """Let go of everything that belongs to the parent process."""
+
+
+_living: "weakref.WeakSet[Ending]" = weakref.WeakSet()
+
+
+def watch(logger: Ending) -> None:
+    """See to it that the logger's data outlives a process that ends without `close()`."""
+    _living.add(logger)
+
+
+def end_namesakes(name: str) -> None:
+    """End loggers of a name that live in this process: clients could not tell them from the one to be made."""
+    for other in [each for each in _living if each.options.name == name and not each.is_closed]:
+        print(
+            f"silo: logger '{name}' was made a second time in this program (a cell run again, a name rebound?): the "
+            "first one is closed; give loggers that are to live side by side names of their own",
+            file=sys.stderr,
+        )
+        other.abandon()
+
+
+@atexit.register
+def _end_of_process() -> None:
+    for logger in list(_living):
+        logger.abandon()
+
+
+def _forked() -> None:
+    for logger in list(_living):
+        logger.after_fork_in_child()
+
+
+os.register_at_fork(after_in_child=_forked)
 
 
 def write_run(run: Run, options: LoggerOptions) -> list[SavedFile]:
@@ -19,20 +72,25 @@ def write_run(run: Run, options: LoggerOptions) -> list[SavedFile]:
 def save_at_end(run: Run, options: LoggerOptions) -> bool:
     """Save a run as `.silo`, and say where; False, and said where it stays, if that failed."""
     try:
+        held = segment_holdings(run.reader).text
         saved = write_run(run, options)
     except SiloError as failure:
         say_where_it_is(run, options, f": {failure}")
         return False
     paths = ", ".join(file.path for file in saved)
-    print(f"silo: logger '{options.name}' ended without save() or close(); saved {paths}", file=sys.stderr)
+    print(f"silo: logger '{options.name}' ended without save() or close(); saved {held}: {paths}", file=sys.stderr)
     return True
 
 
 def say_where_it_is(run: Run, options: LoggerOptions, problem: str = "") -> None:
     """Say that a run was left for `silo recover`."""
+    try:
+        held = segment_holdings(run.reader).text
+    except SiloError as error:
+        held = f"what it holds ({error})"
     print(
-        f"silo: logger '{options.name}' ended without save() or close(){problem}; {run.segment.ticks} ticks are kept "
-        f"in {run.segment.path}: run `silo recover` to save them",
+        f"silo: logger '{options.name}' ended without save() or close(){problem}; {run.segment.path} keeps {held}: "
+        "run `silo recover` to save it",
         file=sys.stderr,
     )
 

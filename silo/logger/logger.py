@@ -4,13 +4,10 @@
 takes one lock, which `collect()` never touches.
 """
 
-import atexit
 import functools
 import logging
 import os
-import sys
 import threading
-import weakref
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
@@ -21,9 +18,10 @@ from silo.collecting.schema import STOP_TEXTS, StopReason
 from silo.errors import StateError
 from silo.logger.configuration import Configuration
 from silo.logger.current_run import CurrentRun
-from silo.logger.ending import forked_collect, save_at_end, say_where_it_is, write_run
+from silo.logger.ending import end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_type, logger_options, nanosecond_clock
+from silo.logger.predecessors import look_back
 from silo.model import FileType, SavedFile, State, Storage, Threads
 from silo.recording import Recording
 
@@ -31,9 +29,6 @@ if TYPE_CHECKING:
     from silo.logger.serving import Serving
 
 log = logging.getLogger("silo")
-
-
-_living: "weakref.WeakSet[Logger]" = weakref.WeakSet()
 
 
 def _idle() -> None:
@@ -85,14 +80,14 @@ class Logger(Configuration):
             threads=threads,
         )
         self._clock = nanosecond_clock(clock)
-        _end_namesakes(options.name)
+        end_namesakes(options.name)
         super().__init__(options)
         self._present = CurrentRun()
         self._collect: Callable[[], None] = _idle
         self._reason = ""
         self._new_values = NewValuesReader()
         self._serving: Serving | None = None
-        _living.add(self)  # its data outlives a process that ends without close()
+        watch(self)  # its data outlives a process that ends without close()
 
     # ------------------------------------------------------------------------------------------------ the loop
 
@@ -118,7 +113,13 @@ class Logger(Configuration):
 
         unsaved: what becomes of data of the last run that is in no file: `"clear"` drops it, `"save"` saves it first,
         `"refuse"` raises a StateError that tells how much it is. Where two runs don't fit into the memory it is saved
-        in any case. Raises StateError if the logger runs already, SegmentError if there is no room for the buffers,
+        in any case.
+
+        The first start looks for what earlier processes of this logger (same name, same folder) left unsaved. The
+        helper process of a served logger saves that, beside its work, and says where, on the console and as an event;
+        without one, a warning names the `silo recover` command that does.
+
+        Raises StateError if the logger runs already, SegmentError if there is no room for the buffers,
         SaveError if what had to be saved could not be: the last run is then kept as it was.
         """
         with self._lock:
@@ -126,13 +127,15 @@ class Logger(Configuration):
             self._check_stopped("start")
             if not self._updated:
                 self.update()
-            self._present.settle(unsaved, self._save_unsaved, self.options.name, self.options.frequency_hz)
+            self._present.settle(unsaved, self.options)
             self._warn_of_pending()
             self._warn_of_durability()
+            if self._present.number == 0:
+                look_back(self.options, served=self._serving is not None and self._serving.is_up)
             self._present.number += 1
             stopped = functools.partial(self._stop_by_itself, self._present.number)
             make = functools.partial(Run, self.options, self._table.elements, self._clock, stopped, self._collect_now)
-            run = self._present.replace(make, self._save_unsaved, self._let_go)
+            run = self._present.replace(make, self.options, self._let_go)
             self._new_values = NewValuesReader()
             self._reason = ""
             self._running = True
@@ -141,23 +144,9 @@ class Logger(Configuration):
             self._set_collect(run.collect)
             self._tell()
 
-    def _save_unsaved(self) -> None:
-        """Save the last run in this process: the link thread, which the helper's answer comes by, may wait for us."""
-        run = self._present.run
-        assert run is not None
-        files = write_run(run, self.options)
-        self._present.mark_saved(run, run.segment.ticks)
-        paths = ", ".join(file.path for file in files)
-        log.warning("%s: the last run was saved before it is cleared: %s", self.options.name, paths)
-
     def _let_go(self) -> None:
         if self._serving is not None:
             self._serving.let_go()
-
-    def _warn_of_pending(self) -> None:
-        if self._table.pending:
-            names = ", ".join(element.info.name for element in self._table.pending)
-            log.warning("%s: added after the last update(), so not logged: call update() before start()", names)
 
     def _warn_of_durability(self) -> None:
         if self.options.storage is Storage.DISK and self._serving is None:
@@ -182,7 +171,7 @@ class Logger(Configuration):
         with self._lock:
             self._check_open()
             if unsaved != "save":  # a save waits until the loop stands still
-                self._present.settle(unsaved, self._save_unsaved, self.options.name, self.options.frequency_hz)
+                self._present.settle(unsaved, self.options)
             self.stop()
             self.start(unsaved="save" if unsaved == "save" else "clear")
 
@@ -299,6 +288,8 @@ class Logger(Configuration):
     def serve(self, *, group: str | None = None, config: str | os.PathLike[str] | None = None) -> "Serving":
         """Start the helper process: from now on `silo` and `silo-tui` find this logger.
 
+        It also saves what earlier processes of this logger left unsaved, see `start()`.
+
         group: lets the members of a system group in too (off by default). config: a file with remote access settings
         (see `config/`). Use it as a context manager, or call its `close()`.
         """
@@ -404,28 +395,3 @@ class Logger(Configuration):
         self._closed = True
         self._serving = None
         self._present = CurrentRun()
-
-
-def _end_namesakes(name: str) -> None:
-    """A logger of a name that lives in this process already ends: clients could not tell the two from each other."""
-    for other in [each for each in _living if each.options.name == name and not each.is_closed]:
-        print(
-            f"silo: logger '{name}' was made a second time in this program (a cell run again, a name rebound?): the "
-            "first one is closed; give loggers that are to live side by side names of their own",
-            file=sys.stderr,
-        )
-        other.abandon()
-
-
-@atexit.register
-def _end_of_process() -> None:
-    for logger in list(_living):
-        logger.abandon()
-
-
-def _forked() -> None:
-    for logger in list(_living):
-        logger.after_fork_in_child()
-
-
-os.register_at_fork(after_in_child=_forked)

@@ -154,7 +154,7 @@ def test_program_killed_together_with_its_helper_is_recovered_by_hand(robot, tmp
     os.kill(robot.helper_pid, signal.SIGKILL)
     (stale,) = find_stale()
     assert stale.ticks > 100
-    (file,) = recover(stale.path, tmp_path / "recovered")
+    (file,) = recover(stale.path, tmp_path / "recovered").files
     assert len(silo.open_log(file.path)["/log/x"].values) == stale.ticks
     assert find_stale() == []
 

@@ -39,7 +39,7 @@ def test_what_was_left_is_listed_and_not_touched(tmp_path: Path, capsys: pytest.
     die(tmp_path)
     for _ in range(2):
         assert run(["recover", "--list"]) == 0
-        assert "logger 'arm', 5 ticks: " in capsys.readouterr().out
+        assert "logger 'arm': 5 samples of 1 element over " in capsys.readouterr().out
     assert not list(tmp_path.glob("*.silo"))
 
 

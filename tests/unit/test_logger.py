@@ -241,7 +241,9 @@ def test_a_logger_that_the_program_forgot_keeps_its_unsaved_data(tmp_path, capsy
     logger.collect()
     del logger
     gc.collect()
-    assert "logger 'forgotten' ended without save() or close(); 1 ticks are kept" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "logger 'forgotten' ended without save() or close(); " in told
+    assert "keeps 1 sample of 1 element" in told
     assert len(list_segments()) == 1
 
 

@@ -1,0 +1,144 @@
+"""What programs that died left behind: their segments, and the rests of segments that they were making.
+
+Looked for at the first start of a logger, by its helper, by `silo ls` and by `silo recover`. Removed without a question
+is only what surely belongs to a dead process and holds nothing that isn't in a file.
+"""
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from silo.collecting.holdings import Holdings, segment_holdings
+from silo.collecting.schema import SegmentSchema
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError, StateError
+from silo.model import LoggerOptions, Storage
+from silo.runtime import is_at, list_segments, runtime_dir, sweep_unfinished
+
+
+@dataclass(frozen=True)
+class StaleSegment:
+    """A segment without its writer. `schema` and `holdings` are None for what can't be read; `reason` says what is."""
+
+    path: Path
+    schema: SegmentSchema | None
+    holdings: Holdings | None
+    reason: str
+
+    @property
+    def ticks(self) -> int:
+        """Ticks since start, 0 for what can't be read."""
+        return self.holdings.ticks if self.holdings else 0
+
+
+def find_stale(folder: Path | None = None) -> list[StaleSegment]:
+    """Segments of processes that ended without saving: in the runtime folder, and in `folder` (`storage="disk"`).
+
+    A damaged one is told as such and keeps none of the others.
+    """
+    return [stale for path in list_segments(folder) if (stale := _look(path)) is not None]
+
+
+def _look(path: Path) -> StaleSegment | None:
+    try:
+        reader = SegmentReader(path)
+    except SegmentError as error:
+        return _unreadable(path, None, error)
+    try:
+        schema = reader.schema
+        if reader.alive():
+            return None
+        unsaved = max(0, reader.ticks - reader.saved_ticks)
+        reason = f"process {schema.pid} of user {schema.user} ended without close(); {unsaved} ticks are in no file"
+        return StaleSegment(path, schema, segment_holdings(reader), reason)
+    except SegmentError as error:
+        return _unreadable(path, reader.schema, error)
+    finally:
+        reader.close()
+
+
+def _unreadable(path: Path, schema: SegmentSchema | None, error: SegmentError) -> StaleSegment | None:
+    if not path.exists():
+        return None  # saved and removed by another process just now
+    text = str(error).removeprefix(f"{path}: ")
+    if "update silo" not in text:
+        text += f"; it stays, and keeps no other from being saved; to free its memory: rm {path}"
+    return StaleSegment(path, schema, None, text)
+
+
+def predecessors(options: LoggerOptions) -> list[StaleSegment]:
+    """What earlier processes of this very logger (its name, its folder) left with ticks that are in no file."""
+    paths = list_segments(segment_folder(options))
+    own = [path for path in paths if path.name.lstrip(".").startswith(f"{options.name}.")]
+    found = [stale for path in own if (stale := _look(path)) is not None and stale.ticks]
+    key = (options.name, options.folder)
+    return [one for one in found if one.schema and (one.schema.logger, one.schema.folder) == key]
+
+
+def segment_folder(options: LoggerOptions) -> Path | None:
+    """Where a logger keeps its segments other than in the runtime folder."""
+    return Path(options.folder) if options.storage is Storage.DISK else None
+
+
+def sweep_segments(folder: Path | None = None) -> list[Path]:
+    """Remove what dead processes left and nobody can want: unfinished segments, and those without an unsaved tick.
+
+    In the runtime folder, and in `folder`. Returns what was removed.
+    """
+    removed = sweep_unfinished(runtime_dir()) + (sweep_unfinished(folder) if folder is not None else [])
+    return removed + [path for path in list_segments(folder) if _remove_if_worthless(path)]
+
+
+def _remove_if_worthless(path: Path) -> bool:
+    with contextlib.suppress(SegmentError, StateError, OSError), contextlib.closing(SegmentReader(path)) as reader:
+        if not reader.alive() and not has_unsaved(reader):
+            with claimed(reader):
+                path.unlink()
+                return True
+    return False
+
+
+def has_unsaved(reader: SegmentReader) -> bool:
+    """Whether a segment holds ticks that stand in no file."""
+    return reader.ticks > reader.saved_ticks
+
+
+class BusyError(StateError):
+    """Another process saves the segment right now."""
+
+
+class SavedMeanwhileError(StateError):
+    """Another process saved the segment, and freed its memory."""
+
+
+@contextlib.contextmanager
+def claimed(reader: SegmentReader, *, wait: bool = False) -> Iterator[None]:
+    """Hold a segment for one who saves or removes it.
+
+    Raises BusyError while another does (unless it may `wait`), SavedMeanwhileError if another has. A segment that was
+    deleted without being saved can be held: it is still mapped.
+    """
+    descriptor = reader.fileno()
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except BlockingIOError:
+        raise BusyError(f"{reader.path}: another process is saving it right now") from None
+    try:
+        if not has_unsaved(reader) and reader.ticks and not is_at(descriptor, reader.path):
+            where = f"look in {reader.schema.folder}"
+            raise SavedMeanwhileError(f"{reader.path}: another process saved it meanwhile ({where})")
+        yield
+    finally:
+        fcntl.flock(descriptor, fcntl.LOCK_UN)
+
+
+def mark_saved(reader: SegmentReader) -> None:
+    """Note in the segment of a dead writer that all its ticks stand in a file, for those that have it open."""
+    descriptor = os.open(f"/proc/self/fd/{reader.fileno()}", os.O_WRONLY | os.O_CLOEXEC)
+    try:
+        os.pwrite(descriptor, reader.ticks.to_bytes(8, "little"), reader.saved_ticks_offset)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,90 @@
+"""What earlier processes of this logger left unsaved: the helper saves it beside its work, once clients can come.
+
+In a writing process of its own, which is told to be nice to the control loop; one after the other. What can't be saved
+stays, and it is said how to save it by hand.
+"""
+
+import contextlib
+import logging
+import threading
+from pathlib import Path
+
+from silo.collecting.left_behind import StaleSegment, claimed, mark_saved, predecessors, segment_folder, sweep_segments
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SiloError, StateError
+from silo.files.atomic import sweep_parts
+from silo.helper.events import Events
+from silo.helper.mirror import Mirror
+from silo.helper.saver import describe
+from silo.ipc.messages import EventKind
+from silo.model import FileType
+
+log = logging.getLogger("silo.helper")
+
+
+class PredecessorRecovery:
+    """Owns the thread that saves what predecessors left."""
+
+    def __init__(self, mirror: Mirror, events: Events) -> None:
+        self._mirror = mirror
+        self._events = events
+        self._ended = threading.Event()
+        # a daemon: should the helper have to end before it is done, the segment stays for the next one
+        self._thread = threading.Thread(target=self._run, name="predecessors", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self, timeout_s: float) -> None:
+        """Begin no other segment, and wait at most `timeout_s` for the one under way."""
+        self._ended.set()
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        options = self._mirror.now.options
+        with contextlib.suppress(SiloError):  # no runtime folder any more: then there is nothing in it either
+            sweep_segments(segment_folder(options))
+            sweep_parts(Path(options.folder))
+            for stale in predecessors(options):
+                if not self._ended.is_set():
+                    self._recover(stale)
+
+    def _recover(self, stale: StaleSegment) -> None:
+        from silo.helper.writing import WriteOrder, write_apart
+
+        if stale.schema is None or stale.holdings is None:
+            return
+        who = f"an earlier run of this logger (process {stale.schema.pid}) ended without close()"
+        report = None
+        try:
+            with contextlib.closing(SegmentReader(stale.path)) as reader, claimed(reader):
+                if stale.holdings.samples:
+                    order = WriteOrder(stale.schema.folder, stale.schema.logger, [FileType.SILO], "", of_dead=True)
+                    report = write_apart(reader, order, _unheard)
+                if report is None or not report.error:
+                    mark_saved(reader)
+                    stale.path.unlink(missing_ok=True)
+        except StateError:
+            return  # its own helper, or somebody's `silo recover`, saves it and says so
+        except (SiloError, OSError) as error:
+            if not stale.path.exists():
+                return  # likewise
+            self._tell_failed(stale, who, str(error))
+            return
+        if report is not None and report.error:
+            self._tell_failed(stale, who, report.error)
+            return
+        files = report.files if report else []
+        text = "; ".join([f"{who}; saved {stale.holdings.text}: {describe(files)}", *(report.damage if report else ())])
+        log.warning("%s", text)
+        self._events.publish(EventKind.RECOVERED, text, files=files)
+
+    def _tell_failed(self, stale: StaleSegment, who: str, problem: str) -> None:
+        text = f"{who}, and its log could not be saved: {problem}; run `silo recover {stale.path}`"
+        log.error("%s", text)
+        self._events.publish(EventKind.SAVE_FAILED, text)
+
+
+def _unheard(_fraction: float) -> None:
+    """Nobody waits for this save."""

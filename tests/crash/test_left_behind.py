@@ -1,0 +1,560 @@
+"""What dead programs left: swept if it surely is of the dead and holds nothing unsaved, recovered if it does."""
+
+import fcntl
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import silo
+from silo.cli.main import EXIT_FAILED, run
+from silo.collecting.damage import damage
+from silo.collecting.left_behind import find_stale, sweep_segments
+from silo.collecting.schema import Control
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError
+from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
+from silo.helper.recovery import recover
+from silo.ipc.client import Client
+from silo.ipc.messages import EventKind
+from silo.ipc.session import owner_is_gone, sweep
+from silo.runtime import open_unfinished, sweep_unfinished
+
+ROOT = Path(__file__).resolve().parents[2]
+
+NOBODY = 99_999_999  # more than Linux gives to any process
+
+STARTING = """
+import sys
+import silo
+from silo.collecting.segment import Segment
+fill = Segment._fill
+def stop_within(self):
+    fill(self)
+    print("making", flush=True)
+    sys.stdin.readline()
+Segment._fill = stop_within
+log = silo.Logger("arm", folder=sys.argv[1], script="none.yaml", storage=sys.argv[2])
+x = log.array("x", 1000, buffer_size=100)
+log.start()
+log.collect()
+print(log.segment_path, flush=True)
+sys.stdin.readline()
+"""
+
+SAVING = """
+import sys
+from silo.files.atomic import atomic_file, atomic_folder
+with {what}(sys.argv[1] + "/log") as opened:
+    {fill}
+    print("writing", flush=True)
+    sys.stdin.readline()
+"""
+
+DYING = """
+import os, sys
+import silo
+clock = iter(range(0, 10**12, 10_000_000)).__next__
+log = silo.Logger(sys.argv[2], folder=sys.argv[1], script="none.yaml", clock=clock)
+x = log.array("x", buffer_size=int(sys.argv[4]))
+log.start()
+for i in range(int(sys.argv[3])):
+    x[...] = i
+    log.collect()
+if len(sys.argv) > 5:
+    log.save()
+print(log.segment_path, flush=True)
+os.kill(os.getpid(), 9)
+"""
+
+
+def environment() -> dict[str, str]:
+    return dict(os.environ, PYTHONPATH=str(ROOT))
+
+
+@contextmanager
+def program(text: str, *arguments: object, prefix: tuple[str, ...] = ()) -> Iterator[subprocess.Popen[str]]:
+    """A Python program that printed its first line; killed at the end."""
+    command = [*prefix, sys.executable, "-c", text, *map(str, arguments)]
+    with subprocess.Popen(command, stdin=-1, stdout=-1, text=True, env=environment()) as process:
+        try:
+            process.stdout.readline()
+            yield process
+        finally:
+            process.kill()
+            process.stdout.read()  # ends with its last child
+
+
+def go_on(process: subprocess.Popen[str]) -> None:
+    process.stdin.write("\n")
+    process.stdin.flush()
+
+
+def die(folder: Path, name: str = "arm", ticks: int = 5, size: int = 1_000, *options: str) -> Path:
+    """A program that logged, and was killed; its segment."""
+    command = [sys.executable, "-c", DYING, str(folder), name, str(ticks), str(size), *options]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment(), check=False)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    return Path(done.stdout.split()[-1])
+
+
+def unfinished(folder: Path) -> list[Path]:
+    return list(folder.glob("*.new"))
+
+
+# -------------------------------------------------------------------------------------------- unfinished segments
+
+
+def by_ls(new_logger) -> None:
+    run(["ls"])
+
+
+def by_recover(new_logger) -> None:
+    assert run(["recover"]) == 0
+
+
+def by_start(new_logger, **options: str) -> None:
+    logger = new_logger("other", **options)
+    logger.array("x")
+    logger.start()
+
+
+@pytest.mark.parametrize("swept", [by_ls, by_recover, by_start])
+def test_a_segment_that_a_killed_program_never_finished_is_swept(tmp_path, runtime, new_logger, swept):
+    with program(STARTING, tmp_path, "memory"):
+        assert len(unfinished(runtime)) == 1
+    swept(new_logger)
+    assert unfinished(runtime) == []
+
+
+def test_an_unfinished_segment_on_disk_is_swept_by_the_next_start_there(tmp_path, new_logger):
+    with program(STARTING, tmp_path, "disk"):
+        assert len(list(tmp_path.glob(".*.new"))) == 1
+    by_start(new_logger, storage="disk")
+    assert list(tmp_path.glob(".*.new")) == []
+
+
+def test_a_segment_that_is_being_made_is_not_swept(tmp_path, runtime):
+    with program(STARTING, tmp_path, "memory") as starting:
+        assert sweep_unfinished(runtime) == []
+        go_on(starting)
+        path = Path(starting.stdout.readline().strip())
+        assert sweep_segments(tmp_path) == []
+        with closing(SegmentReader(path)) as reader:
+            assert reader.ticks == 1
+
+
+@pytest.fixture
+def elsewhere() -> tuple[str, ...]:
+    """A command before a command that has it count processes by itself, as in a container."""
+    prefix = ("unshare", "--pid", "--fork", "--kill-child", "--mount-proc")
+    if (
+        shutil.which("unshare") is None
+        or subprocess.run([*prefix, "true"], check=False, capture_output=True).returncode
+    ):
+        pytest.skip("needs the right to make a namespace of processes")
+    return prefix
+
+
+def test_a_segment_that_is_being_made_in_another_container_is_not_swept(tmp_path, runtime, elsewhere):
+    with program(STARTING, tmp_path, "memory", prefix=elsewhere):
+        assert sweep_unfinished(runtime) == []
+        assert len(unfinished(runtime)) == 1
+
+
+def test_a_logger_in_another_container_is_not_taken_for_dead(tmp_path, elsewhere):
+    with program(STARTING, tmp_path, "memory", prefix=elsewhere) as starting:
+        go_on(starting)
+        path = Path(starting.stdout.readline().strip())
+        assert find_stale() == []
+        assert sweep_segments() == []
+        assert run(["recover", str(path)]) == EXIT_FAILED
+        assert path.exists()
+
+
+def test_a_logger_that_died_in_another_container_is_recovered(tmp_path, elsewhere):
+    with program(STARTING, tmp_path, "memory", prefix=elsewhere) as starting:
+        go_on(starting)
+        starting.stdout.readline()
+    (stale,) = find_stale()
+    assert len(recover(stale.path).files) == 1
+
+
+def test_a_recording_keeps_its_name_when_a_container_starts_again_with_the_same_pids(tmp_path, elsewhere):
+    paths = []
+    for _ in range(2):
+        with program(STARTING, tmp_path, "memory", prefix=elsewhere) as starting:
+            go_on(starting)
+            paths.append(starting.stdout.readline().strip())
+    assert len(set(paths)) == 2
+    assert {str(stale.path) for stale in find_stale()} == set(paths)
+
+
+SWEEPER = """
+import sys
+from pathlib import Path
+from silo.collecting.left_behind import sweep_segments
+from silo.files.atomic import sweep_parts
+from silo.ipc.session import owner_is_gone, sweep
+from silo.runtime import runtime_dir
+print("sweeping", flush=True)
+while True:
+    {call}
+"""
+
+
+def test_sweeps_beside_starts_take_none_of_them(tmp_path, new_logger):
+    call = "sweep_segments()"
+    with program(SWEEPER.format(call=call)), program(SWEEPER.format(call=call)):
+        for number in range(200):
+            logger = new_logger(f"logger{number}")
+            logger.array("x")
+            logger.start()
+            logger.collect()
+            assert Path(logger.segment_path).exists()
+            logger.restart()
+            assert Path(logger.segment_path).exists()
+            logger.close()
+
+
+def test_many_opened_files_are_each_held_by_one(runtime):
+    """The step that a sweep races with, by itself: it can't be lost between two calls."""
+    with program(SWEEPER.format(call="sweep_segments()")):
+        for number in range(2000):
+            path = runtime / f".x.{number}.0.segment.new"
+            descriptor = open_unfinished(path)
+            assert os.path.samestat(os.fstat(descriptor), path.stat())
+            path.unlink()
+            os.close(descriptor)
+
+
+# --------------------------------------------------------------------------------------------------- saved files
+
+
+@pytest.mark.parametrize(
+    ("what", "fill"), [("atomic_file", "opened.write(b'x')"), ("atomic_folder", "(opened / 'a').write_text('x')")]
+)
+def test_what_a_killed_save_left_is_swept_and_a_save_that_goes_on_is_not(tmp_path, what, fill):
+    text = SAVING.format(what=what, fill=fill)
+    with program(text, tmp_path) as saving:
+        (part,) = tmp_path.glob(".silo-*.part")
+        assert sweep_parts(tmp_path) == []
+        go_on(saving)
+        saving.wait()
+        assert (tmp_path / "log").exists()
+    with program(text.replace("/log", "/other"), tmp_path):
+        (part,) = tmp_path.glob(".silo-*.part")
+    assert sweep_parts(tmp_path) == [part]
+    assert [path.name for path in tmp_path.iterdir()] == ["log"]
+
+
+def test_recover_sweeps_the_folder_of_the_logs(tmp_path, capsys):
+    with program(SAVING.format(what="atomic_file", fill="pass"), tmp_path):
+        pass
+    assert run(["recover", "--look-in", str(tmp_path)]) == 0
+    assert list(tmp_path.iterdir()) == []
+    assert "was never finished, its process died; removed" in capsys.readouterr().err
+
+
+def test_a_start_sweeps_what_a_killed_save_left(tmp_path, new_logger):
+    with program(SAVING.format(what="atomic_folder", fill="pass"), tmp_path):
+        pass
+    by_start(new_logger)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ls_sweeps_what_a_killed_save_left_in_the_folder_of_a_logger(tmp_path, robots):
+    (tmp_path / "logs").mkdir()
+    robots("bot")
+    with program(SAVING.format(what="atomic_file", fill="pass"), tmp_path / "logs"):
+        assert len(list((tmp_path / "logs").iterdir())) == 1
+    assert run(["ls"]) == 0
+    assert list((tmp_path / "logs").iterdir()) == []
+
+
+def test_sweeps_beside_saves_take_none_of_them(tmp_path):
+    call = f"sweep_parts({str(tmp_path)!r})"
+    with program(SWEEPER.format(call=call)), program(SWEEPER.format(call=call)):
+        for number in range(300):
+            with atomic_file(tmp_path / f"file{number}") as file:
+                file.write(b"x")
+            with atomic_folder(tmp_path / f"folder{number}") as folder:
+                (folder / "a").write_text("x")
+    assert len(list(tmp_path.iterdir())) == 600
+
+
+# ------------------------------------------------------------------------------------------------------- sockets
+
+
+def test_every_rest_of_a_dead_helper_is_swept(runtime):
+    dead = runtime / "a.1.sock"
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(dead))
+    for path in (f"{dead}.lock", f"{dead}.dead", f"{dead}.secret", f"{dead}.users", f"{runtime}/b.2.sock.dead"):
+        Path(path).touch()
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(runtime / "c.3.sock"))  # its lock is gone already
+    sweep(runtime)
+    assert list(runtime.iterdir()) == []
+
+
+def test_a_socket_in_use_is_not_swept_even_without_its_lock(runtime):
+    locked = runtime / "a.1.sock"
+    locked.touch()
+    with Path(f"{locked}.lock").open("w") as lock, socket.socket(socket.AF_UNIX) as server:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        server.bind(str(runtime / "b.2.sock"))
+        server.listen()
+        assert sweep(runtime) == []
+    assert len(list(runtime.iterdir())) == 3
+
+
+def test_ls_sweeps_the_sockets_of_helpers_that_were_killed(robots, runtime, until):
+    robot = robots("bot")
+    os.kill(robot.helper_pid, signal.SIGSTOP)
+    robot.kill()
+    os.kill(robot.helper_pid, signal.SIGKILL)
+    (path,) = runtime.glob("*.sock")
+    until(lambda: owner_is_gone(path))  # a killed process holds its locks a moment longer
+    run(["ls"])
+    assert [path.name for path in runtime.iterdir() if ".sock" in path.name] == []
+
+
+def test_sweeps_beside_servers_that_start_take_none_of_their_sockets(runtime):
+    from silo.ipc.session import close, open_server
+
+    with program(SWEEPER.format(call="sweep(runtime_dir())")):
+        for _ in range(30):
+            session, path = open_server(runtime, "bot", 4711)
+            assert path.exists()
+            assert not owner_is_gone(path)
+            close(session)
+
+
+# ------------------------------------------------------------------------------------- segments of dead programs
+
+
+@pytest.mark.parametrize("options", [(0, 10), (5, 10, "saved")])
+def test_a_segment_without_an_unsaved_tick_is_swept_at_the_next_start(tmp_path, new_logger, options):
+    path = die(tmp_path, "arm", *options)
+    by_start(new_logger)
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("sweeping", [by_ls, by_start])
+def test_unsaved_ticks_are_never_swept(tmp_path, new_logger, sweeping):
+    path = die(tmp_path)
+    before = path.read_bytes()
+    sweeping(new_logger)
+    assert path.read_bytes() == before
+
+
+def test_ticks_that_were_saved_before_are_not_saved_again(tmp_path, capsys):
+    die(tmp_path, "arm", 5, 10, "saved")
+    assert run(["recover"]) == 0
+    assert "all its 5 ticks were saved before its process ended; its memory was freed" in capsys.readouterr().out
+    assert len(list(tmp_path.glob("*.silo"))) == 1
+
+
+def test_a_damaged_segment_keeps_no_other_from_being_saved(tmp_path, runtime, capsys):
+    (runtime / f"a.{NOBODY}.0.segment").write_bytes(b"nonsense" * 2000)
+    broken = die(tmp_path, "broken")
+    data = bytearray(broken.read_bytes())
+    data[4096:4100] = b"\xff\xfe\xff\xfe"
+    broken.write_bytes(data)
+    good = die(tmp_path, "good")
+    assert run(["recover", "--list"]) == EXIT_FAILED
+    listed = capsys.readouterr()
+    assert f"{good}  logger 'good': 5 samples of 1 element over 0.04 s, of 5 ticks since start" in listed.out
+    assert "is not a silo segment; it stays" in listed.err
+    assert f"to free its memory: rm {broken}" in listed.err
+    assert run(["recover"]) == EXIT_FAILED
+    assert len(list(tmp_path.glob("good_*.silo"))) == 1
+    assert "2 segments can't be read" in capsys.readouterr().err
+    assert {path.name for path in runtime.glob("*.segment")} == {f"a.{NOBODY}.0.segment", broken.name}
+    assert run(["ls"]) != 0  # no logger runs
+    assert "2 recordings of programs that died" in capsys.readouterr().err
+
+
+def test_a_pipe_among_the_segments_holds_nobody_up(runtime):
+    os.mkfifo(runtime / "x.1.0.segment")
+    (stale,) = find_stale()
+    assert "is not a silo segment" in stale.reason
+
+
+def test_four_recoveries_at_once_save_each_recording_once_and_none_of_them_fails(tmp_path):
+    for number in range(4):
+        die(tmp_path, f"arm{number}", 50_000, 50_000)
+    command = [sys.executable, "-c", "import sys; from silo.cli.main import run; sys.exit(run(['recover']))"]
+    recoveries = [subprocess.Popen(command, stdout=-1, stderr=-1, text=True, env=environment()) for _ in range(4)]
+    told = [process.communicate() for process in recoveries]
+    assert [process.returncode for process in recoveries] == [0] * 4, told
+    assert "could not be recovered" not in "".join(out + err for out, err in told)
+    assert len(list(tmp_path.glob("*.silo"))) == 4
+    assert sum(out.count(".silo") for out, _ in told) == 4
+
+
+def test_who_waited_for_a_segment_that_another_saved_is_told_so(tmp_path, capsys):
+    from silo.collecting.left_behind import claimed, mark_saved
+
+    path = die(tmp_path)
+    with closing(SegmentReader(path)) as reader, claimed(reader):
+        codes = []
+        waiting = threading.Thread(target=lambda: codes.append(run(["recover"])))
+        waiting.start()
+        held = f":{path.stat().st_ino} "
+        while not any("->" in line and held in line for line in Path("/proc/locks").read_text().splitlines()):
+            assert waiting.is_alive()
+        mark_saved(reader)
+        path.unlink()
+    waiting.join()
+    assert codes == [0]
+    assert "another process saved it meanwhile" in capsys.readouterr().out
+
+
+def test_a_recording_that_was_deleted_but_not_saved_is_not_told_as_saved(tmp_path):
+    from silo.collecting.left_behind import claimed
+    from silo.helper.recovery import save_reader
+
+    path = die(tmp_path)
+    with closing(SegmentReader(path)) as reader:
+        path.unlink()
+        with claimed(reader):
+            (file,), _ = save_reader(reader, tmp_path)
+    assert silo.open_log(file.path)["/log/x"].values.tolist() == [0, 1, 2, 3, 4]
+
+
+def test_zeroed_rows_are_not_saved_as_values_without_a_word(tmp_path, capsys):
+    path = die(tmp_path, "arm", 3000, 3000)
+    with closing(SegmentReader(path)) as reader:
+        ring = reader.schema.rings[reader.schema.elements[0].ring]
+    data = np.fromfile(path, np.uint64)
+    begin = ring.offset // 8 + 2500 * ring.row_words
+    data[begin : begin + 463 * ring.row_words] = 0
+    data.tofile(path)
+    with closing(SegmentReader(path)) as reader:
+        (text,) = damage(reader)
+    assert text.startswith("463 of 3000 rows of /log/x are damaged, the first at tick 2500, the last at 2962")
+    assert run(["recover"]) == 0
+    assert "463 of 3000 rows of /log/x are damaged" in capsys.readouterr().out
+
+
+def test_a_file_that_is_cut_while_it_is_read_is_a_segment_error(tmp_path):
+    path = die(tmp_path, "arm", 5000, 5000)
+    with closing(SegmentReader(path)) as reader:
+        os.truncate(path, 8192)
+        with pytest.raises(SegmentError, match="cut short while it was read, 8192 of"):
+            reader.rows(1, 0)
+
+
+# ---------------------------------------------------------------------------------------------- the predecessor
+
+
+def test_a_start_without_a_helper_names_the_command_that_saves_its_predecessor(tmp_path, new_logger, caplog):
+    path = die(tmp_path, "arm", 5000, 1000)
+    logger = new_logger("arm")
+    logger.array("x")
+    logger.start()
+    (record,) = caplog.records
+    assert record.message == (
+        "an earlier run of logger 'arm' ended without close(); it left 1000 samples of 1 element over 9.99 s, of 5000 "
+        f"ticks since start, in no file: `silo recover {path}` saves it, and frees its memory"
+    )
+    logger.restart()
+    assert len(caplog.records) == 1
+
+
+def test_a_logger_of_another_name_or_folder_is_no_predecessor(tmp_path, new_logger, caplog):
+    die(tmp_path, "arm2")
+    die(tmp_path / "elsewhere", "arm")
+    logger = new_logger("arm")
+    logger.array("x")
+    logger.start()
+    assert caplog.records == []
+
+
+def test_the_helper_saves_the_predecessor_and_says_so(tmp_path, new_logger, until, capfd):
+    path = die(tmp_path, "arm", 5000, 1000)
+    logger = new_logger("arm")
+    logger.array("x")
+    with logger.serve():
+        logger.start()
+        until(lambda: not path.exists())
+    (file,) = tmp_path.glob("*.silo")
+    assert silo.open_log(file)["/log/x"].values.tolist() == list(range(4000, 5000))
+    told = capfd.readouterr().err
+    assert "ended without close(); saved 1000 samples of 1 element over 9.99 s, of 5000 ticks since start" in told
+    assert str(file) in told
+
+
+def test_clients_hear_of_a_recovered_predecessor(tmp_path, new_logger, until):
+    path = die(tmp_path, "arm")
+    with (tmp_path / ".arm_fileNumber").open("w") as counter:
+        fcntl.flock(counter, fcntl.LOCK_EX)  # holds up the save until the client is there
+        logger = new_logger("arm")
+        logger.array("x")
+        logger.serve()
+        client = Client.connect("arm")
+        events = []
+        client.on_event(events.append)
+        assert path.exists()
+    recovered = until(lambda: next((event for event in events if event.kind is EventKind.RECOVERED), None))
+    client.close()
+    assert [file.path for file in recovered.files] == [str(file) for file in tmp_path.glob("*.silo")]
+
+
+def test_a_predecessor_that_somebody_saves_already_is_left_to_them(tmp_path, new_logger, capfd):
+    path = die(tmp_path, "arm")
+    with closing(SegmentReader(path)) as reader:
+        fcntl.flock(reader.fileno(), fcntl.LOCK_EX)
+        logger = new_logger("arm")
+        logger.array("x")
+        with logger.serve():
+            logger.start()
+    assert path.exists()
+    assert "could not be saved" not in capfd.readouterr().err
+
+
+def test_a_crash_tells_samples_and_seconds_not_ticks(robots, until):
+    robot = robots("bot")
+    client = Client.connect("bot")
+    events = []
+    client.on_event(events.append)
+    until(lambda: client.status().ticks > 100)
+    robot.kill()
+    crashed = until(lambda: next((event for event in events if event.kind is EventKind.CRASHED), None))
+    client.close()
+    assert " samples of 2 elements over " in crashed.text
+    assert "ticks since start" in crashed.text
+
+
+def test_without_room_start_says_what_recordings_of_the_dead_hold(tmp_path, new_logger, monkeypatch):
+    die(tmp_path, "other")
+    monkeypatch.setattr("silo.collecting.segment.available_memory_bytes", lambda: 1000)
+    logger = new_logger("arm")
+    logger.array("x")
+    with pytest.raises(SegmentError, match=r"a recording of programs that died hold .* run `silo recover`"):
+        logger.start()
+
+
+def test_a_control_word_of_another_meaning_is_not_touched_by_the_mark(tmp_path):
+    from silo.collecting.left_behind import mark_saved
+
+    path = die(tmp_path)
+    with closing(SegmentReader(path)) as reader:
+        before = path.read_bytes()
+        mark_saved(reader)
+        after = path.read_bytes()
+        place = reader.saved_ticks_offset
+    assert [n for n in range(len(before)) if before[n] != after[n]] == [place]
+    assert after[place] == 5
+    assert Control.SAVED_TICKS == 3

@@ -1,0 +1,40 @@
+"""What is said of a recording is what a file of it holds."""
+
+import pytest
+
+from silo.collecting.holdings import Holdings, recording_holdings, segment_holdings
+from silo.collecting.segment_reader import SegmentReader
+from silo.model import Action, BufferType
+
+
+@pytest.mark.parametrize("max_time", [0, 1])
+@pytest.mark.parametrize("ticks", [0, 1, 7, 50, 95, 250])
+def test_what_is_told_of_a_segment_is_what_its_snapshot_holds(new_logger, ticks, max_time):
+    times = iter(range(0, 10**12, 10_000_000))
+    logger = new_logger(max_time=max_time, clock=lambda: next(times))
+    for kind in BufferType:
+        for divider in (1, 3):
+            logger.array(f"{kind.name}{divider}", 2, buffer_type=kind, buffer_size=20, divider=divider)
+    logger.array("seen", action=Action.PUBLISH)
+    logger.start()
+    for _ in range(ticks):
+        logger.collect()
+    told = segment_holdings(SegmentReader(logger.segment_path))
+    assert told == recording_holdings(logger.snapshot())
+    assert told.ticks == logger.ticks
+
+
+def test_a_looping_buffer_is_told_by_its_samples_not_by_the_ticks_since_start(new_logger):
+    times = iter(range(0, 10**12, 10_000_000))
+    logger = new_logger(max_time=10, clock=lambda: next(times))
+    logger.array("x", buffer_size=1000)
+    logger.start()
+    for _ in range(12_840):
+        logger.collect()
+    told = segment_holdings(SegmentReader(logger.segment_path))
+    assert told == Holdings(12_840, 1, 1000, 9.99)
+    assert told.text == "1000 samples of 1 element over 9.99 s, of 12840 ticks since start"
+
+
+def test_nothing_is_told_as_nothing():
+    assert Holdings(1, 0, 0, 0.0).text == "no sample, of 1 tick since start"
