@@ -180,7 +180,7 @@ def test_a_start_clears_saves_or_refuses_as_it_was_told(served, tmp_path):
         log.collect()
         log.stop()
         if unsaved == "refuse":
-            with pytest.raises(StateError, match="holds 1 sample of 1 element.*and what is new of it is in no file"):
+            with pytest.raises(StateError, match=r"holds 1 sample of 1 element.*and what is new of it is in no file"):
                 log.start(unsaved=unsaved)
             assert log.has_unsaved
         else:
