@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from silo.analysis.signals import Signal
 from silo.errors import ElementError
-from silo.files.convert import read_recording
-from silo.files.naming import LOG_ENDINGS, find_log
+from silo.files.formats import read_recording
+from silo.files.naming import find_log
 from silo.files.silo_whole import FileElements
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
@@ -43,17 +43,12 @@ class UnknownSignalError(ElementError, KeyError):
 def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> "Log":
     """Open a log by path, by the start of its file name (the newest such in `folder`), or by run number.
 
-    `.silo` (memory-mapped), `.csv`, `.mcap` and rosbag2 folders; a file with another ending is taken for `.silo`.
+    Every format that silo reads (`silo.files.formats`); of a file with another ending, the first bytes tell.
     What a damaged file lacks is told by a `LogWarning` and in `log.warnings`. Raises `LogNotFoundError`,
     `FileFormatError`.
     """
     path = find_log(which, folder)
-    if path.is_file() and path.suffix.lower() not in LOG_ENDINGS:
-        from silo.files.silo_file import read_silo
-
-        recording = read_silo(path)
-    else:
-        recording = read_recording(path)
+    recording = read_recording(path)
     for text in recording.warnings:
         warnings.warn(f"{path}: {text}", LogWarning, stacklevel=2)
     return Log(recording, os.fspath(path))

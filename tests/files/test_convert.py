@@ -15,8 +15,9 @@ import scipy.io
 
 from silo.errors import FileFormatError, LogNotFoundError, SaveError, SiloError
 from silo.files.bag import write_bag
-from silo.files.convert import convert, read_recording, writer_for
-from silo.files.silo_file import write_silo
+from silo.files.convert import convert
+from silo.files.formats import read_recording, writer_for
+from silo.files.silo_writer import write_silo
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 

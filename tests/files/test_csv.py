@@ -205,7 +205,7 @@ def test_cut_at_any_length_it_never_crashes(plan, recorded, tmp_path):
 
 @pytest.mark.parametrize("name", ["all_types", "looping_wrapped", "mixed_dividers", "time_buffer_full"])
 def test_numbers_in_files_of_the_original_are_read(name, fixtures_folder):
-    from silo.files.silo_file import read_silo
+    from silo.files.silo_reader import read_silo
 
     truth = read_silo(fixtures_folder / f"{name}.silo")
     entries = entries_of(read_csv(fixtures_folder / f"{name}.csv"))

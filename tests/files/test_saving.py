@@ -14,7 +14,7 @@ from silo.errors import LogNotFoundError, SaveError
 from silo.files import PartlySavedError, silo_writer, write
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.naming import check_name, find_log, log_path, next_run_number
-from silo.files.silo_file import read_silo
+from silo.files.silo_reader import read_silo
 from silo.model import FileType
 
 
