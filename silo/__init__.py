@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from silo.analysis.log import Log, Signal, open_log
-    from silo.collecting.traits import register, vector_at_position
+    from silo.collecting.traits import register
     from silo.errors import (
         ConnectionLostError,
         ElementError,
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         SourceError,
         StateError,
     )
+    from silo.kinds import vector_at_position
     from silo.logger.default import add, array, cleanup, close, collect, init, restart, save, serve, start, stop, update
     from silo.logger.logger import Logger
     from silo.logger.null import NullLogger
@@ -40,7 +41,8 @@ _HOMES = {
     "silo.model": "Action BufferType ElementInfo ElementOptions FileType LoggerOptions Storage",
     "silo.logger.null": "NullLogger",
     "silo.recording": "Recording",
-    "silo.collecting.traits": "register vector_at_position",
+    "silo.collecting.traits": "register",
+    "silo.kinds": "vector_at_position",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.grouping import regroup
 from silo.files.silo_format import decode_text, first_stamp
+from silo.kinds import regroup
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 

@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from silo.kinds import SCALAR
 from silo.model import BufferType
 from silo.recording import RecordedElement, Recording
 
@@ -83,7 +84,7 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     name: str
     entries: tuple[EntryFacts, ...]
     unit: str = "-"
-    kind: str = "scalar"
+    kind: str = SCALAR.name
     shape: tuple[int, ...] = ()
     buffer: BufferType = BufferType.LOOPING
     description: str = ""

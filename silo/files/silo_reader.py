@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files import silo_format as form
 from silo.files.atomic import reason
-from silo.files.grouping import regroup
 from silo.files.silo_header import Header, parse_header
 from silo.files.silo_values import file_entry, file_recording, time_stamps, types_of
 from silo.files.silo_whole import read_whole
+from silo.kinds import SCALAR, regroup
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
@@ -262,7 +262,7 @@ def _assemble(
         replace(
             element,
             name=name,
-            kind="scalar",
+            kind=SCALAR.name,
             shape=(),
             first=first,
             entries=(_entry(data, header, column, Entry("", entry.dtype, entry.labels), name),),

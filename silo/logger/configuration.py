@@ -19,6 +19,7 @@ from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
 from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
 from silo.errors import ElementError, StateError
+from silo.kinds import STRUCT
 from silo.logger.options import name_of
 from silo.logger.table import Table, checked
 from silo.model import Action, BufferType, Edit, ElementInfo, ElementOptions, LoggerOptions, Problem, join_name
@@ -114,7 +115,7 @@ class Configuration:
         info = ElementInfo(
             name=full,
             unit=unit or "-",
-            kind=kind_of(first.dtype, first.shape, kind) if single else "struct",
+            kind=kind_of(first.dtype, first.shape, kind) if single else STRUCT.name,
             shape=first.shape if single else (),
             entries=entries,
             options=options,

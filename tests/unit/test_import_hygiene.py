@@ -18,6 +18,7 @@ FORBIDDEN = {
     "silo/files": ["zenoh", "silo.logger", "silo.collecting", "silo.helper"],
     "silo/analysis": ["zenoh", "silo.logger", "silo.collecting", "silo.helper"],
     "silo/model": ["numpy", "zenoh"],
+    "silo/kinds": ["numpy", "zenoh", "silo.collecting", "silo.files"],
     "silo/recording": ["zenoh", "silo.logger", "silo.collecting", "silo.files"],
     "silo_tui/model": ["textual", "zenoh", "silo.logger", "silo.collecting"],
     "silo/programs": ["zenoh", "silo.helper"],
@@ -27,6 +28,8 @@ FORBIDDEN = {
 NOT_LOADED = {
     "silo": ["numpy", "zenoh", "textual", "plotext", "msgspec"],
     "silo.model": ["numpy", "zenoh", "textual"],
+    "silo.kinds": ["numpy", "silo.collecting", "silo.files"],
+    "silo.files.formats": ["numpy", "silo.files.saving"],
     "silo.ipc.messages": ["numpy", "zenoh", "textual"],
     "silo.ipc.client": ["numpy", "textual", "plotext"],
     "silo.cli": ["numpy", "zenoh", "textual", "plotext", "silo_tui"],
