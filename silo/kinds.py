@@ -8,6 +8,7 @@ together. Suffixes are those of the original. Knows neither NumPy nor any format
 import math
 import re
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any
 
 import msgspec
 
@@ -255,6 +256,33 @@ def is_complex(kind: str, shape: tuple[int, ...], suffixes: Sequence[str]) -> bo
         and all(one.endswith(real) for one in suffixes[::2])
         and all(one.endswith(imaginary) for one in suffixes[1::2])
     )
+
+
+def struct_text(dtype: Any) -> str:
+    """The fields of a NumPy structure as text, little-endian, without gaps between them; empty for any other type."""
+    return msgspec.json.encode(_fields(dtype)).decode() if dtype.fields is not None else ""
+
+
+def struct_fields(text: str) -> list[tuple[Any, ...]]:
+    """What `numpy.dtype` takes, of a text of `struct_text`; empty where it is none."""
+    try:
+        return [_field(one) for one in msgspec.json.decode(text, type=list[tuple[str, Any, list[int]]])]
+    except (msgspec.DecodeError, RecursionError):
+        return []
+
+
+def _fields(dtype: Any) -> Any:
+    if dtype.fields is None:
+        return dtype.newbyteorder("<").str
+    parts = [(name, dtype.fields[name][0]) for name in dtype.names]
+    return [(name, _fields(part.base), list(part.shape)) for name, part in parts]
+
+
+def _field(one: tuple[str, Any, list[int]]) -> tuple[Any, ...]:
+    name, kind, shape = one
+    deeper = isinstance(kind, list)
+    inner = [_field(msgspec.convert(each, tuple[str, Any, list[int]])) for each in kind] if deeper else kind
+    return name, inner, tuple(shape)
 
 
 def regroup(names: Sequence[str], likeness: Sequence[Hashable]) -> list[Group]:

@@ -5,6 +5,7 @@ the stamps of the faster one, where the slower one has the value that it held. N
 Frame changes are in `silo.analysis.frames`, tables of other libraries in `silo.analysis.exports`.
 """
 
+import itertools
 import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from silo.analysis import calculus
 from silo.analysis.arithmetic import combined, wide
+from silo.analysis.shapes import scalars
 from silo.analysis.units import product, quotient
 from silo.errors import ElementError
 
@@ -87,12 +89,9 @@ class Signal:
             place = which % len(names)
         else:
             raise ElementError(f"'{self.name}' has no component {which!r}; it has: {', '.join(names) or 'none'}")
-        if self.values.dtype.names:
-            values = self.values[names[place]]
-        elif self.kind == "complex":
-            values = self.values.real if place == 0 else self.values.imag
-        else:
-            values = self.values.reshape(len(self), len(names))[:, place]
+        values = next(itertools.islice(scalars(self.values), place, None), None)
+        if values is None:
+            raise ElementError(f"'{self.name}' has no component {which!r} any more: {self.values.dtype} has no parts")
         suffix = f"_{names[place]}" if names[place] else ""
         return replace(self, name=self.name + suffix, values=values, kind="scalar", components=())
 

@@ -350,6 +350,7 @@ class SegmentReader:
             ),
             description=info.description,
             lost=self.element_lost(element),
+            dtype=info.dtype,
         )
 
     def _warnings(self, elements: list[RecordedElement], ticks: int) -> tuple[str, ...]:

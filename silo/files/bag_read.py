@@ -226,8 +226,11 @@ class _ChannelReader:
         entry, values, index = self._targets[0]
         start = places + RECORD_HEAD + entry.offset + 4
         lengths = _overlapping(chunk, np.dtype("<u4"))[start - 4].astype(np.int64) - 1
-        texts = [chunk[at : at + length] for at, length in zip(start.tolist(), lengths.tolist(), strict=True)]
-        values.add(index, np.array(texts, dtype=_dtype(entry)))
+        texts: list[Any] = [chunk[at : at + size] for at, size in zip(start.tolist(), lengths.tolist(), strict=True)]
+        dtype = _dtype(entry)
+        if dtype.kind == "U":
+            texts = [text.decode() for text in texts]
+        values.add(index, np.array(texts, dtype=dtype))
 
 
 def _overlapping(chunk: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -292,4 +295,5 @@ def _element(values: _Values) -> RecordedElement:
         ),
         description=facts.description,
         lost=facts.lost,
+        dtype=facts.dtype,
     )

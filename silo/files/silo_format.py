@@ -78,7 +78,8 @@ class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
 class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     """What the table can't say of an element; it covers the next `len(entries)` lines of the table.
 
-    `first` is there only when the rules of the format give other time stamps than the element has.
+    `first` is there only when the rules of the format give other time stamps than the element has. `dtype` are the
+    fields of a NumPy structure.
     """
 
     name: str
@@ -90,6 +91,7 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     description: str = ""
     lost: int = 0
     first: int | None = None
+    dtype: str = ""
 
 
 class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -208,6 +210,7 @@ def element_facts(element: RecordedElement, first: int | None) -> ElementFacts:
         description=plain_text(element.description),
         lost=element.lost,
         first=first,
+        dtype=plain_text(element.dtype),
     )
 
 

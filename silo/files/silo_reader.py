@@ -204,7 +204,17 @@ def _by_facts(
     ]
     row = columns[0].row
     element = RecordedElement(
-        facts.name, facts.unit, facts.kind, facts.shape, row.divider, facts.buffer, 0, (), facts.description, facts.lost
+        name=facts.name,
+        unit=facts.unit,
+        kind=facts.kind,
+        shape=facts.shape,
+        divider=row.divider,
+        buffer_type=facts.buffer,
+        first=0,
+        entries=(),
+        description=facts.description,
+        lost=facts.lost,
+        dtype=facts.dtype,
     )
     return _assemble(data, header, element, entries, time, facts.first)
 
@@ -255,7 +265,7 @@ def _assemble(
         e = element
         return [
             RecordedElement(
-                e.name, e.unit, e.kind, e.shape, e.divider, e.buffer_type, first, made, e.description, e.lost
+                e.name, e.unit, e.kind, e.shape, e.divider, e.buffer_type, first, made, e.description, e.lost, e.dtype
             )
         ]
     return [
@@ -264,6 +274,7 @@ def _assemble(
             name=name,
             kind=SCALAR.name,
             shape=(),
+            dtype="",
             first=first,
             entries=(_entry(data, header, column, Entry("", entry.dtype, entry.labels), name),),
         )

@@ -19,7 +19,7 @@ from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
 from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
 from silo.errors import ElementError, StateError
-from silo.kinds import STRUCT
+from silo.kinds import STRUCT, struct_text
 from silo.logger.options import name_of
 from silo.logger.table import Table, checked
 from silo.model import Action, BufferType, Edit, ElementInfo, ElementOptions, LoggerOptions, Problem, join_name
@@ -120,6 +120,7 @@ class Configuration:
             entries=entries,
             options=options,
             description=description,
+            dtype=struct_text(first.dtype) if single else "",
         )
         with self._lock:
             self._table.add(Element(info, tuple(parts)))
