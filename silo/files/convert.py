@@ -8,10 +8,11 @@ import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from silo.errors import SaveError
-from silo.files.formats import is_bag_folder, read_recording, writer_for
+from silo.files.formats import format_of, is_bag_folder, read_recording, writer_for
 from silo.recording import Progress, Recording
 
 
@@ -31,13 +32,23 @@ def convert(
     write = writer_for(final)
     if final.exists() and not force:
         raise SaveError(f"'{final}' exists already; add --force to replace it, or choose another name")
-    recording = read_recording(source)
+    recording = _with_what_is_not_known(read_recording(source), Path(source))
     if final.is_dir():
         with _set_aside(final):
             write(recording, final, progress)
     else:
         write(recording, final, progress)
     return recording
+
+
+def _with_what_is_not_known(recording: Recording, source: Path) -> Recording:
+    """The recording, with a warning if the file that says what its format can't isn't there."""
+    found = format_of(source)
+    beside = f"{source.name}{found.beside}" if found and found.beside else ""
+    if not beside or source.with_name(beside).exists():
+        return recording
+    text = f"there was no '{beside}' beside it: units, labels, types and buffers of the log are not known"
+    return replace(recording, warnings=(*recording.warnings, text))
 
 
 @contextmanager

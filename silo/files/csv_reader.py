@@ -1,12 +1,14 @@
 """CSV -> a recording: both layouts that we write, the original's rows, and tables that other tools wrote.
 
-CSV says neither types, units nor dividers. Types follow from the texts (quoted: string), the divider of an entry from
-the ticks at which its cells are filled. Vectors are put together again by their suffixes.
+CSV says neither types, units nor dividers: `<name>.csv.json` beside it does, where silo wrote both. Else types follow
+from the texts (quoted: string), the divider of an entry from the ticks at which its cells are filled, and vectors are
+put together again by their suffixes.
 """
 
 import os
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
+from silo.files.csv_facts import NotThisTableError, restored, sidecar_of, unpack
 from silo.files.silo_format import decode_text, first_stamp
 from silo.kinds import regroup
 from silo.model import BufferType, Entry
@@ -50,12 +53,12 @@ def read_csv(path: str | os.PathLike[str]) -> Recording:
     except OSError as error:
         raise LogNotFoundError(f"can't open '{os.fspath(path)}': {reason(error)}") from error
     try:
-        return _parsed(data, Path(path).stem)
+        return _parsed(data, Path(path))
     except FileFormatError as error:
         raise FileFormatError(f"'{os.fspath(path)}' can't be read as a log: {error}") from None
 
 
-def _parsed(data: bytes, stem: str) -> Recording:
+def _parsed(data: bytes, path: Path) -> Recording:
     warnings: list[str] = []
     records = _records(data)
     head = next(records, None)
@@ -67,7 +70,24 @@ def _parsed(data: bytes, stem: str) -> Recording:
     else:
         names, columns, time_ns = _from_columns(head, records, warnings)
         prefix = "/log"
-    return _recording(stem, prefix, time_ns, names, columns, warnings)
+    facts = _facts_beside(path)
+    if facts is not None:
+        try:
+            recording = restored(unpack(facts), names, columns, time_ns)
+            return replace(recording, warnings=(*recording.warnings, *warnings))
+        except NotThisTableError as error:
+            warnings.append(
+                f"'{sidecar_of(path.name)}' is not of this table ({error}): "
+                "units, labels, types and buffers of the log are not known"
+            )
+    return _recording(path.stem, prefix, time_ns, names, columns, warnings)
+
+
+def _facts_beside(path: Path) -> bytes | None:
+    try:
+        return sidecar_of(path).read_bytes()
+    except OSError:
+        return None
 
 
 # ---------------------------------------------------------------------------------------------------- text to columns

@@ -47,6 +47,7 @@ class Format(msgspec.Struct, frozen=True):
     endings: the first is what silo gives to new files; all are understood. folder: a log is a folder, not a file.
     saved_as: its number in the save request, for formats that a logger saves in. about: a few words for dialogs.
     extra: which extra of the package has the libraries that writing needs. mark: the first bytes of every file.
+    beside: what is added to the name for a second file, without which next to nothing is kept.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Format(msgspec.Struct, frozen=True):
     saved_as: FileType | None = None
     extra: str = ""
     mark: bytes = b""
+    beside: str = ""
 
     @property
     def ending(self) -> str:
@@ -122,7 +124,9 @@ FORMATS = (
         about="one column per signal",
         writer="silo.files.csv_file:write_csv",
         reader="silo.files.csv_reader:read_csv",
+        keeps=Keeps.ALL & ~Keeps.BITS & ~Keeps.EMPTY,
         saved_as=FileType.CSV,
+        beside=".json",
     ),
     Format(
         name="parquet",

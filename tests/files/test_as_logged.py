@@ -30,7 +30,7 @@ SOURCES = {
     "complex_list": np.array([1 + 2j, complex(np.inf, 3)]),
     "complex_matrix": np.arange(4).reshape(2, 2) * 1j,
     "complex_one": np.array([3 + 4j]),
-    "struct": np.array((1.5, (1, 2, 3), [(1j, True), (2, False)], b"\xff", "äß", 4), NESTED),
+    "struct": np.array((1.5, (1, 2, 3), [(1j, True), (2, False)], b"ab", "äß", 4), NESTED),
     "structs": np.zeros((2, 2), [("a", "<i4"), ("b", ">f8", (1, 2))]),
     "filled_structs": np.array([[(i, [[i, -i]]) for i in range(2)]] * 2, [("a", "<i4"), ("b", ">f8", (1, 2))]),
     "struct_of_one": np.zeros(1, [("a", "<i4")]),

@@ -174,7 +174,7 @@ def test_if_one_format_fails_the_others_are_written_and_the_error_names_both(rec
     with pytest.raises(PartlySavedError, match=r"x\.silo': No space.*; saved: .*x\.csv") as caught:
         write(recording, tmp_path, "robot", ["silo", "csv"], "x")
     assert [file.type for file in caught.value.saved] == [FileType.CSV]
-    assert names(tmp_path) == ["x.csv"]
+    assert names(tmp_path) == ["x.csv", "x.csv.json"]
 
 
 def test_progress_of_a_save_runs_over_all_formats(recording, tmp_path):
