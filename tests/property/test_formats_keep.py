@@ -31,14 +31,15 @@ def columns(draw, dtype, count):
         raw = [text.encode()[:5].decode(errors="ignore").encode() for text in texts]
         return np.array(raw if dtype.kind == "S" else texts, dtype) if count else np.empty(0, dtype)
     raw = draw(st.binary(min_size=count * 8, max_size=count * 8))
-    whole = np.frombuffer(raw, "<i8")
+    whole = np.frombuffer(raw, "<i8").copy()
     if dtype.kind == "b":
         return whole % 2 == 1
     if dtype.str == "<f16":
         return whole.astype(dtype) / 3
     if dtype.kind in "mM":
         return whole.view(dtype)
-    made = np.ascontiguousarray(whole.view(np.uint8).reshape(count, 8)[:, : dtype.itemsize]).view(dtype).reshape(count)
+    raw_bytes = whole.view(np.uint8).reshape(count, 8)[:, : dtype.itemsize]
+    made = np.ascontiguousarray(raw_bytes).view(dtype).reshape(count)
     if dtype.kind == "f" and count and draw(st.booleans()):
         # a signalling NaN with a sign and a number in it: a text can't hold it
         bits = np.dtype(f"<u{dtype.itemsize}")
