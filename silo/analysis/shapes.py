@@ -68,7 +68,8 @@ def _as_declared(element: RecordedElement) -> NDArray[Any] | None:
     fields = struct_fields(element.dtype)
     try:
         dtype = np.dtype(fields) if fields else None
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, SyntaxError, OverflowError, MemoryError):
+        # of a damaged file
         return None
     if dtype is None or dtype.hasobject:
         return None

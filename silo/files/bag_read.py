@@ -35,6 +35,7 @@ from silo.files.bag_facts import (
 from silo.files.bag_groups import RECORD_HEAD
 from silo.files.mcap_write import MAGIC
 from silo.files.ros_types import STRING
+from silo.files.silo_format import dtype_from
 from silo.files.wide import from_wire
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
@@ -253,8 +254,8 @@ def _channel_readers(facts: RecordingFacts, elements: list[_Values]) -> dict[int
 
 
 def _dtype(entry: EntryFacts) -> np.dtype[Any]:
-    dtype = np.dtype(entry.dtype)
-    if dtype.hasobject:
+    dtype = dtype_from(entry.dtype)
+    if dtype is None:
         raise ValueError(f"{entry.name}: type {entry.dtype} can't stand in a file")
     return dtype
 

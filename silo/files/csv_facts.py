@@ -145,10 +145,13 @@ def _in_step(places: NDArray[np.intp], first: int, divider: int) -> bool:
 
 def _values(cells: NDArray[np.bytes_], entry: form.EntryFacts) -> NDArray[Any]:
     """The cells in the type that was logged; strings stay bytes, as in every recording."""
+    dtype = form.dtype_from(entry.dtype)
     try:
-        return _parsed(cells, np.dtype(entry.dtype))
-    except (ValueError, OverflowError, TypeError, SyntaxError):
-        raise NotThisTableError(f"the values of '{entry.name}' are no {entry.dtype}") from None
+        if dtype is not None:
+            return _parsed(cells, dtype)
+    except (ValueError, OverflowError, TypeError):
+        pass
+    raise NotThisTableError(f"the values of '{entry.name}' are no {entry.dtype}")
 
 
 def _parsed(cells: NDArray[np.bytes_], dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -157,7 +160,7 @@ def _parsed(cells: NDArray[np.bytes_], dtype: np.dtype[Any]) -> NDArray[Any]:
         texts = [cell.removeprefix(_QUOTE) for cell in cells.tolist()]
         if kind == "c":
             return np.array([complex(text.decode("ascii")) for text in texts], dtype)
-        if kind == "V" and dtype.fields is None and not dtype.hasobject:
+        if kind == "V" and dtype.fields is None:
             raw = [bytes.fromhex(text.decode("ascii")) for text in texts]
             if any(len(each) != dtype.itemsize for each in raw):
                 raise ValueError

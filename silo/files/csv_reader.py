@@ -24,6 +24,7 @@ from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 _SECOND = 1_000_000_000
+_MOST_NS = 2**63
 _LINES_AT_ONCE = 4096
 _CELL = re.compile(rb'(?:"((?:[^"]|"")*)"[^,]*|([^,]*))(?:,|$)')
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
@@ -166,7 +167,8 @@ def _from_rows(
     if seconds is None or nanoseconds is None or "f" in seconds.dtype.kind + nanoseconds.dtype.kind:
         raise FileFormatError("the rows 'time_s' and 'time_ns' must hold whole numbers")
     stamps = min(len(seconds), len(nanoseconds))
-    time_ns = seconds[:stamps].astype(np.int64) * _SECOND + nanoseconds[:stamps].astype(np.int64)
+    pairs = zip(seconds[:stamps].tolist(), nanoseconds[:stamps].tolist(), strict=True)
+    time_ns = _stamps([second * _SECOND + nanosecond for second, nanosecond in pairs])
     names: list[str] = []
     columns: list[NDArray[np.bytes_]] = []
     for number, record in enumerate(records, start=3):
@@ -196,14 +198,24 @@ def _time(name: str, cells: NDArray[np.bytes_]) -> NDArray[np.int64]:
             return whole
     matches = [_DECIMAL.fullmatch(text) for text in texts]
     if all(matches):
-        return np.array([_nanoseconds(match) for match in matches if match], np.int64)
+        return _stamps([_nanoseconds(match) for match in matches if match])
     numbers = _numbers(texts)
     if numbers is not None:
-        return np.round(numbers.astype(np.float64) * 1e9).astype(np.int64)
+        scaled = np.round(numbers.astype(np.float64) * 1e9)
+        if not (np.abs(scaled) < _MOST_NS).all():
+            raise FileFormatError("a time stamp is out of range: nanoseconds must fit 63 bits, the years 1678 to 2262")
+        return scaled.astype(np.int64)
     try:
         return np.array([decode_text(text) for text in texts], "M8[ns]").view(np.int64)
     except ValueError:
         raise FileFormatError(f"its first column ('{name}') holds no time in seconds") from None
+
+
+def _stamps(numbers: list[int]) -> NDArray[np.int64]:
+    wrong = next((number for number in numbers if abs(number) >= _MOST_NS), None)
+    if wrong is not None:
+        raise FileFormatError(f"time stamp {wrong} ns is out of range: 63 bits, the years 1678 to 2262")
+    return np.array(numbers, np.int64)
 
 
 def _nanoseconds(match: re.Match[bytes]) -> int:

@@ -247,6 +247,20 @@ def _assemble(
 ) -> list[RecordedElement]:
     """The element with its entries; if the file ends within it, what is there of each entry as a scalar element."""
     row = entries[0][0].row
+    if any((c.row.divider, c.row.looping, c.row.count) != (row.divider, row.looping, row.count) for c, _, _ in entries):
+        # only in damaged files: lines of one element that disagree about their ticks
+        return [
+            scalar
+            for column, entry, name in entries
+            for scalar in _assemble(
+                data,
+                header,
+                replace(element, name=name, kind=SCALAR.name, shape=(), dtype="", divider=column.row.divider),
+                [(column, Entry("", entry.dtype, entry.labels), name)],
+                time,
+                None,
+            )
+        ]
     if first is None:
         offset = time.announced if header.offset is None else header.offset
         first = form.first_stamp(row.looping, time.announced, row.count, row.divider, offset)
