@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itself is public
     from silo.analysis.log import Log as Log, Signal as Signal, open_log as open_log
-    from silo.collecting.traits import register as register, vector_at_position as vector_at_position
+    from silo.collecting.traits import register as register
     from silo.errors import (
         ConnectionLostError as ConnectionLostError,
         ElementError as ElementError,
@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         SourceError as SourceError,
         StateError as StateError,
     )
+    from silo.kinds import vector_at_position as vector_at_position
     from silo.logger.default import (
         add as add,
         array as array,
@@ -63,7 +64,8 @@ _HOMES = {
     "silo.model": "Action BufferType ElementInfo ElementOptions FileType LoggerOptions Storage",
     "silo.logger.null": "NullLogger",
     "silo.recording": "Recording",
-    "silo.collecting.traits": "register vector_at_position",
+    "silo.collecting.traits": "register",
+    "silo.kinds": "vector_at_position",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 

@@ -98,11 +98,11 @@ class Entry(msgspec.Struct, frozen=True):
     labels: dict[int, str] | None = None
 
 
-class ElementInfo(msgspec.Struct, frozen=True):
+class ElementInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One row of the element table.
 
-    `kind` tells how the entries belong together: `scalar`, `vector`, `matrix`, `array`, `quaternion`, `angle_axis`,
-    `pose`, `twist`, `vector_at_position`, `complex`, `struct`. `shape` is that of the source, `()` for a scalar.
+    `kind` tells how the entries belong together (`silo.kinds`). `shape` is that of the source, `()` for a scalar.
+    `dtype` are the fields of a NumPy structure (`silo.kinds.struct_text`), empty for all else.
     """
 
     name: str
@@ -112,6 +112,7 @@ class ElementInfo(msgspec.Struct, frozen=True):
     entries: tuple[Entry, ...]
     options: ElementOptions
     description: str = ""
+    dtype: str = ""
 
 
 class LoggerOptions(msgspec.Struct, frozen=True):

@@ -58,7 +58,8 @@ class RecordedElement:
 
     Sample i of every entry belongs to time stamp `first + i * divider` of the recording: a buffer keeps either the
     first or the newest samples, so what it holds is always one unbroken run. `lost` counts the samples that fell
-    due and could not be kept although the policy asked for them (memory limit).
+    due and could not be kept although the policy asked for them (memory limit). `dtype` are the fields of a NumPy
+    structure (`silo.kinds.struct_text`), empty for all else.
     """
 
     name: str
@@ -71,6 +72,7 @@ class RecordedElement:
     entries: tuple[RecordedEntry, ...]
     description: str = ""
     lost: int = 0
+    dtype: str = ""
     failures: Failures = NO_FAILURES
 
     @property

@@ -19,11 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.analysis.shapes import assembled, component_names
 from silo.analysis.signals import Signal
 from silo.errors import ElementError
-from silo.files.convert import read_recording
-from silo.files.naming import LOG_ENDINGS, find_log
+from silo.files.formats import read_recording
+from silo.files.naming import find_log
 from silo.files.silo_whole import FileElements
+from silo.kinds import SCALAR
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 __all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError", "open_log"]
@@ -43,17 +45,12 @@ class UnknownSignalError(ElementError, KeyError):
 def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> "Log":
     """Open a log by path, by the start of its file name (the newest such in `folder`), or by run number.
 
-    `.silo` (memory-mapped), `.csv`, `.mcap` and rosbag2 folders; a file with another ending is taken for `.silo`.
+    Every format that silo reads (`silo.files.formats`); of a file with another ending, the first bytes tell.
     What a damaged file lacks is told by a `LogWarning` and in `log.warnings`. Raises `LogNotFoundError`,
     `FileFormatError`.
     """
     path = find_log(which, folder)
-    if path.is_file() and path.suffix.lower() not in LOG_ENDINGS:
-        from silo.files.silo_file import read_silo
-
-        recording = read_silo(path)
-    else:
-        recording = read_recording(path)
+    recording = read_recording(path)
     for text in recording.warnings:
         warnings.warn(f"{path}: {text}", LogWarning, stacklevel=2)
     return Log(recording, os.fspath(path))
@@ -90,7 +87,7 @@ class Log(Mapping[str, Signal]):
                 return self._signal(key, self.recording.elements[self._elements[key]])
             if key in self._entries:
                 element, entry = self._entries[key]
-                return self._signal(key, replace(element, name=key, kind="scalar", shape=(), entries=(entry,)))
+                return self._signal(key, replace(element, name=key, kind=SCALAR.name, shape=(), entries=(entry,)))
         near = difflib.get_close_matches(name, [*self._elements, *self._entries], 3, 0.5)
         near = near or [key for key in self._elements if name.lower() in key.lower()][:3]
         hint = f"; did you mean {', '.join(near)}?" if near else f"; it has {len(self)} elements, see list(log)"
@@ -183,13 +180,13 @@ class Log(Mapping[str, Signal]):
         labels = entries[0].entry.labels if len({repr(entry.entry.labels) for entry in entries}) == 1 else None
         return Signal(
             name=name,
-            values=_values(element),
+            values=assembled(element),
             time_ns=self.time_ns[element.first : stop : element.divider],
             unit=element.unit,
             kind=element.kind,
             divider=element.divider,
             start_ns=self.start_ns,
-            components=tuple(_component(entry) for entry in entries) if len(entries) > 1 else (),
+            components=component_names(element),
             labels=labels or {},
             description=element.description,
         )
@@ -197,40 +194,6 @@ class Log(Mapping[str, Signal]):
 
 def _names(elements: Sequence[RecordedElement]) -> list[str]:
     return elements.names if isinstance(elements, FileElements) else [element.name for element in elements]
-
-
-def _values(element: RecordedElement) -> NDArray[Any]:
-    """The samples in the shape of the element: `(m,)`, `(m, *shape)`, or a structured array where types differ."""
-    columns = [_readable(entry.values) for entry in element.entries]
-    types = {column.dtype for column in columns}
-    texts = all(column.dtype.kind == "U" for column in columns)
-    count, shape = element.count, element.shape
-    if len(columns) == 1:
-        return columns[0]
-    if len(types) == 1 and element.kind == "complex" and columns[0].dtype.kind == "f" and len(columns) % 2 == 0:
-        parts = np.stack(columns, axis=-1).reshape(count, -1, 2)
-        # by storage, not by arithmetic: inf + 0j would make a NaN
-        half = parts.dtype if parts.dtype.itemsize >= 4 else np.dtype(np.float32)
-        made = np.ascontiguousarray(parts, half).view(np.result_type(half, np.complex64)).reshape(count, -1)
-        return made.reshape(count, *shape) if int(np.prod(shape)) == made.shape[1] else made
-    if (len(types) == 1 or texts) and element.kind != "struct":
-        stacked = np.stack(columns, axis=-1)
-        return stacked.reshape(count, *shape) if int(np.prod(shape)) == len(columns) else stacked
-    names = [_component(entry) for entry in element.entries]
-    if len(set(names)) < len(names):
-        names = [entry.name for entry in element.entries]
-    record = np.empty(count, [(name, column.dtype) for name, column in zip(names, columns, strict=True)])
-    for name, column in zip(names, columns, strict=True):
-        record[name] = column
-    return record
-
-
-def _readable(values: NDArray[Any]) -> NDArray[Any]:
-    return np.char.decode(values, "utf-8", "backslashreplace") if values.dtype.kind == "S" else values
-
-
-def _component(entry: RecordedEntry) -> str:
-    return entry.entry.suffix.removeprefix("_")
 
 
 def _unused(name: str, taken: Mapping[str, object]) -> str:

@@ -4,6 +4,7 @@ What stands here says what is there and when. What one asks of it (statistics, c
 stands in `silo.analysis.signals` and in the modules that it calls, which all take `Samples` and know no `Signal`.
 """
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -11,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.analysis.shapes import scalars
 from silo.errors import ElementError
 
 Self = TypeVar("Self", bound="Samples")
@@ -82,12 +84,9 @@ class Samples:
             place = which % len(names)
         else:
             raise ElementError(f"'{self.name}' has no component {which!r}; it has: {', '.join(names) or 'none'}")
-        if self.values.dtype.names:
-            values = self.values[names[place]]
-        elif self.kind == "complex":
-            values = self.values.real if place == 0 else self.values.imag
-        else:
-            values = self.values.reshape(len(self), len(names))[:, place]
+        values = next(itertools.islice(scalars(self.values), place, None), None)
+        if values is None:
+            raise ElementError(f"'{self.name}' has no component {which!r} any more: {self.values.dtype} has no parts")
         suffix = f"_{names[place]}" if names[place] else ""
         return replace(self, name=self.name + suffix, values=values, kind="scalar", components=())
 

@@ -8,6 +8,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from silo.errors import ConnectionLostError, SiloError
+from silo.files.formats import SAVED_NAMES, file_type
 from silo.model import FileType
 
 if TYPE_CHECKING:
@@ -148,7 +149,7 @@ def types_option(command: _Command) -> _Command:
         "--type",
         "types",
         multiple=True,
-        type=click.Choice([one.name.lower() for one in FileType]),
+        type=click.Choice(SAVED_NAMES),
         default=["silo"],
         show_default=True,
         help="What to write; may be repeated.",
@@ -157,7 +158,7 @@ def types_option(command: _Command) -> _Command:
 
 def file_types(names: Sequence[str]) -> tuple[FileType, ...]:
     """Return the file types of these names, each once."""
-    return tuple(FileType[name.upper()] for name in dict.fromkeys(names))
+    return tuple(found for name in dict.fromkeys(names) if (found := file_type(name)) is not None)
 
 
 # --------------------------------------------------------------------------------------------------------------- text

@@ -19,6 +19,7 @@ import msgspec
 from click.shell_completion import CompletionItem
 
 from silo.errors import SiloError
+from silo.files.formats import readable, writable
 
 if TYPE_CHECKING:
     # NumPy takes 150 ms, which commands without a log don't have to wait
@@ -69,16 +70,10 @@ def _clean_errors(command: Callable[_Params, _Result]) -> Callable[_Params, _Res
     return wrapped
 
 
-@click.command("convert")
-@click.argument("source", metavar="IN", shell_complete=_complete_file)
-@click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
-@click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
-@_clean_errors
-def convert_command(source: str, target: Path, force: bool) -> None:
-    """Convert a log to another format, chosen by the ending of OUT.
+_CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT.
 
-    .silo, .csv, .mcap, .rosbag2 or no ending (rosbag2 folder), .parquet, .mat, .npz, .h5. IN may be .silo, .csv, or a
-    bag that silo wrote. A folder that ends in .bag is written, too, but some tools take it for ROS 1.
+    OUT may end in {writable()}; without an ending it is a bag folder. IN may be {readable()}
+    (of bags, those that silo wrote).
 
     \b
     Examples:
@@ -86,6 +81,15 @@ def convert_command(source: str, target: Path, force: bool) -> None:
       silo convert 17 walk.rosbag2         (run number 17 of this folder)
       silo convert run.mcap run.silo
     """
+
+
+@click.command("convert", help=_CONVERT_HELP)
+@click.argument("source", metavar="IN", shell_complete=_complete_file)
+@click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
+@click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
+@_clean_errors
+def convert_command(source: str, target: Path, force: bool) -> None:
+    """Convert a log; the help is `_CONVERT_HELP`."""
     from silo.files.convert import convert
 
     path = _find(source)
@@ -223,7 +227,7 @@ def _find(which: str) -> Path:
 
 
 def _read(path: Path) -> "Recording":
-    from silo.files.convert import read_recording
+    from silo.files.formats import read_recording
 
     return read_recording(path)
 

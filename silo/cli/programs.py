@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import click
 
 from silo.cli.common import file_types
-from silo.model import FileType
+from silo.files.formats import SAVED_NAMES
 
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
@@ -36,7 +36,7 @@ def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
         click.option(
             "--save",
             multiple=True,
-            type=click.Choice([one.name.lower() for one in FileType]),
+            type=click.Choice(SAVED_NAMES),
             help="Save at the end; may be repeated.",
         ),
     )

@@ -76,6 +76,7 @@ def _recorded(source: RowSource, element: ElementSchema, rows: Rows, due: int, f
         description=info.description,
         lost=source.ring_lost(element.ring),
         failures=source.failures(element),
+        dtype=info.dtype,
     )
 
 

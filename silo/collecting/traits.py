@@ -6,7 +6,6 @@ lists and other registered types without a further word.
 
 import dataclasses
 import enum
-import itertools
 import keyword
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -15,33 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from silo import kinds
 from silo.collecting.sources import Expression, Reference, Source, Step, can_refer, express, read_steps, refer
 from silo.errors import ElementError, SourceError
 from silo.model import Entry
 
 MAX_ENTRIES = 1_000_000
-
-_XYZ = ("_x", "_y", "_z")
-_QUATERNION = ("_x", "_y", "_z", "_w")
-
-# kind -> the suffixes of its items in the order of the file, each with its place in memory
-_KINDS: dict[str, tuple[tuple[str, int], ...]] = {
-    "quaternion": tuple(zip(_QUATERNION, range(4), strict=True)),
-    "quaternion_wxyz": tuple(zip(_QUATERNION, (1, 2, 3, 0), strict=True)),
-    "angle_axis": tuple(zip(("_angle", *_XYZ), range(4), strict=True)),
-    "pose": tuple(
-        zip([f"_position{s}" for s in _XYZ] + [f"_orientation{s}" for s in _QUATERNION], range(7), strict=True)
-    ),
-    "twist": tuple(zip([f"_linear{s}" for s in _XYZ] + [f"_angular{s}" for s in _XYZ], range(6), strict=True)),
-    "vector": tuple(zip(_XYZ, range(3), strict=True)),
-}
-_STORED_KIND = {"quaternion_wxyz": "quaternion"}
-KIND_NAMES = (*_KINDS, "array", "vector_at_position(FRAME, FRAME)")
-
-
-def vector_at_position(vector_frame: str, position_frame: str) -> str:
-    """Kind of six numbers: a vector in one frame, and the position in another frame where it acts."""
-    return f"vector_at_position({vector_frame}, {position_frame})"
 
 
 @dataclass(frozen=True)
@@ -104,57 +82,42 @@ def _item_scalars(dtype: np.dtype[Any]) -> list[Scalar]:
         raise ElementError(f"dtype {dtype} is bytes without a meaning; log it as numbers: x.view('u1')")
     if dtype.kind == "c":
         half = np.dtype(f"{dtype.byteorder}f{dtype.itemsize // 2}")
-        return [Scalar("_real", half, 0), Scalar("_imag", half, half.itemsize)]
+        real, imaginary = kinds.COMPLEX.suffixes
+        return [Scalar(real, half, 0), Scalar(imaginary, half, half.itemsize)]
     return [Scalar("", dtype, 0)]
 
 
 def _items(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], kind: str) -> list[tuple[str, int]]:
     """Suffix and offset of each item of the array."""
-    layout = _kind_layout(kind)
-    if layout is None and kind in ("", "vector") and shape == (3,) and dtype.kind in "fiu":
-        layout = _KINDS["vector"]
-    if layout is not None:
-        if not shape or shape[-1] != len(layout):
-            raise ElementError(f"kind {kind!r} has {len(layout)} values in its last dimension, the shape is {shape}")
-        leading = _items(dtype, shape[:-1], strides[:-1], "array")
-        return [(f"{head}{suffix}", base + place * strides[-1]) for head, base in leading for suffix, place in layout]
-    # a dimension of size 1 has no suffix
-    axes = [
-        [("" if size == 1 else f"_{i}", i * step) for i in range(size)]
-        for size, step in zip(shape, strides, strict=True)
-    ]
-    return [
-        ("".join(suffix for suffix, _ in place), sum(offset for _, offset in place))
-        for place in itertools.product(*axes)
-    ]
+    given = kinds.kind_given(kind or _kind_of_numbers(dtype, shape))
+    if given is None:
+        offsets = [0]
+        for size, step in zip(shape, strides, strict=True):
+            offsets = [base + i * step for base in offsets for i in range(size)]
+        return list(zip(kinds.index_suffixes(shape), offsets, strict=True))
+    layout = given[1]
+    if not shape or shape[-1] != len(layout):
+        raise ElementError(f"kind {kind!r} has {len(layout)} values in its last dimension, the shape is {shape}")
+    leading = _items(dtype, shape[:-1], strides[:-1], kinds.ARRAY.name)
+    return [(f"{head}{suffix}", base + place * strides[-1]) for head, base in leading for suffix, place in layout]
 
 
-def _kind_layout(kind: str) -> tuple[tuple[str, int], ...] | None:
-    if kind in ("", "array"):
-        return None
-    if kind in _KINDS:
-        return _KINDS[kind]
-    if kind.startswith("vector_at_position(") and kind.endswith(")") and kind.count(",") == 1:
-        vector, position = (frame.strip() for frame in kind[len("vector_at_position(") : -1].split(","))
-        names = [f"_vector_in_{vector}_frame{s}" for s in _XYZ] + [f"_at_position_in_{position}_frame{s}" for s in _XYZ]
-        return tuple(zip(names, range(6), strict=True))
-    raise ElementError(f"unknown kind {kind!r}; there are {', '.join(KIND_NAMES)}")
+def _kind_of_numbers(dtype: np.dtype[Any], shape: tuple[int, ...]) -> str:
+    return kinds.VECTOR.name if shape == kinds.VECTOR.shape and dtype.kind in "fiu" else kinds.ARRAY.name
 
 
 def kind_of(dtype: np.dtype[Any], shape: tuple[int, ...], kind: str) -> str:
     """What the table and files say of how the entries belong together."""
-    if kind.startswith("vector_at_position"):
-        return "vector_at_position"
-    if kind and kind != "array":
-        return _STORED_KIND.get(kind, kind)
+    given = kinds.kind_given(kind)
+    if given is not None:
+        return given[0].name
     if dtype.fields is not None:
-        return "struct"
+        return kinds.STRUCT.name
     if dtype.kind == "c" and shape == ():
-        return "complex"
-    dimensions = sum(size > 1 for size in shape)
-    if kind == "" and shape == (3,) and dtype.kind in "fiu":
-        return "vector"
-    return ("scalar", "array", "matrix", "array")[min(dimensions, 3)]
+        return kinds.COMPLEX.name
+    if kind == "" and _kind_of_numbers(dtype, shape) == kinds.VECTOR.name:
+        return kinds.VECTOR.name
+    return kinds.kind_by_shape(shape).name
 
 
 # --------------------------------------------------------------------------------------------------- custom types

@@ -247,6 +247,7 @@ def _facts(recording: Recording) -> str:
             "first": element.first,
             "description": element.description,
             "lost": element.lost,
+            "dtype": element.dtype,
             "entries": [
                 {"name": e.name, "type": e.values.dtype.str, "labels": e.entry.labels} for e in element.entries
             ],

@@ -8,6 +8,7 @@ Python call per message (`mcap`: 0.1 million messages/s): above 2 million messag
 import json
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
@@ -31,9 +32,9 @@ from silo.files.bag_facts import (
 )
 from silo.files.bag_groups import MessageGroup, group_channels
 from silo.files.mcap_write import McapFile
-from silo.files.ros_types import Channel, channels_of, type_hashes
+from silo.files.ros_types import Channel, channels_of, is_text, type_hashes
 from silo.files.texts import presentable
-from silo.recording import Progress, RecordedElement, Recording
+from silo.recording import Progress, RecordedElement, RecordedEntry, Recording
 
 MAX_CHANNELS = 65535
 # builtin_interfaces/Time counts seconds in an int32
@@ -50,7 +51,7 @@ def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Prog
     beyond the recording. Raises `SaveError` when stamps, types or the number of elements don't fit ROS, and when the
     file can't be written; then nothing stands under the final name. An existing folder is an error, a file is replaced.
     """
-    recording = presentable(recording)
+    recording = _utf8(presentable(recording))
     final = Path(path)
     _check_times(recording)
     channels = channels_of(recording.elements)
@@ -68,6 +69,35 @@ def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Prog
             metadata = _write_mcap(file, recording, channels, name, progress)
         body = "".join(f"  {line}\n" for line in metadata.splitlines())
         (folder / "metadata.yaml").write_text(f"rosbag2_bagfile_information:\n{body}", encoding="utf-8")
+
+
+def _utf8(recording: Recording) -> Recording:
+    """The recording with texts of 4 bytes per letter as UTF-8, which messages can hold; mostly it is the same object.
+
+    What can't be UTF-8 stays, and travels as its bytes.
+    """
+    if not any(entry.values.dtype.kind == "U" for element in recording.elements for entry in element.entries):
+        return recording
+    elements = [replace(element, entries=tuple(map(_utf8_entry, element.entries))) for element in recording.elements]
+    return replace(recording, elements=elements)
+
+
+def _utf8_entry(entry: RecordedEntry) -> RecordedEntry:
+    if entry.values.dtype.kind != "U":
+        return entry
+    try:
+        texts = np.char.encode(entry.values, "utf-8")
+    except ValueError:
+        # letters that Unicode doesn't have
+        return entry
+    return Utf8Entry(entry.name, entry.entry, texts, entry.values.dtype.str) if is_text(texts) else entry
+
+
+@dataclass(frozen=True)
+class Utf8Entry(RecordedEntry):
+    """An entry whose values were of type `logged`, a text of 4 bytes per letter."""
+
+    logged: str
 
 
 def _check_times(recording: Recording) -> None:
@@ -221,11 +251,12 @@ def _facts(recording: Recording, channels: Sequence[Channel]) -> RecordingFacts:
             first=element.first,
             count=element.count,
             entries=tuple(
-                EntryFacts(entry.name, entry.entry, entry.values.dtype.str, *where[index, i])
+                EntryFacts(entry.name, entry.entry, _logged(entry), *where[index, i])
                 for i, entry in enumerate(element.entries)
             ),
             description=element.description,
             lost=element.lost,
+            dtype=element.dtype,
         )
         for index, element in enumerate(recording.elements)
     )
@@ -241,6 +272,10 @@ def _facts(recording: Recording, channels: Sequence[Channel]) -> RecordingFacts:
         time_looping=recording.time_looping,
         warnings=recording.warnings,
     )
+
+
+def _logged(entry: RecordedEntry) -> str:
+    return entry.logged if isinstance(entry, Utf8Entry) else str(entry.values.dtype.str)
 
 
 def _metadata_yaml(

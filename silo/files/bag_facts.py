@@ -46,6 +46,7 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     entries: tuple[EntryFacts, ...]
     description: str = ""
     lost: int = 0
+    dtype: str = ""
 
 
 class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -35,6 +35,7 @@ from silo.files.bag_facts import (
 from silo.files.bag_groups import RECORD_HEAD
 from silo.files.mcap_write import MAGIC
 from silo.files.ros_types import STRING
+from silo.files.silo_format import dtype_from
 from silo.files.wide import from_wire
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
@@ -226,8 +227,11 @@ class _ChannelReader:
         entry, values, index = self._targets[0]
         start = places + RECORD_HEAD + entry.offset + 4
         lengths = _overlapping(chunk, np.dtype("<u4"))[start - 4].astype(np.int64) - 1
-        texts = [chunk[at : at + length] for at, length in zip(start.tolist(), lengths.tolist(), strict=True)]
-        values.add(index, np.array(texts, dtype=_dtype(entry)))
+        texts: list[Any] = [chunk[at : at + size] for at, size in zip(start.tolist(), lengths.tolist(), strict=True)]
+        dtype = _dtype(entry)
+        if dtype.kind == "U":
+            texts = [text.decode() for text in texts]
+        values.add(index, np.array(texts, dtype=dtype))
 
 
 def _overlapping(chunk: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -250,8 +254,8 @@ def _channel_readers(facts: RecordingFacts, elements: list[_Values]) -> dict[int
 
 
 def _dtype(entry: EntryFacts) -> np.dtype[Any]:
-    dtype = np.dtype(entry.dtype)
-    if dtype.hasobject:
+    dtype = dtype_from(entry.dtype)
+    if dtype is None:
         raise ValueError(f"{entry.name}: type {entry.dtype} can't stand in a file")
     return dtype
 
@@ -292,4 +296,5 @@ def _element(values: _Values) -> RecordedElement:
         ),
         description=facts.description,
         lost=facts.lost,
+        dtype=facts.dtype,
     )

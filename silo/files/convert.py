@@ -1,24 +1,19 @@
 """`silo convert`: a log in one format -> the same log in another, chosen by the endings of the two names.
 
-Formats that only others read (`.parquet`, `.mat`, `.npz`, `.h5`) are written by `silo.files.tables` and
-`silo.files.arrays`, which are imported with their libraries when they are asked for.
+Which formats there are says `silo.files.formats`.
 """
 
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
-from silo.errors import FileFormatError, LogNotFoundError, SaveError
-from silo.files.naming import is_bag_folder
+from silo.errors import SaveError
+from silo.files.formats import format_of, is_bag_folder, read_recording, writer_for
 from silo.recording import Progress, Recording
-
-Writer = Callable[[Recording, Path, Progress | None], None]
-
-READABLE = (".silo", ".csv", ".mcap", "a bag folder")
-WRITABLE = (".silo", ".csv", ".mcap", ".rosbag2 (a folder; .bag, too)", ".parquet", ".mat", ".npz", ".h5")
 
 
 def convert(
@@ -37,7 +32,7 @@ def convert(
     write = writer_for(final)
     if final.exists() and not force:
         raise SaveError(f"'{final}' exists already; add --force to replace it, or choose another name")
-    recording = read_recording(source)
+    recording = _with_what_is_not_known(read_recording(source), Path(source))
     if final.is_dir():
         with _set_aside(final):
             write(recording, final, progress)
@@ -46,56 +41,14 @@ def convert(
     return recording
 
 
-def read_recording(path: str | os.PathLike[str]) -> Recording:
-    """Open any file that silo reads: `.silo`, `.csv`, `.mcap` or a bag folder.
-
-    Raises `LogNotFoundError` or `FileFormatError`.
-    """
-    source = Path(path)
-    if not source.exists():
-        raise LogNotFoundError(f"there is no file or folder '{source}'")
-    ending = source.suffix.lower()
-    if is_bag_folder(source) or ending == ".mcap":
-        from silo.files.bag_read import read_bag
-
-        return read_bag(source)
-    if source.is_dir():
-        raise FileFormatError(f"'{source}' is a folder without a bag in it")
-    if ending == ".csv":
-        from silo.files.csv_file import read_csv
-
-        return read_csv(source)
-    if ending == ".silo":
-        from silo.files.silo_file import read_silo
-
-        return read_silo(source)
-    raise FileFormatError(f"'{source}': silo doesn't read {ending or 'files without ending'}, only {_list(READABLE)}")
-
-
-def writer_for(path: Path) -> Writer:
-    """The function that writes files of this ending. Raises `SaveError` for an ending that nothing writes."""
-    ending = path.suffix.lower()
-    if ending == ".silo":
-        from silo.files.silo_file import write_silo
-
-        return write_silo
-    if ending == ".csv":
-        from silo.files.csv_file import write_csv
-
-        return lambda recording, target, progress: write_csv(recording, target, progress=progress)
-    if ending in ("", ".rosbag2", ".bag", ".mcap"):
-        from silo.files.bag import write_bag
-
-        return write_bag
-    if ending == ".parquet":
-        from silo.files.tables import write_parquet
-
-        return write_parquet
-    if ending in (".npz", ".mat", ".h5", ".hdf5"):
-        from silo.files import arrays
-
-        return {".npz": arrays.write_npz, ".mat": arrays.write_mat}.get(ending, arrays.write_hdf5)
-    raise SaveError(f"'{path}': silo can't write {ending}, only {_list(WRITABLE)}")
+def _with_what_is_not_known(recording: Recording, source: Path) -> Recording:
+    """The recording, with a warning if the file that says what its format can't isn't there."""
+    found = format_of(source)
+    beside = f"{source.name}{found.beside}" if found and found.beside else ""
+    if not beside or source.with_name(beside).exists():
+        return recording
+    text = f"there was no '{beside}' beside it: units, labels, types and buffers of the log are not known"
+    return replace(recording, warnings=(*recording.warnings, text))
 
 
 @contextmanager
@@ -111,7 +64,3 @@ def _set_aside(folder: Path) -> Iterator[None]:
         old.rename(folder)
         raise
     shutil.rmtree(old)
-
-
-def _list(endings: tuple[str, ...]) -> str:
-    return f"{', '.join(endings[:-1])} and {endings[-1]}"

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, write_all
+from silo.files.csv_facts import pack, sidecar_of
 from silo.files.csv_reader import read_csv
 from silo.recording import Progress, RecordedElement, Recording
 
@@ -52,6 +53,7 @@ def write_csv(
     `columns`: a header, then one line per tick: `time` (seconds since 1970 with nine decimals, exact) and one column
     per entry. `rows`: the original's layout, one line per entry with one cell per tick, `time_s` and `time_ns` first.
     Bools and enumerations are numbers, dates are counts of their unit. Elements without a sample are left out.
+    Units, labels, types and buffers stand in `<path>.json` beside it.
     `progress` is called with the fraction written. Raises `SaveError` when the system refuses.
     """
     if layout not in ("columns", "rows"):
@@ -59,7 +61,9 @@ def write_csv(
     elements = [element for element in recording.elements if element.count]
     _refuse_objects(elements)
     pieces = _columns(recording, elements) if layout == "columns" else _rows(recording, elements)
-    with atomic_file(path) as file:
+    # the table takes its name first: facts that are older than it would not fit, and are seen through
+    with atomic_file(sidecar_of(os.fspath(path))) as beside, atomic_file(path) as file:
+        write_all(beside.fileno(), [memoryview(pack(recording, elements))], 0)
         position = 0
         if progress:
             progress(0.0)

@@ -1,12 +1,14 @@
 """CSV -> a recording: both layouts that we write, the original's rows, and tables that other tools wrote.
 
-CSV says neither types, units nor dividers. Types follow from the texts (quoted: string), the divider of an entry from
-the ticks at which its cells are filled. Vectors are put together again by their suffixes.
+CSV says neither types, units nor dividers: `<name>.csv.json` beside it does, where silo wrote both. Else types follow
+from the texts (quoted: string), the divider of an entry from the ticks at which its cells are filled, and vectors are
+put together again by their suffixes.
 """
 
 import os
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,12 +17,14 @@ from numpy.typing import NDArray
 
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.grouping import regroup
+from silo.files.csv_facts import NotThisTableError, restored, sidecar_of, unpack
 from silo.files.silo_format import decode_text, first_stamp
+from silo.kinds import regroup
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 _SECOND = 1_000_000_000
+_MOST_NS = 2**63
 _LINES_AT_ONCE = 4096
 _CELL = re.compile(rb'(?:"((?:[^"]|"")*)"[^,]*|([^,]*))(?:,|$)')
 _DECIMAL = re.compile(rb"([+-]?)(\d+)(?:\.(\d*))?")
@@ -50,12 +54,12 @@ def read_csv(path: str | os.PathLike[str]) -> Recording:
     except OSError as error:
         raise LogNotFoundError(f"can't open '{os.fspath(path)}': {reason(error)}") from error
     try:
-        return _parsed(data, Path(path).stem)
+        return _parsed(data, Path(path))
     except FileFormatError as error:
         raise FileFormatError(f"'{os.fspath(path)}' can't be read as a log: {error}") from None
 
 
-def _parsed(data: bytes, stem: str) -> Recording:
+def _parsed(data: bytes, path: Path) -> Recording:
     warnings: list[str] = []
     records = _records(data)
     head = next(records, None)
@@ -67,7 +71,24 @@ def _parsed(data: bytes, stem: str) -> Recording:
     else:
         names, columns, time_ns = _from_columns(head, records, warnings)
         prefix = "/log"
-    return _recording(stem, prefix, time_ns, names, columns, warnings)
+    facts = _facts_beside(path)
+    if facts is not None:
+        try:
+            recording = restored(unpack(facts), names, columns, time_ns)
+            return replace(recording, warnings=(*recording.warnings, *warnings))
+        except NotThisTableError as error:
+            warnings.append(
+                f"'{sidecar_of(path.name)}' is not of this table ({error}): "
+                "units, labels, types and buffers of the log are not known"
+            )
+    return _recording(path.stem, prefix, time_ns, names, columns, warnings)
+
+
+def _facts_beside(path: Path) -> bytes | None:
+    try:
+        return sidecar_of(path).read_bytes()
+    except OSError:
+        return None
 
 
 # ---------------------------------------------------------------------------------------------------- text to columns
@@ -146,7 +167,8 @@ def _from_rows(
     if seconds is None or nanoseconds is None or "f" in seconds.dtype.kind + nanoseconds.dtype.kind:
         raise FileFormatError("the rows 'time_s' and 'time_ns' must hold whole numbers")
     stamps = min(len(seconds), len(nanoseconds))
-    time_ns = seconds[:stamps].astype(np.int64) * _SECOND + nanoseconds[:stamps].astype(np.int64)
+    pairs = zip(seconds[:stamps].tolist(), nanoseconds[:stamps].tolist(), strict=True)
+    time_ns = _stamps([second * _SECOND + nanosecond for second, nanosecond in pairs])
     names: list[str] = []
     columns: list[NDArray[np.bytes_]] = []
     for number, record in enumerate(records, start=3):
@@ -176,14 +198,24 @@ def _time(name: str, cells: NDArray[np.bytes_]) -> NDArray[np.int64]:
             return whole
     matches = [_DECIMAL.fullmatch(text) for text in texts]
     if all(matches):
-        return np.array([_nanoseconds(match) for match in matches if match], np.int64)
+        return _stamps([_nanoseconds(match) for match in matches if match])
     numbers = _numbers(texts)
     if numbers is not None:
-        return np.round(numbers.astype(np.float64) * 1e9).astype(np.int64)
+        scaled = np.round(numbers.astype(np.float64) * 1e9)
+        if not (np.abs(scaled) < _MOST_NS).all():
+            raise FileFormatError("a time stamp is out of range: nanoseconds must fit 63 bits, the years 1678 to 2262")
+        return scaled.astype(np.int64)
     try:
         return np.array([decode_text(text) for text in texts], "M8[ns]").view(np.int64)
     except ValueError:
         raise FileFormatError(f"its first column ('{name}') holds no time in seconds") from None
+
+
+def _stamps(numbers: list[int]) -> NDArray[np.int64]:
+    wrong = next((number for number in numbers if abs(number) >= _MOST_NS), None)
+    if wrong is not None:
+        raise FileFormatError(f"time stamp {wrong} ns is out of range: 63 bits, the years 1678 to 2262")
+    return np.array(numbers, np.int64)
 
 
 def _nanoseconds(match: re.Match[bytes]) -> int:

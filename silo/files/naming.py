@@ -13,11 +13,8 @@ from pathlib import Path
 
 from silo.errors import LogNotFoundError, SaveError
 from silo.files.atomic import reason
-from silo.model import FileType
+from silo.files.formats import LOG_ENDINGS, is_bag_folder
 
-# not ".bag": readers like AnyReader of rosbags take what ends so for a bag of ROS 1
-ENDINGS = {FileType.SILO: ".silo", FileType.CSV: ".csv", FileType.BAG: ".rosbag2"}
-LOG_ENDINGS = (".silo", ".mcap", ".rosbag2", ".bag", ".csv")
 _STEM = re.compile(r"(?P<logger>.+)_(?P<when>\d{8}_\d\d-\d\d-\d\d)_(?P<run>\d{5,})")
 
 
@@ -82,7 +79,7 @@ def check_name(name: str) -> str:
 def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> Path:
     """The log that is meant by a path, by the start of a file name (the newest), or by a run number.
 
-    A relative path counts from `folder`, too. Of one save in several formats the `.silo` file is taken. Raises
+    A relative path counts from `folder`, too. Of one save in several formats the one that keeps most is taken. Raises
     `LogNotFoundError` if there is none, or if several loggers have a log of that run number.
     """
     place = Path(folder)
@@ -98,11 +95,6 @@ def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str]
     if str(which).isdecimal():
         return _by_run(int(str(which)), place)
     raise LogNotFoundError(f"no log '{which}' in '{place.resolve()}'{_what_is_there(place)}")
-
-
-def is_bag_folder(path: Path) -> bool:
-    """Whether this is a folder with a rosbag2 recording."""
-    return path.is_dir() and ((path / "metadata.yaml").is_file() or any(path.glob("*.mcap")))
 
 
 def _by_run(run: int, folder: Path) -> Path:

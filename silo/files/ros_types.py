@@ -7,6 +7,7 @@ own, and it is always the last field of its message.
 
 import hashlib
 import json
+import math
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.errors import SaveError
+from silo.kinds import KINDS, STRUCT, Kind, kind_named
 from silo.recording import RecordedElement, RecordedEntry
 
 PACKAGE = "signal_logger_msgs/msg/"
@@ -40,22 +42,8 @@ _CAMEL = {name: re.sub("^Ui", "UI", name.capitalize()) for name in _TYPE_IDS}
 _DEPENDENCIES: dict[str, tuple[tuple[str, str], ...]] = {
     "std_msgs/Header": (("builtin_interfaces/Time", "stamp"), ("string", "frame_id")),
     "builtin_interfaces/Time": (("int32", "sec"), ("uint32", "nanosec")),
-    "geometry_msgs/Pose": (("geometry_msgs/Point", "position"), ("geometry_msgs/Quaternion", "orientation")),
-    "geometry_msgs/Twist": (("geometry_msgs/Vector3", "linear"), ("geometry_msgs/Vector3", "angular")),
     "geometry_msgs/Point": (("float64", "x"), ("float64", "y"), ("float64", "z")),
-    "geometry_msgs/Vector3": (("float64", "x"), ("float64", "y"), ("float64", "z")),
-    "geometry_msgs/Quaternion": (("float64", "x"), ("float64", "y"), ("float64", "z"), ("float64", "w")),
-}
-_GEOMETRY: dict[str, tuple[str, str, tuple[str, ...]]] = {
-    "vector": ("Vector3", "vector", ("_x", "_y", "_z")),
-    "quaternion": ("Quaternion", "quaternion", ("_x", "_y", "_z", "_w")),
-    "pose": (
-        "Pose",
-        "pose",
-        (*(f"_position_{axis}" for axis in "xyz"), *(f"_orientation_{axis}" for axis in "xyzw")),
-    ),
-    "twist": ("Twist", "twist", tuple(f"_{part}_{axis}" for part in ("linear", "angular") for axis in "xyz")),
-}
+} | {f"geometry_msgs/{kind.message.name}": kind.message.fields for kind in KINDS if kind.message}
 
 
 @dataclass(frozen=True)
@@ -219,17 +207,17 @@ def _message(element: RecordedElement, indices: list[int], wires: list[_Wire]) -
     uniform = len(set(wires)) == 1 and wires[0].count == 1
     if len(indices) == 1:
         return _scalar(entries[0], indices[0], wires[0])
-    if uniform and element.kind in _GEOMETRY and wires[0].ros.startswith("float"):
-        short, field, order = _GEOMETRY[element.kind]
-        if sorted(order) == sorted(suffixes):
-            offset = _align(HEADER_END, 8)
-            parts = tuple(
-                Part(indices[suffixes.index(suffix)], offset + 8 * k, "<f8") for k, suffix in enumerate(order)
-            )
-            type_ = _stamped(f"geometry_msgs/msg/{short}Stamped", (f"geometry_msgs/{short}", field))
-            return Channel("", 0, type_, parts, offset + 8 * len(order))
-    if uniform and element.kind in ("vector", "array", "matrix"):
-        return _array(element, indices, wires[0])
+    kind = kind_named(element.kind) or STRUCT
+    if uniform and kind.message and wires[0].ros.startswith("float") and sorted(kind.suffixes) == sorted(suffixes):
+        offset = _align(HEADER_END, 8)
+        parts = tuple(
+            Part(indices[suffixes.index(suffix)], offset + 8 * k, "<f8") for k, suffix in enumerate(kind.suffixes)
+        )
+        value = (f"geometry_msgs/{kind.message.name}", kind.message.field)
+        type_ = _stamped(f"geometry_msgs/msg/{kind.message.name}Stamped", value)
+        return Channel("", 0, type_, parts, offset + 8 * len(parts))
+    if uniform and kind.array:
+        return _array(element, kind, indices, wires[0])
     return _struct(suffixes, indices, wires)
 
 
@@ -249,19 +237,17 @@ def _scalar(entry: RecordedEntry, index: int, wire: _Wire) -> Channel:
     )
 
 
-def _array(element: RecordedElement, indices: list[int], wire: _Wire) -> Channel:
+def _array(element: RecordedElement, kind: Kind, indices: list[int], wire: _Wire) -> Channel:
     count, size = len(indices), _SIZES[wire.ros]
     value = (f"{wire.ros}[{count}]", "value")
     camel = _CAMEL[wire.ros]
     fixed: tuple[tuple[int, int], ...] = ()
-    if element.kind == "matrix" and len(element.shape) == 2 and element.shape[0] * element.shape[1] == count:
-        rows, columns = element.shape
+    if kind.sizes and len(element.shape) == len(kind.sizes) and math.prod(element.shape) == count:
         at = _align(HEADER_END, 4)
-        fixed = ((at, rows), (at + 4, columns))
-        offset = _align(at + 8, size)
-        type_ = _stamped(
-            f"{PACKAGE}{camel}Matrix{rows}x{columns}Stamped", ("uint32", "rows"), ("uint32", "cols"), value
-        )
+        fixed = tuple((at + 4 * axis, length) for axis, length in enumerate(element.shape))
+        offset = _align(at + 4 * len(fixed), size)
+        shown = f"{kind.name.capitalize()}{'x'.join(map(str, element.shape))}"
+        type_ = _stamped(f"{PACKAGE}{camel}{shown}Stamped", *(("uint32", name) for name in kind.sizes), value)
     else:
         offset = _align(HEADER_END, size)
         type_ = _stamped(f"{PACKAGE}{camel}Array{count}Stamped", value)

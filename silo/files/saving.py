@@ -11,7 +11,8 @@ from pathlib import Path
 
 from silo.errors import SaveError
 from silo.files.atomic import reason
-from silo.files.naming import ENDINGS, custom_path, log_path, next_run_number
+from silo.files.formats import SAVED, SAVED_NAMES, file_type
+from silo.files.naming import custom_path, log_path, next_run_number
 from silo.model import FileType, SavedFile
 from silo.recording import Progress, Recording
 
@@ -48,11 +49,11 @@ def write(
     paths = _paths(Path(folder), logger, chosen, name)
     saved: list[SavedFile] = []
     failed: list[str] = []
-    for index, (file_type, path) in enumerate(paths.items()):
+    for index, (kind, path) in enumerate(paths.items()):
         part = _part_of(progress, index, len(paths)) if progress else None
         try:
-            _write_one(recording, path, file_type, part)
-            saved.append(SavedFile(str(path), file_type, size_of(path)))
+            SAVED[kind].load_writer()(recording, path, part)
+            saved.append(SavedFile(str(path), kind, size_of(path)))
         except SaveError as error:
             failed.append(str(error))
     if failed:
@@ -71,52 +72,26 @@ def size_of(path: Path) -> int:
 def _file_types(types: Iterable[FileType | str]) -> list[FileType]:
     chosen: list[FileType] = []
     for given in [types] if isinstance(types, str | FileType) else types:
-        file_type = _file_type(given)
-        if file_type not in chosen:
-            chosen.append(file_type)
+        kind = given if isinstance(given, FileType) else file_type(given)
+        if kind is None:
+            raise SaveError(f"unknown file type '{given}': choose from {', '.join(SAVED_NAMES)}")
+        if kind not in chosen:
+            chosen.append(kind)
     if not chosen:
-        raise SaveError(f"no file type to save: choose from {_known()}")
+        raise SaveError(f"no file type to save: choose from {', '.join(SAVED_NAMES)}")
     return chosen
-
-
-def _file_type(given: FileType | str) -> FileType:
-    if isinstance(given, FileType):
-        return given
-    word = given.upper().removeprefix(".")
-    if word not in FileType.__members__:
-        raise SaveError(f"unknown file type '{given}': choose from {_known()}")
-    return FileType[word]
-
-
-def _known() -> str:
-    return ", ".join(file_type.name.lower() for file_type in FileType)
 
 
 def _paths(folder: Path, logger: str, types: list[FileType], name: str | None) -> dict[FileType, Path]:
     if name is None:
         now = datetime.now()
         run = next_run_number(folder, logger)
-        return {file_type: log_path(folder, logger, run, now, ENDINGS[file_type]) for file_type in types}
-    paths = {file_type: custom_path(folder, name, ENDINGS[file_type]) for file_type in types}
+        return {kind: log_path(folder, logger, run, now, SAVED[kind].ending) for kind in types}
+    paths = {kind: custom_path(folder, name, SAVED[kind].ending) for kind in types}
     taken = [str(path) for path in paths.values() if path.exists()]
     if taken:
         raise SaveError(f"'{', '.join(taken)}' exists already; remove it or choose another name; nothing was saved")
     return paths
-
-
-def _write_one(recording: Recording, path: Path, file_type: FileType, progress: Progress | None) -> None:
-    if file_type is FileType.SILO:
-        from silo.files.silo_writer import write_silo
-
-        write_silo(recording, path, progress)
-    elif file_type is FileType.CSV:
-        from silo.files.csv_file import write_csv
-
-        write_csv(recording, path, progress=progress)
-    else:
-        from silo.files.bag import write_bag
-
-        write_bag(recording, path, progress)
 
 
 def _part_of(progress: Progress, index: int, count: int) -> Progress:

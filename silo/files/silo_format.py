@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from silo.kinds import SCALAR
 from silo.model import BufferType
 from silo.recording import RecordedElement, Recording
 
@@ -32,6 +33,7 @@ _ROW = re.compile(rb"(.*) ([0-9]{1,18}) ([0-9]{1,18}) ([1-9][0-9]{0,17}) ([01]) 
 CHECK_PATTERN = re.compile(rb"# silo check ([0-9a-f]{8}) \.*\n")
 ALIGNMENT = 64
 STRING_PAD = ord("-")
+_LARGEST_ITEM = 2**31  # NumPy has no larger ones
 
 _DTYPE_OF_TYPE = {
     "double": "<f8",
@@ -77,18 +79,20 @@ class EntryFacts(msgspec.Struct, frozen=True, omit_defaults=True):
 class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     """What the table can't say of an element; it covers the next `len(entries)` lines of the table.
 
-    `first` is there only when the rules of the format give other time stamps than the element has.
+    `first` is there only when the rules of the format give other time stamps than the element has. `dtype` are the
+    fields of a NumPy structure.
     """
 
     name: str
     entries: tuple[EntryFacts, ...]
     unit: str = "-"
-    kind: str = "scalar"
+    kind: str = SCALAR.name
     shape: tuple[int, ...] = ()
     buffer: BufferType = BufferType.LOOPING
     description: str = ""
     lost: int = 0
     first: int | None = None
+    dtype: str = ""
 
 
 class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -129,10 +133,10 @@ def dtype_of(row: TableRow) -> np.dtype[Any]:
 
 @lru_cache(maxsize=256)
 def _dtype_of(type_name: str, item_bytes: int) -> np.dtype[Any]:
-    if type_name == "string":
-        return np.dtype(f"S{item_bytes}")
-    if type_name == "unknown":
-        return np.dtype(f"V{item_bytes}")
+    if type_name in ("string", "unknown"):
+        if item_bytes >= _LARGEST_ITEM:
+            raise ValueError(f"a value of {item_bytes} bytes is larger than any that can be logged")
+        return np.dtype(f"{'S' if type_name == 'string' else 'V'}{item_bytes}")
     name = _DTYPE_OF_TYPE.get(type_name)
     if name is None:
         raise ValueError(f"unknown data type '{type_name}' (known: {', '.join(TYPE_NAMES)})")
@@ -207,6 +211,7 @@ def element_facts(element: RecordedElement, first: int | None) -> ElementFacts:
         description=plain_text(element.description),
         lost=element.lost,
         first=first,
+        dtype=plain_text(element.dtype),
     )
 
 
@@ -260,11 +265,22 @@ def plain_text(text: str) -> str:
     return encode_text(text).decode("utf-8")
 
 
+def dtype_from(text: str) -> np.dtype[Any] | None:
+    """The NumPy type that a file names, None if there is no such type or no file could hold it."""
+    try:
+        dtype = np.dtype(text)
+    except (TypeError, ValueError, SyntaxError, OverflowError, MemoryError, RecursionError):
+        # NumPy parses the text as Python in part
+        return None
+    without_unit = dtype.kind in "mM" and np.datetime_data(dtype)[0] == "generic"
+    return None if dtype.hasobject or without_unit else dtype
+
+
 def _dtype_text(logged: str, values: np.dtype[Any]) -> str:
     """The type as logged, unless the values can't be it (then their own)."""
-    try:
-        dtype = np.dtype(logged)
-    except TypeError:
-        return str(values.str)
+    dtype = dtype_from(logged)
+    if dtype is None:
+        # a date without a unit is but a number
+        return str(values.str if dtype_from(values.str) else file_dtype(values).str)
     same = dtype.newbyteorder("<") == values.newbyteorder("<") or (dtype.kind in "SU" and values.kind in "SU")
     return logged if same else str(values.str)

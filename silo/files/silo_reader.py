@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files import silo_format as form
 from silo.files.atomic import reason
-from silo.files.grouping import regroup
 from silo.files.silo_header import Header, parse_header
 from silo.files.silo_values import file_entry, file_recording, time_stamps, types_of
 from silo.files.silo_whole import read_whole
+from silo.kinds import SCALAR, regroup
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
@@ -204,7 +204,17 @@ def _by_facts(
     ]
     row = columns[0].row
     element = RecordedElement(
-        facts.name, facts.unit, facts.kind, facts.shape, row.divider, facts.buffer, 0, (), facts.description, facts.lost
+        name=facts.name,
+        unit=facts.unit,
+        kind=facts.kind,
+        shape=facts.shape,
+        divider=row.divider,
+        buffer_type=facts.buffer,
+        first=0,
+        entries=(),
+        description=facts.description,
+        lost=facts.lost,
+        dtype=facts.dtype,
     )
     return _assemble(data, header, element, entries, time, facts.first)
 
@@ -237,6 +247,20 @@ def _assemble(
 ) -> list[RecordedElement]:
     """The element with its entries; if the file ends within it, what is there of each entry as a scalar element."""
     row = entries[0][0].row
+    if any((c.row.divider, c.row.looping, c.row.count) != (row.divider, row.looping, row.count) for c, _, _ in entries):
+        # only in damaged files: lines of one element that disagree about their ticks
+        return [
+            scalar
+            for column, entry, name in entries
+            for scalar in _assemble(
+                data,
+                header,
+                replace(element, name=name, kind=SCALAR.name, shape=(), dtype="", divider=column.row.divider),
+                [(column, Entry("", entry.dtype, entry.labels), name)],
+                time,
+                None,
+            )
+        ]
     if first is None:
         offset = time.announced if header.offset is None else header.offset
         first = form.first_stamp(row.looping, time.announced, row.count, row.divider, offset)
@@ -255,15 +279,27 @@ def _assemble(
         e = element
         return [
             RecordedElement(
-                e.name, e.unit, e.kind, e.shape, e.divider, e.buffer_type, first, made, e.description, e.lost
+                e.name,
+                e.unit,
+                e.kind,
+                e.shape,
+                e.divider,
+                e.buffer_type,
+                first,
+                made,
+                e.description,
+                e.lost,
+                e.dtype,
+                e.failures,
             )
         ]
     return [
         replace(
             element,
             name=name,
-            kind="scalar",
+            kind=SCALAR.name,
             shape=(),
+            dtype="",
             first=first,
             entries=(_entry(data, header, column, Entry("", entry.dtype, entry.labels), name),),
         )

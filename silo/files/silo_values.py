@@ -103,14 +103,14 @@ def types_of(type_name: str, item_bytes: int, text: str) -> tuple[Type, Type | N
 
 def _logged_dtype(text: str, stored: Type) -> Type | None:
     """The type that the values had when they were logged, None if what is stored can't have been that."""
-    try:
-        logged = np.dtype(text).newbyteorder("<")
-    except TypeError:
+    named = form.dtype_from(text)
+    if named is None:
         return None
+    logged = named.newbyteorder("<")
     if stored.kind == "V":
-        fits = logged.itemsize == stored.itemsize and not logged.hasobject
+        fits = logged.itemsize == stored.itemsize
     elif stored.kind == "S" or logged.kind in "SU":
         fits = stored.kind == "S" and logged.kind in "SU"
     else:
-        fits = not logged.hasobject and form.file_dtype(logged) == stored
+        fits = form.file_dtype(logged) == stored
     return logged if fits else None

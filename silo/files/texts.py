@@ -31,7 +31,9 @@ def presentable(recording: Recording) -> Recording:
 def _element(element: RecordedElement) -> RecordedElement:
     names = [text for entry in element.entries for text in (entry.name, entry.entry.suffix)]
     labels = [label for entry in element.entries for label in (entry.entry.labels or {}).values()]
-    if all(map(_is_proper, (element.name, element.unit, element.kind, element.description, *names, *labels))):
+    if all(
+        map(_is_proper, (element.name, element.unit, element.kind, element.description, element.dtype, *names, *labels))
+    ):
         return element
     return replace(
         element,
@@ -39,6 +41,7 @@ def _element(element: RecordedElement) -> RecordedElement:
         unit=plain_text(element.unit),
         kind=plain_text(element.kind),
         description=plain_text(element.description),
+        dtype=plain_text(element.dtype),
         entries=tuple(
             RecordedEntry(plain_text(entry.name), _entry(entry.entry), entry.values) for entry in element.entries
         ),

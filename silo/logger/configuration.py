@@ -20,6 +20,7 @@ from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
 from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
 from silo.errors import ElementError, StateError
+from silo.kinds import STRUCT, struct_text
 from silo.logger.options import name_of
 from silo.logger.table import Table
 from silo.model import (
@@ -133,11 +134,12 @@ class Configuration:
         info = ElementInfo(
             name=full,
             unit=unit or "-",
-            kind=kind_of(first.dtype, first.shape, kind) if single else "struct",
+            kind=kind_of(first.dtype, first.shape, kind) if single else STRUCT.name,
             shape=first.shape if single else (),
             entries=entries,
             options=options,
             description=description,
+            dtype=struct_text(first.dtype) if single else "",
         )
         with self._lock:
             self._table.add(Element(info, tuple(parts)))

@@ -103,7 +103,10 @@ def file_type(given: FileType | str) -> FileType:
     """Return a file type by its name. Raises ElementError."""
     if isinstance(given, FileType):
         return given
-    try:
-        return FileType[given.upper()]
-    except KeyError:
-        raise ElementError(f"unknown file type {given!r}; there are silo, csv and bag") from None
+    # not before: the control program loads nothing of files until it saves
+    from silo.files import formats
+
+    found = formats.file_type(given)
+    if found is None:
+        raise ElementError(f"unknown file type {given!r}; there are {formats.savable()}")
+    return found

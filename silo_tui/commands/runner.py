@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from silo.files.formats import SAVED_NAMES
 from silo.settings.words import completions, read_settings
 from silo_tui.commands import flows
 from silo_tui.model import command_line
@@ -55,7 +56,7 @@ class CommandRunner:
         return {
             "load": app.script_names, "save": app.script_names, "sort": SORTS,
             "set": completions(line.rpartition(" ")[2]),
-            "data": ("silo", "csv", "bag"), "theme": tuple(sorted(app.available_themes)),
+            "data": SAVED_NAMES, "theme": tuple(sorted(app.available_themes)),
         }  # fmt: skip
 
     def run(self, spelled: command_line.Spelled) -> None:

@@ -4,6 +4,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from silo.files.formats import file_type
 from silo.model import FileType
 
 
@@ -31,7 +32,7 @@ def read_save(arguments: Sequence[str]) -> tuple[list[FileType], str]:
     types: list[FileType] = []
     name = ""
     for argument in arguments:
-        kind = {"silo": FileType.SILO, "csv": FileType.CSV, "bag": FileType.BAG}.get(argument.lower())
+        kind = file_type(argument)
         if kind is not None:
             types.append(kind)
         elif name:

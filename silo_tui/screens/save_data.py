@@ -11,6 +11,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Button, Input, ProgressBar, Static
 
 from silo.errors import SiloError
+from silo.files.formats import SAVED, SAVED_NAMES
 from silo.ipc.messages import Event, EventKind
 from silo.model import FileType, SavedFile
 from silo_tui.model import text
@@ -20,12 +21,7 @@ if TYPE_CHECKING:
     from silo_tui.app import SiloApp
 
 FOLLOW_S = 0.05
-HINT = "↑ ↓ move   space or s c b ticks   Enter saves   Esc cancels"
-LABELS = {
-    FileType.SILO: "silo  binary; the readers of silo",
-    FileType.CSV: "csv   one column per signal",
-    FileType.BAG: "bag   rosbag2 with MCAP: ros2 bag, Foxglove",
-}
+HINT = f"↑ ↓ move   space or {' '.join(name[0] for name in SAVED_NAMES)} ticks   Enter saves   Esc cancels"
 
 
 class SaveDialog(ModalScreen[list[SavedFile] | None]):
@@ -35,9 +31,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
         Binding("escape", "leave", "Back", show=False),
         Binding("down,j", "app.focus_next", show=False),
         Binding("up,k", "app.focus_previous", show=False),
-        Binding("s", "turn('silo')", show=False),
-        Binding("c", "turn('csv')", show=False),
-        Binding("b", "turn('bag')", show=False),
+        *(Binding(name[0], f"turn('{name}')", show=False) for name in SAVED_NAMES),
         Binding("enter,ctrl+s", "save", show=False),
     ]
 
@@ -63,8 +57,8 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
             yield Static(
                 f"in {self._folder or 'the folder of the logger'}, on the robot", classes="quiet", markup=False
             )
-            for kind, label in LABELS.items():
-                yield CheckLine(label, kind in self._types, f"type-{kind.name.lower()}")
+            for kind, one in SAVED.items():
+                yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
             yield Input(self._name, placeholder="name (empty: date, time and run number)", id="save-name", compact=True)
             with Horizontal(classes="dialog-buttons"):
                 yield Button("Save", id="save-go", compact=True, variant="primary")
@@ -112,7 +106,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
         self.dismiss(self._files)
 
     def _begin(self) -> None:
-        types = [kind for kind in LABELS if self.query_one(f"#type-{kind.name.lower()}", CheckLine).value]
+        types = [kind for kind, one in SAVED.items() if self.query_one(f"#type-{one.name}", CheckLine).value]
         if self._saving:
             return
         if not types:

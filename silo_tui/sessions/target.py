@@ -6,7 +6,8 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 
 from silo.errors import LogNotFoundError
-from silo.files.naming import LOG_ENDINGS, find_log, is_bag_folder
+from silo.files.formats import LOG_ENDINGS, is_bag_folder
+from silo.files.naming import find_log
 
 _WITH_PID = re.compile(r"(?P<logger>.+)\.\d+")
 _STEM = re.compile(r"(?P<logger>.+)_\d{8}_\d\d-\d\d-\d\d_\d{5,}")

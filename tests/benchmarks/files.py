@@ -24,7 +24,8 @@ import psutil
 from silo.analysis.log import open_log
 from silo.files import csv_file
 from silo.files.csv_file import read_csv, write_csv
-from silo.files.silo_file import read_silo, write_silo
+from silo.files.silo_reader import read_silo
+from silo.files.silo_writer import write_silo
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 

@@ -15,8 +15,9 @@ import scipy.io
 
 from silo.errors import FileFormatError, LogNotFoundError, SaveError, SiloError
 from silo.files.bag import write_bag
-from silo.files.convert import convert, read_recording, writer_for
-from silo.files.silo_file import write_silo
+from silo.files.convert import convert
+from silo.files.formats import format_of, read_recording, writer_for
+from silo.files.silo_writer import write_silo
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
@@ -36,6 +37,12 @@ def element(name, columns, suffixes=("",), kind="scalar", shape=(), divider=1, f
 
 NAN_FIRST = np.array([np.nan, *range(1, TICKS)])
 MODE = np.array([0, 1, 2, 1] * 5, dtype="i1")
+
+
+def files_of(target):
+    """The names that a log takes in its folder."""
+    beside = format_of(target).beside
+    return [target.name, f"{target.name}{beside}"] if beside else [target.name]
 
 
 @pytest.fixture
@@ -252,7 +259,7 @@ def test_an_existing_target_is_kept_without_force_and_replaced_with_it(ending, s
     before = target.stat().st_ino
     convert(source, target, force=True)
     assert target.stat().st_ino != before
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["in.mcap", target.name])
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["in.mcap", *files_of(target)])
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -267,7 +274,7 @@ def test_ctrl_c_leaves_no_half_file_and_the_old_one_in_place(ending, source, tmp
     with pytest.raises(KeyboardInterrupt):
         convert(source, target, interrupt, force=True)
     assert target.stat().st_size == size
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["in.mcap", target.name])
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["in.mcap", *files_of(target)])
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

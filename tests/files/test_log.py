@@ -8,7 +8,8 @@ from silo.analysis.log import Log, LogWarning, UnknownSignalError, open_log
 from silo.analysis.signals import Signal
 from silo.errors import ElementError, LogNotFoundError
 from silo.files import write
-from silo.files.silo_file import read_silo, write_silo
+from silo.files.silo_reader import read_silo
+from silo.files.silo_writer import write_silo
 from silo.model import BufferType
 from silo.recording import Recording
 

@@ -14,7 +14,7 @@ from silo.errors import LogNotFoundError, SaveError
 from silo.files import PartlySavedError, silo_writer, write
 from silo.files.atomic import atomic_file, atomic_folder
 from silo.files.naming import check_name, find_log, log_path, next_run_number
-from silo.files.silo_file import read_silo
+from silo.files.silo_reader import read_silo
 from silo.model import FileType
 from tests.waiting import DEADLINE_S
 
@@ -176,7 +176,7 @@ def test_if_one_format_fails_the_others_are_written_and_the_error_names_both(rec
     with pytest.raises(PartlySavedError, match=r"x\.silo': No space.*; saved: .*x\.csv") as caught:
         write(recording, tmp_path, "robot", ["silo", "csv"], "x")
     assert [file.type for file in caught.value.saved] == [FileType.CSV]
-    assert names(tmp_path) == ["x.csv"]
+    assert names(tmp_path) == ["x.csv", "x.csv.json"]
 
 
 def test_progress_of_a_save_runs_over_all_formats(recording, tmp_path):

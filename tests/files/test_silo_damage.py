@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from silo.errors import FileFormatError, LogNotFoundError
-from silo.files.silo_file import read_silo, write_silo
+from silo.files.silo_reader import read_silo
+from silo.files.silo_writer import write_silo
 from silo.model import BufferType
 
 

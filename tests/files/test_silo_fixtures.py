@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from silo.files.silo_file import read_silo, write_silo
+from silo.files.silo_reader import read_silo
+from silo.files.silo_writer import write_silo
 from silo.model import BufferType
 
 NAMES = ["all_types", "looping_wrapped", "mixed_dividers", "time_buffer_full"]

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.errors import SaveError
-from silo.files.silo_file import read_silo, write_silo
+from silo.files.silo_reader import read_silo
+from silo.files.silo_writer import write_silo
 from silo.model import BufferType
 from tests.examples import examples
 

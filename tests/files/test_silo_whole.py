@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from silo.analysis.log import open_log
 from silo.files import silo_format as form
 from silo.files import silo_reader
-from silo.files.silo_file import read_silo, write_silo
+from silo.files.silo_reader import read_silo
 from silo.files.silo_whole import FileElements, read_whole
+from silo.files.silo_writer import write_silo
 from tests.examples import examples
 
 

@@ -17,6 +17,8 @@ ROOT = Path(__file__).resolve().parents[2]
 NOT_LOADED = {
     "silo": ["numpy", "zenoh", "textual", "plotext", "msgspec"],
     "silo.model": ["numpy", "zenoh", "textual"],
+    "silo.kinds": ["numpy", "silo.collecting", "silo.files"],
+    "silo.files.formats": ["numpy", "silo.files.saving"],
     "silo.ipc.messages": ["numpy", "zenoh", "textual"],
     "silo.ipc.client": ["numpy", "textual", "plotext"],
     "silo.cli": ["numpy", "zenoh", "textual", "plotext", "silo_tui"],

@@ -1,0 +1,182 @@
+"""What a CSV file can't say, beside it in `<name>.csv.json`: units, labels, types, kinds, buffers.
+
+`silo.files.csv_file` writes it with the table, `silo.files.csv_reader` takes it where it is of this very table: the
+same columns, ticks, first and last time stamp. Values are those of the table, so that they may be edited.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.files import silo_format as form
+from silo.model import Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+SIDECAR = ".json"
+VERSION = 1
+_LARGEST = 256 << 20
+_QUOTE = b'"'
+
+
+class CsvElement(form.ElementFacts, frozen=True, omit_defaults=True):
+    """An element of the table: which ticks it has."""
+
+    divider: int = 1
+    count: int = 0
+
+
+class CsvFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The whole sidecar. `span`: first and last time stamp, ns."""
+
+    version: int
+    log: form.LogFacts
+    elements: tuple[CsvElement, ...]
+    offset: int
+    ticks: int
+    span: tuple[int, int] = (0, 0)
+    time_looping: bool = False
+
+
+class NotThisTableError(ValueError):
+    """The sidecar is damaged, or of another table; the message says why."""
+
+
+def sidecar_of(path: str | Path) -> Path:
+    """Where the facts of a CSV file stand."""
+    return Path(f"{path}{SIDECAR}")
+
+
+def pack(recording: Recording, elements: Sequence[RecordedElement]) -> bytes:
+    """The sidecar of a table of these elements."""
+    time_ns = recording.time_ns
+    facts = CsvFacts(
+        version=VERSION,
+        log=form.log_facts(recording),
+        elements=tuple(map(_element_facts, elements)),
+        offset=recording.offset,
+        ticks=len(time_ns),
+        span=_span(time_ns),
+        time_looping=recording.time_looping,
+    )
+    return msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n"
+
+
+def unpack(data: bytes) -> CsvFacts:
+    """Raises `NotThisTableError` for what is no sidecar."""
+    if len(data) > _LARGEST:
+        raise NotThisTableError(f"it has {len(data)} bytes")
+    try:
+        facts = msgspec.json.decode(data, type=CsvFacts)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise NotThisTableError(str(error)) from None
+    if facts.version != VERSION:
+        raise NotThisTableError(f"its version is {facts.version}, this silo reads {VERSION}")
+    return facts
+
+
+def restored(
+    facts: CsvFacts, names: Sequence[str], columns: Sequence[NDArray[np.bytes_]], time_ns: NDArray[np.int64]
+) -> Recording:
+    """The recording as it was, of the cells of the table. Raises `NotThisTableError` if the facts don't fit."""
+    if [entry.name for one in facts.elements for entry in one.entries] != list(names):
+        raise NotThisTableError("its columns are others")
+    if facts.ticks != len(time_ns) or facts.span != _span(time_ns):
+        raise NotThisTableError("its time stamps are others")
+    cells = iter(columns)
+    return Recording(
+        logger=facts.log.logger,
+        time_ns=time_ns,
+        offset=facts.offset,
+        elements=tuple(_element(one, cells) for one in facts.elements),
+        prefix=facts.log.prefix,
+        frequency_hz=facts.log.frequency_hz,
+        started_ns=facts.log.started_ns,
+        time_looping=facts.time_looping,
+        warnings=facts.log.warnings,
+    )
+
+
+def _span(time_ns: NDArray[np.int64]) -> tuple[int, int]:
+    return (int(time_ns[0]), int(time_ns[-1])) if len(time_ns) else (0, 0)
+
+
+def _element_facts(element: RecordedElement) -> CsvElement:
+    facts = form.element_facts(element, element.first)
+    entries = tuple(
+        msgspec.structs.replace(one, name=form.plain_text(entry.name))
+        for one, entry in zip(facts.entries, element.entries, strict=True)
+    )
+    given = msgspec.structs.asdict(facts) | {"entries": entries}
+    return CsvElement(**given, divider=element.divider, count=element.count)
+
+
+def _element(facts: CsvElement, columns: Any) -> RecordedElement:
+    first = facts.first or 0
+    entries = []
+    for entry in facts.entries:
+        cells: NDArray[np.bytes_] = next(columns)
+        places = np.flatnonzero(np.char.str_len(cells))
+        if facts.divider < 1 or len(places) != facts.count or not _in_step(places, first, facts.divider):
+            raise NotThisTableError(f"'{entry.name}' has its samples at other ticks")
+        values = _values(cells[places], entry)
+        entries.append(RecordedEntry(entry.name or "", Entry(entry.suffix, entry.dtype, entry.labels), values))
+    return RecordedElement(
+        name=facts.name,
+        unit=facts.unit,
+        kind=facts.kind,
+        shape=facts.shape,
+        divider=facts.divider,
+        buffer_type=facts.buffer,
+        first=first,
+        entries=tuple(entries),
+        description=facts.description,
+        lost=facts.lost,
+        dtype=facts.dtype,
+    )
+
+
+def _in_step(places: NDArray[np.intp], first: int, divider: int) -> bool:
+    return not len(places) or (int(places[0]) == first and bool((np.diff(places) == divider).all()))
+
+
+def _values(cells: NDArray[np.bytes_], entry: form.EntryFacts) -> NDArray[Any]:
+    """The cells in the type that was logged; strings stay bytes, as in every recording."""
+    dtype = form.dtype_from(entry.dtype)
+    try:
+        if dtype is not None:
+            return _parsed(cells, dtype)
+    except (ValueError, OverflowError, TypeError):
+        pass
+    raise NotThisTableError(f"the values of '{entry.name}' are no {entry.dtype}")
+
+
+def _parsed(cells: NDArray[np.bytes_], dtype: np.dtype[Any]) -> NDArray[Any]:
+    kind = dtype.kind
+    if kind in "SUcV":
+        texts = [cell.removeprefix(_QUOTE) for cell in cells.tolist()]
+        if kind == "c":
+            return np.array([complex(text.decode("ascii")) for text in texts], dtype)
+        if kind == "V" and dtype.fields is None:
+            raw = [bytes.fromhex(text.decode("ascii")) for text in texts]
+            if any(len(each) != dtype.itemsize for each in raw):
+                raise ValueError
+            return np.frombuffer(b"".join(raw), dtype)
+        if kind == "V":
+            raise ValueError
+        return np.array(texts, "S")
+    if kind == "f":
+        # the shortest text of a narrow float is nearest to it, by way of a double, too
+        return cells.astype(dtype)
+    if kind not in "biumM":
+        raise ValueError
+    wide = cells.astype(np.uint64 if kind == "u" else np.int64)
+    if kind in "mM":
+        return wide.view(dtype.newbyteorder("="))
+    values = wide.astype(dtype)
+    if (values != wide).any():
+        raise ValueError
+    return values

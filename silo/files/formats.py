@@ -1,0 +1,243 @@
+"""Every file format that silo writes or reads: one row each, from which everybody else takes what he needs to know.
+
+Saving, converting, opening, the names of logs, the help and completion of the shell commands and the terminal's
+dialogs ask here; a new format is a row, a module with its functions, and its test. Readers and writers are named as
+texts and imported when they are used: this module loads neither NumPy nor any format.
+"""
+
+import enum
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from silo.errors import FileFormatError, LogNotFoundError, SaveError
+from silo.model import FileType
+
+if TYPE_CHECKING:
+    import os
+
+    from silo.recording import Progress, Recording
+
+    Writer = Callable[[Recording, Path, Progress | None], None]
+    Reader = Callable[[Path], Recording]
+
+
+class Keeps(enum.Flag):
+    """What a file of a format still says of a recording when it is read again. Values and time stamps always."""
+
+    NOTHING = 0
+    DTYPES = enum.auto()  # every entry has the type that it was logged with
+    BITS = enum.auto()  # values are the same to the last bit: which NaN it was, bytes that are no text
+    KINDS = enum.auto()  # which entries were one element, its kind, shape and the fields of a struct
+    UNITS = enum.auto()
+    LABELS = enum.auto()  # names of an enumeration's values
+    DESCRIPTIONS = enum.auto()
+    BUFFERS = enum.auto()  # buffer type, and how many samples were lost
+    ABOUT = enum.auto()  # of the log: logger, prefix, frequency, ticks since start, wall clock at start, warnings
+    EMPTY = enum.auto()  # elements without a sample
+    ALL = DTYPES | BITS | KINDS | UNITS | LABELS | DESCRIPTIONS | BUFFERS | ABOUT | EMPTY
+
+
+class Format(msgspec.Struct, frozen=True):
+    """One format. `writer` and `reader` are `module:function`; `reader` is empty where silo only writes.
+
+    endings: the first is what silo gives to new files; all are understood. folder: a log is a folder, not a file.
+    saved_as: its number in the save request, for formats that a logger saves in. about: a few words for dialogs.
+    extra: which extra of the package has the libraries that writing needs. mark: the first bytes of every file.
+    beside: what is added to the name for a second file, without which next to nothing is kept.
+    """
+
+    name: str
+    endings: tuple[str, ...]
+    about: str
+    writer: str
+    keeps: Keeps = Keeps.NOTHING
+    reader: str = ""
+    folder: bool = False
+    saved_as: FileType | None = None
+    extra: str = ""
+    mark: bytes = b""
+    beside: str = ""
+
+    @property
+    def ending(self) -> str:
+        """The ending of new files."""
+        return self.endings[0]
+
+    @property
+    def shown(self) -> str:
+        """The format in a list of endings."""
+        return f"{self.ending} (a folder; {', '.join(self.endings[1:])}, too)" if self.folder else self.ending
+
+    def load_writer(self) -> "Writer":
+        """The function that writes a recording: `write(recording, path, progress)`."""
+        function = _function(self.writer)
+
+        def write(recording: "Recording", path: Path, progress: "Progress | None") -> None:
+            function(recording, path, progress=progress)
+
+        return write
+
+    def load_reader(self) -> "Reader":
+        """The function that reads a file or folder of this format."""
+        return _function(self.reader)
+
+
+# In the order of preference: of one save in several formats, the first is the one that is opened.
+FORMATS = (
+    Format(
+        name="silo",
+        endings=(".silo",),
+        about="binary; the readers of silo",
+        writer="silo.files.silo_writer:write_silo",
+        reader="silo.files.silo_reader:read_silo",
+        keeps=Keeps.ALL & ~Keeps.EMPTY,
+        saved_as=FileType.SILO,
+        mark=b"#  ---",
+    ),
+    Format(
+        name="mcap",
+        endings=(".mcap",),
+        about="one MCAP file: Foxglove",
+        writer="silo.files.bag:write_bag",
+        reader="silo.files.bag_read:read_bag",
+        keeps=Keeps.ALL,
+        mark=b"\x89MCAP",
+    ),
+    Format(
+        name="bag",
+        # not ".bag" for new ones: readers like AnyReader of rosbags take what ends so for a bag of ROS 1
+        endings=(".rosbag2", ".bag"),
+        about="rosbag2 with MCAP: ros2 bag, Foxglove",
+        writer="silo.files.bag:write_bag",
+        reader="silo.files.bag_read:read_bag",
+        keeps=Keeps.ALL,
+        folder=True,
+        saved_as=FileType.BAG,
+    ),
+    Format(
+        name="csv",
+        endings=(".csv",),
+        about="one column per signal",
+        writer="silo.files.csv_file:write_csv",
+        reader="silo.files.csv_reader:read_csv",
+        keeps=Keeps.ALL & ~Keeps.BITS & ~Keeps.EMPTY,
+        saved_as=FileType.CSV,
+        beside=".json",
+    ),
+    Format(
+        name="parquet",
+        endings=(".parquet",),
+        about="Apache Parquet: pandas, polars, DuckDB",
+        writer="silo.files.tables:write_parquet",
+        extra="convert",
+    ),
+    Format(
+        name="matlab",
+        endings=(".mat",),
+        about="MATLAB, Octave",
+        writer="silo.files.arrays:write_mat",
+        extra="convert",
+    ),
+    Format(name="numpy", endings=(".npz",), about="NumPy arrays", writer="silo.files.arrays:write_npz"),
+    Format(
+        name="hdf5",
+        endings=(".h5", ".hdf5"),
+        about="HDF5",
+        writer="silo.files.arrays:write_hdf5",
+        extra="convert",
+    ),
+)
+FOLDER = next(one for one in FORMATS if one.folder)  # what a name without ending becomes
+SAVED = {kind: one for kind in FileType for one in FORMATS if one.saved_as is kind}
+SAVED_NAMES = tuple(one.name for one in SAVED.values())
+# of everything that can be opened, in the order of preference
+LOG_ENDINGS = tuple(ending for one in FORMATS if one.reader for ending in one.endings)
+
+
+def file_type(name: str) -> FileType | None:
+    """The number under which a format is saved, by its name or ending in any case; None if there is no such format."""
+    word = name.lower().removeprefix(".")
+    return next((kind for kind, one in SAVED.items() if word == one.name), None)
+
+
+def format_of(path: "str | os.PathLike[str]") -> Format | None:
+    """The format that the ending of a name means, None for an ending that no format has."""
+    ending = Path(path).suffix.lower()
+    return FOLDER if not ending else next((one for one in FORMATS if ending in one.endings), None)
+
+
+def writer_for(path: Path) -> "Writer":
+    """The function that writes files of this ending. Raises `SaveError` for an ending that nothing writes."""
+    found = format_of(path)
+    if found is None:
+        raise SaveError(f"'{path}': silo can't write {path.suffix.lower()}, only {writable()}")
+    return found.load_writer()
+
+
+def read_recording(path: "str | os.PathLike[str]") -> "Recording":
+    """Open any file that silo reads; one with an unknown ending by its first bytes.
+
+    Raises `LogNotFoundError` or `FileFormatError`.
+    """
+    source = Path(path)
+    if not source.exists():
+        raise LogNotFoundError(f"there is no file or folder '{source}'")
+    if source.is_dir():
+        if not is_bag_folder(source):
+            raise FileFormatError(f"'{source}' is a folder without a bag in it")
+        return FOLDER.load_reader()(source)
+    found = format_of(source) if source.suffix else None
+    if found is None:
+        found = _by_mark(source)
+    elif found.folder:
+        # a single file that is called like a bag folder
+        found = _by_mark(source) or found
+    if found is None or not found.reader:
+        raise FileFormatError(
+            f"'{source}': silo doesn't read {source.suffix.lower() or 'files without ending'}, only {readable()}"
+        )
+    return found.load_reader()(source)
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Whether this is a folder with a rosbag2 recording."""
+    return path.is_dir() and ((path / "metadata.yaml").is_file() or any(path.glob("*.mcap")))
+
+
+def savable() -> str:
+    """The names of the formats that a logger saves in, as a list in words."""
+    return _list(list(SAVED_NAMES))
+
+
+def readable() -> str:
+    """The endings that silo reads, as a list in words."""
+    return _list([one.ending if not one.folder else "a bag folder" for one in FORMATS if one.reader])
+
+
+def writable() -> str:
+    """The endings that silo writes, as a list in words."""
+    return _list([one.shown for one in FORMATS])
+
+
+def _by_mark(path: Path) -> Format | None:
+    try:
+        with path.open("rb") as file:
+            start = file.read(16)
+    except OSError:
+        # the reader will say why
+        return None
+    return next((one for one in FORMATS if one.mark and start.startswith(one.mark)), None)
+
+
+def _function(text: str) -> Callable[..., Any]:
+    module, _, name = text.partition(":")
+    found: Callable[..., Any] = getattr(import_module(module), name)
+    return found
+
+
+def _list(words: list[str]) -> str:
+    return f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,5 @@
+"""Fuzzers are slow."""
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "slow: takes seconds, or starts processes")
