@@ -21,6 +21,7 @@ import silo
 from silo.collecting.schema import RingSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import RefusedError, SaveError
+from silo.files.formats import SAVED
 from silo.ipc.client import Client
 from silo.ipc.messages import EventKind
 from silo.model import BufferType, FileType
