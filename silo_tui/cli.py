@@ -61,7 +61,7 @@ def _file(target: str) -> "FileSession | None":
     if not target:
         return None
     from silo.errors import SiloError
-    from silo_tui.sessions.connect import ClientFinder
+    from silo_tui.sessions.finder import ClientFinder
     from silo_tui.sessions.target import file_meant
 
     try:
@@ -87,8 +87,8 @@ def _run(
 ) -> int:
     from silo_tui import terminal
     from silo_tui.app import SiloApp
-    from silo_tui.sessions.connect import ClientFinder
     from silo_tui.sessions.demo import Demo
+    from silo_tui.sessions.finder import ClientFinder
 
     app = SiloApp(
         ClientFinder(config),

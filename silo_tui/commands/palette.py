@@ -6,9 +6,7 @@ from typing import cast
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
 from silo_tui.actions import Command, commands_for
-from silo_tui.screens.base import SiloScreen
-
-HIDDEN = {"down", "up", "left", "right", "palette", "back", "quit_now"}
+from silo_tui.context import SiloScreen
 
 
 class CommandProvider(Provider):
@@ -32,7 +30,7 @@ class CommandProvider(Provider):
     def _commands(self) -> list[Command]:
         if not isinstance(self.screen, SiloScreen):
             return []
-        return [command for command in commands_for(self.screen.scope) if command.id not in HIDDEN]
+        return [command for command in commands_for(self.screen.scope) if not command.hidden]
 
     def _title(self, command: Command) -> str:
         return f"{command.label}  ({command.key_text})"

@@ -1,16 +1,17 @@
-# ruff: noqa: D102 - the parts of a Frame are described in its docstring
 """The newest values of what is on the screen, and how they read in a cell."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from silo.model import ElementInfo, Entry
 from silo_tui.model import text
 from silo_tui.model.columns import Floats
+
+if TYPE_CHECKING:
+    from silo.ipc.view import Frame
 
 
 @dataclass(frozen=True)
@@ -24,47 +25,6 @@ class Reading:
     time_ns: int  # when the frame was made
 
 
-class Frame(Protocol):
-    """One refresh of a view, as `silo.ipc.view.Frame` and whatever stands in for it.
-
-    `held`, `lost` go by `elements`, `newest` by entry of them, `texts` by position in `newest`; `low`, `high` have
-    shape `(len(plots), count)` and begin at column `first`.
-    """
-
-    @property
-    def elements(self) -> tuple[str, ...]: ...
-    @property
-    def plots(self) -> tuple[str, ...]: ...
-    @property
-    def unpublished(self) -> frozenset[str]: ...
-    @property
-    def time_ns(self) -> int: ...
-    @property
-    def tick(self) -> int: ...
-    @property
-    def running(self) -> bool: ...
-    @property
-    def measured_hz(self) -> float: ...
-    @property
-    def lost_total(self) -> int: ...
-    @property
-    def held(self) -> NDArray[np.int64]: ...
-    @property
-    def lost(self) -> NDArray[np.int64]: ...
-    @property
-    def newest(self) -> Floats: ...
-    @property
-    def texts(self) -> dict[int, str]: ...
-    @property
-    def column_ns(self) -> int: ...
-    @property
-    def first(self) -> int: ...
-    @property
-    def low(self) -> Floats: ...
-    @property
-    def high(self) -> Floats: ...
-
-
 @dataclass
 class LiveValues:
     """Readings by element name; only what is or was on the screen has one."""
@@ -72,7 +32,7 @@ class LiveValues:
     readings: dict[str, Reading] = field(default_factory=dict)
     time_ns: int = 0
 
-    def take(self, frame: Frame, entry_counts: Sequence[int]) -> list[str]:
+    def take(self, frame: "Frame", entry_counts: Sequence[int]) -> list[str]:
         """Takes a frame over; `entry_counts` per element of the frame. Returns the elements whose reading changed."""
         changed = []
         start = 0

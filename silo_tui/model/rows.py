@@ -2,14 +2,13 @@
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from silo_tui.model import filter as filters
-from silo_tui.model.fields import Field
 from silo_tui.model.table import Mask, Rows, TableState
-
-SORTS = ("name", "added", "unit", "div", "size", "act", "buf")
+from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn, orders_of
 
 
 def natural_key(name: str) -> tuple[object, ...]:
@@ -21,9 +20,11 @@ def natural_key(name: str) -> tuple[object, ...]:
 class RowList:
     """The shown rows over a `TableState`. Rows are element numbers, positions count what is shown."""
 
-    def __init__(self, table: TableState) -> None:
+    def __init__(self, table: TableState, columns: Sequence[TableColumn[Any]] = LIVE_COLUMNS) -> None:
         self.table = table
         self.filter = filters.parse("")
+        self.sorts = orders_of(columns)
+        self._columns = columns
         self.sort = "name"
         self.shown: Rows = np.zeros(0, np.intp)
         self.position = 0
@@ -55,7 +56,7 @@ class RowList:
 
     def next_sort(self) -> str:
         """Steps to the next order and returns its name."""
-        self.sort = SORTS[(SORTS.index(self.sort) + 1) % len(SORTS)]
+        self.sort = self.sorts[(self.sorts.index(self.sort) + 1) % len(self.sorts)]
         self.refresh()
         return self.sort
 
@@ -146,11 +147,8 @@ class RowList:
         by_name = self._by_name()
         if self.sort == "name":
             return by_name
-        if self.sort == "unit":
-            units = np.array([element.unit.casefold() for element in self.table.elements])
-            return by_name[np.argsort(units[by_name], kind="stable")]
-        field = next(field for field in Field if field.title == self.sort)
-        return by_name[np.argsort(self.table.values[field][by_name], kind="stable")]
+        keys = next(column.sort for column in self._columns if column.order == self.sort and column.sort is not None)
+        return by_name[np.argsort(keys(self.table)[by_name], kind="stable")]
 
     def _by_name(self) -> Rows:
         names = self.table.names

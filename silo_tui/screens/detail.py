@@ -19,11 +19,11 @@ from textual.widgets import Static
 
 from silo.errors import SiloError
 from silo_tui.actions import bindings_for
+from silo_tui.context import SiloScreen
 from silo_tui.model import text
 from silo_tui.model.columns import Floats
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, Plotted
 from silo_tui.model.source import Column, PlotSource
-from silo_tui.screens.base import SiloScreen
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
 
@@ -184,7 +184,7 @@ class DetailScreen(SiloScreen):
         self.draw_soon()
 
     def command_back(self) -> None:
-        self.silo.leave_screen()
+        self.context.leave_screen()
 
 
 def _middle(past: Column, row: int) -> Floats:

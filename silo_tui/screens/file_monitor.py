@@ -64,9 +64,9 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         end = self.window.paused_end_ns
         return self.file.source.end_ns if end is None else end
 
-    def wish_again(self) -> None:
+    def request_view(self) -> None:
         """Reads what is on the screen; nothing is taken from the last picture, the source keeps what it read."""
-        if self.silo.upper_screen is not self:
+        if self.context.upper_screen is not self:
             return
         names = [plotted.name for plotted in self.stack.on_screen() if plotted.numeric]
         columns = self.stack.columns
@@ -81,7 +81,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         """Puts the right edge of the window there, as far as there is something to see."""
         self.window.paused_end_ns = self.file.source.clamp_end(end_ns, self.window.span_ns - self._column_ns)
         self._show_moment()
-        self.wish_again()
+        self.request_view()
 
     def _show_moment(self) -> None:
         """The cursor's column in the window that is on the screen, and the values there."""
@@ -192,4 +192,4 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self.app.push_screen(FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s, self.window.spans))
 
     def command_back(self) -> None:
-        self.silo.leave_screen()
+        self.context.leave_screen()

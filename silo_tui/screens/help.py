@@ -12,7 +12,7 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
-from silo_tui.actions import FILE_SCOPES, commands_for, commands_like
+from silo_tui.actions import COMMANDS, FILE_SCOPES, commands_for, commands_like
 
 NOTES = (
     ("Signs", (
@@ -24,12 +24,6 @@ NOTES = (
         ("torque LF", "both words in the name"), ("/log/*/q", "globs"), ("-word", "not"),
         ("unit:Nm on:no", "unit, logging"), ("div>1 size>=1000", "numbers"),
         ("act:publish buf:loop", "what is done, which buffer"), ("dirty marked conflict live", "states"),
-    )),
-    ("Commands", (
-        (":load x.yaml", "load a script"), (":save x.yaml", "save the table as a script"),
-        (":set div=5 size=10s", "edit what is marked; also buf= act= on="), (":data silo csv bag NAME", "save data"),
-        (":goto NAME", "put the cursor there"), (":sort div", "order by a column"),
-        (":picture FILE.svg", "the screen as a picture"),
     )),
 )  # fmt: skip
 
@@ -79,9 +73,15 @@ class HelpScreen(ModalScreen[None]):
         for group in groups:
             lines = [(command.key_text, command.help) for command in commands if command.group == group]
             parts += [Text(group, style="underline"), _grid(lines, 13), Text("")]
-        for title, notes in FILE_NOTES if self._scope in FILE_SCOPES else NOTES:
+        notes_here = FILE_NOTES if self._scope in FILE_SCOPES else (*NOTES, ("Commands", _typed_lines()))
+        for title, notes in notes_here:
             parts += [Text(title, style="underline"), _grid(notes, 28), Text("")]
         return Group(*parts)
+
+
+def _typed_lines() -> list[tuple[str, str]]:
+    typed = sorted((command.typed for command in COMMANDS if command.typed is not None), key=lambda each: each.place)
+    return [(each.usage, each.help) for each in typed if each.usage]
 
 
 def _grid(lines: Iterable[tuple[str, str]], width: int) -> Grid:

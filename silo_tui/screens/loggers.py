@@ -1,6 +1,6 @@
 """Which logger? Shown when there are several, and while there is none: then it says what to start."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 from rich.text import Text
@@ -11,7 +11,7 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo_tui.actions import bindings_for
-from silo_tui.screens.base import SiloScreen
+from silo_tui.context import SiloScreen
 from silo_tui.sessions.finder import FoundLogger
 from silo_tui.widgets.bars import KeyBar
 
@@ -31,8 +31,9 @@ class LoggersScreen(SiloScreen):
     scope = "loggers"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("loggers")
 
-    def __init__(self, wanted: str = "") -> None:
+    def __init__(self, choose: Callable[[FoundLogger], None], wanted: str = "") -> None:
         super().__init__()
+        self._choose = choose
         self._wanted = wanted
         self._lines: tuple[FoundLogger, ...] | None = None
 
@@ -76,7 +77,7 @@ class LoggersScreen(SiloScreen):
         """Opens it."""
         for line in self._lines or ():
             if line.key == event.option.id:
-                self.silo.open_logger(line)
+                self._choose(line)
 
     def command_next_logger(self) -> None:
         """The cursor down."""
@@ -92,4 +93,4 @@ class LoggersScreen(SiloScreen):
 
     def command_back(self) -> None:
         """Nothing to go back to but the logger that is open."""
-        self.silo.back_to_table()
+        self.context.back_to_table()

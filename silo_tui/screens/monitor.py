@@ -5,7 +5,7 @@ What it shows comes from a `PlotSource`, so that a recording can stand in for a 
 """
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from textual import events
 from textual.app import ComposeResult
@@ -15,17 +15,19 @@ from textual.timer import Timer
 from silo.errors import SiloError
 from silo.model import Action
 from silo_tui.actions import bindings_for
+from silo_tui.context import SiloScreen
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Field
-from silo_tui.model.live import Frame
 from silo_tui.model.plots import PlotWindow, plots_of
 from silo_tui.model.source import PlotSource
-from silo_tui.screens.base import SiloScreen
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
 from silo_tui.widgets.plot_stack import PlotStack
+
+if TYPE_CHECKING:
+    from silo.ipc.view import Frame
 
 DEBOUNCE_S = 0.1
 FAR = 10
@@ -86,11 +88,11 @@ class MonitorScreen(SiloScreen):
         """The view and the history anew, when what is wanted has settled."""
         if self._timer is not None:
             self._timer.stop()
-        self._timer = self.set_timer(DEBOUNCE_S, self.wish_again)
+        self._timer = self.set_timer(DEBOUNCE_S, self.request_view)
 
-    def wish_again(self) -> None:
+    def request_view(self) -> None:
         """Says what is on the screen and fetches its past."""
-        if self.silo.upper_screen is not self:
+        if self.context.upper_screen is not self:
             return
         plots = [plotted for plotted in self.stack.on_screen() if self.source.is_live(plotted.element.name)]
         names = [plotted.name for plotted in plots if plotted.numeric]
@@ -119,7 +121,7 @@ class MonitorScreen(SiloScreen):
 
     # ------------------------------------------------------------------------------------ what the app tells us
 
-    def live_changed(self, frame: Frame) -> None:
+    def live_changed(self, frame: "Frame") -> None:
         """New columns and values."""
         self.status_bar.update()
         self.stack.readings = self.session.live.readings
@@ -204,7 +206,7 @@ class MonitorScreen(SiloScreen):
         else:
             store = self.stack.store
             self.window.paused_end_ns = store.end * store.column_ns - 1 if not store.empty else self.source.end_ns
-        self.wish_again()
+        self.request_view()
         self.line.refresh()
 
     def command_closer(self) -> None:
@@ -224,7 +226,7 @@ class MonitorScreen(SiloScreen):
             back = cursor * self.stack.store.column_ns
             self.window.paused_end_ns -= back - round(back * self.window.span_ns / before)
         self.say("")
-        self.wish_again()
+        self.request_view()
 
     def command_cursor_left(self) -> None:
         self._move_cursor(-1)
@@ -244,7 +246,7 @@ class MonitorScreen(SiloScreen):
             # the window itself moves on by a quarter, so that one can walk through a recording
             step = self.window.span_ns // 4 if beyond > 0 else -self.window.span_ns // 4
             self.window.paused_end_ns = min(self.source.end_ns, self.window.paused_end_ns + step)
-            self.wish_again()
+            self.request_view()
         self.stack.redraw()
         self.line.refresh()
 
@@ -272,7 +274,7 @@ class MonitorScreen(SiloScreen):
         table.edit([row for row in rows if not Action(int(table.values[Field.ACTION, row])).publishes], Field.ACTION, 0)
         table.edit(rows, Field.ENABLED, 1)
         self.say(f"prepared for {text.plural(len(rows), 'element')}: Esc, then a applies it")
-        self.silo.table_changed()
+        self.context.table_changed()
 
     def command_detail(self) -> None:
         from silo_tui.screens.detail import DetailScreen
@@ -297,4 +299,4 @@ class MonitorScreen(SiloScreen):
         elif self.window.paused and self.source.live:
             self.command_pause()
         else:
-            self.silo.leave_screen()
+            self.context.leave_screen()

@@ -1,6 +1,6 @@
 """Choosing a script on the robot, with what loading it would change."""
 
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import ClassVar
 
 from rich.text import Text
 from textual.app import ComposeResult
@@ -13,9 +13,7 @@ from textual.widgets.option_list import Option
 from silo.errors import SiloError
 from silo.ipc.messages import ScriptDiff, Scripts
 from silo_tui.model import text
-
-if TYPE_CHECKING:
-    from silo_tui.app import SiloApp
+from silo_tui.sessions.link import Link
 
 MAX_LINES = 300
 
@@ -31,8 +29,9 @@ class ScriptsDialog(ModalScreen[str | None]):
         Binding("pageup,ctrl+u", "scroll(-1)", show=False),
     ]
 
-    def __init__(self, scripts: Scripts) -> None:
+    def __init__(self, link: Link, scripts: Scripts) -> None:
         super().__init__()
+        self._link = link
         self._scripts = scripts
 
     def compose(self) -> ComposeResult:
@@ -88,12 +87,9 @@ class ScriptsDialog(ModalScreen[str | None]):
 
     async def _preview(self, name: str) -> None:
         preview = self.query_one("#preview", Static)
-        link = cast("SiloApp", self.app).session.link
-        if link is None:
-            return
         preview.update("…")
         try:
-            diff = await link.read(lambda client: client.diff_script(name))
+            diff = await self._link.read(lambda client: client.diff_script(name))
         except SiloError as error:
             preview.update(f"It can't be loaded:\n{error}")
         else:

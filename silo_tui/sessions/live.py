@@ -5,6 +5,7 @@ Screens read its parts and call its coroutines; it draws nothing and asks nothin
 
 import time
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,11 +13,17 @@ from silo.errors import RefusedError
 from silo.ipc.messages import Event, EventKind, RefusedWhy
 from silo.model import BufferType, ElementInfo, ElementOptions, State, Status
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.live import Frame, LiveValues
+from silo_tui.model.fields import Change, Field
+from silo_tui.model.live import LiveValues
 from silo_tui.model.rows import RowList
 from silo_tui.model.source import Column
 from silo_tui.model.table import TableState
-from silo_tui.sessions.link import ClientLike, HistoryLike, Link, ViewRequest
+from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn
+from silo_tui.sessions.link import Link, ViewRequest
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
+    from silo.ipc.view import Frame, HistoryColumns
 
 MAX_HISTORY_NAMES = 64
 NO_STATUS = Status(
@@ -29,13 +36,13 @@ NO_STATUS = Status(
 class Session:
     """State and commands of one logger. Lives in the event loop."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, columns: Sequence[TableColumn[Any]] = LIVE_COLUMNS) -> None:
         self.name = name
         self.link: Link | None = None
         self.status = NO_STATUS
         self.may_edit = True
         self.table = TableState()
-        self.rows = RowList(self.table)
+        self.rows = RowList(self.table, columns)
         self.live = LiveValues()
         self.columns = ColumnStore((), 1, 1)
         self.measured_hz = 0.0
@@ -147,7 +154,7 @@ class Session:
         for begin in range(0, len(names), MAX_HISTORY_NAMES):
             some = list(names[begin : begin + MAX_HISTORY_NAMES])
 
-            def ask(client: ClientLike, some: Sequence[str] = some) -> HistoryLike:
+            def ask(client: "Client", some: Sequence[str] = some) -> "HistoryColumns":
                 return client.history(some, start_ns, end_ns, column_ns)
 
             past = await self._link.read(ask)
@@ -159,6 +166,15 @@ class Session:
             return Column((), 0, column_ns, empty, empty)
         return Column(store.names, store.first, column_ns, store.low, store.high)
 
+    def change(self, field: Field, change: Change) -> int:
+        """Edit the targets of the table as typed and return how many cells changed.
+
+        ValueError says what is out of range; nothing is changed then.
+        """
+        rows, values = self.rows.targets(), self.table.values
+        new = change.on(field, values[field, rows], values[Field.DIVIDER, rows], self.status.frequency_hz)
+        return self.table.edit(rows, field, new)
+
     def watch(self, request: ViewRequest) -> None:
         """What the screen shows from now on."""
         if self.link is not None:
@@ -166,7 +182,7 @@ class Session:
 
     # -------------------------------------------------------------------------------------------- what comes in
 
-    def poll(self) -> Frame | None:
+    def poll(self) -> "Frame | None":
         """Takes the newest frame over; None when nothing came."""
         frame = self.link.frame() if self.link is not None else None
         if frame is None:
@@ -178,7 +194,7 @@ class Session:
             self.columns.merge(frame.plots, frame.first, frame.low, frame.high)
         return frame
 
-    def take_values(self, frame: Frame) -> list[str]:
+    def take_values(self, frame: "Frame") -> list[str]:
         """Takes the values of a frame over and returns the names that changed."""
         counts = self._entry_counts.get(frame.elements)
         if counts is None:

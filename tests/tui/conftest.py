@@ -418,7 +418,7 @@ class Screen:
 
     @property
     def session(self) -> Any:
-        return self.app.session
+        return self.app.context.session
 
     @property
     def text(self) -> str:
@@ -480,7 +480,7 @@ def opened() -> Callable[..., Any]:
         app = SiloApp(FakeFinder(*fakes), **{"rate_hz": 10.0, **options})
         async with _screen_of(app, size) as screen:
             if ready:
-                await screen.until(lambda: app.has_session and len(app.session.table) > 0, "the table")
+                await screen.until(lambda: app.context.has_session and len(app.context.session.table) > 0, "the table")
                 await screen.pilot.pause()
             yield screen
 

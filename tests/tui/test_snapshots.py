@@ -22,11 +22,11 @@ async def settle(pilot, ready):
 
 
 def table_is_live(app):
-    return app.has_session and bool(app.session.live.readings) and not app.session.columns.empty
+    return app.context.has_session and bool(app.context.session.live.readings) and not app.context.session.columns.empty
 
 
 def readings_are_there(app):
-    return app.has_session and bool(app.session.live.readings)
+    return app.context.has_session and bool(app.context.session.live.readings)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (120, 40), (160, 50)], ids="{0[0]}x{0[1]}".format)
