@@ -72,6 +72,7 @@ async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):
 
 
 async def test_a_failed_save_says_why(fake, opened):
+    fake.run()
     fake.save_error = "no space left on /home/ann/logs: 3 MB free, 40 MB needed"
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("w", "enter")

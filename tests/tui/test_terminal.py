@@ -33,7 +33,7 @@ DEADLINE_S = 15.0
 class Terminal:
     def __init__(self):
         self.master, slave = pty.openpty()
-        code = PROGRAM.format(conftest=str(Path(__file__).with_name("conftest.py")))
+        code = PROGRAM.format(conftest=str(Path(__file__).parents[1] / "stand_ins" / "fake_logger.py"))
         self.process = subprocess.Popen(
             [sys.executable, "-c", code], stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
             preexec_fn=_take_terminal,  # noqa: PLW1509 - no threads here
