@@ -57,7 +57,7 @@ def command(target: str, config: str, demo: bool, read_only: bool, rate: float, 
 
 
 def _file(target: str) -> "FileSession | None":
-    """The log that is meant, opened; None where a logger is meant."""
+    """Return the log that is meant, opened; None where a logger is meant."""
     if not target:
         return None
     from silo.errors import SiloError

@@ -20,7 +20,7 @@ SPLIT = "Stopping ends this recording, and starting again begins another."
 
 
 async def start_stop(context: Context) -> None:
-    """Starts a stopped logger; stops a running one after asking."""
+    """Start a stopped logger; stops a running one after asking."""
     session = context.session
     if session.dead:
         context.say(GONE)
@@ -37,7 +37,7 @@ async def start_stop(context: Context) -> None:
 
 
 async def restart(context: Context) -> None:
-    """Stops and starts after asking."""
+    """Stop and starts after asking."""
     session = context.session
     if session.dead:
         context.say(GONE)
@@ -56,7 +56,7 @@ async def restart(context: Context) -> None:
 
 
 def _unsaved(context: Context) -> int:
-    """Ticks that a new start would drop."""
+    """Return ticks that a new start would drop."""
     session = context.session
     return 0 if session.status.saved else max(session.status.ticks, session.ticks if session.running else 0)
 
@@ -75,7 +75,7 @@ async def _start_over(context: Context) -> bool:
 async def _ask_around(
     context: Context, title: str, body: Text, harmless: Choice, steps: str, key: str, others: Sequence[Choice] = ()
 ) -> str | None:
-    """Asks before a running logger is stopped and started again; None, an answer of `others`, "save" or "drop".
+    """Ask before a running logger is stopped and started again; None, an answer of `others`, "save" or "drop".
 
     "save": what was logged is to be saved in between. "drop": there is nothing to save, or it is to be dropped.
     """
@@ -93,7 +93,7 @@ async def _ask_around(
 
 
 async def _stop_and_save(context: Context) -> bool:
-    """Stops, then saves, so that the last tick is in the file too. False: stopped, but not saved."""
+    """Stop, then saves, so that the last tick is in the file too. False: stopped, but not saved."""
     await context.session.stop()
     context.status_changed()
     if await _save_all(context):
@@ -110,7 +110,7 @@ async def _save_all(context: Context) -> bool:
 
 
 async def apply(context: Context) -> None:
-    """Shows what would change and applies it as one transaction; offers to stop and start again around it."""
+    """Show what would change and applies it as one transaction; offers to stop and start again around it."""
     session = context.session
     if session.dead:
         context.say(f"{GONE}; the edits stay pending")
@@ -153,7 +153,7 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
 
 
 async def _carry_out(context: Context, *, around: bool) -> bool:
-    """Applies; False when somebody else was faster and the edits are to be looked at again."""
+    """Apply; False when somebody else was faster and the edits are to be looked at again."""
     session = context.session
     try:
         if around and session.running:
@@ -201,7 +201,7 @@ async def _settle_conflicts(context: Context) -> bool:
 
 
 async def load_script(context: Context, path: str = "") -> None:
-    """Chooses a script, shows what it would change, loads it."""
+    """Choose a script, shows what it would change, loads it."""
     from silo_tui.screens.scripts import ScriptsDialog, script_diff_text
 
     session = context.session
@@ -249,7 +249,7 @@ async def load_script(context: Context, path: str = "") -> None:
 
 
 async def save_script(context: Context, path: str | None = None) -> None:
-    """Stores the table of the logger as a script on the robot."""
+    """Store the table of the logger as a script on the robot."""
     session = context.session
     if path is None:
         fields, _ = session.table.pending_count
@@ -283,7 +283,7 @@ async def may_leave(context: Context) -> bool:
 
 
 async def leave(context: Context) -> None:
-    """Ends the app; asks only when edits are pending."""
+    """End the app; asks only when edits are pending."""
     fields, elements = context.session.table.pending_count if context.has_session else (0, 0)
     if fields:
         edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
@@ -294,6 +294,6 @@ async def leave(context: Context) -> None:
 
 
 async def _confirmed(context: Context, title: str, body: str, label: str) -> bool:
-    """Asks before something is lost; No has the focus."""
+    """Ask before something is lost; No has the focus."""
     choices = [Choice("no", "No"), Choice("yes", label, "y")]
     return await context.app.push_screen_wait(Question(title, body, choices)) == "yes"

@@ -129,13 +129,13 @@ class Opener:
             return Found(()), str(error)
 
     def _choice(self, loggers: Sequence[FoundLogger]) -> FoundLogger | None:
-        """The one that is opened without asking."""
+        """Return the one that is opened without asking."""
         if self.demo is not None:
             return next((each for each in loggers if self.demo.owns(each.pid)), None)
         named = self._named(loggers)
         return named[0] if len(named) == 1 and named[0].key not in self._failed else None
 
     def _named(self, loggers: Sequence[FoundLogger]) -> list[FoundLogger]:
-        """Those that are meant by NAME or NAME.PID."""
+        """Return those that are meant by NAME or NAME.PID."""
         wanted = self._wanted
         return [each for each in loggers if not wanted or wanted in {each.name, f"{each.name}.{each.pid}"}]

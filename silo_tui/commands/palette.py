@@ -13,12 +13,12 @@ class CommandProvider(Provider):
     """Feeds the palette from the list of commands."""
 
     async def discover(self) -> Hits:
-        """Everything, before anything is typed."""
+        """Return everything, before anything is typed."""
         for command in self._commands():
             yield DiscoveryHit(self._title(command), partial(self._do, command.id), help=command.help)
 
     async def search(self, query: str) -> Hits:
-        """What matches."""
+        """Return what matches."""
         matcher = self.matcher(query)
         for command in self._commands():
             score = max(matcher.match(command.label), matcher.match(command.help))

@@ -70,7 +70,7 @@ class CommandRunner:
         raise RefusedError("no logger is open")
 
     def word_start_stop(self, spelled: command_line.Spelled) -> None:
-        """`:start` and `:stop`, which `S` is both."""
+        """Carry out `:start` or `:stop`, which `S` is both."""
         running = self._context.session.running
         if running == (spelled.word == "start"):
             self._context.say(f"it is {'running' if running else 'stopped'} already")
@@ -78,22 +78,22 @@ class CommandRunner:
             self._table_screen.action_command("start_stop")
 
     def word_load_script(self, spelled: command_line.Spelled) -> None:
-        """`:load [NAME]`: without a name, choose one."""
+        """Carry out `:load [NAME]`; without a name, ask for one."""
         self._context.run_flow(flows.load_script(self._context, spelled.arguments[0] if spelled.arguments else ""))
 
     def word_save_script(self, spelled: command_line.Spelled) -> None:
-        """`:save [NAME]`: without a name, that of the logger's own script."""
+        """Carry out `:save [NAME]`; without a name, to the logger's own script."""
         self._context.run_flow(flows.save_script(self._context, spelled.arguments[0] if spelled.arguments else ""))
 
     def word_save_data(self, spelled: command_line.Spelled) -> None:
-        """`:data [TYPE ...] [NAME]`: without spelled.arguments, ask."""
+        """Carry out `:data [TYPE ...] [NAME]`; without arguments, ask."""
         from silo_tui.screens.save_data import SaveDialog
 
         types, name = command_line.read_save(spelled.arguments)
         self._context.app.push_screen(SaveDialog(self._context, types, name, at_once=bool(spelled.arguments)))
 
     def word_set(self, spelled: command_line.Spelled) -> None:
-        """`:set div=5 size=10s ...` for all targets, all or nothing of each field."""
+        """Carry out `:set div=5 size=10s ...` for all targets."""
         context = self._context
         changes = command_line.read_settings(spelled.arguments)
         changed = sum(context.session.change(field, change) for field, change in changes)
@@ -101,12 +101,12 @@ class CommandRunner:
         context.say(f"{changed} fields changed; u takes them back" if changed else "nothing to change")
 
     def word_filter(self, spelled: command_line.Spelled) -> None:
-        """`:filter [TERM ...]`."""
+        """Carry out `:filter [TERM ...]`."""
         self._context.session.rows.set_filter(" ".join(spelled.arguments))
         self._context.table_changed()
 
     def word_goto(self, spelled: command_line.Spelled) -> None:
-        """`:goto NAME`, or a part of one."""
+        """Carry out `:goto NAME`; a part of a name is enough."""
         context, name = self._context, " ".join(spelled.arguments)
         table, rows = context.session.table, context.session.rows
         row = table.row(name)
@@ -121,14 +121,14 @@ class CommandRunner:
         context.table_changed()
 
     def word_sort(self, spelled: command_line.Spelled) -> None:
-        """`:sort COLUMN`."""
+        """Carry out `:sort COLUMN`."""
         if len(spelled.arguments) != 1 or spelled.arguments[0] not in self._context.session.rows.sorts:
             raise ValueError(f"sort by one of {', '.join(self._context.session.rows.sorts)}")
         self._context.session.rows.sort = spelled.arguments[0]
         self._context.table_changed()
 
     def word_mark(self, spelled: command_line.Spelled) -> None:
-        """`:mark [TERM ...]`: without terms, all that are shown."""
+        """Carry out `:mark [TERM ...]`; without terms, mark all that are shown."""
         rows = self._context.session.rows
         if spelled.arguments:
             from silo_tui.model.filter import parse
@@ -139,18 +139,18 @@ class CommandRunner:
         self._context.table_changed()
 
     def word_unmark(self, spelled: command_line.Spelled) -> None:
-        """`:unmark`: all."""
+        """Carry out `:unmark`."""
         self._context.session.rows.clear_marks()
         self._context.table_changed()
 
     def word_theme(self, spelled: command_line.Spelled) -> None:
-        """`:theme NAME`."""
+        """Carry out `:theme NAME`."""
         if len(spelled.arguments) != 1 or spelled.arguments[0] not in self._context.app.available_themes:
             raise ValueError(f"themes: {', '.join(sorted(self._context.app.available_themes))}")
         self._context.app.theme = spelled.arguments[0]
 
     def word_picture(self, spelled: command_line.Spelled) -> None:
-        """`:picture [FILE]`."""
+        """Carry out `:picture [FILE]`."""
         path = Path(spelled.arguments[0] if spelled.arguments else "silo-tui.svg").expanduser()
         self._context.app.call_after_refresh(self._write_picture, path)  # without this command on it
 

@@ -27,7 +27,7 @@ class Spelled:
 
 
 def read(line: str) -> Spelled:
-    """Splits a command line as a shell would. ValueError for an open quote or an empty line."""
+    """Split a command line as a shell would. ValueError for an open quote or an empty line."""
     try:
         words = shlex.split(line.lstrip(": "))
     except ValueError as error:
@@ -38,7 +38,7 @@ def read(line: str) -> Spelled:
 
 
 def read_settings(arguments: Sequence[str]) -> list[tuple[Field, Change]]:
-    """`div=5 size=10s buf=loop off` as changes. ValueError names what can't be read."""
+    """Return `div=5 size=10s buf=loop off` as changes. ValueError names what can't be read."""
     if not arguments:
         raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
     found = []
@@ -55,7 +55,7 @@ def read_settings(arguments: Sequence[str]) -> list[tuple[Field, Change]]:
 
 
 def read_save(arguments: Sequence[str]) -> tuple[list[FileType], str]:
-    """`silo csv my-run`: file types and a name. ValueError when two names are given."""
+    """Return `silo csv my-run`: file types and a name. ValueError when two names are given."""
     types: list[FileType] = []
     name = ""
     for argument in arguments:

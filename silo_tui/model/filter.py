@@ -34,7 +34,7 @@ class Filter:
     problems: tuple[str, ...]
 
     def mask(self, table: TableState, marked: Mask) -> Mask:
-        """Shape `(n,)`: the elements that pass every term."""
+        """Return shape `(n,)`: the elements that pass every term."""
         result = np.ones(len(table), np.bool_)
         for test in self.tests:
             result &= test(table, marked)
@@ -42,7 +42,7 @@ class Filter:
 
 
 def parse(text: str) -> Filter:
-    """Reads a filter; never raises."""
+    """Read a filter; never raises."""
     tests: list[Test] = []
     problems: list[str] = []
     for match in _TERM.finditer(text):

@@ -33,7 +33,7 @@ class LiveValues:
     time_ns: int = 0
 
     def take(self, frame: "Frame", entry_counts: Sequence[int]) -> list[str]:
-        """Takes a frame over; `entry_counts` per element of the frame. Returns the elements whose reading changed."""
+        """Take a frame over; `entry_counts` per element of the frame. Returns the elements whose reading changed."""
         changed = []
         start = 0
         self.time_ns = frame.time_ns
@@ -52,7 +52,7 @@ class LiveValues:
         return changed
 
     def forget(self) -> None:
-        """After a new start: what was read belongs to the run before."""
+        """Forget what was read: after a new start it belongs to the run before."""
         self.readings.clear()
 
 
@@ -66,7 +66,7 @@ def _same(old: Reading, new: Reading) -> bool:
 
 
 def entry_text(entry: Entry, value: float, word: str | None, width: int) -> str:
-    """One value as its type wants to be read: labels for enumerations, words for bool, text for strings."""
+    """Return one value as its type wants to be read: labels for enumerations, words for bool, text for strings."""
     kind = entry.dtype[1:2]
     if kind in "SU":
         return _fit(word or "", width)
@@ -88,14 +88,14 @@ def _fit(words: str, width: int) -> str:
 
 
 def _moment(dtype: str, value: float) -> str:
-    """A date and time, the time first where there is little room: its type says in which unit it counts."""
+    """Return a date and time, the time first where there is little room: its type says in which unit it counts."""
     stamp = np.array([int(value)], "i8").view(dtype)[0]
     day, _, hours = str(stamp.astype("datetime64[ms]")).partition("T")
     return f"{hours} {day}"
 
 
 def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str:
-    """The newest value of an element in one cell; several entries as a short list."""
+    """Return the newest value of an element in one cell; several entries as a short list."""
     if reading is None:
         return "…"
     entries = element.entries
@@ -117,5 +117,5 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str
 
 
 def fill_share(held: int, buffer_size: int) -> float:
-    """How full a buffer is, 0 ... 1; a growing one may hold more than its first size."""
+    """Return how full a buffer is, 0 ... 1; a growing one may hold more than its first size."""
     return min(1.0, held / buffer_size) if buffer_size > 0 else 0.0

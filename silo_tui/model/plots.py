@@ -38,7 +38,7 @@ class Plotted:
 
 
 def plots_of(elements: list[ElementInfo]) -> list[Plotted]:
-    """Every entry of every element, in their order."""
+    """Return every entry of every element, in their order."""
     return [Plotted(element, position) for element in elements for position in range(len(element.entries))]
 
 
@@ -64,11 +64,11 @@ class PlotWindow:
         return round(self.span_s * SECOND_NS)
 
     def column_ns(self, columns: int) -> int:
-        """Width of a column so that `columns` of them cover the span."""
+        """Return the width of a column so that `columns` of them cover the span."""
         return max(1, math.ceil(self.span_ns / max(1, min(columns, MAX_COLUMNS))))
 
     def zoom(self, *, closer: bool) -> bool:
-        """The next shorter or longer span; False at the end of the list."""
+        """Take the next shorter or longer span; False at the end of the list."""
         place = self.spans.index(self.span_s) + (-1 if closer else 1)
         if not 0 <= place < len(self.spans):
             return False
@@ -76,7 +76,7 @@ class PlotWindow:
         return True
 
     def move_cursor(self, cells: int, columns: int) -> int:
-        """Moves the cursor to the right (positive) or left by cells; it appears in the middle.
+        """Move the cursor to the right (positive) or left by cells; it appears in the middle.
 
         Returns the columns by which it would have left the window: negative to the left.
         """
@@ -88,7 +88,7 @@ class PlotWindow:
         return self.cursor - wanted
 
     def follow_scale(self, name: str, low: Floats, high: Floats) -> tuple[float, float]:
-        """Bottom and top of a plot: of what is in the window, or as it was when the scale was held."""
+        """Return bottom and top of a plot: of what is in the window, or as it was when the scale was held."""
         if self.fixed_scale and name in self.scales:
             return self.scales[name]
         found = braille.value_range(low, high)
@@ -109,7 +109,7 @@ class Picture:
 
 
 def draw(store: ColumnStore, window: PlotWindow, plotted: Plotted, width: int, height: int, period_ns: int) -> Picture:
-    """Draws a plot of `width` x `height` cells from the newest columns of a store."""
+    """Draw a plot of `width` x `height` cells from the newest columns of a store."""
     columns = 2 * width
     low, high = store.window(plotted.name, store.end, columns)
     low, high = hold(low, high, max(2, 2 * period_ns // max(1, store.column_ns) + 1))

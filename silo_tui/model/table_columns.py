@@ -88,8 +88,10 @@ def _word(field: Field) -> Callable[[LiveRow, int], str]:
 
 def _number(field: Field) -> Callable[[LiveRow, int], str]:
     def words(row: LiveRow, width: int) -> str:
-        word = word_for(field, int(row.values[field]))
-        return word if len(word) <= width else text.compact(float(row.values[field]))
+        value = int(row.values[field])
+        # a number that is cut would be another one
+        shorter = word_for(field, value), text.compact(float(value)), f"{value:.0e}".replace("e+0", "e")
+        return next((word for word in shorter if len(word) <= width), shorter[-1])
 
     return words
 

@@ -55,24 +55,24 @@ class DetailScreen(SiloScreen):
         self._timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
-        """Title, plot, keys."""
+        """Yield title, plot, keys."""
         yield Static("", id="detail-title", markup=False)
         yield Static("drawing …", id="detail-plot", markup=False)
         yield KeyBar(self.scope)
 
     def on_resize(self, event: events.Resize) -> None:
-        """Another size, another drawing."""
+        """Draw anew."""
         self.draw_soon()
 
     def draw_soon(self) -> None:
-        """Draws when what is wanted has settled."""
+        """Draw when what is wanted has settled."""
         self._title()
         if self._timer is not None:
             self._timer.stop()
         self._timer = self.set_timer(DEBOUNCE_S, self._begin)
 
     def say(self, words: str) -> None:
-        """The result of something."""
+        """Show the result of something."""
         self._said = words
         self._title()
 
@@ -116,7 +116,7 @@ class DetailScreen(SiloScreen):
         plot.update(Text.from_ansi(drawn, no_wrap=True))
 
     def _column_ns(self, width: int, span_ns: int) -> int:
-        """Two columns per cell over time; one per sample where phases and frequencies matter."""
+        """Return two columns per cell over time; one per sample where phases and frequencies matter."""
         period = max(self.source.period_ns(plotted.element.name) for plotted in self.plots)
         columns = 2 * max(10, width) if self.mode == "time" else MAX_COLUMNS
         return max(math.ceil(span_ns / columns), period if self.mode != "time" else 1)
@@ -193,14 +193,14 @@ def _middle(past: Column, row: int) -> Floats:
 
 
 def _outline(seconds: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Minimum and maximum of each column one after the other, so that spikes show; empty columns are left out."""
+    """Return minimum and maximum of each column in turn, so that spikes show; empty columns are left out."""
     good = ~np.isnan(low)
     pairs: Floats = np.column_stack([low[good], high[good]])
     return np.repeat(seconds[good], 2), pairs.reshape(-1)
 
 
 def _spectrum(values: Floats, column_ns: int) -> tuple[Floats, Floats]:
-    """Frequencies and single-sided amplitudes, by a Hann window over what is there; gaps are bridged by lines."""
+    """Return frequencies and single-sided amplitudes, by a Hann window; lines bridge gaps."""
     good = np.isfinite(values)
     if good.sum() < 8:
         return np.zeros(0), np.zeros(0)

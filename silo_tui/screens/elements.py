@@ -56,7 +56,7 @@ class ElementsScreen(SiloScreen):
         self._view_timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
-        """Status, banner, table with live columns and inspector, information, lines to type in, keys."""
+        """Yield status, banner, table with live columns and inspector, information, lines to type in, keys."""
         yield self.status_bar
         yield self.banner
         with Horizontal(id="body"):

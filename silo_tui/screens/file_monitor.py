@@ -35,7 +35,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self.stack = RecordedStack(session, names, self.window)
 
     def compose(self) -> ComposeResult:
-        """Facts of the file, what is wrong with it, plots, line of facts, keys."""
+        """Yield facts of the file, what is wrong with it, plots, line of facts, keys."""
         self.status_bar = FileBar(self.file)
         self.banner = FileBanner(self.file)
         self.line = RecordedLine(self.window, self._words)
@@ -65,7 +65,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         return self.file.source.end_ns if end is None else end
 
     def request_view(self) -> None:
-        """Reads what is on the screen; nothing is taken from the last picture, the source keeps what it read."""
+        """Read what is on the screen; nothing is taken from the last picture, the source keeps what it read."""
         if self.context.upper_screen is not self:
             return
         names = [plotted.name for plotted in self.stack.on_screen() if plotted.numeric]
@@ -78,13 +78,13 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self._show_moment()
 
     def _show(self, end_ns: int) -> None:
-        """Puts the right edge of the window there, as far as there is something to see."""
+        """Put the right edge of the window there, as far as there is something to see."""
         self.window.paused_end_ns = self.file.source.clamp_end(end_ns, self.window.span_ns - self._column_ns)
         self._show_moment()
         self.request_view()
 
     def _show_moment(self) -> None:
-        """The cursor's column in the window that is on the screen, and the values there."""
+        """Show the cursor's column in the window that is on the screen, and the values there."""
         store = self.stack.store
         cursor = store.end - 1 - self.file.time_ns // store.column_ns
         self.window.cursor = cursor if 0 <= cursor < self.stack.columns else None
@@ -94,7 +94,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self.line.refresh()
 
     def _go_to(self, time_ns: int) -> None:
-        """Moves the cursor to a moment; the window follows when it leaves it."""
+        """Move the cursor to a moment; the window follows when it leaves it."""
         source = self.file.source
         self.file.time_ns = time_ns = max(source.begin_ns, min(time_ns, source.end_ns))
         end, span, column_ns = self._end_ns, self.window.span_ns, self._column_ns
@@ -107,7 +107,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
             self._show_moment()
 
     def _zoom(self, *, closer: bool) -> None:
-        """Around the cursor, or around the middle when the cursor is elsewhere."""
+        """Zoom around the cursor, or around the middle when the cursor is elsewhere."""
         before, end = self.window.span_ns, self._end_ns
         if not self.window.zoom(closer=closer):
             self.say("that is the shortest span" if closer else "that is the whole file")
@@ -139,7 +139,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self._pan(1)
 
     def _pan(self, direction: int) -> None:
-        """By half a window; the cursor stays where it is in the picture."""
+        """Pan by half a window; the cursor stays where it is in the picture."""
         end, seen = self._end_ns, self.window.cursor is not None
         self._show(end + direction * self.window.span_ns // 2)
         moved = self._end_ns - end

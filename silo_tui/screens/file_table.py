@@ -108,7 +108,7 @@ class FileTableScreen(ElementsScreen):
 
 
 def _empty_store(names: Sequence[str], columns: int, begin_ns: int, end_ns: int) -> ColumnStore:
-    """Room for all from `begin_ns` to `end_ns`."""
+    """Return room for all from `begin_ns` to `end_ns`."""
     return ColumnStore(names, columns, max(1, math.ceil((end_ns - begin_ns) / (columns - 1))))
 
 

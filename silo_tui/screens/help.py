@@ -55,13 +55,13 @@ class HelpScreen(ModalScreen[None]):
         self._scope = scope
 
     def compose(self) -> ComposeResult:
-        """One long page."""
+        """Yield one long page."""
         with VerticalScroll(classes="dialog wide", can_focus=False):
             yield Static("Keys  (j k scroll, Esc leaves)", classes="dialog-title")
             yield Static(self._page())
 
     def action_move(self, lines: int) -> None:
-        """Scrolls."""
+        """Scroll."""
         self.query_one(VerticalScroll).scroll_relative(y=lines, animate=False)
 
     def _page(self) -> Group:

@@ -58,7 +58,7 @@ class MonitorScreen(SiloScreen):
         self._timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
-        """Status, banner, plots, line of facts, keys."""
+        """Yield status, banner, plots, line of facts, keys."""
         self.status_bar = StatusBar(self.session, read_only=False)
         self.banner = Banner(self.session)
         self.line = MonitorLine(self.window, self._words)
@@ -69,13 +69,13 @@ class MonitorScreen(SiloScreen):
         yield KeyBar("monitor")
 
     def on_mount(self) -> None:
-        """History fills the plots at once."""
+        """Show at once; history fills the plots."""
         self.banner.update()
         if not self.source.live:
             self.window.paused_end_ns = self.source.end_ns
 
     def on_resize(self, event: events.Resize) -> None:
-        """Another width, other columns."""
+        """Show other columns for another width."""
         self.call_after_refresh(self._sized)
 
     def _sized(self) -> None:
@@ -85,13 +85,13 @@ class MonitorScreen(SiloScreen):
     # ---------------------------------------------------------------------------------------------------- data
 
     def fill_soon(self) -> None:
-        """The view and the history anew, when what is wanted has settled."""
+        """Request view and history anew, when what is wanted has settled."""
         if self._timer is not None:
             self._timer.stop()
         self._timer = self.set_timer(DEBOUNCE_S, self.request_view)
 
     def request_view(self) -> None:
-        """Says what is on the screen and fetches its past."""
+        """Say what is on the screen and fetches its past."""
         if self.context.upper_screen is not self:
             return
         plots = [plotted for plotted in self.stack.on_screen() if self.source.is_live(plotted.element.name)]
@@ -122,7 +122,7 @@ class MonitorScreen(SiloScreen):
     # ------------------------------------------------------------------------------------ what the app tells us
 
     def live_changed(self, frame: "Frame") -> None:
-        """New columns and values."""
+        """Show new columns and values."""
         self.status_bar.update()
         self.stack.readings = self.session.live.readings
         if not self.window.paused:
@@ -131,7 +131,7 @@ class MonitorScreen(SiloScreen):
             self.stack.advance()
 
     def status_changed(self) -> None:
-        """State or link changed."""
+        """Follow a change of state or link."""
         self.status_bar.update()
         self.banner.update()
         if self.stack.fresh != self.session.fresh:
@@ -141,7 +141,7 @@ class MonitorScreen(SiloScreen):
             self.fill_soon()  # it was started again
 
     def table_changed(self) -> None:
-        """Somebody may have published or enabled what is plotted."""
+        """Follow somebody who published or enabled what is plotted."""
         elements = dict.fromkeys(plotted.element.name for plotted in self.stack.plots)
         published = [name for name in self._waiting if self.source.is_live(name)]
         self._waiting = [name for name in self._waiting if name not in published]
@@ -155,12 +155,12 @@ class MonitorScreen(SiloScreen):
             self.fill_soon()
 
     def second_passed(self) -> None:
-        """Times go on."""
+        """Paint the times again."""
         self.status_bar.update()
         self.banner.update()
 
     def say(self, words: str) -> None:
-        """The result of something."""
+        """Show the result of something."""
         self._said = words
         self.line.refresh()
 
@@ -216,7 +216,7 @@ class MonitorScreen(SiloScreen):
         self._zoom(closer=False)
 
     def _zoom(self, *, closer: bool) -> None:
-        """Around the cursor when the picture stands still, else at its right end."""
+        """Zoom around the cursor when the picture stands still, else at its right end."""
         cursor = self.window.cursor
         before = self.window.span_ns
         if not self.window.zoom(closer=closer):
@@ -264,7 +264,7 @@ class MonitorScreen(SiloScreen):
             self.command_back()
 
     def command_publish(self) -> None:
-        """Pending edits of all that were marked and are not published; applying them is for the table."""
+        """Prepare edits of all that were marked and are not published; applying them is for the table."""
         names = dict.fromkeys([*(plotted.element.name for plotted in self.stack.plots), *self._waiting])
         table = self.session.table
         rows = [row for name in names if (row := table.row(name)) is not None and not self.source.is_live(name)]
@@ -291,7 +291,7 @@ class MonitorScreen(SiloScreen):
         self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s))
 
     def command_back(self) -> None:
-        """Cursor, pause, then the table."""
+        """Leave the cursor, then the pause, then the screen."""
         if self.window.cursor is not None:
             self.window.cursor = None
             self.stack.redraw()

@@ -56,7 +56,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
         self._files: list[SavedFile] | None = None
 
     def compose(self) -> ComposeResult:
-        """Types, name, buttons, progress, result."""
+        """Yield types, name, buttons, progress, result."""
         with Vertical(classes="dialog"):
             yield Static("Save data", classes="dialog-title")
             folder = self.context.session.status.folder or "the folder of the logger"
@@ -72,7 +72,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
             yield Static("", id="save-result", markup=False)
 
     def on_mount(self) -> None:
-        """The first line has the focus; Enter saves from there too."""
+        """Give the focus to the first line; Enter saves from there too."""
         self.query_one(ProgressBar).display = False
         self.query_one(CheckLine).focus()
         if self._at_once:
@@ -86,23 +86,23 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
             self.action_leave()
 
     def on_input_submitted(self) -> None:
-        """Enter in the name saves."""
+        """Save when Enter ends the name."""
         self.action_save()
 
     def action_turn(self, kind: str) -> None:
-        """Ticks a type, or not."""
+        """Tick a type, or not."""
         if self._files is None and not self._saving:
             self.query_one(f"#type-{kind}", CheckLine).action_turn()
 
     def action_save(self) -> None:
-        """Saves from wherever the focus is; closes when that is done."""
+        """Save from wherever the focus is; closes when that is done."""
         if self._files is None:
             self._begin()
         else:
             self.action_leave()
 
     def action_leave(self) -> None:
-        """Leaves; a save that is under way goes on in the helper process."""
+        """Leave; a save that is under way goes on in the helper process."""
         if self._saving:
             self.context.say("the save goes on; its end will be told")
         elif self._files is None:
@@ -135,7 +135,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
             await asyncio.sleep(FOLLOW_S)
 
     def _follow(self, event: Event | None, *, lost: bool) -> None:
-        """Shows how far the save is; what is said of it comes as events."""
+        """Show how far the save is; what is said of it comes as events."""
         bar = self.query_one(ProgressBar)
         if lost:
             self._saving = False

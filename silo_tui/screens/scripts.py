@@ -35,7 +35,7 @@ class ScriptsDialog(ModalScreen[str | None]):
         self._scripts = scripts
 
     def compose(self) -> ComposeResult:
-        """List and preview."""
+        """Yield list and preview."""
         with Vertical(classes="dialog tall"):
             yield Static("Load a script", classes="dialog-title")
             yield Static(f"in {self._scripts.folder}, on the robot. Enter loads it.", classes="quiet", markup=False)
@@ -50,7 +50,7 @@ class ScriptsDialog(ModalScreen[str | None]):
                 yield Static("", id="preview", markup=False)
 
     def on_mount(self) -> None:
-        """The current script first."""
+        """Begin at the current script."""
         options = self.query_one(OptionList)
         options.focus()
         current = text.file_name(self._scripts.current)
@@ -60,28 +60,28 @@ class ScriptsDialog(ModalScreen[str | None]):
             self.query_one("#preview", Static).update("There is none yet. W saves the table as one.")
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
-        """Previews it."""
+        """Preview it."""
         if event.option.id is not None:
             self.run_worker(self._preview(event.option.id), exclusive=True)
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """This one."""
+        """Answer with this script."""
         self.dismiss(event.option.id)
 
     def action_leave(self) -> None:
-        """None of them."""
+        """Leave; none is chosen."""
         self.dismiss(None)
 
     def action_next(self) -> None:
-        """Next script."""
+        """Go to the next script."""
         self.query_one(OptionList).action_cursor_down()
 
     def action_previous(self) -> None:
-        """Previous script."""
+        """Go to the previous script."""
         self.query_one(OptionList).action_cursor_up()
 
     def action_scroll(self, pages: int) -> None:
-        """Moves a long preview."""
+        """Move a long preview."""
         body = self.query_one(".dialog-body", VerticalScroll)
         body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
 
@@ -97,7 +97,7 @@ class ScriptsDialog(ModalScreen[str | None]):
 
 
 def script_diff_text(diff: ScriptDiff) -> Text:
-    """What a script would change, in words."""
+    """Return what a script would change, in words."""
     lines = Text()
     if not diff.changes:
         lines.append("It would change nothing.\n")

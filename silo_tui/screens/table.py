@@ -77,7 +77,7 @@ class TableScreen(ElementsScreen):
     # ------------------------------------------------------------------------------------------------ the view
 
     def request_view(self) -> None:
-        """Says what is on the screen."""
+        """Say what is on the screen."""
         if self.context.upper_screen is not self:
             return
         table = self.session.table
@@ -133,11 +133,11 @@ class TableScreen(ElementsScreen):
         self.edit_field(self.table.field)
 
     def on_element_table_picked(self, event: ElementTable.Picked) -> None:
-        """A click on the cursor's cell edits it."""
+        """Edit the cell under the cursor when it is clicked."""
         self.action_command("edit")
 
     def edit_field(self, field: Field) -> None:
-        """Steps a field on, or opens the editor over its cell."""
+        """Step a field on, or opens the editor over its cell."""
         rows = self.session.rows
         if rows.row is None:
             return
@@ -225,7 +225,7 @@ class TableScreen(ElementsScreen):
             self._run_command(event.value)
 
     def _take_cell(self, value: str) -> bool:
-        """Edits as typed; False, with the reason, when that can't be."""
+        """Edit as typed; False, with the reason, when that can't be."""
         field = self.query_one(CellEditor).field
         try:
             changed = self.session.change(field, parse_change(field, value))

@@ -82,15 +82,15 @@ class Link:
         return self._client.connected
 
     async def call(self, job: "Callable[[Client], Result]") -> Result:
-        """Runs a call that may change something, one after the other."""
+        """Run a call that may change something, one after the other."""
         return await self._run(self._control, job)
 
     async def read(self, job: "Callable[[Client], Result]") -> Result:
-        """Runs a call that only reads, beside those that change something."""
+        """Run a call that only reads, beside those that change something."""
         return await self._run(self._reading, job)
 
     def watch(self, request: ViewRequest) -> None:
-        """From now on frames are about this; several in a row cost one request."""
+        """Make frames be about this from now on; several calls in a row cost one request."""
         with self._lock:
             self._request = request
             if self._opening or self._closed or request == self._opened:
@@ -99,19 +99,19 @@ class Link:
         self._reading.submit(self._open_requested)
 
     def watch_again(self) -> None:
-        """Opens the view anew, after the link came back or the logger was changed."""
+        """Open the view anew, after the link came back or the logger was changed."""
         with self._lock:
             self._opened = None
             request = self._request
         self.watch(request)
 
     def frame(self) -> "Frame | None":
-        """The newest frame of what was requested last; None when nothing new came."""
+        """Return the newest frame of what was requested last; None when nothing new came."""
         view = self._view
         return view.frame() if view is not None else None
 
     def close(self) -> None:
-        """Closes the connection without waiting for calls that are under way."""
+        """Close the connection without waiting for calls that are under way."""
         with self._lock:
             self._closed = True
         self._control.shutdown(wait=False, cancel_futures=True)

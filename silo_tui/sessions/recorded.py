@@ -63,13 +63,13 @@ class FileSession(Session):
         return f"{datetime.fromtimestamp(self.time_ns // 1_000_000 / 1000):%Y-%m-%d %H:%M:%S.%f}"[:-3]
 
     def read(self, names: Sequence[str]) -> None:
-        """Brings the values of these elements at the moment shown."""
+        """Bring the values of these elements at the moment shown."""
         self.live.readings.update(self.source.readings(names, self.time_ns))
         self.live.time_ns = self.time_ns
 
 
 def open_file(which: str | os.PathLike[str] | int) -> FileSession:
-    """Opens what `silo.open_log` takes. Raises its errors, and `FileFormatError` for a log without data."""
+    """Open what `silo.open_log` takes. Raises its errors, and `FileFormatError` for a log without data."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # the banner shows them
         log = open_log(which)

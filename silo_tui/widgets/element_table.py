@@ -102,27 +102,27 @@ class ElementTable(ScrollView, can_focus=True):
         return min(beside, key=lambda field: abs(field - self.field), default=self.field)
 
     def cell_region(self) -> Region:
-        """Where the cell under the cursor is on the screen."""
+        """Return where the cell under the cursor is on the screen."""
         spans = self.field_spans()
         start, width = spans.get(self.field, (self.size.width - 8, 8))  # a hidden one is edited at the end of the line
         top = self.rows.position - self.scroll_offset.y
         return Region(self.region.x + start, self.region.y + top, width, 1)
 
     def rows_on_screen(self) -> list[int]:
-        """The elements that are visible now."""
+        """Return the elements that are visible now."""
         top = self.scroll_offset.y
         return [int(row) for row in self.rows.shown[top : top + max(1, self.size.height)]]
 
     # ---------------------------------------------------------------------------------------------- changing
 
     def rows_changed(self) -> None:
-        """After the rows, their order or their values changed."""
+        """Follow a change of the rows, their order or their values."""
         self.virtual_size = Size(self.size.width, len(self.rows.shown))
         self.show_cursor()
         self.refresh()
 
     def show_cursor(self) -> None:
-        """Scrolls so that the cursor is on the screen, and draws where it was and where it is."""
+        """Scroll so that the cursor is on the screen, and draws where it was and where it is."""
         height = max(1, self.size.height)
         top, position = round(self.scroll_y), self.rows.position
         wanted = min(max(top, position - height + 1), position)
@@ -139,29 +139,29 @@ class ElementTable(ScrollView, can_focus=True):
         self.post_message(self.Moved())
 
     def redraw_cursor(self) -> None:
-        """After the row under the cursor changed."""
+        """Draw the row under the cursor again."""
         self.refresh_line(self.rows.position - self.scroll_offset.y)
 
     def watch_scroll_y(self, old_value: float, new_value: float) -> None:
-        """Other panes follow the scroll."""
+        """Tell other panes of the scroll."""
         super().watch_scroll_y(old_value, new_value)
         if round(old_value) != round(new_value):
             self.post_message(self.Moved())
 
     def on_resize(self) -> None:
-        """Columns have another width now."""
+        """Draw columns of another width."""
         self._strips.clear()
         self.virtual_size = Size(self.size.width, len(self.rows.shown))
         self.call_after_refresh(self.show_cursor)
 
     def notify_style_update(self) -> None:
-        """The theme changed."""
+        """Follow a change of the theme."""
         super().notify_style_update()
         self._strips.clear()
         self._styles.clear()
 
     def on_click(self, event: events.Click) -> None:
-        """A click puts the cursor there, on the cursor it edits, in front of a name it marks."""
+        """Put the cursor there, edit where it was already, mark in front of a name."""
         position = event.y + self.scroll_offset.y
         if position >= len(self.rows.shown):
             return
@@ -182,7 +182,7 @@ class ElementTable(ScrollView, can_focus=True):
     # ---------------------------------------------------------------------------------------------- drawing
 
     def render_line(self, y: int) -> Strip:
-        """One element."""
+        """Return one element."""
         position = y + self.scroll_offset.y
         width = self.size.width
         if position >= len(self.rows.shown):
@@ -262,7 +262,7 @@ class ElementTable(ScrollView, can_focus=True):
             yield from self._cell(word, styles, bool(pending[column.field]))
 
     def _cell(self, word: str, styles: list[str], underlined: bool) -> Iterator[Segment]:
-        """The word alone is underlined, not the room around it."""
+        """Underline the word alone, not the room around it."""
         style = self._style(*styles)
         core = word.strip()
         start = word.find(core) if core else 0
@@ -294,7 +294,7 @@ class TableHead(ScrollView):
         self._table = table
 
     def render_line(self, y: int) -> Strip:
-        """The one line."""
+        """Return the one line."""
         plain, chosen = self.get_component_rich_style("head--text"), self.get_component_rich_style("head--field")
         sort = self._table.rows.sort
         mark = {"name": " ↓name", "added": " ↓added"}.get(sort, " name")

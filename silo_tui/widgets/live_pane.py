@@ -31,7 +31,7 @@ Content = tuple[bool, tuple[tuple[str, str], ...], str]
 
 @dataclass(frozen=True)
 class PaneColumn:
-    """One live column: head, width (0: it isn't shown), and `draw`, which returns words and style for a row's element."""
+    """One live column: head, width (0: not shown), and `draw`: words and style for the element of a row."""
 
     title: "Callable[[LivePane], str]"
     width: "Callable[[LivePane], int]"
@@ -53,14 +53,14 @@ class LivePane(Widget):
         self.session = session
         self._table = table
         self._columns = LIVE_PANE if columns is None else columns
-        self.value_width = VALUE
-        self.trend_width = 0
+        self.value_width: int = VALUE
+        self.trend_width: int = 0
         self._styles: dict[str, Style] = {}
         self._lines: dict[int, Content] = {}  # as they were painted
         self._ready: dict[int, Content] = {}  # found to differ, not painted yet
 
     def lay_out(self, value_width: int, *, trend: bool) -> None:
-        """Takes more room where there is some."""
+        """Take more room where there is some."""
         self.value_width = value_width
         self.trend_width = TREND if trend else 0
         self.styles.width = self.wanted_width
@@ -83,7 +83,7 @@ class LivePane(Widget):
         return "".join(" " + _fitted(column.title(self), width, column) for column, width in self.shown) + " "
 
     def live_changed(self) -> None:
-        """Paints the lines that read differently now."""
+        """Paint the lines that read differently now."""
         for line in range(self.size.height):
             content = self._content(line)
             if self._lines.get(line) != content:
@@ -91,22 +91,22 @@ class LivePane(Widget):
                 self.refresh(Region(0, line, self.size.width, 1))
 
     def notify_style_update(self) -> None:
-        """The theme changed."""
+        """Follow a change of the theme."""
         super().notify_style_update()
         self._styles.clear()
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        """The wheel scrolls the table."""
+        """Scroll the table."""
         self._table.scroll_to(y=self._table.scroll_y + 3, animate=False)
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        """The wheel scrolls the table."""
+        """Scroll the table."""
         self._table.scroll_to(y=self._table.scroll_y - 3, animate=False)
 
     # ------------------------------------------------------------------------------------------------ drawing
 
     def render_line(self, y: int) -> Strip:
-        """One element."""
+        """Return one element."""
         content = self._ready.pop(y, None) or self._content(y)
         self._lines[y] = content
         is_cursor, pieces, rail = content
@@ -126,7 +126,7 @@ class LivePane(Widget):
         return self._styles[key]
 
     def _content(self, line: int) -> Content:
-        """What a line says: is it the cursor's, its words with their styles, and its piece of the rail."""
+        """Return what a line says: is it the cursor's, its words with their styles, and its piece of the rail."""
         top = self._table.scroll_offset.y
         position = top + line
         rows = self.session.rows
@@ -174,7 +174,7 @@ def _fitted(words: str, width: int, column: PaneColumn) -> str:
 
 
 def _fill(pane: LivePane, row: int) -> tuple[str, str]:
-    """How full the buffer is; nothing where that isn't known."""
+    """Return how full the buffer is; nothing where that isn't known."""
     session = pane.session
     element = session.table.elements[row]
     reading = session.live.readings.get(element.name)
@@ -187,7 +187,7 @@ def _fill(pane: LivePane, row: int) -> tuple[str, str]:
 
 
 def _value(pane: LivePane, row: int) -> tuple[str, str]:
-    """The newest value, or why there is none."""
+    """Return the newest value, or why there is none."""
     session = pane.session
     element = session.table.elements[row]
     if not session.table.server[Field.ENABLED, row]:

@@ -44,7 +44,7 @@ class RecordedPane(LivePane):
 
 
 def _value(pane: LivePane, row: int) -> tuple[str, str]:
-    """The value that held at the moment shown."""
+    """Return the value that held at the moment shown."""
     element = pane.session.table.elements[row]
     reading = pane.session.live.readings.get(element.name)
     if reading is None or not reading.held:
@@ -147,7 +147,7 @@ class RecordedLine(MonitorLine):
     """Span and scale of the monitor, the moment that its cursor is at."""
 
     def render(self) -> RenderResult:
-        """The line."""
+        """Return the line."""
         window = self._window
         whole = window.span_s == window.spans[-1]
         parts = ["whole file" if whole else f"{text.span(window.span_s)} shown"]
