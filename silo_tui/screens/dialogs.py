@@ -28,8 +28,8 @@ class Choice:
     key: str = ""
 
 
-class Question(ModalScreen[str | None]):
-    """Asks; answers with the value of a choice, None on Esc. The first choice has the focus."""
+class ListDialog(ModalScreen[str | None]):
+    """A list to choose from, below or above a body that scrolls; answers None on Esc."""
 
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape,q", "leave", "Back", show=False),
@@ -38,6 +38,31 @@ class Question(ModalScreen[str | None]):
         Binding("j", "next", show=False),
         Binding("k", "previous", show=False),
     ]
+
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Answer with the choice."""
+        self.dismiss(event.option.id)
+
+    def action_leave(self) -> None:
+        """Leave; nothing is done."""
+        self.dismiss(None)
+
+    def action_scroll(self, pages: int) -> None:
+        """Move a long body."""
+        body = self.query_one(".dialog-body", VerticalScroll)
+        body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
+
+    def action_next(self) -> None:
+        """Go to the next choice."""
+        self.query_one(OptionList).action_cursor_down()
+
+    def action_previous(self) -> None:
+        """Go to the previous choice."""
+        self.query_one(OptionList).action_cursor_up()
+
+
+class Question(ListDialog):
+    """Asks; answers with the value of a choice. The first choice has the focus."""
 
     def __init__(self, title: str, body: Text | str, choices: Sequence[Choice]) -> None:
         super().__init__()
@@ -76,27 +101,6 @@ class Question(ModalScreen[str | None]):
                 event.stop()
                 event.prevent_default()
                 self.dismiss(choice.value)
-
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Take the choice."""
-        self.dismiss(event.option.id)
-
-    def action_leave(self) -> None:
-        """Leave; nothing is done."""
-        self.dismiss(None)
-
-    def action_scroll(self, pages: int) -> None:
-        """Move a long body."""
-        body = self.query_one(".dialog-body", VerticalScroll)
-        body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
-
-    def action_next(self) -> None:
-        """Go to the next choice."""
-        self.query_one(OptionList).action_cursor_down()
-
-    def action_previous(self) -> None:
-        """Go to the previous choice."""
-        self.query_one(OptionList).action_cursor_up()
 
 
 class Prompt(ModalScreen[str | None]):

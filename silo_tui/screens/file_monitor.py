@@ -3,7 +3,6 @@
 
 from typing import ClassVar
 
-from textual.app import ComposeResult
 from textual.binding import Binding
 
 from silo_tui.actions import bindings_for
@@ -14,7 +13,7 @@ from silo_tui.model.recorded import WHOLE
 from silo_tui.screens.file_detail import FileDetailScreen
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.sessions.recorded import FileSession
-from silo_tui.widgets.bars import KeyBar
+from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar
 from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedLine, RecordedStack
 
 
@@ -34,16 +33,9 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self.window = PlotWindow(span, end, spans=tuple(sorted({*spans, span})))
         self.stack = RecordedStack(session, names, self.window)
 
-    def compose(self) -> ComposeResult:
-        """Yield facts of the file, what is wrong with it, plots, line of facts, keys."""
-        self.status_bar = FileBar(self.file)
-        self.banner = FileBanner(self.file)
-        self.line = RecordedLine(self.window, self._words)
-        yield self.status_bar
-        yield self.banner
-        yield self.stack
-        yield self.line
-        yield KeyBar("file_monitor")
+    def bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
+        """Return facts of the file, what is wrong with it, and the line of facts."""
+        return FileBar(self.file), FileBanner(self.file), RecordedLine(self.window, self._words)
 
     def _words(self) -> str:
         clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""

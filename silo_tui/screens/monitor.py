@@ -59,14 +59,18 @@ class MonitorScreen(SiloScreen):
 
     def compose(self) -> ComposeResult:
         """Yield status, banner, plots, line of facts, keys."""
-        self.status_bar = StatusBar(self.session, read_only=False)
-        self.banner = Banner(self.session)
-        self.line = MonitorLine(self.window, self._words)
+        self.status_bar, self.banner, self.line = self.bars()
         yield self.status_bar
         yield self.banner
         yield self.stack
         yield self.line
-        yield KeyBar("monitor")
+        yield KeyBar(self.scope)
+
+    def bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
+        """Return the lines around the plots."""
+        return (
+            StatusBar(self.session, read_only=False), Banner(self.session), MonitorLine(self.window, self._words)
+        )  # fmt: skip
 
     def on_mount(self) -> None:
         """Show at once; history fills the plots."""

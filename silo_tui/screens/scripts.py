@@ -1,33 +1,22 @@
 """Choosing a script on the robot, with what loading it would change."""
 
-from typing import ClassVar
-
 from rich.text import Text
 from textual.app import ComposeResult
-from textual.binding import Binding
 from textual.containers import Vertical, VerticalScroll
-from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo.errors import SiloError
 from silo.ipc.messages import ScriptDiff, Scripts
 from silo_tui.model import text
+from silo_tui.screens.dialogs import ListDialog
 from silo_tui.sessions.link import Link
 
 MAX_LINES = 300
 
 
-class ScriptsDialog(ModalScreen[str | None]):
-    """Lists the scripts; previews the one under the cursor; answers with its name, None on Esc."""
-
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
-        Binding("escape,q", "leave", "Back", show=False),
-        Binding("j", "next", show=False),
-        Binding("k", "previous", show=False),
-        Binding("pagedown,ctrl+d", "scroll(1)", show=False),
-        Binding("pageup,ctrl+u", "scroll(-1)", show=False),
-    ]
+class ScriptsDialog(ListDialog):
+    """Lists the scripts; previews the one under the cursor; answers with its name."""
 
     def __init__(self, link: Link, scripts: Scripts) -> None:
         super().__init__()
@@ -63,27 +52,6 @@ class ScriptsDialog(ModalScreen[str | None]):
         """Preview it."""
         if event.option.id is not None:
             self.run_worker(self._preview(event.option.id), exclusive=True)
-
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Answer with this script."""
-        self.dismiss(event.option.id)
-
-    def action_leave(self) -> None:
-        """Leave; none is chosen."""
-        self.dismiss(None)
-
-    def action_next(self) -> None:
-        """Go to the next script."""
-        self.query_one(OptionList).action_cursor_down()
-
-    def action_previous(self) -> None:
-        """Go to the previous script."""
-        self.query_one(OptionList).action_cursor_up()
-
-    def action_scroll(self, pages: int) -> None:
-        """Move a long preview."""
-        body = self.query_one(".dialog-body", VerticalScroll)
-        body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
 
     async def _preview(self, name: str) -> None:
         preview = self.query_one("#preview", Static)
