@@ -18,7 +18,8 @@ class Frame:
     came since the last frame, so merge them with `fmin` and `fmax`, best in a `silo.columns.ColumnStore`. They are
     offsets from `bases` (by place in `plots`), `marks` are bytes of their shape or None for none. `missed` counts
     frames that never arrived, since the view was opened. `since_ns` is 0 where this frame continues the one
-    before; else its columns are whole from that time on, and the history knows what was before.
+    before; else its columns are whole from that time on, and the history knows what was before. `sizes` are the buffer
+    sizes of the held recording by place in `elements`, where they aren't the table's.
     """
 
     elements: tuple[str, ...]
@@ -42,6 +43,7 @@ class Frame:
     marks: Marks | None
     bases: dict[int, int]
     since_ns: int
+    sizes: dict[int, int]
     missed: int
 
     @property

@@ -147,6 +147,7 @@ class View:
             marks=grid.marks if grid.marks.any() else None,
             bases={row: base for row, base in enumerate(grid.bases) if base},
             since_ns=since_ns,
+            sizes=newest.sizes,
             missed=self._missed,
         )
 

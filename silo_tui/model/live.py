@@ -22,6 +22,7 @@ class Reading:
     held: int
     lost: int
     time_ns: int  # when the frame was made
+    size: int | None = None  # of the recording's buffer, where the table says another by now; 0: it has none
 
 
 @dataclass
@@ -43,7 +44,8 @@ class LiveValues:
             if name in frame.unpublished:
                 newest = np.full(entries, np.nan)
                 texts = {}
-            reading = Reading(newest, texts, int(frame.held[position]), int(frame.lost[position]), frame.time_ns)
+            held, lost, size = int(frame.held[position]), int(frame.lost[position]), frame.sizes.get(position)
+            reading = Reading(newest, texts, held, lost, frame.time_ns, size)
             old = self.readings.get(name)
             if old is None or not _same(old, reading):
                 changed.append(name)
@@ -58,6 +60,7 @@ class LiveValues:
 def _same(old: Reading, new: Reading) -> bool:
     return (
         old.held == new.held
+        and old.size == new.size
         and old.lost == new.lost
         and old.texts == new.texts
         and np.array_equal(old.newest, new.newest, equal_nan=True)

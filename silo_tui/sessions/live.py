@@ -14,7 +14,7 @@ from silo.columns import MAX_COLUMNS, HistoryColumns
 from silo.errors import RefusedError
 from silo.ipc.frames import Frame
 from silo.ipc.messages import Event, EventKind, RefusedWhy
-from silo.model import BufferType, ElementInfo, ElementOptions, State, Status
+from silo.model import ElementInfo, State, Status
 from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import options_of, rows_of
@@ -55,7 +55,6 @@ class Session:
         self.frame_at = 0.0  # monotonic, of the newest frame
         self.lost_since: float | None = None  # monotonic, when the link was lost
         self.saves: dict[int, Event] = {}  # the newest event of each save
-        self.resized: set[str] = set()  # elements with another buffer than the recording that is held was made with
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
     # ------------------------------------------------------------------------------------------------ what is
@@ -106,13 +105,6 @@ class Session:
         """Read the table again; pending edits are rebased on it."""
         table = await self._link.call(lambda client: client.table())
         if table.revision != self.table.revision or not len(self.table):
-            if not self.running:
-                old = {element.name: element.options for element in self.table.elements}
-                self.resized |= {
-                    element.name
-                    for element in table.elements
-                    if (before := old.get(element.name)) is not None and _buffer(before) != _buffer(element.options)
-                }
             self.table.load(table)
             self.rows.refresh()
             self._entry_counts.clear()
@@ -216,7 +208,6 @@ class Session:
         """Take a status over."""
         if status.started_ns != self.status.started_ns and self.status is not NO_STATUS:
             self.live.forget()
-            self.resized.clear()
             self.columns = ColumnStore(self.columns.names, self.columns.count, self.columns.column_ns)
         self.status = status
         self.measured_hz, self.ticks, self.lost_total = status.measured_hz, status.ticks, status.lost
@@ -314,10 +305,6 @@ class LiveSource:
         count = max(0, newest // column_ns + 1 - past.first)
         marks = None if past.marks is None else past.marks[:, :count]
         return replace(past, low=past.low[:, :count], high=past.high[:, :count], marks=marks)
-
-
-def _buffer(options: ElementOptions) -> tuple[BufferType, int]:
-    return options.buffer_type, options.buffer_size
 
 
 def why(error: RefusedError) -> RefusedWhy | None:

@@ -98,7 +98,7 @@ class Inspector(Widget):
             pane.append(f"{'which holds':<12} ", style=quiet)
             pane.append(f"{holds} at {frequency / divider:.4g} Hz\n")
         if reading is not None:
-            size = int(server[Field.BUFFER_SIZE, row])
+            size = reading.size or int(server[Field.BUFFER_SIZE, row])
             share = fill_share(reading.held, size)
             pane.append(f"{'held':<12} ", style=quiet)
             pane.append(f"{text.count(reading.held)} ")

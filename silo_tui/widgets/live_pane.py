@@ -171,9 +171,10 @@ def _fill(pane: LivePane, row: int) -> tuple[str, str]:
     session = pane.session
     element = session.table.elements[row]
     reading = session.live.readings.get(element.name)
-    if not session.table.server[Field.ENABLED, row] or reading is None or element.name in session.resized:
+    if not session.table.server[Field.ENABLED, row] or reading is None or reading.size == 0:
         return "", ""
-    share = fill_share(reading.held, int(session.table.server[Field.BUFFER_SIZE, row]))
+    size = reading.size or int(session.table.server[Field.BUFFER_SIZE, row])
+    share = fill_share(reading.held, size)
     stopped = share >= 1 and int(session.table.server[Field.BUFFER_TYPE, row]) == BufferType.FIXED
     style = "live--lost" if reading.lost else ("live--full" if stopped else "live--quiet")
     return f"{100 * share:.0f}%", style

@@ -142,7 +142,7 @@ class FakeView:
                     texts[len(newest)] = "hans"
                 newest.append(np.nan if info.name in unpublished or client.ticks == 0 else value)
         column = client.history(self.plots, begin, client.now_ns, self.column_ns)
-        held = [_held(known[name].options, client.ticks) if name in known else 0 for name in self.values]
+        held = [_held(client.recorded(name), client.ticks) if name in known else 0 for name in self.values]
         return Frame(
             elements=self.values, entries=tuple(info.name + entry.suffix for info in infos for entry in info.entries),
             plots=self.plots, unpublished=frozenset(unpublished),
@@ -150,7 +150,7 @@ class FakeView:
             tick=client.ticks, state=client.state, measured_hz=HZ, lost_total=client.lost,
             held=np.array(held, np.int64), lost=np.zeros(len(held), np.int64), newest=np.array(newest, float),
             texts=texts, column_ns=self.column_ns, first=column.first, low=column.low, high=column.high,
-            marks=None, bases={}, since_ns=since_ns, missed=0,
+            marks=None, bases={}, since_ns=since_ns, sizes=client.other_sizes(self.values), missed=0,
         )  # fmt: skip
 
     def close(self) -> None:
@@ -171,6 +171,7 @@ class FakeClient:
         self.files: dict[str, str] = {"robot.yaml": format_script(self.elements), "quiet.yaml": QUIET_SCRIPT}
         self.save_error = ""
         self.views: list[FakeView] = []
+        self._recorded: dict[str, ElementOptions] = {}  # what the held recording was made with
         self._event: Callable[[Event], None] = lambda event: None
         self._link: Callable[[bool], None] = lambda connected: None
         self._events = self._jobs = self._stopped_ns = 0
@@ -197,9 +198,21 @@ class FakeClient:
         end_ns = self.now_ns if self.state is State.RUNNING else self._stopped_ns
         return round((end_ns - self.started_ns) / 1e9 * HZ) if self.started_ns else 0
 
+    def recorded(self, name: str) -> ElementOptions:
+        """Options of an element in the held recording."""
+        known = next(info.options for info in self.elements if info.name == name)
+        return self._recorded.get(name, known)
+
+    def other_sizes(self, names: Sequence[str]) -> dict[int, int]:
+        """Buffer sizes of the held recording where the table says another by now."""
+        known = {info.name: info.options.buffer_size for info in self.elements}
+        sizes = {place: self.recorded(name).buffer_size for place, name in enumerate(names) if name in known}
+        return {place: size for place, size in sizes.items() if size != known[names[place]]}
+
     def run(self, seconds: float = 12.0) -> None:
         """As if it had been started that long ago."""
         self.state, self.started_ns = State.RUNNING, START_NS
+        self._recorded = {info.name: info.options for info in self.elements}
         self.now_ns = START_NS + round(seconds * 1e9)
         self.saved = False
 
@@ -327,6 +340,7 @@ class FakeClient:
 
     def _begin(self) -> None:
         self.state, self.started_ns, self.saved = State.RUNNING, self.now_ns, False
+        self._recorded = {info.name: info.options for info in self.elements}
         self.publish(EventKind.STARTED, "started", by=OWN_NAME)
 
     def stop(self) -> Status:
