@@ -208,6 +208,7 @@ async def test_what_is_wrong_with_a_value_is_read_whole(fake, opened):
         assert screen.value(FIRST, Field.BUFFER_SIZE) == "9"
 
 
+@pytest.mark.slow
 async def test_the_monitor_leaves_out_what_is_saved_only_and_prepares_all_of_it(fake, opened):
     fake.run()
     async with opened(fake, size=(100, 30)) as screen:

@@ -199,6 +199,7 @@ async def test_the_command_line_of_the_screen_speaks_as_the_program_does(fake, o
             assert options_of(table.values[:, row]) == START, word
 
 
+@pytest.mark.slow
 async def test_the_editor_of_the_screen_speaks_as_the_program_does(fake, opened) -> None:
     async with opened(fake, size=(200, 30)) as screen:
         table, view = screen.session.table, screen.app.context.upper_screen
