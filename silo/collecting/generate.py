@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from silo.collecting.chunks import Chunks
 from silo.collecting.one_writer import guard_lines
 from silo.collecting.plan import Plan, RingPlan
-from silo.collecting.schema import ORDERED_STORES, STAMP_WORDS, TIME_RING, RingControl, RingSchema, StopReason
+from silo.collecting.reasons import StopReason
+from silo.collecting.schema import ORDERED_STORES, STAMP_WORDS, TIME_RING, RingControl, RingSchema
 from silo.collecting.scratch import Slot, packer
 from silo.collecting.segment import Segment
 from silo.collecting.slow_reads import SlowReads

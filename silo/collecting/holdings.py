@@ -6,6 +6,7 @@ segment of gigabytes while it is written.
 
 from dataclasses import dataclass
 
+from silo.collecting.keeping import kept_rows
 from silo.collecting.schema import TIME_RING, ElementSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.model import BufferType
@@ -59,12 +60,7 @@ def _samples(reader: SegmentReader, element: ElementSchema, ticks: int, first_ti
     """Numbers of the samples that are kept: as in a snapshot, none without its time stamp."""
     options = element.info.options
     due = -(-ticks // options.divider)
-    end = min(due, reader.head(element.ring))
-    begin = 0
-    if options.buffer_type is BufferType.FIXED:
-        end = min(end, options.buffer_size)
-    elif options.buffer_type is BufferType.LOOPING:
-        begin = max(0, end - options.buffer_size)
+    begin, end = kept_rows(options, 0, min(due, reader.head(element.ring)))
     return range(max(begin, -(-first_tick // options.divider)), end)
 
 

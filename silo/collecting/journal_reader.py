@@ -23,8 +23,9 @@ from silo.collecting.journal import (
     checksum,
     seed_of,
 )
+from silo.collecting.reasons import LostWhy
 from silo.collecting.rows import Rows
-from silo.collecting.schema import STAMP_WORDS, ElementSchema, LostWhy, RingSchema, SegmentSchema
+from silo.collecting.schema import STAMP_WORDS, ElementSchema, RingSchema, SegmentSchema
 from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
 from silo.model import BufferType

@@ -6,7 +6,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.schema import ElementSchema, EntrySchema, LostWhy, RingSchema, SegmentSchema
+from silo.collecting.reasons import LostWhy
+from silo.collecting.schema import ElementSchema, EntrySchema, RingSchema, SegmentSchema
 from silo.recording import Failures
 
 

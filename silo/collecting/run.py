@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from silo.collecting.generate import Collect, generate
 from silo.collecting.plan import Element, Plan, make_plan
-from silo.collecting.schema import SegmentSchema, StopReason
+from silo.collecting.reasons import StopReason
+from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment import Segment
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.sources import Reference, abandoned

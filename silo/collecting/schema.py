@@ -75,43 +75,6 @@ class SegmentState(enum.IntEnum):
     STOPPED = 2
 
 
-class LostWhy(enum.IntEnum):
-    """Why a growing ring keeps no more rows. Layout 1 didn't say: UNKNOWN."""
-
-    UNKNOWN = 0
-    MEMORY_LIMIT = 1
-    NO_ROOM = 2
-
-
-LOST_TEXTS = {
-    LostWhy.UNKNOWN: "the buffer could not grow",
-    LostWhy.MEMORY_LIMIT: "the memory limit was reached (memory_limit_mb)",
-    LostWhy.NO_ROOM: "the folder of the buffers was full",
-}
-
-
-class StopReason(enum.IntEnum):
-    """Why collection ended."""
-
-    NONE = 0
-    ASKED = 1
-    TIME_FULL = 2
-    MEMORY_LIMIT = 3
-    NO_ROOM = 4
-
-
-STOP_TEXTS = {
-    StopReason.NONE: "",
-    StopReason.ASKED: "stopped on request",
-    StopReason.TIME_FULL: "stopped by itself: the time buffer is full (max_time, or every fixed buffer, is reached)",
-    StopReason.MEMORY_LIMIT: "stopped by itself: memory_limit_mb is reached; save the log, then raise the limit",
-    StopReason.NO_ROOM: (
-        "stopped by itself: the folder of the buffers is full; save the log, then free or enlarge it, "
-        "or take smaller buffers"
-    ),
-}
-
-
 class EntrySchema(msgspec.Struct, frozen=True):
     """Where one scalar stands in a row: bytes from the start of the row. `swapped`: big-endian in memory."""
 

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from silo.collecting.failures import BLOCK_WORDS
+from silo.collecting.reasons import LostWhy, StopReason
 from silo.collecting.schema import (
     LAYOUT_VERSION,
     LINE_WORDS,
@@ -23,12 +24,10 @@ from silo.collecting.schema import (
     Control,
     ElementSchema,
     Header,
-    LostWhy,
     RingControl,
     RingSchema,
     SegmentSchema,
     SegmentState,
-    StopReason,
     page_up,
 )
 from silo.errors import NoRoomError, SegmentError
@@ -213,7 +212,7 @@ class Segment:
         return self._first[ring]
 
     def next_chunk(self, ring: int) -> Chunk | None:
-        """The next chunk of a growing ring, None at the memory limit.
+        """The next chunk of a growing ring, None at the memory limit or where the folder is full.
 
         It was prepared by the thread as a rule; in a loop faster than real time it is made here (some 0.2 ms).
         """

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.failures import BLOCK_WORDS, read_failures
+from silo.collecting.reasons import STOP_TEXTS, LostWhy, StopReason
 from silo.collecting.rows import Rows
 from silo.collecting.schema import (
     LINE_WORDS,
@@ -25,17 +26,14 @@ from silo.collecting.schema import (
     PAGE,
     READABLE_LAYOUTS,
     STAMP_WORDS,
-    STOP_TEXTS,
     TIME_RING,
     Control,
     ElementSchema,
     Header,
-    LostWhy,
     RingControl,
     RingSchema,
     SegmentSchema,
     SegmentState,
-    StopReason,
 )
 from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
@@ -277,17 +275,6 @@ class SegmentReader:
     def ring_lost(self, ring: int) -> int:
         """Rows of a ring that could not be kept."""
         return self._ring_word(ring, RingControl.LOST)
-
-    def held(self, element: ElementSchema) -> int:
-        """Samples of an element that are in its buffer now."""
-        head = self.head(element.ring)
-        if element.info.options.buffer_type is BufferType.GROWING:
-            return head
-        return min(head, element.info.options.buffer_size)
-
-    def element_lost(self, element: ElementSchema) -> int:
-        """Samples of an element that could not be kept."""
-        return self.ring_lost(element.ring)
 
     def failures(self, element: ElementSchema) -> Failures:
         """At which ticks an element could not be read."""

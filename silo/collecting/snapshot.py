@@ -3,8 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.collecting.keeping import kept_rows
+from silo.collecting.reasons import LOST_TEXTS
 from silo.collecting.rows import Rows, RowSource
-from silo.collecting.schema import LOST_TEXTS, TIME_RING, ElementSchema
+from silo.collecting.schema import TIME_RING, ElementSchema
 from silo.model import BufferType
 from silo.recording import RecordedElement, RecordedEntry, Recording, failures_text
 
@@ -54,12 +56,7 @@ def _time_stamps(source: RowSource, ticks: int) -> NDArray[np.int64]:
 
 def _recorded(source: RowSource, element: ElementSchema, rows: Rows, due: int, first_tick: int) -> RecordedElement:
     info = element.info
-    end = min(due, rows.first + len(rows))
-    begin = rows.first
-    if info.options.buffer_type is BufferType.FIXED:
-        end = min(end, info.options.buffer_size)
-    elif info.options.buffer_type is BufferType.LOOPING:
-        begin = max(begin, end - info.options.buffer_size)
+    begin, end = kept_rows(info.options, rows.first, min(due, rows.first + len(rows)))
     begin = max(begin, -(-first_tick // info.options.divider))  # no sample without its time stamp
     kept = rows.part(begin, max(begin, end))
     return RecordedElement(

@@ -1,4 +1,6 @@
-"""Recordings to files and back: `.silo`, CSV, bags. Nothing here knows a logger, a process or a screen.
+"""Recordings to files and back: `.silo`, CSV, bags, Parquet, MATLAB, NumPy, HDF5.
+
+Nothing here knows a logger, a process or a screen.
 
 `formats` lists what there is and may be imported by anybody; it loads no format and no NumPy.
 """

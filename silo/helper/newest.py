@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.collecting.keeping import most_kept
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.model import BufferType
 from silo.values import Floats, newest_values
 
 
@@ -42,7 +42,7 @@ class NewestValues:
         self._known = np.array([at for at, element in enumerate(elements) if element is not None], np.intp)
         self._rings = np.array([element.ring for element in known], np.intp)
         # a growing buffer has no limit
-        limits = [_limit(element) for element in known]
+        limits = [most_kept(element.info.options) for element in known]
         self._limits = np.array(limits, np.int64)
 
     def values(self) -> tuple[Floats, dict[int, str]]:
@@ -77,11 +77,6 @@ class NewestValues:
         lost = np.zeros(self._elements, np.int64)
         lost[self._known] = lost_rows[self._rings]
         return lost
-
-
-def _limit(element: ElementSchema) -> int:
-    options = element.info.options
-    return 2**62 if options.buffer_type is BufferType.GROWING else options.buffer_size
 
 
 def _picks(entries: list[tuple[int, EntrySchema]]) -> list[_Pick]:

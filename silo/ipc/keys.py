@@ -16,7 +16,6 @@ from urllib.parse import unquote
 _RESERVED = re.compile(r"[%*$?#@\x00-\x20\x7f]")
 VIEW_ID = re.compile(r"[A-Za-z0-9]{1,32}-[0-9]{1,9}")
 
-ANY_ASK = "silo/*/*/ask"
 ANY_ALIVE = "silo/*/*/alive"
 
 

@@ -11,7 +11,7 @@ from silo.collecting.holdings import segment_holdings
 from silo.collecting.losses import lost_samples
 from silo.collecting.run import Run
 from silo.errors import NoRoomError, StateError
-from silo.logger.ending import write_run
+from silo.logger.unclosed import write_run
 from silo.model import LoggerOptions
 
 log = logging.getLogger("silo")

@@ -13,15 +13,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
-from silo.collecting.schema import STOP_TEXTS, StopReason
 from silo.errors import StateError
 from silo.logger.configuration import Configuration
 from silo.logger.current_run import CurrentRun
-from silo.logger.ending import end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_type, logger_options, nanosecond_clock
 from silo.logger.predecessors import look_back
+from silo.logger.unclosed import end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
 from silo.model import FileType, SavedFile, State, Storage, Threads
 from silo.recording import Recording
 
@@ -176,7 +176,7 @@ class Logger(Configuration):
             self.start(unsaved="save" if unsaved == "save" else "clear")
 
     def _stop_by_itself(self, run_number: int, reason: StopReason) -> None:
-        """Called by the tick that filled the time buffer: takes no lock."""
+        """Called by the tick with which the logger stops: time buffer, memory limit or folder full. Takes no lock."""
         if run_number != self._present.number:
             return  # a tick that was under way while another thread restarted
         self._set_collect(_idle)
@@ -205,7 +205,7 @@ class Logger(Configuration):
 
     @property
     def lost(self) -> int:
-        """Samples that could not be kept since the last start (memory limit), all elements together."""
+        """Samples that could not be kept since the last start (memory limit, full folder), all elements together."""
         return self._present.lost
 
     @property

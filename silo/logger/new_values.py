@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.collecting.keeping import kept_rows
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import StateError
-from silo.model import BufferType
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,7 @@ class NewValuesReader:
         element = self._elements[name]
         since = self._next.get(name, 0)
         rows = reader.rows(element.ring, since)
-        end = rows.first + len(rows)
-        options = element.info.options
-        if options.buffer_type is BufferType.FIXED:
-            end = min(end, options.buffer_size)
-        begin = rows.first
-        if options.buffer_type is BufferType.LOOPING:
-            begin = max(begin, end - options.buffer_size)
+        begin, end = kept_rows(element.info.options, rows.first, rows.first + len(rows))
         begin, end = max(begin, since), max(end, since)
         self._next[name] = end
         kept = rows.part(begin, end)

@@ -1,4 +1,4 @@
-"""The command line of the screen (`:load x.yaml`): reading it and completing it. What commands do stands in the app."""
+"""The command line of the screen (`:load x.yaml`): reading and completing it. What words do: `commands/runner.py`."""
 
 import shlex
 from collections.abc import Sequence

@@ -32,7 +32,7 @@ class ElementTable(ScrollView, can_focus=True):
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "table--row", "table--cursor", "table--cell", "table--range", "table--marked", "table--off", "table--quiet",
-        "table--pending", "table--conflict", "table--live",
+        "table--pending", "table--conflict",
     }  # fmt: skip
     DEFAULT_CSS = """
     ElementTable { scrollbar-size: 0 0; overflow-x: hidden; width: 1fr; height: 1fr; }
@@ -207,9 +207,7 @@ class ElementTable(ScrollView, can_focus=True):
         if self._masks_of == (self.session.table.version, anchor):
             return
         table = self.session.table
-        self._values, self._pending, self._conflicts, self._live = (
-            table.values, table.pending, table.conflicts, table.live,
-        )  # fmt: skip
+        self._values, self._pending, self._conflicts = table.values, table.pending, table.conflicts
         self._range = np.zeros(len(table), np.bool_)
         self._range[self.rows.range_rows()] = True
         self._masks_of = (table.version, anchor)
