@@ -49,6 +49,7 @@ class Publisher:
         )
         self._clients: set[str] = set()
         self._views: dict[str, View] = {}
+        self._failed: dict[str, tuple[OpenView, str]] = {}  # views that could not be fed, until they are closed
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._ending = False
@@ -87,6 +88,10 @@ class Publisher:
             if old is not None and _same(old.request, request):
                 old.expires_s = now_s + LEASE_S
                 return layout.opened(request)
+            failed = self._failed.get(request.view)
+            if failed is not None and _same(failed[0], request):
+                return Refused(RefusedWhy.FAILED, failed[1])
+            self._failed.pop(request.view, None)
             others = {view: open_view for view, open_view in self._views.items() if view != request.view}
             refused = _too_many(request, list(others.values()))
             if refused is not None:
@@ -105,6 +110,7 @@ class Publisher:
         """End a view; one that isn't open is fine."""
         with self._lock:
             closed = self._views.pop(view, None)
+            self._failed.pop(view, None)
         if closed is not None:
             _undeclare(closed.publisher)
 
@@ -118,6 +124,11 @@ class Publisher:
             except (zenoh.ZError, SegmentError):
                 # a segment that was replaced while we read it, or a session that closes: the next round sees why
                 log.exception("publishing failed, trying again")
+                self._reader_path = ""
+                due_s = began_s + 1.0
+            except Exception:
+                # whatever it is, the views and topics of all others go on
+                log.exception("publishing failed for a reason that silo doesn't know, trying again")
                 self._reader_path = ""
                 due_s = began_s + 1.0
             busy_s = time.monotonic() - began_s
@@ -169,7 +180,7 @@ class Publisher:
                 continue
             self._clients.discard(client)
             with self._lock:
-                ended = [view for view in self._views if keys.client_of_view(view) == client]
+                ended = [view for view in [*self._views, *self._failed] if keys.client_of_view(view) == client]
             for view in ended:
                 self.close_view(view)
 
@@ -210,13 +221,33 @@ class Publisher:
     def _send(self, view: View, now_s: float) -> None:
         if not matching(view.publisher):
             return
-        frame = view.frame(self._mirror.now, self._reader, self._mirror.measured_hz, now_s)
+        try:
+            frame = view.frame(self._mirror.now, self._reader, self._mirror.measured_hz, now_s)
+        except (zenoh.ZError, SegmentError):
+            raise
+        except Exception as error:
+            log.exception("view %s failed", view.request.view)
+            self._fail(view, error)
+            return
         if frame is None:
             return
         with self._lock:
             still_open = view in self._views.values()
         if still_open:
             view.publisher.put(frame)
+
+    def _fail(self, view: View, error: Exception) -> None:
+        """End a view that can't be fed; its client is told when it renews it."""
+        name = view.request.view
+        text = (
+            f"the view can't be fed any more: {type(error).__name__}: {error}; the helper process has logged where; "
+            "other views go on, open one of other elements"
+        )
+        self.close_view(name)
+        with self._lock:
+            while len(self._failed) >= MAX_VIEWS:
+                self._failed.pop(next(iter(self._failed)))
+            self._failed[name] = (view.request, text)
 
 
 def _same(old: OpenView, new: OpenView) -> bool:
