@@ -8,6 +8,8 @@ reads the code (type checkers, editors) and for who runs it; a test holds both t
 import importlib
 from typing import TYPE_CHECKING
 
+from silo.version import VERSION
+
 if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itself is public
     from silo.analysis.log import Log as Log, Signal as Signal, open_log as open_log
     from silo.collecting.traits import register as register
@@ -51,7 +53,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
     )
     from silo.recording import Recording as Recording
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 _HOMES = {
     "silo.logger.default": "add array cleanup close collect init restart save serve start stop update",

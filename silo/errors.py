@@ -49,5 +49,17 @@ class ConnectionLostError(SiloError, ConnectionError):
     """No answer from a logger's helper process: it is gone, frozen, or out of reach."""
 
 
+class VersionError(ConnectionLostError):
+    """Robot and client are of silos that don't understand each other; the message says which one is older."""
+
+
+class GoesOnError(SiloError):
+    """A robot process hasn't done yet what it was asked for, and may still do it: its status and an event tell."""
+
+
+class UnsavedError(StateError):
+    """Data that is in no file would be cleared; the message says how much. Nothing was changed."""
+
+
 class RefusedError(SiloError):
     """The logger's helper process answered that it won't do this; the message is its reason."""

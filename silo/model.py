@@ -172,6 +172,8 @@ class Status(msgspec.Struct, frozen=True):
     segment_bytes: int = 0
     saved: bool = True  # whether everything that was collected stands in a file
     durable_ticks: int = -1  # ticks that would survive a power cut now; -1 where that wasn't asked for
+    held_samples: int = 0  # what the buffers hold of the elements that are saved, all together
+    held_s: float = 0.0  # from the oldest of them to the newest
 
 
 class Table(msgspec.Struct, frozen=True):

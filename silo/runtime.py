@@ -20,6 +20,7 @@ from silo.errors import SegmentError
 
 SEGMENT_SUFFIX = ".segment"
 UNFINISHED_SUFFIX = f"{SEGMENT_SUFFIX}.new"
+DOWN_SUFFIX = ".down"
 _BYTE_LOCK = struct.Struct("hhqqi4x")  # `struct flock` of the kernel
 
 
@@ -168,11 +169,22 @@ def open_unfinished(path: Path) -> int:
 
 
 def sweep_unfinished(folder: Path) -> list[Path]:
-    """Remove segments that were never finished because their process died while it made them.
+    """Remove segments that were never finished because their process died while it made them, and marks of dead ones.
 
-    They hold no tick. One that is being made is marked by its writer, see `open_unfinished`, and stays.
+    They hold no tick. What is being made is marked by its writer, see `open_unfinished`, and stays.
     """
-    return [path for path in folder.glob(f".*{UNFINISHED_SUFFIX}") if _removed_if_dead(path)]
+    unfinished = [*folder.glob(f".*{UNFINISHED_SUFFIX}"), *folder.glob(f"*{DOWN_SUFFIX}")]
+    return [path for path in unfinished if _removed_if_dead(path)]
+
+
+def down_mark(name: str, pid: int) -> Path:
+    """Return the file by which a robot program says that its helper process is down, as long as it writes it."""
+    return runtime_dir() / f"{name}.{pid}{DOWN_SUFFIX}"
+
+
+def down_marks() -> list[Path]:
+    """Return the marks of programs that live, in this user's folder."""
+    return [path for path in sorted(runtime_dir().glob(f"*{DOWN_SUFFIX}")) if _has_writer(path)]
 
 
 def _removed_if_dead(path: Path) -> bool:

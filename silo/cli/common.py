@@ -1,13 +1,14 @@
 """What the commands share: which logger is meant, completion of names, tables of plain text."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
 
-from silo.errors import ConnectionLostError, SiloError
+from silo.errors import ConnectionLostError, RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES, file_type
 from silo.model import FileType
 
@@ -38,7 +39,7 @@ def find_logger(name: str | None) -> "Found":
     from silo.ipc.discovery import discover, not_found_text
 
     discovery = discover(config=configuration())
-    found = [one for one in discovery.loggers if not name or name in (one.name, one.label)]
+    found = discovery.named(name or "")
     if not found:
         raise ConnectionLostError(not_found_text(name or "", discovery))
     if len(found) > 1:
@@ -140,6 +141,39 @@ def logger_argument(command: _Command) -> _Command:
 def json_option(command: _Command) -> _Command:
     """Return the option `--json`."""
     return click.option("--json", "as_json", is_flag=True, help="JSON, for machines.")(command)
+
+
+def unsaved_options(command: _Command) -> _Command:
+    """Return the options `--save` and `--discard` for data that a start would clear, to be read by `unsaved`."""
+    discard = click.option("--discard", is_flag=True, help="Clear what is in no file.")
+    return click.option("--save", "save_first", is_flag=True, help="Save what is in no file first.")(discard(command))
+
+
+def unsaved(*, save_first: bool, discard: bool) -> str:
+    """Return what is to become of unsaved data. Raises UsageError for both at once."""
+    if save_first and discard:
+        raise click.UsageError("--save or --discard, not both")
+    return "save" if save_first else "discard" if discard else "refuse"
+
+
+def say_saved(text: str) -> None:
+    """Print where a run was saved before a start cleared it."""
+    click.echo(text)
+
+
+@contextmanager
+def naming_ways_out(command: str, client: "Client") -> Iterator[None]:
+    """Add to a refusal over unsaved data the options by which it is decided."""
+    from silo.ipc.exchange import RequestRefusedError
+    from silo.ipc.messages import RefusedWhy
+
+    try:
+        yield
+    except RequestRefusedError as refused:
+        if refused.why is not RefusedWhy.UNSAVED:
+            raise
+        name = client.found.label
+        raise RefusedError(f"{refused}: `silo {command} {name} --save` or `--discard`") from refused
 
 
 def types_option(command: _Command) -> _Command:

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import CompletionItem
 
-from silo.cli.common import complete_words, connect, many, show_rows, split_logger
+from silo.cli.common import (
+    complete_words,
+    connect,
+    many,
+    say_saved,
+    show_rows,
+    split_logger,
+    unsaved,
+    unsaved_options,
+)
 from silo.errors import ElementError, RefusedError
 from silo.settings.words import Settings, apply_settings, completions, help_rows, is_setting, read_settings
 
@@ -70,18 +79,22 @@ def select(names: Sequence[str], patterns: Sequence[str]) -> list[int]:
 @click.argument("words", nargs=-1, required=True, metavar="[LOGGER] PATTERN... SETTING...", shell_complete=complete_set)
 @click.option("-n", "--dry-run", is_flag=True, help="Only show what would change.")
 @click.option("--restart", is_flag=True, help="If it runs: stop it, change, start again (this clears the buffers).")
-def set_command(words: tuple[str, ...], dry_run: bool, restart: bool) -> None:
+@unsaved_options
+def set_command(words: tuple[str, ...], dry_run: bool, restart: bool, save_first: bool, discard: bool) -> None:
     """Change how elements are logged; for the shell, `_HELP` says how."""
     logger, rest = split_logger(words, or_pattern=True)
     patterns, settings_words = split_settings(rest)
     if not patterns or not settings_words:
         raise click.UsageError("give a pattern and a setting: silo set demo '*/torque' divider=5")
     settings = read_settings(settings_words)
+    chosen = unsaved(save_first=save_first, discard=discard)
     with connect(logger) as client:
-        _set(client, patterns, settings, dry_run=dry_run, restart=restart)
+        _set(client, patterns, settings, dry_run=dry_run, restart=restart, keep=chosen)
 
 
-def _set(client: "Client", patterns: Sequence[str], settings: Settings, *, dry_run: bool, restart: bool) -> None:
+def _set(
+    client: "Client", patterns: Sequence[str], settings: Settings, *, dry_run: bool, restart: bool, keep: str
+) -> None:
     from silo.model import Edit, State
     from silo.settings.script import diff_options
 
@@ -105,13 +118,18 @@ def _set(client: "Client", patterns: Sequence[str], settings: Settings, *, dry_r
             f"logger '{status.logger}' is running: `silo stop {status.logger}` first, or add --restart "
             "(its buffers are cleared by a start: `silo save` before); nothing was changed"
         )
+    if runs and keep == "refuse" and status.ticks and not status.saved:
+        raise RefusedError(
+            f"logger '{status.logger}' holds {many(status.held_samples, 'sample')} over {status.held_s:.3g} s of which "
+            "some are in no file, and a restart clears them: add --save or --discard; nothing was changed"
+        )
     if runs:
         client.stop()
     try:
         applied = client.apply(edits, table.revision)
     finally:
         if runs:
-            client.start()
+            client.start(keep, say_saved)
     show_changes(changes[:MOST_CHANGES])
     if len(changes) > MOST_CHANGES:
         click.echo(f"... and {len(changes) - MOST_CHANGES} more changes")

@@ -17,12 +17,16 @@ from silo.cli.common import (
     json_option,
     logger_argument,
     many,
+    naming_ways_out,
+    say_saved,
     show_duration,
     show_json,
     show_rows,
     split_logger,
     type_of,
     types_option,
+    unsaved,
+    unsaved_options,
 )
 from silo.errors import ConnectionLostError
 from silo.files.formats import LOG_ENDINGS
@@ -42,22 +46,31 @@ def ls(as_json: bool) -> None:
       silo ls
       silo ls --json | jq '.[].logger'
     """
-    from silo.ipc.discovery import discover, not_found_text, survey
+    from silo.ipc.discovery import Answer, discover, down_text, not_found_text, survey
 
     if not configuration():
         _sweep()
     discovery = discover(config=configuration())
     answers = survey(discovery.loggers)
+    answers += [Answer(found, None, down_text(found), "helper down") for found in discovery.down]
     if not configuration():
         _sweep_logs(answers)
     if as_json:
-        show_json([answer.status or {"logger": answer.found.label, "error": answer.error} for answer in answers])
+        show_json([answer.status or _no_status(answer) for answer in answers])
         return
     if not answers:
         _tell_orphans()
         raise ConnectionLostError(not_found_text("", discovery))
     header = ("LOGGER", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
-    show_rows([header, *map(_ls_row, answers)], right=(2, 3, 4, 5, 6, 7))
+    durable = [answer.status.durable_ticks if answer.status else -1 for answer in answers]
+    if max(durable) < 0:  # nobody asked for it
+        show_rows([header, *map(_ls_row, answers)], right=(2, 3, 4, 5, 6, 7))
+    else:
+        last = ("DURABLE TO TICK", *(str(tick) if tick >= 0 else "-" for tick in durable))
+        show_rows(
+            [(*row, end) for row, end in zip((header, *map(_ls_row, answers)), last, strict=True)],
+            right=(2, 3, 4, 5, 6, 7, 9),
+        )
     for answer in answers:
         if answer.error:
             click.echo(f"{answer.found.label}: {answer.error}", err=True)
@@ -67,6 +80,10 @@ def ls(as_json: bool) -> None:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
     _tell_orphans()
+
+
+def _no_status(answer: "Answer") -> dict[str, str]:
+    return {"logger": answer.found.label, "state": answer.state, "error": answer.error}
 
 
 def _sweep() -> None:
@@ -107,7 +124,8 @@ def _tell_orphans() -> None:
 def _ls_row(answer: "Answer") -> tuple[str, ...]:
     found, status = answer.found, answer.status
     if status is None:
-        return (found.label, "no answer", *["-"] * 5, str(found.pid), found.user)
+        since = show_duration(time.time() - found.since) if answer.state == "helper down" else "-"
+        return (found.label, answer.state, since, *["-"] * 4, str(found.pid), found.user)
     return (
         found.name,
         status.state.value,
@@ -162,12 +180,13 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
 
 def _show_status(status: "Status") -> None:
     limit = f"{status.max_time_s:g} s" if status.max_time_s else "none"
-    unsaved = "" if status.saved or not status.ticks else ", not saved"
+    unsaved = "" if status.saved or not status.ticks else f", not saved ({_held(status)})"
     rows = [
         ("logger", f"{status.logger} on {status.host}, user {status.user}"),
         ("state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}"),
         ("frequency", f"{status.frequency_hz:g} Hz, measured {status.measured_hz:.4g} Hz"),
         ("logged", f"{status.ticks} ticks{f' in {_since(status)}' if _since(status) != '-' else ''}{unsaved}"),
+        *([("durable", _durable(status))] if status.durable_ticks >= 0 else []),
         ("lost", f"{status.lost} samples"),
         ("elements", f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"),
         ("time limit", limit),
@@ -178,6 +197,14 @@ def _show_status(status: "Status") -> None:
         ("revision", str(status.revision)),
     ]
     show_rows(rows)
+
+
+def _held(status: "Status") -> str:
+    return f"the buffers hold {many(status.held_samples, 'sample')} over {status.held_s:.3g} s"
+
+
+def _durable(status: "Status") -> str:
+    return f"to tick {status.durable_ticks} of {status.ticks}: what a power cut would leave"
 
 
 def _show_elements(elements: "list[ElementInfo]") -> None:
@@ -201,15 +228,18 @@ def _show_elements(elements: "list[ElementInfo]") -> None:
 
 @click.command()
 @logger_argument
-def start(logger: str | None) -> None:
-    """Start logging; the buffers are cleared.
+@unsaved_options
+def start(logger: str | None, save_first: bool, discard: bool) -> None:
+    """Start logging; the buffers are cleared, which is refused while they hold what is in no file.
 
     \b
-    Example:
+    Examples:
       silo start demo
+      silo start demo --save
     """
-    with connect(logger) as client:
-        _say_state(client.start())
+    chosen = unsaved(save_first=save_first, discard=discard)
+    with connect(logger) as client, naming_ways_out("start", client):
+        _say_state(client.start(chosen, say_saved))
 
 
 @click.command()
@@ -227,15 +257,18 @@ def stop(logger: str | None) -> None:
 
 @click.command()
 @logger_argument
-def restart(logger: str | None) -> None:
-    """Stop, and start with empty buffers.
+@unsaved_options
+def restart(logger: str | None, save_first: bool, discard: bool) -> None:
+    """Stop, and start with empty buffers, which is refused while they hold what is in no file.
 
     \b
-    Example:
+    Examples:
       silo restart demo
+      silo restart demo --discard
     """
-    with connect(logger) as client:
-        _say_state(client.restart())
+    chosen = unsaved(save_first=save_first, discard=discard)
+    with connect(logger) as client, naming_ways_out("restart", client):
+        _say_state(client.restart(chosen, say_saved))
 
 
 def _say_state(status: "Status") -> None:

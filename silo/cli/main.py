@@ -8,8 +8,8 @@ from difflib import get_close_matches
 
 import click
 
-from silo import __version__
 from silo.errors import ConnectionLostError, SiloError
+from silo.version import VERSION
 
 EXIT_FAILED, EXIT_USAGE, EXIT_NO_LOGGER, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 3, 130, 141
 
@@ -82,7 +82,7 @@ class LazyGroup(click.Group):
 @click.option(
     "--config", envvar="SILO_CONFIG", default="", metavar="FILE", help="Reach loggers of other hosts by this."
 )
-@click.version_option(__version__, prog_name="silo")
+@click.version_option(VERSION, prog_name="silo")
 @click.pass_context
 def cli(ctx: click.Context, config: str) -> None:
     """Log, see, configure and save the signals of robots.

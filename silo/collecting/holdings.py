@@ -4,10 +4,11 @@ The robot program, its helper and the commands say it with these words. Nothing 
 segment of gigabytes while it is written.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 
 from silo.collecting.keeping import kept_rows
-from silo.collecting.schema import TIME_RING, ElementSchema
+from silo.collecting.schema import TIME_RING, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.model import BufferType
 from silo.recording import Recording
@@ -40,28 +41,51 @@ def _many(count: int, what: str) -> str:
     return f"{count} {what}{'s' if count != 1 else ''}"
 
 
-def segment_holdings(reader: SegmentReader) -> Holdings:
-    """What a snapshot of this segment would hold now. Raises SegmentError where it is damaged."""
+@dataclass(frozen=True)
+class Kept:
+    """Elements that are kept alike hold the same samples: `count` of them."""
+
+    ring: int
+    divider: int
+    buffer_type: BufferType
+    buffer_size: int
+    count: int = 1
+
+
+def kept_alike(schema: SegmentSchema) -> list[Kept]:
+    """The saved elements of a segment, those that hold the same samples as one: few even of 10,000."""
+    counts = Counter(
+        (one.ring, one.info.options.divider, one.info.options.buffer_type, one.info.options.buffer_size)
+        for one in schema.elements
+        if one.info.options.action.saves
+    )
+    return [Kept(*how, count) for how, count in counts.items()]
+
+
+def segment_holdings(reader: SegmentReader, kept: list[Kept] | None = None) -> Holdings:
+    """What a snapshot of this segment would hold now. Raises SegmentError where it is damaged.
+
+    `kept` is what `kept_alike` returned for it, where this is asked again and again.
+    """
     schema = reader.schema
     ticks = reader.ticks
     first_tick = max(0, ticks - schema.time_buffer_size) if schema.time_buffer_type is BufferType.LOOPING else 0
-    saved = [element for element in schema.elements if element.info.options.action.saves]
-    spans = [_samples(reader, element, ticks, first_tick) for element in saved]
-    held = [(span, element.info.options.divider) for span, element in zip(spans, saved, strict=True) if len(span)]
+    alike = kept_alike(schema) if kept is None else kept
+    spans = [(_samples(reader, one, ticks, first_tick), one) for one in alike]
+    held = [(span, one) for span, one in spans if len(span)]
     if not held:
         return Holdings(ticks, 0, 0, 0.0)
-    oldest = min(span[0] * divider for span, divider in held)
-    newest = max(span[-1] * divider for span, divider in held)
+    oldest = min(span[0] * one.divider for span, one in held)
+    newest = max(span[-1] * one.divider for span, one in held)
     seconds = (_stamp(reader, newest) - _stamp(reader, oldest)) / 1e9
-    return Holdings(ticks, len(held), sum(len(span) for span, _ in held), seconds)
+    elements, samples = sum(one.count for _, one in held), sum(len(span) * one.count for span, one in held)
+    return Holdings(ticks, elements, samples, seconds)
 
 
-def _samples(reader: SegmentReader, element: ElementSchema, ticks: int, first_tick: int) -> range:
+def _samples(reader: SegmentReader, kept: Kept, ticks: int, first_tick: int) -> range:
     """Numbers of the samples that are kept: as in a snapshot, none without its time stamp."""
-    options = element.info.options
-    due = -(-ticks // options.divider)
-    begin, end = kept_rows(options, 0, min(due, reader.head(element.ring)))
-    return range(max(begin, -(-first_tick // options.divider)), end)
+    begin, end = kept_rows(kept, 0, min(-(-ticks // kept.divider), reader.head(kept.ring)))
+    return range(max(begin, -(-first_tick // kept.divider)), end)
 
 
 def _stamp(reader: SegmentReader, tick: int) -> int:

@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 import msgspec
 
-import silo
 from silo.errors import SaveError, ScriptError
 from silo.helper import script_folder
 from silo.helper.events import Events, plain
@@ -20,7 +19,6 @@ from silo.helper.requests import check_edits
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
 from silo.ipc.messages import (
-    PROTOCOL,
     AnyReply,
     ApplyEdits,
     CloseView,
@@ -32,6 +30,7 @@ from silo.ipc.messages import (
     GetHistory,
     GetStatus,
     GetTable,
+    GoesOn,
     Hello,
     HelloReply,
     ListScripts,
@@ -54,7 +53,9 @@ from silo.ipc.messages import (
     Stop,
     ViewOpened,
 )
+from silo.ipc.versions import OLDEST, PROTOCOL
 from silo.model import Edit, State
+from silo.version import VERSION
 
 Handler = Callable[["Answers", Any], Any]
 Signed = TypeVar("Signed", bound=Request[Any])
@@ -65,7 +66,9 @@ HANDLERS: dict[type[Request[Any]], Handler] = {}
 _encoder = msgspec.msgpack.Encoder()
 
 
-def answers_to(*kinds: type[Request[ReplyT]]) -> Callable[[Callable[["Answers", Any], ReplyT | bytes | Refused]], Any]:
+def answers_to(
+    *kinds: type[Request[ReplyT]],
+) -> Callable[[Callable[["Answers", Any], ReplyT | bytes | GoesOn | Refused]], Any]:
     """Register a method of `Answers` for a kind of request; bytes are a reply that is encoded already."""
 
     def register(method: Method) -> Method:
@@ -101,7 +104,7 @@ class Answers:
     @answers_to(Hello)
     def _hello(self, _: Hello) -> HelloReply:
         # a client that gets this from the key `do` too may edit
-        return HelloReply(PROTOCOL, silo.__version__, self._mirror.user, True, self._mirror.status())
+        return HelloReply(PROTOCOL, VERSION, self._mirror.user, True, self._mirror.status(), OLDEST)
 
     @answers_to(GetStatus)
     def _status(self, _: GetStatus) -> StatusReply:
@@ -160,27 +163,29 @@ class Answers:
         return self._saver.save(_signed(request))
 
     @answers_to(ApplyEdits)
-    def _apply(self, request: ApplyEdits) -> EditsApplied | Refused:
+    def _apply(self, request: ApplyEdits) -> EditsApplied | GoesOn | Refused:
         now = self._mirror.now
         return _must_live(now) or _must_stop(now) or check_edits(request, now) or self._through(_signed(request))
 
-    def _through(self, request: ApplyEdits) -> EditsApplied | Refused:
+    def _through(self, request: ApplyEdits) -> EditsApplied | GoesOn | Refused:
         if not request.edits:
             return EditsApplied(self._mirror.now.table.revision, 0)
         reply = self._robot.ask(request)
-        return reply if isinstance(reply, EditsApplied | Refused) else _unexpected(request, reply)
+        return reply if isinstance(reply, EditsApplied | GoesOn | Refused) else _unexpected(request, reply)
 
     @answers_to(Start, Stop, Restart)
-    def _control(self, request: Start | Stop | Restart) -> StatusReply | Refused:
+    def _control(self, request: Start | Stop | Restart) -> StatusReply | GoesOn | Refused:
         reply = _must_live(self._mirror.now) or self._robot.ask(_signed(request))
-        return reply if isinstance(reply, Refused) else StatusReply(self._mirror.status())
+        if isinstance(reply, GoesOn | Refused):
+            return reply
+        return StatusReply(self._mirror.status(), reply.text if isinstance(reply, Done) else "")
 
     @answers_to(LoadScript)
-    def _load_script(self, request: LoadScript) -> EditsApplied | Refused:
+    def _load_script(self, request: LoadScript) -> EditsApplied | GoesOn | Refused:
         now = self._mirror.now
         return _must_live(now) or _must_stop(now) or self._load(request, now)
 
-    def _load(self, request: LoadScript, now: LoggerSnapshot) -> EditsApplied | Refused:
+    def _load(self, request: LoadScript, now: LoggerSnapshot) -> EditsApplied | GoesOn | Refused:
         from silo.settings.script import apply_script, parse_script
 
         path = script_folder.resolve(request.path, self._own_script)

@@ -7,22 +7,25 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import msgspec
 import zenoh
 
 from silo.helper.answers import Answers
-from silo.helper.requests import decode_ask, decode_do, is_slow
+from silo.helper.history import answer_bytes
+from silo.helper.requests import decode_ask, decode_do
 from silo.ipc.keys import Root
-from silo.ipc.messages import Refused, RefusedWhy
+from silo.ipc.messages import GetHistory, Refused, RefusedWhy, Request, SlowAsk
 
 MAX_WAITING = 64
 MAX_SLOW = 16
+MAX_SLOW_BYTES = 16 * 2**20  # of the answers of those that wait; one history of 64 names takes at most 4.5 MB
 
 log = logging.getLogger("silo.helper")
 _encoder = msgspec.msgpack.Encoder()
 
-Slow = tuple[zenoh.Query, Callable[[], bytes]]
+Slow = tuple[zenoh.Query, Request[Any], int]  # with the bytes of its answer
 
 
 class Control:
@@ -35,6 +38,8 @@ class Control:
         self._asked = session.declare_queryable(root.key("ask"), zenoh.handlers.RingChannel(MAX_WAITING))
         self._to_do = session.declare_queryable(root.key("do"), zenoh.handlers.RingChannel(MAX_WAITING))
         self._slow: queue.Queue[Slow | None] = queue.Queue()
+        self._slow_bytes = 0
+        self._counting = threading.Lock()
         self._ending = False
         self._threads = [
             threading.Thread(target=self._serve, args=(self._asked.handler, self._ask), name="ask"),
@@ -59,7 +64,10 @@ class Control:
 
     def _serve(self, handler: zenoh.Handler[zenoh.Query], answer: Callable[[zenoh.Query], None]) -> None:
         while (query := self._next(handler)) is not None:
-            answer(query)
+            try:
+                answer(query)
+            except Exception:
+                log.exception("a request failed")  # its client gets an empty answer, and the thread goes on
             del query  # a query that isn't dropped costs its client the whole timeout
 
     def _next(self, handler: zenoh.Handler[zenoh.Query]) -> zenoh.Query | None:
@@ -71,25 +79,38 @@ class Control:
             return None
 
     def _ask(self, query: zenoh.Query) -> None:
-        payload = _payload(query)
-        if not is_slow(payload):
-            self._reply(query, "ask", lambda: self._answer_ask(payload))
-        elif self._slow.qsize() >= MAX_SLOW:
-            busy = Refused(RefusedWhy.FAILED, f"{MAX_SLOW} such requests are waiting already; try again in a moment")
+        request = decode_ask(_payload(query))
+        if not isinstance(request, SlowAsk):
+            self._reply(query, "ask", lambda: self._answer(request))
+            return
+        size = answer_bytes(request) if isinstance(request, GetHistory) else 0
+        busy = self._too_busy(size)
+        if busy is not None:
             self._reply(query, "ask", lambda: _encoder.encode(busy))
-        else:
-            self._slow.put((query, lambda: self._answer_ask(payload)))
+            return
+        with self._counting:
+            self._slow_bytes += size
+        self._slow.put((query, request, size))
 
-    def _answer_ask(self, payload: bytes) -> bytes:
-        request = decode_ask(payload)
-        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.answer(request)
+    def _too_busy(self, size: int) -> Refused | None:
+        """Why a slow request can't wait for its turn; alone it always can."""
+        if self._slow.qsize() >= MAX_SLOW:
+            text = f"{MAX_SLOW} such requests are waiting already; try again in a moment"
+        elif self._slow_bytes and self._slow_bytes + size > MAX_SLOW_BYTES:
+            text = (
+                f"histories of {self._slow_bytes / 1e6:.1f} MB are being read already, with this one of "
+                f"{size / 1e6:.1f} MB more than {MAX_SLOW_BYTES / 1e6:.1f} MB; try again in a moment, or ask for "
+                "fewer names or wider columns"
+            )
+        else:
+            return None
+        return Refused(RefusedWhy.FAILED, text)
 
     def _do(self, query: zenoh.Query) -> None:
-        payload = _payload(query)
-        self._reply(query, "do", lambda: self._answer_do(payload))
+        request = decode_do(_payload(query))
+        self._reply(query, "do", lambda: self._answer(request))
 
-    def _answer_do(self, payload: bytes) -> bytes:
-        request = decode_do(payload)
+    def _answer(self, request: Request[Any] | Refused) -> bytes:
         return _encoder.encode(request) if isinstance(request, Refused) else self._answers.answer(request)
 
     def _read_slowly(self) -> None:
@@ -97,9 +118,13 @@ class Control:
             pass
 
     def _read_one(self, slow: Slow | None) -> bool:
-        if slow is not None:
-            self._reply(slow[0], "ask", slow[1])
-        return slow is not None
+        if slow is None:
+            return False
+        query, request, size = slow
+        self._reply(query, "ask", lambda: self._answer(request))
+        with self._counting:
+            self._slow_bytes -= size
+        return True
 
     def _reply(self, query: zenoh.Query, key: str, answer: Callable[[], bytes]) -> None:
         """Answer whatever happens: a request that breaks something is refused and logged, the thread goes on."""

@@ -12,6 +12,7 @@ import signal
 import socket
 import time
 from pathlib import Path
+from typing import Any
 
 import zenoh
 
@@ -28,7 +29,7 @@ from silo.helper.robot import Robot
 from silo.helper.saver import Saver
 from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
-from silo.ipc.messages import Done, EventKind, Refused, RefusedWhy, Save, SaveStarted
+from silo.ipc.messages import AnyReply, Done, EventKind, Refused, RefusedWhy, RobotRequest, Save, SaveStarted
 from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.handover import RunOffer
 from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
@@ -121,10 +122,10 @@ class Helper:
                 events.publish(EventKind.CLOSED, "the robot program closed its logger")
                 saver.stop(SAVE_GRACE_S)
             else:
+                dead_mark(path).touch()  # first of all: who looks for the program may find its next start already
                 self._robot.lost()
                 saver.finish()
                 journaling.stop(keep=True)
-                dead_mark(path).touch()
                 news = after_crash(mirror, events)
                 self._linger(publisher, DEAD_WITHOUT_CLIENTS_S if news else 0.0)
         finally:
@@ -204,7 +205,10 @@ class Helper:
         elif isinstance(message, LetGo):
             mirror.let_go()
         elif isinstance(message, LinkReply):
-            self._robot.answered(message)
+            late = self._robot.answered(message)
+            if late is not None:
+                text = _ending(late, message.reply)
+                events.publish(EventKind.ENDED, text, by=late.client, job=message.number)
         elif isinstance(message, LinkRequest) and isinstance(message.request, Save):
             job = saver.prepare(message.request, for_robot=True)
             if isinstance(job, Refused):
@@ -238,6 +242,15 @@ def _take_run(mirror: Mirror, offer: RunOffer, descriptor: int) -> None:
     except SegmentError:
         os.close(descriptor)
         log.exception("a run can't be taken over")
+
+
+def _ending(request: RobotRequest[Any], reply: AnyReply) -> str:
+    """How a request ended that its client could not wait for."""
+    what = f"the {type(request).__name__.lower()} that took long"
+    if isinstance(reply, Refused):
+        return f"{what} was refused: {reply.text}"
+    more = f"; {reply.text}" if isinstance(reply, Done) and reply.text else ""
+    return f"{what} is done{more}"
 
 
 def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
+from silo.collecting.holdings import Holdings, Kept, kept_alike, segment_holdings
 from silo.collecting.losses import lost_samples
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
@@ -72,6 +73,7 @@ class Mirror:
         self._lock = threading.Lock()
         self._reader: SegmentReader | None = None  # of the present run, for the status
         self._descriptor = -1  # its file, as it was handed over
+        self._kept: list[Kept] = []  # how its elements are kept
         self._known: set[str] = set()  # paths of all runs that were handed over
         self.segment = ""  # path of the present run's segment, empty before the first start and while it is let go of
         self.run = ""  # its id
@@ -138,8 +140,9 @@ class Mirror:
         if reader is not None:
             table = sharing(self.now.table, reader.schema)
             self.now = replace(self.now, table=table, places=_places(table))
+        kept = kept_alike(reader.schema) if reader is not None else []
         with self._lock:
-            old, self._reader = self._reader, reader
+            old, self._reader, self._kept = self._reader, reader, kept
             old_descriptor, self._descriptor = self._descriptor, descriptor
             self.run = reader.schema.run if reader else ""
             self.segment = segment
@@ -203,6 +206,7 @@ class Mirror:
             size = reader.size_bytes if reader else 0
             saved = reader is None or ticks <= self._saved_ticks(reader)
             started_ns = reader.schema.started_ns if reader else 0
+            held = _holdings(reader, self._kept)
         return Status(
             logger=robot.logger,
             host=self.host,
@@ -228,7 +232,17 @@ class Mirror:
             segment_bytes=size,
             saved=saved,
             durable_ticks=self.durable_ticks,
+            held_samples=held.samples,
+            held_s=held.seconds,
         )
+
+
+def _holdings(reader: SegmentReader | None, kept: list[Kept]) -> Holdings:
+    nothing = Holdings(0, 0, 0, 0.0)
+    try:
+        return segment_holdings(reader, kept) if reader is not None else nothing
+    except SegmentError:
+        return nothing  # damaged, as a save would say
 
 
 def sharing(table: Table, schema: SegmentSchema) -> Table:

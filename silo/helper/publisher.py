@@ -49,6 +49,9 @@ class Publisher:
         )
         self._clients: set[str] = set()
         self._views: dict[str, View] = {}
+        # to be undeclared by the thread that uses them: zenoh raises RuntimeError when two use one at the same time
+        self._closed: list[zenoh.Publisher] = []
+        self._failed: dict[str, tuple[OpenView, str]] = {}  # views that could not be fed, until they are closed
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._ending = False
@@ -87,6 +90,10 @@ class Publisher:
             if old is not None and _same(old.request, request):
                 old.expires_s = now_s + LEASE_S
                 return layout.opened(request)
+            failed = self._failed.get(request.view)
+            if failed is not None and _same(failed[0], request):
+                return Refused(RefusedWhy.FAILED, failed[1])
+            self._failed.pop(request.view, None)
             others = {view: open_view for view, open_view in self._views.items() if view != request.view}
             refused = _too_many(request, list(others.values()))
             if refused is not None:
@@ -105,8 +112,10 @@ class Publisher:
         """End a view; one that isn't open is fine."""
         with self._lock:
             closed = self._views.pop(view, None)
-        if closed is not None:
-            _undeclare(closed.publisher)
+            self._failed.pop(view, None)
+            if closed is not None:
+                self._closed.append(closed.publisher)
+        self._wake.set()
 
     # -------------------------------------------------------------------------------------------------- the thread
 
@@ -120,16 +129,27 @@ class Publisher:
                 log.exception("publishing failed, trying again")
                 self._reader_path = ""
                 due_s = began_s + 1.0
+            except Exception:
+                # whatever it is, the views and topics of all others go on
+                log.exception("publishing failed for a reason that silo doesn't know, trying again")
+                self._reader_path = ""
+                due_s = began_s + 1.0
             busy_s = time.monotonic() - began_s
             self._wake.wait(max(due_s - time.monotonic(), busy_s, 0.001))
             self._wake.clear()
+        for name in list(self._views):
+            self.close_view(name)
+        self._undeclare_closed()
+
+    def _undeclare_closed(self) -> None:
         with self._lock:
-            views, self._views = self._views, {}
-        for view in views.values():
-            _undeclare(view.publisher)
+            closed, self._closed = self._closed, []
+        for publisher in closed:
+            publisher.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
 
     def _round(self, now_s: float) -> float:
         """Do what is due and say when to come again."""
+        self._undeclare_closed()
         self._follow_segment()
         self._follow_clients()
         self._measure(now_s)
@@ -169,7 +189,7 @@ class Publisher:
                 continue
             self._clients.discard(client)
             with self._lock:
-                ended = [view for view in self._views if keys.client_of_view(view) == client]
+                ended = [view for view in [*self._views, *self._failed] if keys.client_of_view(view) == client]
             for view in ended:
                 self.close_view(view)
 
@@ -208,15 +228,34 @@ class Publisher:
         return due_s
 
     def _send(self, view: View, now_s: float) -> None:
-        if not matching(view.publisher):
-            return
-        frame = view.frame(self._mirror.now, self._reader, self._mirror.measured_hz, now_s)
-        if frame is None:
-            return
+        try:
+            if not matching(view.publisher):
+                return
+            frame = view.frame(self._mirror.now, self._reader, self._mirror.measured_hz, now_s)
+            if frame is not None and self._is_open(view):
+                view.publisher.put(frame)
+        except (zenoh.ZError, SegmentError):
+            raise
+        except Exception as error:
+            log.exception("view %s failed", view.request.view)
+            self._fail(view, error)
+
+    def _is_open(self, view: View) -> bool:
         with self._lock:
-            still_open = view in self._views.values()
-        if still_open:
-            view.publisher.put(frame)
+            return view in self._views.values()
+
+    def _fail(self, view: View, error: Exception) -> None:
+        """End a view that can't be fed; its client is told when it renews it."""
+        name = view.request.view
+        text = (
+            f"the view can't be fed any more: {type(error).__name__}: {error}; the helper process has logged where; "
+            "other views go on, open one of other elements"
+        )
+        self.close_view(name)
+        with self._lock:
+            while len(self._failed) >= MAX_VIEWS:
+                self._failed.pop(next(iter(self._failed)))
+            self._failed[name] = (view.request, text)
 
 
 def _same(old: OpenView, new: OpenView) -> bool:
@@ -236,7 +275,3 @@ def _too_many(request: OpenView, others: list[View]) -> Refused | None:
     elif names + len(request.values) + len(request.plots) > MAX_NAMES_IN_VIEWS:
         problem = f"all views together may show {MAX_NAMES_IN_VIEWS} names"
     return Refused(RefusedWhy.FAILED, f"the view can't be opened: {problem}; close others first") if problem else None
-
-
-def _undeclare(publisher: zenoh.Publisher) -> None:
-    publisher.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out

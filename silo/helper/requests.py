@@ -6,63 +6,63 @@ from typing import Any
 import msgspec
 
 from silo.helper.mirror import LoggerSnapshot
-from silo.ipc.messages import AnyAsk, AnyDo, ApplyEdits, Hello, Refused, RefusedWhy, SlowAsk, leaves
+from silo.ipc.messages import AnyAsk, AnyDo, ApplyEdits, Ask, Do, Hello, Refused, RefusedWhy, Request
+from silo.ipc.versions import client_problem
 from silo.model import Edit, Problem
 from silo.settings.rules import MAX_NAME, MAX_PROBLEMS, edit_problems, raw_problems, refusal, shorten
-
-MAX_ASK_BYTES = 2 * 2**20
-MAX_DO_BYTES = 8 * 2**20
 
 
 class _Kind(msgspec.Struct):
     type: str = ""
+    protocol: int = 1
 
 
 _ask_decoder = msgspec.msgpack.Decoder(AnyAsk)
 _do_decoder = msgspec.msgpack.Decoder(AnyDo | Hello)
 _kind_decoder = msgspec.msgpack.Decoder(_Kind)
-_SLOW = {kind.__name__ for kind in leaves(SlowAsk)}
-
-
-def is_slow(payload: bytes) -> bool:
-    """Return whether this asks for something that may take long to answer: by its tag alone, whatever else is in it."""
-    if len(payload) > MAX_ASK_BYTES:
-        return False
-    try:
-        return _kind_decoder.decode(payload).type in _SLOW
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
-        return False
 
 
 def decode_ask(payload: bytes) -> AnyAsk | Refused:
     """Decode a request that reads."""
-    if len(payload) > MAX_ASK_BYTES:
-        return _too_long(payload, MAX_ASK_BYTES)
+    if len(payload) > Ask.max_bytes:
+        return _too_long(payload, Ask.max_bytes)
     try:
         request: AnyAsk = _ask_decoder.decode(payload)
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
-        return _not_understood(error)
-    return request
+        return _not_understood(payload, error)
+    return _wrong_protocol(request) or request
 
 
 def decode_do(payload: bytes) -> AnyDo | Hello | Refused:
     """Decode a request that changes something (or `Hello`, by which a client finds out whether it gets through)."""
-    if len(payload) > MAX_DO_BYTES:
-        return _too_long(payload, MAX_DO_BYTES)
+    if len(payload) > Do.max_bytes:
+        return _too_long(payload, Do.max_bytes)
     try:
         request: AnyDo | Hello = _do_decoder.decode(payload)
     except msgspec.ValidationError as error:
-        return _edit_problems(payload) or _not_understood(error)
+        return _edit_problems(payload) or _not_understood(payload, error)
     except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
-        return _not_understood(error)
-    return request
+        return _not_understood(payload, error)
+    return _wrong_protocol(request) or request
+
+
+def _wrong_protocol(request: Request[Any]) -> Refused | None:
+    """Refuse a client of another protocol in words that every one of them decodes; a hello is answered."""
+    problem = "" if isinstance(request, Hello) else client_problem(request.protocol)
+    return Refused(RefusedWhy.FAILED, problem) if problem else None
 
 
 def _too_long(payload: bytes, limit: int) -> Refused:
     return Refused(RefusedWhy.INVALID, f"a request of {len(payload)} bytes; at most {limit} are read")
 
 
-def _not_understood(error: Exception) -> Refused:
+def _not_understood(payload: bytes, error: Exception) -> Refused:
+    try:
+        kind = _kind_decoder.decode(payload)
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+        kind = _Kind()
+    if kind.type and (problem := client_problem(kind.protocol)):
+        return Refused(RefusedWhy.FAILED, problem)
     return Refused(RefusedWhy.INVALID, f"the request can't be understood: {str(error)[:300]}")
 
 

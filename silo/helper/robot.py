@@ -6,7 +6,7 @@ import socket
 import threading
 from typing import Any
 
-from silo.ipc.messages import AnyReply, Refused, RefusedWhy, RobotRequest
+from silo.ipc.messages import AnyReply, GoesOn, Refused, RefusedWhy, RobotRequest
 from silo.link.channel import LinkChannel
 from silo.link.handover import RunOffer, taken_runs
 from silo.link.messages import LinkMessage, LinkReply, LinkRequest
@@ -23,6 +23,7 @@ class Robot:
         self._sending = threading.Lock()
         self._numbers = itertools.count(1)
         self._pending: dict[int, concurrent.futures.Future[AnyReply]] = {}
+        self._late: dict[int, RobotRequest[Any]] = {}  # whose clients were told that they go on
         self._gone = False
 
     def receive(self) -> LinkMessage | None:
@@ -43,7 +44,7 @@ class Robot:
         return True
 
     def ask(self, request: RobotRequest[Any], timeout_s: float = REPLY_TIMEOUT_S) -> AnyReply:
-        """Have the robot process do something and wait for its answer; silence becomes a refusal."""
+        """Have the robot process do something and wait for its answer; what takes longer goes on."""
         number = next(self._numbers)
         future: concurrent.futures.Future[AnyReply] = concurrent.futures.Future()
         self._pending[number] = future
@@ -53,23 +54,31 @@ class Robot:
         try:
             return future.result(timeout_s)
         except concurrent.futures.TimeoutError:
-            return Refused(
-                RefusedWhy.FAILED,
-                f"the robot program did not answer within {timeout_s:g} s: it is stopped, or busy in code that "
-                "holds the interpreter; look at the status before you try again, it may still do it",
-            )
-        finally:
-            self._pending.pop(number, None)
+            self._late[number] = request  # before it is taken from the others: an answer finds it in one of both
+            if self._pending.pop(number, None) is None:
+                self._late.pop(number, None)
+                return future.result()  # it came right now
+        return GoesOn(
+            number,
+            f"{type(request).__name__.lower()} goes on: the robot program has not answered for {timeout_s:g} s (it has "
+            "much to do, is stopped, or is busy in code that holds the interpreter); the status, and an event, tell "
+            "how it ends",
+        )
 
-    def answered(self, message: LinkReply) -> None:
-        """Hand an answer to the thread that waits for it; a late one is nobody's. For the main thread."""
+    def answered(self, message: LinkReply) -> RobotRequest[Any] | None:
+        """Hand an answer to the thread that waits for it; return the request whose answer nobody waits for any more.
+
+        For the main thread.
+        """
         future = self._pending.pop(message.number, None)
         if future is not None:
             future.set_result(message.reply)
+        return self._late.pop(message.number, None)
 
     def lost(self) -> None:
         """The link ended: everybody who waits gets a refusal. For the main thread."""
         self._gone = True
+        self._late.clear()
         for number in list(self._pending):
             future = self._pending.pop(number, None)
             if future is not None:

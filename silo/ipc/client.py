@@ -43,10 +43,14 @@ from silo.ipc.messages import (
     Scripts,
     ScriptText,
     Start,
+    StatusReply,
     Stop,
+    Unsaved,
     ViewOpened,
+    unsaved_of,
 )
 from silo.model import Edit, FileType, SavedFile, Status, Table
+from silo.version import VERSION
 
 if TYPE_CHECKING:
     from silo.columns import HistoryColumns
@@ -86,7 +90,7 @@ class Client:
         if isinstance(logger, Found):
             return cls(logger, timeout_s)
         discovery = discover(timeout_s, config)
-        named = [found for found in discovery.loggers if logger in ("", found.name, found.label)]
+        named = discovery.named(logger)
         if not named:
             raise ConnectionLostError(not_found_text(logger, discovery))
         if len({found.label for found in named}) > 1:
@@ -134,9 +138,10 @@ class Client:
 
     def hello(self) -> HelloReply:
         """Return who is there, and whether this user may change anything."""
-        reply = self._call(Hello(client=self._name))
+        question = Hello(version=VERSION, client=self._name)
+        reply = self._call(question)
         try:
-            self._connection.exchange(Hello(client=self._name), self._timeout_s, key="do")
+            self._connection.exchange(question, self._timeout_s, key="do")
         except ConnectionLostError:
             # access control swallows what isn't allowed: no answer on this key is the answer
             import msgspec
@@ -180,17 +185,21 @@ class Client:
         request = ApplyEdits(revision=revision, edits=list(edits), client=self._name)
         return self._call(request)
 
-    def start(self) -> Status:
-        """Start the logger; the buffers are cleared."""
-        return self._call(Start(client=self._name)).status
+    def start(self, unsaved: Unsaved | str = Unsaved.REFUSE, told: Callable[[str], None] | None = None) -> Status:
+        """Start the logger; the buffers are cleared, which is refused (why: UNSAVED) while they hold unsaved data.
+
+        unsaved: `"save"` or `"discard"` it; `told` is called with where it was saved, in words. Raises GoesOnError
+        where the robot program takes longer.
+        """
+        return _status(self._call(Start(unsaved=unsaved_of(unsaved), client=self._name)), told)
 
     def stop(self) -> Status:
         """Stop the logger; stopping a stopped one succeeds."""
         return self._call(Stop(client=self._name)).status
 
-    def restart(self) -> Status:
-        """Stop and start the logger."""
-        return self._call(Restart(client=self._name)).status
+    def restart(self, unsaved: Unsaved | str = Unsaved.REFUSE, told: Callable[[str], None] | None = None) -> Status:
+        """Stop and start the logger, with unsaved data as for `start`."""
+        return _status(self._call(Restart(unsaved=unsaved_of(unsaved), client=self._name)), told)
 
     def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
         """Apply a script on the robot's side; without a path the logger's own."""
@@ -344,3 +353,9 @@ class Client:
             view.accept(reply)
         elif isinstance(reply, Refused):
             view.refuse(reply.text)
+
+
+def _status(reply: StatusReply, told: Callable[[str], None] | None) -> Status:
+    if reply.text and told is not None:
+        told(reply.text)
+    return reply.status

@@ -16,13 +16,14 @@ from typing import Any, Protocol
 import msgspec
 import zenoh
 
-from silo.errors import ConnectionLostError, SiloError
+from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
 from silo.ipc.discovery import Found, discover
-from silo.ipc.exchange import encoder, exchange, key_of
+from silo.ipc.exchange import encoded, exchange, key_of
 from silo.ipc.messages import AnyReply, Event, Hello, HelloReply, Request
 from silo.ipc.session import close, open_client, owner_is_gone
 from silo.model import State
+from silo.version import VERSION
 
 POLL_S = 0.05
 RETRY_S = 0.2
@@ -48,9 +49,7 @@ class Pending:
 
     def __init__(self, session: zenoh.Session, key: str, request: Request[Any], timeout_s: float) -> None:
         # not a ring: it loses what it holds when the query ends
-        self._replies = session.get(
-            key, zenoh.handlers.FifoChannel(4), payload=encoder.encode(request), timeout=timeout_s
-        )
+        self._replies = session.get(key, zenoh.handlers.FifoChannel(4), payload=encoded(request), timeout=timeout_s)
 
     def poll(self) -> tuple[bool, bytes | None]:
         """Return whether it has come to its end, and with what."""
@@ -67,7 +66,7 @@ class Connection:
     """A watched session to one logger."""
 
     def __init__(self, found: Found, timeout_s: float, who: str, on_round: Callable[[], None]) -> None:
-        """Connects. Raises ConnectionLostError. `on_round` is called by the thread, 20 times a second."""
+        """Connects. Raises ConnectionLostError, VersionError. `on_round` is called by the thread, 20 times a second."""
         self.found = found
         self._who = who
         self._on_round = on_round
@@ -80,6 +79,7 @@ class Connection:
         self._dead = False
         self._lost_s = 0.0
         self._retry_s = 0.0
+        self._problem = ""  # why the helper process that is there now can't be asked
         self.sessions = 0  # counts up with every session: views must be opened anew
         self._known: set[str] = set()
         self._open(found, timeout_s)
@@ -93,7 +93,8 @@ class Connection:
         session = open_client(Path(found.socket) if found.socket else None, found.config or None)
         try:
             root = keys.Root(found.host, found.name) if found.host else None
-            reply, root = exchange(session, key_of(Hello(), root), Hello(), timeout_s, self.label_of(found))
+            question = Hello(version=VERSION, client=self._who)
+            reply, root = exchange(session, key_of(question, root), question, timeout_s, self.label_of(found))
             self._dead = _state_of(reply) is State.DEAD
             alive = session.liveliness().declare_subscriber(
                 root.key("alive"),
@@ -116,6 +117,7 @@ class Connection:
             self._alive, self._events, self._token = alive, events, token
             self.client_id = client_id
             self._session = session
+            self._problem = ""
             self.sessions += 1
 
     def _lose(self, *, tell: bool = True) -> None:
@@ -146,6 +148,8 @@ class Connection:
     def session(self) -> zenoh.Session:
         """Return the present session. Raises ConnectionLostError while there is none."""
         session = self._session
+        if session is None and self._problem:
+            raise VersionError(self._problem)
         if session is None:
             raise ConnectionLostError(
                 f"no connection to {self.label_of(self.found)} since {time.monotonic() - self._lost_s:.0f} s: its "
@@ -214,7 +218,7 @@ class Connection:
         while (sample := self._events.try_recv()) is not None:
             try:
                 event = _event_decoder.decode(sample.payload.to_bytes())
-            except msgspec.MsgspecError:
+            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
                 log.exception("an event that this version of silo doesn't know")
                 continue
             if event.status is not None:
@@ -232,6 +236,7 @@ class Connection:
             try:
                 self._open(found, HELLO_TIMEOUT_S)
             except SiloError as error:
+                self._problem = str(error) if isinstance(error, VersionError) else ""
                 log.debug("not yet: %s", error)
                 continue
             self._known.add(found.socket)

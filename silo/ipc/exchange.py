@@ -9,15 +9,37 @@ from typing import Any
 import msgspec
 import zenoh
 
-from silo.errors import ConnectionLostError, RefusedError
+from silo.errors import ConnectionLostError, GoesOnError, RefusedError, VersionError
 from silo.ipc import keys
-from silo.ipc.messages import AnyReply, Refused, RefusedWhy, ReplyT, Request, reply_type
+from silo.ipc.messages import (
+    AnyReply,
+    GoesOn,
+    HelloReply,
+    Refused,
+    RefusedWhy,
+    ReplyT,
+    Request,
+    reply_type,
+)
 from silo.ipc.session import close, open_client
+from silo.ipc.versions import PROTOCOL, robot_problem
 from silo.model import Problem
 from silo.runtime import user_name
 
-encoder = msgspec.msgpack.Encoder()
+_encoder = msgspec.msgpack.Encoder()
 _reply_decoder = msgspec.msgpack.Decoder(AnyReply)
+
+
+class _Peer(msgspec.Struct):
+    """What a hello of every protocol says, whatever else is in it."""
+
+    type: str
+    protocol: int
+    version: str
+    oldest: int = 1
+
+
+_peer_decoder = msgspec.msgpack.Decoder(_Peer)
 
 
 class RequestRefusedError(RefusedError):
@@ -27,6 +49,18 @@ class RequestRefusedError(RefusedError):
         super().__init__(refused.text)
         self.why: RefusedWhy = refused.why
         self.problems: list[Problem] = refused.problems
+
+
+def encoded(request: Request[Any]) -> bytes:
+    """Return a request as it is sent. Raises RequestRefusedError for one that is larger than a helper process reads."""
+    payload = _encoder.encode(msgspec.structs.replace(request, protocol=PROTOCOL))
+    if len(payload) > request.max_bytes:
+        text = (
+            f"{type(request).__name__} takes {len(payload)} bytes, a helper process reads at most "
+            f"{request.max_bytes}: send less at a time; nothing was sent"
+        )
+        raise RequestRefusedError(Refused(RefusedWhy.INVALID, text))
+    return payload
 
 
 def client_name() -> str:
@@ -44,9 +78,13 @@ def key_of(request: Request[Any], root: keys.Root | None) -> str:
 def exchange(
     session: zenoh.Session, key: str, request: Request[Any], timeout_s: float, who: str
 ) -> tuple[AnyReply, keys.Root]:
-    """Send a request and wait for its reply, and say who replied. Raises ConnectionLostError, never a refusal."""
+    """Send a request and wait for its reply, and say who replied.
+
+    Raises ConnectionLostError, and of refusals only that of a request that is too large.
+    """
+    payload = encoded(request)
     try:
-        replies = list(session.get(key, payload=encoder.encode(request), timeout=timeout_s))
+        replies = list(session.get(key, payload=payload, timeout=timeout_s))
     except zenoh.ZError as error:
         raise ConnectionLostError(f"lost the connection to {who}: {error}") from error
     for reply in replies:
@@ -63,24 +101,45 @@ def exchange(
 
 
 def decode_reply(payload: bytes, who: str) -> AnyReply:
-    """Decode a reply. Raises ConnectionLostError for one that can't be understood."""
+    """Decode a reply.
+
+    Raises VersionError for a hello of a helper process that can't be asked, ConnectionLostError for what can't be
+    understood.
+    """
     try:
         reply: AnyReply = _reply_decoder.decode(payload)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+        _check_peer(payload, who)
         raise ConnectionLostError(
             f"{who} answers in words that this version of silo doesn't know ({error}): "
             "install the same version of silo on both sides"
         ) from error
+    if isinstance(reply, HelloReply) and (problem := robot_problem(who, reply.protocol, reply.oldest, reply.version)):
+        raise VersionError(problem)
     return reply
+
+
+def _check_peer(payload: bytes, who: str) -> None:
+    """Raise VersionError if this is the hello of a helper process of another protocol."""
+    try:
+        peer = _peer_decoder.decode(payload)
+    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+        return  # not even that can be read
+    problem = robot_problem(who, peer.protocol, peer.oldest, peer.version)
+    if peer.type == HelloReply.__name__ and problem:
+        raise VersionError(problem)
 
 
 def checked_reply(request: Request[ReplyT], reply: AnyReply) -> ReplyT:
     """Return the reply if it is of the request's type.
 
-    Raises RequestRefusedError for a refusal, ConnectionLostError for another reply.
+    Raises RequestRefusedError for a refusal, GoesOnError where it isn't done yet, ConnectionLostError for another
+    reply.
     """
     if isinstance(reply, Refused):
         raise RequestRefusedError(reply)
+    if isinstance(reply, GoesOn):
+        raise GoesOnError(reply.text)
     if not isinstance(reply, reply_type(type(request))):
         raise ConnectionLostError(f"the helper process answered {type(request).__name__} with a {type(reply).__name__}")
     return reply

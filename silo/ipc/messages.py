@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeAlias, TypeVar, ge
 
 import msgspec
 
+from silo.errors import RefusedError
 from silo.model import Edit, FieldChange, FileType, Problem, SavedFile, State, Status, Table
-
-PROTOCOL = 1
 
 ReplyT = TypeVar("ReplyT", bound="Reply")
 
@@ -29,19 +28,21 @@ class Reply(msgspec.Struct, frozen=True, tag=True):
 
 
 class HelloReply(Reply, frozen=True):
-    """`may_edit` tells whether `do` requests of this client get through."""
+    """`may_edit` tells whether `do` requests of this client get through. `oldest` to `protocol` are understood."""
 
     protocol: int
     version: str
     user: str
     may_edit: bool
     status: Status
+    oldest: int = 1
 
 
 class StatusReply(Reply, frozen=True):
-    """Carries a `Status`."""
+    """Carries a `Status`; `text` says what else was done, empty for nothing."""
 
     status: Status
+    text: str = ""
 
 
 class TableReply(Reply, frozen=True):
@@ -135,8 +136,15 @@ class Done(Reply, frozen=True):
     text: str = ""
 
 
+class GoesOn(Reply, frozen=True):
+    """The robot process hasn't answered yet, and may still do it: an event with the number `job` tells how it ended."""
+
+    job: int
+    text: str
+
+
 class RefusedWhy(str, enum.Enum):
-    """The reasons that a client can act on."""
+    """The reasons that a client can act on. One that only a newer silo knows is read as FAILED."""
 
     RUNNING = "running"  # stop first
     CONFLICT = "conflict"  # somebody else changed the table: read it again
@@ -146,6 +154,11 @@ class RefusedWhy(str, enum.Enum):
     FORBIDDEN = "forbidden"
     DEAD = "dead"
     FAILED = "failed"
+    UNSAVED = "unsaved"  # save or discard
+
+    @classmethod
+    def _missing_(cls, _: object) -> "RefusedWhy":
+        return cls.FAILED
 
 
 class Refused(Reply, frozen=True):
@@ -162,13 +175,17 @@ class Refused(Reply, frozen=True):
 class Request(msgspec.Struct, Generic[ReplyT], frozen=True, tag=True, kw_only=True):
     """Base of all requests, by the type of their reply.
 
-    `client` says who asks, for events: `alice@laptop silo-tui 4711`. `timeout_s` is how long a client waits.
+    `client` says who asks, for events: `alice@laptop silo-tui 4711`; `protocol` is the client's, set when the request
+    is sent (those of protocol 1 said none). `timeout_s` is how long a client waits, `max_bytes` what a helper process
+    reads.
     """
 
     key: ClassVar[str]
     timeout_s: ClassVar[float]
+    max_bytes: ClassVar[int]
 
     client: str = ""
+    protocol: int = 1
 
 
 class Ask(Request[ReplyT], Generic[ReplyT], frozen=True):
@@ -176,6 +193,7 @@ class Ask(Request[ReplyT], Generic[ReplyT], frozen=True):
 
     key: ClassVar[str] = "ask"
     timeout_s: ClassVar[float] = 2.0
+    max_bytes: ClassVar[int] = 2 * 2**20
 
 
 class SlowAsk(Ask[ReplyT], Generic[ReplyT], frozen=True):
@@ -189,6 +207,7 @@ class Do(Request[ReplyT], Generic[ReplyT], frozen=True):
 
     key: ClassVar[str] = "do"
     timeout_s: ClassVar[float] = 8.0  # the helper itself waits 5 s for the robot process
+    max_bytes: ClassVar[int] = 8 * 2**20 - 4096  # with Zenoh's own bytes within MAX_MESSAGE_BYTES
 
 
 class RobotRequest(Do[ReplyT], Generic[ReplyT], frozen=True):
@@ -199,7 +218,12 @@ class RobotRequest(Do[ReplyT], Generic[ReplyT], frozen=True):
 
 
 class Hello(Ask[HelloReply], frozen=True):
-    """Who am I and what may I do? May be asked on the key `do` too: only who may change something gets an answer."""
+    """Who am I and what may I do? Answered whatever protocol and `version` the client has.
+
+    May be asked on the key `do` too: only who may change something gets an answer.
+    """
+
+    version: str = ""
 
 
 class GetStatus(Ask[StatusReply], frozen=True):
@@ -271,8 +295,27 @@ class ApplyEdits(RobotRequest[EditsApplied], frozen=True):
     edits: list[Edit]
 
 
+class Unsaved(str, enum.Enum):
+    """What becomes of data that is in no file when the buffers are cleared."""
+
+    REFUSE = "refuse"  # then nothing is cleared
+    SAVE = "save"
+    DISCARD = "discard"
+
+
+def unsaved_of(word: Unsaved | str) -> Unsaved:
+    """Return what a word means. Raises RefusedError for one that means nothing."""
+    try:
+        return Unsaved(word)
+    except ValueError:
+        words = ", ".join(repr(one.value) for one in Unsaved)
+        raise RefusedError(f"unsaved must be one of {words}, got {word!r}; nothing was changed") from None
+
+
 class Start(RobotRequest[StatusReply], frozen=True):
     """Clear the buffers and log."""
+
+    unsaved: Unsaved = Unsaved.REFUSE
 
 
 class Stop(RobotRequest[StatusReply], frozen=True):
@@ -281,6 +324,8 @@ class Stop(RobotRequest[StatusReply], frozen=True):
 
 class Restart(RobotRequest[StatusReply], frozen=True):
     """Stop and start."""
+
+    unsaved: Unsaved = Unsaved.REFUSE
 
 
 class Save(Do[SaveStarted], frozen=True):
@@ -383,7 +428,7 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class EventKind(str, enum.Enum):
-    """What happened."""
+    """What happened. A kind that only a newer silo knows is read as OTHER."""
 
     STARTED = "started"
     STOPPED = "stopped"
@@ -399,6 +444,12 @@ class EventKind(str, enum.Enum):
     SCRIPT_LOADED = "script loaded"
     FILES_DELETED = "files deleted"
     DURABLE = "durable"  # the journal stopped or goes on
+    ENDED = "ended"  # a request that went on came to its end, well or not
+    OTHER = "other"
+
+    @classmethod
+    def _missing_(cls, _: object) -> "EventKind":
+        return cls.OTHER
 
 
 class Event(msgspec.Struct, frozen=True):

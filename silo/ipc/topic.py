@@ -80,7 +80,10 @@ class Topic:
 def decode_batch(sample: zenoh.Sample) -> Batch:
     """Return the arrays of a sample. Raises ConnectionLostError for an encoding that isn't silo's."""
     payload = sample.payload.to_bytes()
-    dtype, shape = _layout(str(sample.encoding))
+    try:
+        dtype, shape = _layout(str(sample.encoding))
+    except (TypeError, ValueError) as error:
+        raise ConnectionLostError(f"this topic has the encoding '{sample.encoding}', which makes no sense") from error
     count = len(payload) // (8 + dtype.itemsize * int(np.prod(shape)))
     values = np.frombuffer(payload, dtype, offset=8 * count).reshape(count, *shape)
     attached = sample.attachment

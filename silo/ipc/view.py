@@ -8,6 +8,7 @@ import numpy as np
 import zenoh
 
 from silo.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
+from silo.errors import ConnectionLostError
 from silo.ipc.frames import Frame
 from silo.ipc.keys import Root
 from silo.ipc.messages import Columns, OpenView, ViewFrame, ViewOpened
@@ -93,18 +94,28 @@ class View:
         return self._refused
 
     def frame(self) -> Frame | None:
-        """All that came since the last call as one frame, None if nothing did."""
+        """All that came since the last call as one frame, None if nothing did.
+
+        Raises ConnectionLostError for frames that can't be understood.
+        """
         with self._lock:
             if self._opened is None or self._subscriber is None:
                 return None
-            frames = [*self._unread, *self._new_frames(self._subscriber)]
-            generation = self._opened.generation
-            mine = [frame for frame in frames if frame.generation == generation]
-            # after an edit or a start, frames may come before the answer that explains them
-            self._unread = [frame for frame in frames if frame.generation > generation][-RING:]
-            if self._unread:
-                self._renew()
-            return self._merged(mine, self._opened) if mine else None
+            try:
+                return self._frame(self._opened, self._subscriber)
+            except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError) as error:
+                raise ConnectionLostError(
+                    f"the helper process sends frames that this version of silo doesn't understand: {error}"
+                ) from error
+
+    def _frame(self, opened: ViewOpened, subscriber: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]") -> Frame | None:
+        frames = [*self._unread, *self._new_frames(subscriber)]
+        mine = [frame for frame in frames if frame.generation == opened.generation]
+        # after an edit or a start, frames may come before the answer that explains them
+        self._unread = [frame for frame in frames if frame.generation > opened.generation][-RING:]
+        if self._unread:
+            self._renew()
+        return self._merged(mine, opened) if mine else None
 
     def _new_frames(self, subscriber: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]") -> list[ViewFrame]:
         frames: list[ViewFrame] = []

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import msgspec
 
 from silo.collecting.run import Run
-from silo.errors import SiloError, StateError
+from silo.errors import SiloError, StateError, UnsavedError
 from silo.ipc.messages import (
     AnyReply,
     ApplyEdits,
@@ -25,12 +25,16 @@ from silo.ipc.messages import (
     Restart,
     Start,
     Stop,
+    Unsaved,
 )
 from silo.link.messages import RobotState
 from silo.model import Edit, ElementInfo, LoggerOptions, Problem, State, Table
 from silo.settings.rules import refusal
 
 log = logging.getLogger("silo")
+
+# what `Logger.start` calls it; for the program itself a start clears without asking
+_UNSAVED = {Unsaved.REFUSE: "refuse", Unsaved.SAVE: "save", Unsaved.DISCARD: "clear"}
 
 
 class Served(Protocol):
@@ -61,9 +65,11 @@ class Served(Protocol):
 
     def problems(self, edits: list[Edit], /) -> list[Problem]: ...
     def apply(self, edits: list[Edit], /) -> int: ...
-    def start(self) -> None: ...
+    def start(self, *, unsaved: str = "clear") -> None: ...
     def stop(self) -> None: ...
-    def restart(self) -> None: ...
+    def restart(self, *, unsaved: str = "clear") -> None: ...
+    @property
+    def saved_before_start(self) -> str: ...
     def note_saved(self, run_id: str, ticks: int, /) -> None: ...
 
 
@@ -92,6 +98,8 @@ def answer(logger: Served, request: Request[Any]) -> AnyReply:
         return Refused(RefusedWhy.INVALID, f"a robot process doesn't do {type(request).__name__} for its helper")
     try:
         return HANDLERS[type(request)](logger, request)
+    except UnsavedError as error:
+        return Refused(RefusedWhy.UNSAVED, str(error))
     except StateError as error:
         why = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
         return Refused(why, str(error))
@@ -119,9 +127,10 @@ def _edit(logger: Served, request: ApplyEdits) -> EditsApplied | Refused:
         return EditsApplied(logger.revision, changed)
 
 
-def _start(logger: Served, _: Start) -> Done:
-    logger.start()
-    return Done()
+def _start(logger: Served, request: Start) -> Done:
+    with logger.lock:
+        logger.start(unsaved=_UNSAVED[request.unsaved])
+        return Done(logger.saved_before_start)
 
 
 def _stop(logger: Served, _: Stop) -> Done:
@@ -129,9 +138,10 @@ def _stop(logger: Served, _: Stop) -> Done:
     return Done()
 
 
-def _restart(logger: Served, _: Restart) -> Done:
-    logger.restart()
-    return Done()
+def _restart(logger: Served, request: Restart) -> Done:
+    with logger.lock:
+        logger.restart(unsaved=_UNSAVED[request.unsaved])
+        return Done(logger.saved_before_start)
 
 
 HANDLERS: dict[type[Request[Any]], Callable[[Served, Any], AnyReply]] = {

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from silo.collecting.holdings import segment_holdings
 from silo.collecting.losses import lost_samples
 from silo.collecting.run import Run
-from silo.errors import NoRoomError, StateError
+from silo.errors import NoRoomError, StateError, UnsavedError
 from silo.logger.unclosed import write_run
 from silo.model import LoggerOptions
 
@@ -41,6 +41,7 @@ class CurrentRun:
         self.run: Run | None = None
         self.number = 0
         self.saved_ticks = 0
+        self.saved_before = ""  # where the run before this one was saved, if that was done at the start of this one
         self._lost_at_end = 0
 
     def replace(self, make: Callable[[], Run], options: LoggerOptions, let_go: Callable[[], None]) -> Run:
@@ -109,12 +110,17 @@ class CurrentRun:
         run, ticks = self.run, self.run.segment.ticks
         paths = ", ".join(file.path for file in write_run(run, options))
         self.mark_saved(run, ticks)
-        log.warning("%s: the last run was saved before it is cleared: %s", options.name, paths)
+        self.saved_before = f"the last run was saved before it is cleared: {paths}"
+        log.warning("%s: %s", options.name, self.saved_before)
 
     def settle(self, unsaved: str, options: LoggerOptions) -> None:
-        """Do with unsaved data what `start(unsaved=...)` was told. Raises StateError, or SaveError: nothing changed."""
+        """Do with unsaved data what `start(unsaved=...)` was told.
+
+        Raises UnsavedError, or SaveError: nothing was changed.
+        """
         if unsaved not in ("clear", "save", "refuse"):
             raise StateError(f"unsaved must be 'clear', 'save' or 'refuse', got {unsaved!r}; nothing was changed")
+        self.saved_before = ""
         if not self.has_unsaved or unsaved == "clear":
             return
         if unsaved == "save":
@@ -122,7 +128,7 @@ class CurrentRun:
             return
         assert self.run is not None
         held = segment_holdings(self.run.reader).text
-        raise StateError(
+        raise UnsavedError(
             f"logger '{options.name}' holds {held}, and what is new of it is in no file; a start clears it: save it "
             "first, or say what is to become of it (save or discard); nothing was changed"
         )

@@ -156,6 +156,11 @@ class Logger(Configuration):
                 self.options.name,
             )
 
+    @property
+    def saved_before_start(self) -> str:
+        """Where the run before the present one was saved if a start had to, in words; empty where it hadn't."""
+        return self._present.saved_before
+
     def stop(self) -> None:
         """End logging; the data stays and can be saved. Stopping a stopped logger succeeds."""
         with self._lock:

@@ -21,6 +21,7 @@ from silo.ipc.messages import Done, Refused, Save, SaveStarted
 from silo.link.handover import RunOffer, offer_run
 from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.logger.answers import Served, answer, robot_state
+from silo.logger.down import DownMark
 from silo.logger.helper_process import HelperProcess
 from silo.model import FileType, SavedFile
 
@@ -54,6 +55,7 @@ class Serving:
         self._by = ""
         self._tries = 0
         self._started_s = 0.0
+        self._down = DownMark(self._name)
         self.alive = True  # until it is closed
         self.is_up = False  # whether a helper process is there right now
         self.left: tuple[str, int] | None = None  # the segment and the ticks that the helper was told to save
@@ -155,6 +157,7 @@ class Serving:
         if not self.alive:
             return  # it ended because the logger is being closed
         self.is_up = False
+        self._down.set()
         code = self._helper.kill()
         self._fail_pending("the helper process died while it saved; a new one is being started: save again")
         if time.monotonic() - self._started_s > LONG_LIFE_S:
@@ -167,6 +170,7 @@ class Serving:
             )
         while self.alive and not self._respawned():
             pass
+        self._down.clear()
 
     def _respawned(self) -> bool:
         """Wait for the next try and make it; False if it failed."""

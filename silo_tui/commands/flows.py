@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from silo.errors import RefusedError
-from silo.ipc.messages import RefusedWhy
+from silo.ipc.messages import RefusedWhy, Unsaved
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.table import PendingChange
@@ -26,9 +26,10 @@ async def start_stop(context: Context) -> None:
         context.say(GONE)
         return
     if not session.running:
-        if _unsaved(context) and not await _start_over(context):
+        unsaved = await _start_over(context) if _is_unsaved(context) else Unsaved.REFUSE
+        if unsaved is None:
             return
-        await session.start()
+        await session.start(unsaved)
         context.say("started")
     elif await _confirmed(context, "Stop logging?", "What was logged stays in memory; w saves it.", "Stop"):
         await session.stop()
@@ -42,52 +43,69 @@ async def restart(context: Context) -> None:
     if session.dead:
         context.say(GONE)
         return
+    unsaved: Unsaved | None = Unsaved.REFUSE
     if session.running:
         answer = await _ask_around(
             context, "Restart logging?", Text(SPLIT), Choice("no", "Don't restart"), "restart", "y"
         )
         if answer is None or (answer == "save" and not await _stop_and_save(context)):
             return
-    elif _unsaved(context) and not await _start_over(context):
+        unsaved = _decided(answer)
+    elif _is_unsaved(context):
+        unsaved = await _start_over(context)
+    if unsaved is None:
         return
-    await session.restart()
+    await session.restart(unsaved)
     context.say("restarted")
     context.status_changed()
 
 
-def _unsaved(context: Context) -> int:
-    """Return ticks that a new start would drop."""
-    session = context.session
-    return 0 if session.status.saved else max(session.status.ticks, session.ticks if session.running else 0)
+def _is_unsaved(context: Context) -> bool:
+    """Return whether a new start would drop something."""
+    status = context.session.status
+    return not status.saved and status.ticks > 0
 
 
-async def _start_over(context: Context) -> bool:
-    ticks = text.plural_count(_unsaved(context), "tick")
-    body = f"The last recording ({ticks}) is not saved, and starting drops it."
+def _held(context: Context) -> str:
+    """Return what the buffers hold, in words: of all ticks since the start they may have forgotten most."""
+    status = context.session.status
+    return f"{text.plural_count(status.held_samples, 'sample')} over {status.held_s:.3g} s"
+
+
+def _decided(answer: str) -> Unsaved:
+    """Return what an answer of `_ask_around` says of unsaved data; of what came since it was given, nothing."""
+    return Unsaved.DISCARD if answer == "drop" else Unsaved.REFUSE
+
+
+async def _start_over(context: Context) -> Unsaved | None:
+    """Ask what becomes of the last recording; None: it is not to be started."""
+    held = _held(context)
+    body = f"The last recording ({held}) is not saved, and starting drops it."
     choices = [
         Choice("no", "Don't start"), Choice("save", "Save it, then start", "s"),
-        Choice("drop", f"Drop {ticks} and start", "d"),
+        Choice("drop", f"Drop {held} and start", "d"),
     ]  # fmt: skip
     answer = await context.app.push_screen_wait(Question("Start without saving?", body, choices))
-    return await _save_all(context) if answer == "save" else answer == "drop"
+    if answer == "save":
+        return Unsaved.REFUSE if await _save_all(context) else None
+    return Unsaved.DISCARD if answer == "drop" else None
 
 
 async def _ask_around(
     context: Context, title: str, body: Text, harmless: Choice, steps: str, key: str, others: Sequence[Choice] = ()
 ) -> str | None:
-    """Ask before a running logger is stopped and started again; None, an answer of `others`, "save" or "drop".
+    """Ask before a running logger is stopped and started again; None, an answer of `others`, "save", "drop" or "go".
 
-    "save": what was logged is to be saved in between. "drop": there is nothing to save, or it is to be dropped.
+    "save": what was logged is to be saved in between. "drop": it is to be dropped. "go": there is nothing to save.
     """
     await context.session.refresh_status()  # it may have been saved, and gone on since
-    unsaved = _unsaved(context)
     choices = [harmless]
-    if unsaved:
-        ticks = text.plural_count(unsaved, "tick")
-        body = Text(f"{ticks} are not saved, and starting again drops them.\n", style="bold").append_text(body)
-        choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {ticks}: {steps}", "d")]
+    if _is_unsaved(context):
+        held = _held(context)
+        body = Text(f"{held} are not saved, and starting again drops them.\n", style="bold").append_text(body)
+        choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {held}: {steps}", "d")]
     else:
-        choices.append(Choice("drop", steps[:1].upper() + steps[1:], key))
+        choices.append(Choice("go", steps[:1].upper() + steps[1:], key))
     answer = await context.app.push_screen_wait(Question(title, body, [*choices, *others]))
     return None if answer == harmless.value else answer
 
@@ -135,7 +153,7 @@ async def apply(context: Context) -> None:
             return
         if answer == "save" and not await _stop_and_save(context):
             return
-        if await _carry_out(context, around=answer != "apply"):
+        if await _carry_out(context, around=answer != "apply", unsaved=_decided(answer)):
             return
 
 
@@ -152,7 +170,7 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
 
 
-async def _carry_out(context: Context, *, around: bool) -> bool:
+async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> bool:
     """Apply; False when somebody else was faster and the edits are to be looked at again."""
     session = context.session
     try:
@@ -162,7 +180,7 @@ async def _carry_out(context: Context, *, around: bool) -> bool:
     except RefusedError as refused:
         context.table_changed()
         if around:
-            await session.start()
+            await session.start(unsaved)
         if why(refused) is RefusedWhy.CONFLICT:
             context.say("somebody else changed the table meanwhile: look again")
             return False
@@ -172,7 +190,7 @@ async def _carry_out(context: Context, *, around: bool) -> bool:
             return False
         raise
     if around:
-        await session.start()
+        await session.start(unsaved)
     context.table_changed()
     context.status_changed()
     context.say(f"applied to {text.plural(changed, 'element')}" + (", logging again" if around else ""))
@@ -227,20 +245,21 @@ async def load_script(context: Context, path: str = "") -> None:
         body = f"{edits} stay pending on top of the script."
         if not await _confirmed(context, "Load over pending edits?", body, "Load"):
             return
-    around = session.running
+    around, unsaved = session.running, Unsaved.REFUSE
     if around:
         body_text = Text(f"The logger runs, and a running logger takes no script. {SPLIT}")
         no, steps = Choice("no", "Don't load"), "stop, load, start again"
         answer = await _ask_around(context, "Stop, load, start again?", body_text, no, steps, "y")
         if answer is None or (answer == "save" and not await _stop_and_save(context)):
             return
+        unsaved = _decided(answer)
         if session.running:
             await session.stop()
     try:
         loaded = await link.call(lambda client: client.load_script(name))
     finally:
         if around:
-            await session.start()
+            await session.start(unsaved)
     await session.reload()
     context.table_changed()
     context.status_changed()

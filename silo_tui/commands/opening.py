@@ -136,6 +136,7 @@ class Opener:
         return named[0] if len(named) == 1 and named[0].key not in self._failed else None
 
     def _named(self, loggers: Sequence[FoundLogger]) -> list[FoundLogger]:
-        """Return those that are meant by NAME or NAME.PID."""
+        """Return those that are meant by NAME or NAME.PID; the dead only where none of them lives."""
         wanted = self._wanted
-        return [each for each in loggers if not wanted or wanted in {each.name, f"{each.name}.{each.pid}"}]
+        named = [each for each in loggers if not wanted or wanted in {each.name, f"{each.name}.{each.pid}"}]
+        return [each for each in named if not each.dead] or named

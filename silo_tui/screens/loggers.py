@@ -53,7 +53,8 @@ class LoggersScreen(SiloScreen):
             options.clear_options()
             width = max((len(line.name) for line in lines), default=0)
             for line in lines:
-                words = Text(f" {line.name:<{width}}  pid {line.pid}  {line.user}")
+                gone = "  (dead)" if line.dead else ""
+                words = Text(f" {line.name:<{width}}  pid {line.pid}  {line.user}{gone}")
                 options.add_option(Option(words, id=line.key))
             self._lines = tuple(lines)
             if lines:

@@ -21,6 +21,7 @@ class FoundLogger:
     pid: int
     user: str
     key: str  # tells loggers apart, also two of one name
+    dead: bool = False  # the robot program is gone, its helper still answers
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class ClientFinder:
 
     def find(self) -> Found:
         """Return the loggers that run now, and advice for those that are closed to us."""
-        from silo.ipc.discovery import discover
+        from silo.ipc.discovery import discover, down_text
         from silo.ipc.exchange import client_name
 
         self._own_name = client_name()
@@ -55,11 +56,11 @@ class ClientFinder:
         for each in found.loggers:
             key = each.socket or f"{each.host}/{each.name}"
             self._seen[key] = each
-            loggers.append(FoundLogger(each.name, each.pid, each.user or each.host, key))
+            loggers.append(FoundLogger(each.name, each.pid, each.user or each.host, key, each.dead))
         advice = [
             f"{folder.owner} runs {', '.join(folder.loggers) or 'a logger'}, closed to you: {folder.advice}"
             for folder in found.forbidden
-        ]
+        ] + [down_text(each) for each in found.down]
         return Found(tuple(loggers), tuple(advice))
 
     def connect(self, logger: FoundLogger) -> "Client":

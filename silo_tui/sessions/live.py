@@ -13,7 +13,7 @@ import numpy as np
 from silo.columns import MAX_COLUMNS, HistoryColumns
 from silo.errors import RefusedError
 from silo.ipc.frames import Frame
-from silo.ipc.messages import Event, EventKind, RefusedWhy
+from silo.ipc.messages import Event, EventKind, RefusedWhy, Unsaved
 from silo.model import ElementInfo, State, Status
 from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
@@ -131,17 +131,17 @@ class Session:
         self._link.watch_again()
         return applied.changed
 
-    async def start(self) -> None:
+    async def start(self, unsaved: Unsaved = Unsaved.REFUSE) -> None:
         """Start the logger; what was read belongs to the run before."""
-        self.take_status(await self._link.call(lambda client: client.start()))
+        self.take_status(await self._link.call(lambda client: client.start(unsaved)))
 
     async def stop(self) -> None:
         """Stop the logger."""
         self.take_status(await self._link.call(lambda client: client.stop()))
 
-    async def restart(self) -> None:
+    async def restart(self, unsaved: Unsaved = Unsaved.REFUSE) -> None:
         """Stop and starts the logger."""
-        self.take_status(await self._link.call(lambda client: client.restart()))
+        self.take_status(await self._link.call(lambda client: client.restart(unsaved)))
 
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Return past columns of some entries, asked for in pieces as large as a logger answers."""

@@ -124,7 +124,7 @@ def test_a_stopped_logger_keeps_its_ticks_and_counts_no_more(side, client):
 def test_restart_counts_from_nothing(side, client):
     client.start()
     side.ticks(5)
-    assert (client.restart().state, client.status().ticks) == (State.RUNNING, 0)
+    assert (client.restart("discard").state, client.status().ticks) == (State.RUNNING, 0)
 
 
 # ----------------------------------------------------------------------------------------------------- events

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -296,8 +297,10 @@ def test_a_forgotten_logger_ends_with_its_helper_process(tmp_path, until):
     log.start()
     x[...] = 5
     log.collect()
+    gone = weakref.ref(log)
     del log, x
     gc.collect()  # what collect() needs of its logger is a circle
+    assert gone() is None
     until(lambda: not Path(f"/proc/{pid}/cmdline").exists() or not Path(f"/proc/{pid}/cmdline").read_bytes())
     assert saved_at(tmp_path, "/log/x") == [5.0]
 

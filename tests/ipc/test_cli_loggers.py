@@ -124,7 +124,7 @@ def test_ls_as_json_is_the_status(log: silo.Logger, command: Run) -> None:
 
 def test_the_logger_may_be_left_out_while_it_is_the_only_one(log: silo.Logger, command: Run) -> None:
     assert "arm on " in command("info").out
-    assert command("start").out.startswith("arm: running")
+    assert command("start", "--discard").out.startswith("arm: running")
 
 
 def test_a_wrong_name_tells_which_loggers_there_are(log: silo.Logger, command: Run) -> None:
@@ -149,8 +149,8 @@ def test_info_lists_the_elements_that_match(log: silo.Logger, command: Run) -> N
 
 
 def test_start_stop_and_restart_change_the_state(log: silo.Logger, command: Run) -> None:
-    assert (command("start").code, log.is_running) == (0, True)
-    assert (command("restart").code, log.is_running) == (0, True)
+    assert (command("start", "--discard").code, log.is_running) == (0, True)
+    assert (command("restart", "--discard").code, log.is_running) == (0, True)
     assert (command("stop").code, log.is_running) == (0, False)
     assert command("stop").code == 0
 
@@ -194,7 +194,7 @@ def test_a_running_logger_refuses_to_be_changed(log: silo.Logger, command: Run) 
 
 def test_restart_stops_changes_and_starts_again(log: silo.Logger, command: Run) -> None:
     log.start()
-    shown = command("set", "*", "divider=2", "--restart")
+    shown = command("set", "*", "divider=2", "--restart", "--discard")
     assert (shown.code, "logging again" in shown.out, log.is_running) == (0, True, True)
     assert {element.options.divider for element in log.elements} == {2}
 

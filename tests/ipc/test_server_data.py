@@ -107,7 +107,7 @@ def test_view_goes_on_after_a_restart_and_an_edit(bench, client, until) -> None:
         frame_at(view, 2, until)
         client.stop()
         client.apply([Edit("/log/x", ElementOptions(divider=2, action=silo.Action.PUBLISH))], -1)
-        client.start()
+        client.start("discard")
         bench.ticks(5)
         assert until(lambda: (frame := view.frame()) and frame.tick == 5 and frame).newest.tolist() == [7]
 
@@ -116,7 +116,7 @@ def test_columns_before_the_layout_is_known_are_kept(bench, client, until) -> No
     client.start()
     with client.view(plots=["/log/x"], rate_hz=30, column_ns=COLUMN_NS) as view:
         until(view.frame)
-        client.restart()
+        client.restart("discard")
         bench.ticks(10)
         frame = frame_at(view, 10, until)
     assert (frame.low[0].min(), frame.high[0].max()) == (1, 10)
@@ -268,7 +268,7 @@ def test_topic_of_a_divided_element_has_the_stamps_of_its_own_ticks(bench, clien
 def test_topic_begins_again_with_the_first_sample_after_a_restart(bench, client, until) -> None:
     client.start()
     with warmed(bench, client, "/log/x", until) as topic:
-        client.restart()
+        client.restart("discard")
         bench.ticks(20)
         batches = until(topic.read)
     assert batches[0].first == 0
@@ -366,7 +366,7 @@ def test_restart_right_after_the_request_takes_nothing_from_a_save(bench, client
     client.start()
     bench.ticks(100)
     job = client.save()
-    client.restart()
+    client.restart("discard")
     (file,) = client.wait_saved(job, 30)
     assert len(silo.open_log(file.path)["/log/x"].values) == 100
 

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 import silo
 from silo.errors import RefusedError
 from silo.ipc.client import Client
+from silo.ipc.exchange import encoded
 from silo.ipc.messages import ApplyEdits, EventKind, GetHistory, OpenView, RefusedWhy, Save
 from silo.ipc.session import close, open_client
-from silo.model import Edit, ElementOptions, State
+from silo.model import Edit, ElementOptions, FileType, State
 from tests.examples import examples
 
 
@@ -121,7 +122,7 @@ def test_starting_a_running_logger_is_refused(client) -> None:
 def test_restart_clears_the_buffers(bench, client) -> None:
     client.start()
     bench.ticks(5)
-    assert client.restart().ticks == 0
+    assert client.restart("discard").ticks == 0
 
 
 def test_what_the_robot_program_does_itself_reaches_clients(bench, client, heard) -> None:
@@ -209,13 +210,13 @@ ABSURD = [
 
 def test_absurd_wishes_are_refused(raw) -> None:
     for wish in ABSURD:
-        (answer,) = raw(msgspec.msgpack.encode(wish))
+        (answer,) = raw(encoded(wish))
         assert (answer["type"], answer["why"]) == ("Refused", "invalid"), wish
 
 
 def test_name_of_a_client_can_not_steer_a_terminal(raw, heard, bench) -> None:
     raw(
-        msgspec.msgpack.encode(
+        encoded(
             ApplyEdits(revision=-1, edits=[Edit("/log/x", ElementOptions(divider=3))], client="\x1b[2Jevil" + "x" * 999)
         ),
         "do",
@@ -226,7 +227,7 @@ def test_name_of_a_client_can_not_steer_a_terminal(raw, heard, bench) -> None:
 
 
 def test_save_before_the_first_start_is_refused(raw) -> None:
-    (answer,) = raw(msgspec.msgpack.encode(Save(types=[0])), "do")
+    (answer,) = raw(encoded(Save(types=[FileType.SILO])), "do")
     assert "nothing was logged yet" in answer["text"]
 
 

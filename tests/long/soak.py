@@ -171,7 +171,7 @@ def abuse(soak: Soak, chance: random.Random) -> None:
 def edit(soak: Soak, *, growing: bool) -> None:
     """Stop, edit and start as a user does."""
     buffer = ["buffer=growing", "size=1000"] if growing else ["buffer=looping", "size=5s"]
-    for words in (["stop", NAME], ["set", NAME, "*", *buffer], ["start", NAME]):
+    for words in (["stop", NAME], ["set", NAME, "*", *buffer], ["start", NAME, "--discard"]):
         done = silo_command(words, soak.environment, soak.folder)
         if done.returncode:
             soak.notes.append(f"silo {' '.join(words)}: {done.stdout}{done.stderr}".strip())

@@ -24,6 +24,7 @@ from silo.ipc.messages import (
     ScriptDiff,
     Scripts,
     ScriptText,
+    Unsaved,
 )
 from silo.model import (
     Action,
@@ -227,6 +228,11 @@ class FakeClient:
         self.connected = True
         self._link(True)
 
+    def _kept(self) -> list[int]:
+        """Samples that the buffers of the held recording hold, per saved element."""
+        made = [self.recorded(info.name) for info in self.elements]
+        return [_held(options, self.ticks) for options in made if options.enabled and options.action.saves]
+
     def somebody_edits(self, name: str, **options: Any) -> None:
         self._replace(name, msgspec.structs.replace(self.info(name).options, **options))
         self.revision += 1
@@ -264,6 +270,7 @@ class FakeClient:
             lost=self.lost, elements=len(self.elements), enabled=sum(info.options.enabled for info in self.elements),
             entries=sum(len(info.entries) for info in self.elements), max_time_s=10.0, prefix="/log",
             folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
+            held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
         )  # fmt: skip
 
     def table(self) -> Table:
@@ -330,13 +337,18 @@ class FakeClient:
         self.publish(EventKind.EDITED, f"{changed} elements edited", by=OWN_NAME)
         return EditsApplied(revision=self.revision, changed=changed)
 
-    def start(self) -> Status:
+    def start(self, unsaved: str = "refuse") -> Status:
         self._ask()
         self.calls.append(("start",))
         if self.state is State.RUNNING:
             raise refused(RefusedWhy.RUNNING, "it runs already: stop it first; nothing was changed")
+        self._settle(unsaved)
         self._begin()
         return self.status()
+
+    def _settle(self, unsaved: str) -> None:
+        if Unsaved(unsaved) is Unsaved.REFUSE and self.ticks and not self.saved:
+            raise refused(RefusedWhy.UNSAVED, "it holds what is in no file (save or discard); nothing was changed")
 
     def _begin(self) -> None:
         self.state, self.started_ns, self.saved = State.RUNNING, self.now_ns, False
@@ -354,9 +366,11 @@ class FakeClient:
             self.state = State.STOPPED
             self.publish(EventKind.STOPPED, "stopped", by=OWN_NAME)
 
-    def restart(self) -> Status:
+    def restart(self, unsaved: str = "refuse") -> Status:
+        self._ask()
+        self._settle(unsaved)
         self.stop()
-        return self.start()
+        return self.start(Unsaved.DISCARD)
 
     def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
         self._ask()

@@ -1,0 +1,36 @@
+"""What a robot program leaves in the runtime folder while its helper process is down, so that `silo ls` can tell."""
+
+import contextlib
+import logging
+import os
+
+from silo.errors import SegmentError
+from silo.runtime import down_mark, open_unfinished
+
+log = logging.getLogger("silo")
+
+
+class DownMark:
+    """The file of one served logger; it counts as long as this process has it open. By the link thread only."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._descriptor = -1
+
+    def set(self) -> None:
+        """Say that the helper process is down, since now unless that was said before."""
+        if self._descriptor >= 0:
+            return
+        try:
+            self._descriptor = open_unfinished(down_mark(self._name, os.getpid()))
+        except (OSError, SegmentError) as error:
+            log.debug("%s: it can't be told that the helper process is down: %s", self._name, error)
+
+    def clear(self) -> None:
+        """It is there again, or wanted no more."""
+        if self._descriptor < 0:
+            return
+        with contextlib.suppress(OSError, SegmentError):
+            down_mark(self._name, os.getpid()).unlink(missing_ok=True)
+        os.close(self._descriptor)
+        self._descriptor = -1
