@@ -172,6 +172,8 @@ class Status(msgspec.Struct, frozen=True):
     segment_bytes: int = 0
     saved: bool = True  # whether everything that was collected stands in a file
     durable_ticks: int = -1  # ticks that would survive a power cut now; -1 where that wasn't asked for
+    failed: int = 0  # samples that stand for ones that could not be read, all elements together
+    failed_most: dict[str, int] = {}  # the elements with most of them
 
 
 class Table(msgspec.Struct, frozen=True):

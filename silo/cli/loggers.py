@@ -169,6 +169,8 @@ def _show_status(status: "Status") -> None:
         ("frequency", f"{status.frequency_hz:g} Hz, measured {status.measured_hz:.4g} Hz"),
         ("logged", f"{status.ticks} ticks{f' in {_since(status)}' if _since(status) != '-' else ''}{unsaved}"),
         ("lost", f"{status.lost} samples"),
+        *_failed(status),
+        *_durable(status),
         ("elements", f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"),
         ("time limit", limit),
         ("memory", f"{status.segment_bytes / 1e6:.1f} MB"),
@@ -178,6 +180,22 @@ def _show_status(status: "Status") -> None:
         ("revision", str(status.revision)),
     ]
     show_rows(rows)
+
+
+def _failed(status: "Status") -> list[tuple[str, str]]:
+    """A line where attributes or functions could not be read."""
+    if not status.failed:
+        return []
+    names = ", ".join(f"{name} at {many(count, 'tick')}" for name, count in status.failed_most.items())
+    return [("failed", f"{many(status.failed, 'sample')} could not be read: {names}")]
+
+
+def _durable(status: "Status") -> list[tuple[str, str]]:
+    """A line where there is a journal."""
+    if status.durable_ticks < 0:
+        return []
+    later = max(0, status.ticks - status.durable_ticks)
+    return [("durable", f"to tick {status.durable_ticks}; a power cut now would lose {many(later, 'tick')} after it")]
 
 
 def _show_elements(elements: "list[ElementInfo]") -> None:

@@ -53,7 +53,8 @@ def _add(archive: zipfile.ZipFile, name: str, values: NDArray[Any]) -> None:
 
 def write_mat(recording: Recording, path: Path, progress: Progress | None = None) -> None:
     """Write one struct per element: `name`, `unit`, `kind`, `divider`, `looping`, `time` (s from the first stamp),
-    `first`, `lost`, `failed`, `failed_ticks` (stretches of ticks since start, first and last in a row) and `data` (samples x entries; a struct of columns where types differ), and a struct `silo` of the log with
+    `first`, `lost`, `failed`, `failed_ticks` (first and last tick since start of each stretch that could not be read,
+    in rows) and `data` (samples x entries; a struct of columns where types differ), and a struct `silo` of the log with
     all stamps: those of an element in ns are `silo.time_ns(first : divider : first + divider * (numel(time) - 1))`.
 
     Variables are the elements' names with what MATLAB forbids as `_`. Raises `SaveError` for more than 2 GB per

@@ -22,6 +22,8 @@ from silo.link.messages import RobotState
 from silo.model import ElementInfo, LoggerOptions, State, Status, Table
 from silo.runtime import user_name
 
+FAILED_NAMES = 10  # of the status, which goes with every event
+
 _encoder = msgspec.msgpack.Encoder()
 
 
@@ -198,6 +200,7 @@ class Mirror:
             size = reader.size_bytes if reader else 0
             saved = reader is None or ticks <= self._saved_ticks(reader)
             started_ns = reader.schema.started_ns if reader else 0
+            failed = reader.failure_counts() if reader else {}
         return Status(
             logger=robot.logger,
             host=self.host,
@@ -223,6 +226,8 @@ class Mirror:
             segment_bytes=size,
             saved=saved,
             durable_ticks=self.durable_ticks,
+            failed=sum(failed.values()),
+            failed_most=dict(sorted(failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
         )
 
 

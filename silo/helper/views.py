@@ -177,6 +177,7 @@ class View:
                 marks=grid.marks.tobytes() if grid.marks.any() else b"",
                 bases={signal: base for signal, base in enumerate(grid.bases) if base},
                 since_ns=self._since_ns,
+                failed=self._newest.failed() if self._newest else {},
             )
         )
 

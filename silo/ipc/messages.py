@@ -353,7 +353,8 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     the digits of integers from 2**53 on; `low`/`high` float64 of shape `(len(plots), count)`: columns
     `first ... first + count - 1`, the last of them perhaps not complete yet (it comes again), with `marks` and
     `bases` as in `Columns`. They hold every sample since the frame
-    before; where some were skipped `since_ns` is the time from which on they are whole, else 0.
+    before; where some were skipped `since_ns` is the time from which on they are whole, else 0. `failed` has by its
+    position in `values` at how many ticks an element could not be read, of those that ever failed.
     """
 
     number: int
@@ -374,6 +375,7 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     marks: bytes = b""
     bases: dict[int, int] = {}
     since_ns: int = 0
+    failed: dict[int, int] = {}
 
 
 # ----------------------------------------------------------------------------------------------- published: events

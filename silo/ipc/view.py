@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import msgspec
 import numpy as np
@@ -28,7 +28,8 @@ class Frame:
     came since the last frame, so merge them with `fmin` and `fmax`, best in a `silo.columns.ColumnStore`. They are
     offsets from `bases` (by place in `plots`), `marks` are bytes of their shape or None for none. `missed` counts
     frames that never arrived, since the view was opened. `since_ns` is 0 where this frame continues the one
-    before; else its columns are whole from that time on, and the history knows what was before.
+    before; else its columns are whole from that time on, and the history knows what was before. `failed`: by place in
+    `elements`, at how many ticks an element could not be read, of those that ever failed.
     """
 
     elements: tuple[str, ...]
@@ -53,6 +54,7 @@ class Frame:
     bases: dict[int, int]
     since_ns: int
     missed: int
+    failed: dict[int, int] = field(default_factory=dict)
 
     @property
     def running(self) -> bool:
@@ -191,6 +193,7 @@ class View:
             bases={row: base for row, base in enumerate(grid.bases) if base},
             since_ns=since_ns,
             missed=self._missed,
+            failed=newest.failed,
         )
 
     def close(self) -> None:
