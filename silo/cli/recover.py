@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     "--look-in",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
     default=Path(),
-    help="Log folder of loggers with storage='disk'; this folder if not given.",
+    help="Log folder of loggers with storage='disk' or 'file'; this folder if not given.",
 )
 @types_option
 @json_option

@@ -137,9 +137,9 @@ def test_a_segment_that_a_killed_program_never_finished_is_swept(tmp_path, runti
 
 
 def test_an_unfinished_segment_on_disk_is_swept_by_the_next_start_there(tmp_path, new_logger):
-    with program(STARTING, tmp_path, "disk"):
+    with program(STARTING, tmp_path, "file"):
         assert len(list(tmp_path.glob(".*.new"))) == 1
-    by_start(new_logger, storage="disk")
+    by_start(new_logger, storage="file")
     assert list(tmp_path.glob(".*.new")) == []
 
 

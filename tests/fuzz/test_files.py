@@ -1,6 +1,6 @@
 """Damaged log files: whatever stands in them, nothing but silo's own errors comes out, and no memory is claimed.
 
-2,000 damaged files of each format; `SILO_FUZZ=100000` takes so many. The number of a file that failed makes it again.
+2,000 damaged files of each format; `SILO_FUZZ_INPUTS=100000` takes so many. The number of a failure makes it again.
 """
 
 import json
@@ -23,7 +23,7 @@ from silo.kinds import struct_text
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
-COUNT = int(os.environ.get("SILO_FUZZ", "2000"))
+COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 ROOM_BYTES = 1 << 30
 NUMBERS = [
     b"-1",

@@ -11,6 +11,8 @@ from silo.ipc.client import Client
 from silo.ipc.messages import GetHistory
 from silo.model import BufferType, Edit, ElementOptions
 
+pytestmark = pytest.mark.slow
+
 COLUMN_NS = 100_000_000
 LIVE = silo.Action.SAVE_AND_PUBLISH
 BIG = 2**62
