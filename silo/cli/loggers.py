@@ -54,7 +54,7 @@ def ls(as_json: bool) -> None:
         show_json([answer.status or {"logger": answer.found.label, "error": answer.error} for answer in answers])
         return
     if not answers:
-        _tell_orphans()
+        _tell_orphans(answers)
         raise ConnectionLostError(not_found_text("", discovery))
     header = ("LOGGER", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
     show_rows([header, *map(_ls_row, answers)], right=(2, 3, 4, 5, 6, 7))
@@ -66,7 +66,7 @@ def ls(as_json: bool) -> None:
     for folder in discovery.forbidden:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
-    _tell_orphans()
+    _tell_orphans(answers)
 
 
 def _sweep() -> None:
@@ -93,7 +93,7 @@ def _sweep_logs(answers: "list[Answer]") -> None:
             sweep_parts(folder)
 
 
-def _tell_orphans() -> None:
+def _tell_orphans(answers: "list[Answer]") -> None:
     """What programs left behind that nobody would find without being told."""
     from silo.runtime import orphaned_segments
 
@@ -101,6 +101,22 @@ def _tell_orphans() -> None:
     if count:
         click.echo(
             f"{many(count, 'recording')} of programs that died may be in no file: `silo recover --list`", err=True
+        )
+    for folder in dict.fromkeys([str(Path.cwd()), *(answer.status.folder for answer in answers if answer.status)]):
+        if any(Path(folder).glob(".*.journal")):
+            _tell_journals(folder)
+
+
+def _tell_journals(folder: str) -> None:
+    from silo.collecting.left_journals import orphaned_journals, sweep_journals  # needs NumPy, as a rule none is there
+
+    sweep_journals(folder)
+    count = len(orphaned_journals(folder))
+    if count:
+        click.echo(
+            f"{many(count, 'journal')} in {folder} may hold what a power cut took from memory: "
+            f"`silo recover --list --look-in {folder}`",
+            err=True,
         )
 
 

@@ -9,7 +9,6 @@ import silo
 from silo.cli.main import run
 from silo.ipc.client import Client
 
-
 pytestmark = pytest.mark.slow
 
 

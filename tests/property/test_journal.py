@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from silo.collecting import journal_writer
 from silo.collecting.disk import Disk
+from silo.collecting.journal import Head
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.journal_writer import JournalWriter
 from silo.collecting.segment_reader import SegmentReader
@@ -179,7 +180,7 @@ def logged_to_journal(folder: Path, options, batches, disk, monkeypatch, refusal
     with contextlib.closing(log):
         log.start()
         reader = SegmentReader(log.segment_path)
-        writer = JournalWriter(folder / "run.journal", reader.schema, disk)
+        writer = JournalWriter(folder / "run.journal", Head(str(reader.path), reader.schema), disk)
         for number, ticks in enumerate(batches):
             for _ in range(ticks):
                 for array in arrays:
