@@ -159,3 +159,4 @@ def remove_proven(reader: JournalReader) -> None:
             if path != reader.path and JournalReader(path).ticks > reader.ticks:
                 continue
         remove_journal(path)
+    remove_journal(reader.path)  # whatever somebody renamed it to

@@ -70,20 +70,19 @@ class Journaling:
         return RETRY_S
 
     def _step(self) -> None:
-        run = self._mirror.run
-        if self._reader is None or self._reader.schema.run != run:
+        if self._reader is None or self._reader.schema.run != self._mirror.run:
             self._close()
-            self._reader = self._mirror.open_reader() if run else None
+            self._reader = self._mirror.open_reader()
             if self._reader is None:
                 return
-            self._mirror.durable_ticks = 0
+        run = self._reader.schema.run
         if self._writer is None:
             self._writer = self._begin(self._reader)
         ticks = self._writer.append(self._reader)
-        if self._mirror.durable_ticks <= 0 and ticks:
+        if ticks and not self._mirror.durable_ticks(run):
             # from its first commit on this journal holds all that the one of an earlier helper process held
             remove_journals(self._reader.schema, but=self._writer.path)
-        self._mirror.durable_ticks = ticks
+        self._mirror.durable = run, ticks
         if self._told:
             self._told = ""
             text = f"the journal goes on: durable to tick {ticks}"
@@ -102,8 +101,9 @@ class Journaling:
         if problem == self._told:
             return
         self._told = problem
+        durable = self._mirror.durable_ticks(self._mirror.run)
         text = (
-            f"{problem}a power cut now loses all after tick {max(self._mirror.durable_ticks, 0)}; make room in "
+            f"{problem}a power cut now loses all after tick {durable}; make room in "
             f"{self._mirror.now.robot.folder}, it is tried again every {RETRY_S:.0f} s; logging goes on"
         )
         log.warning("%s", text)

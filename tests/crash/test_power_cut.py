@@ -28,7 +28,7 @@ from silo.ipc.client import Client
 from silo.ipc.messages import EventKind
 from silo.runtime import process_start
 from tests.crash.durable_robot import OPTIONS
-from tests.property.test_journal import check
+from tests.power_cuts import check
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = Path(__file__).with_name("durable_robot.py")
@@ -250,13 +250,14 @@ def test_a_logger_whose_helper_died_is_alive(robot, tmp_path, until, capsys, del
 
 def proven(folder: Path) -> int:
     """What the journals of a folder prove at this moment, the one that proves most."""
-    found = [0]
-    for path in journals(folder):
-        try:
-            found.append(JournalReader(path).ticks)
-        except SegmentError:
-            continue  # being made, or just removed: then the other one proves it
-    return max(found)
+    return max((ticks_of(path) for path in journals(folder)), default=0)
+
+
+def ticks_of(journal: Path) -> int:
+    try:
+        return JournalReader(journal).ticks
+    except SegmentError:
+        return 0  # being made, or just removed: then the other one proves it
 
 
 def test_while_one_helper_follows_another_what_was_durable_stays_proven(robot, tmp_path, until):
