@@ -174,6 +174,8 @@ class Status(msgspec.Struct, frozen=True):
     durable_ticks: int = -1  # ticks that would survive a power cut now; -1 where that wasn't asked for
     held_samples: int = 0  # what the buffers hold of the elements that are saved, all together
     held_s: float = 0.0  # from the oldest of them to the newest
+    failed: int = 0  # samples that stand for ones that could not be read, all elements together
+    failed_most: dict[str, int] = {}  # the elements with most of them
 
 
 class Table(msgspec.Struct, frozen=True):

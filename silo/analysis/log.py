@@ -147,7 +147,7 @@ class Log(Mapping[str, Signal]):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What is missing or damaged."""
+        """What is missing, damaged, or could not be read when it was logged."""
         return self.recording.warnings
 
     # --------------------------------------------------------------------------------------------------------- tables
@@ -189,6 +189,7 @@ class Log(Mapping[str, Signal]):
             components=component_names(element),
             labels=labels or {},
             description=element.description,
+            failures=element.failures,
         )
 
 

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from silo.analysis.picking import Picked, picked, text_of
-from silo.recording import RecordedElement, Recording
+from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording
 
 
 class ElementReport(msgspec.Struct, frozen=True):
@@ -30,6 +30,7 @@ class ElementReport(msgspec.Struct, frozen=True):
     lost: int
     labels: dict[int, str] = {}
     description: str = ""
+    failures: Failures = NO_FAILURES
 
 
 class LogReport(msgspec.Struct, frozen=True):
@@ -46,6 +47,7 @@ class LogReport(msgspec.Struct, frozen=True):
     lost: int
     warnings: tuple[str, ...]
     elements: tuple[ElementReport, ...]
+    failed: int = 0
 
 
 class SignalStats(msgspec.Struct, frozen=True):
@@ -86,6 +88,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
         lost=sum(element.lost for element in recording.elements),
         warnings=recording.warnings,
         elements=tuple(_describe(recording, element) for element in recording.elements),
+        failed=sum(element.failures.count for element in recording.elements),
     )
 
 
@@ -109,6 +112,7 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
         lost=element.lost,
         labels=labels or {},
         description=element.description,
+        failures=element.failures,
     )
 
 
@@ -180,6 +184,7 @@ def _compare(
             ("type", _type(ours), _type(theirs)),
             ("samples", ours.count, theirs.count),
             ("lost samples", ours.lost, theirs.lost),
+            ("ticks that could not be read", ours.failures.count, theirs.failures.count),
         )
         if first != second
     ]
@@ -232,7 +237,8 @@ def format_report(facts: LogReport, width: int) -> str:
     lines = [
         f"{facts.path}  ({size_text(facts.size_bytes)})",
         f"logger {facts.logger}, started {when:%Y-%m-%d %H:%M:%S %z}" if when else f"logger {facts.logger}",
-        f"{entries}, {facts.ticks} ticks, {facts.duration_s:.6g} s{rate}, lost {facts.lost}",
+        f"{entries}, {facts.ticks} ticks, {facts.duration_s:.6g} s{rate}, lost {facts.lost}"
+        + (f", failed {facts.failed}" if facts.failed else ""),
         "",
     ]
     rows = [
@@ -245,10 +251,12 @@ def format_report(facts: LogReport, width: int) -> str:
             "" if element.start_s is None else f"{element.start_s:.4g} … {element.end_s:.4g}",
             element.buffer,
             str(element.lost or ""),
+            str(element.failures.count or ""),
         )
         for element in facts.elements
     ]
-    lines += table(("element", "unit", "type", "samples", "Hz", "span s", "buffer", "lost"), rows, width, "lllrrrlr")
+    head = ("element", "unit", "type", "samples", "Hz", "span s", "buffer", "lost", "failed")
+    lines += table(head, rows, width, "lllrrrlrr")
     lines += [f"warning: {text}" for text in facts.warnings]
     return "\n".join(lines)
 

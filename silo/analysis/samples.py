@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from silo.analysis.shapes import scalars
 from silo.errors import ElementError
+from silo.recording import NO_FAILURES, Failures
 
 Self = TypeVar("Self", bound="Samples")
 
@@ -25,6 +26,8 @@ class Samples:
     `values` has shape `(m,)` for a scalar, `(m, 3)` for a vector of three, `(m, rows, columns)` for a matrix; an
     element of mixed types is a structured array. `components` names the scalars of one sample (`x y z w`).
     `labels` names the values of an enumeration. `start_ns` is where `times` counts from: the first stamp of the log.
+    `failures` are the ticks at which its element could not be read; what is made of a signal keeps them (of two
+    signals, those of the left one).
     """
 
     name: str
@@ -37,6 +40,7 @@ class Samples:
     components: tuple[str, ...] = ()
     labels: Mapping[int, str] = field(default_factory=dict)
     description: str = ""
+    failures: Failures = NO_FAILURES
 
     # ------------------------------------------------------------------------------------------------- what it is
 

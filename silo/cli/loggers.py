@@ -59,7 +59,7 @@ def ls(as_json: bool) -> None:
         show_json([answer.status or _no_status(answer) for answer in answers])
         return
     if not answers:
-        _tell_orphans()
+        _tell_orphans(answers)
         raise ConnectionLostError(not_found_text("", discovery))
     header = ("LOGGER", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
     durable = [answer.status.durable_ticks if answer.status else -1 for answer in answers]
@@ -79,7 +79,7 @@ def ls(as_json: bool) -> None:
     for folder in discovery.forbidden:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
-    _tell_orphans()
+    _tell_orphans(answers)
 
 
 def _no_status(answer: "Answer") -> dict[str, str]:
@@ -110,7 +110,7 @@ def _sweep_logs(answers: "list[Answer]") -> None:
             sweep_parts(folder)
 
 
-def _tell_orphans() -> None:
+def _tell_orphans(answers: "list[Answer]") -> None:
     """What programs left behind that nobody would find without being told."""
     from silo.runtime import orphaned_segments
 
@@ -118,6 +118,22 @@ def _tell_orphans() -> None:
     if count:
         click.echo(
             f"{many(count, 'recording')} of programs that died may be in no file: `silo recover --list`", err=True
+        )
+    for folder in dict.fromkeys([str(Path.cwd()), *(answer.status.folder for answer in answers if answer.status)]):
+        if any(Path(folder).glob(".*.journal")):
+            _tell_journals(folder)
+
+
+def _tell_journals(folder: str) -> None:
+    from silo.collecting.left_journals import orphaned_journals, sweep_journals  # needs NumPy, as a rule none is there
+
+    sweep_journals(folder)
+    count = len(orphaned_journals(folder))
+    if count:
+        click.echo(
+            f"{many(count, 'journal')} in {folder} may hold what a power cut took from memory: "
+            f"`silo recover --list --look-in {folder}`",
+            err=True,
         )
 
 
@@ -186,8 +202,9 @@ def _show_status(status: "Status") -> None:
         ("state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}"),
         ("frequency", f"{status.frequency_hz:g} Hz, measured {status.measured_hz:.4g} Hz"),
         ("logged", f"{status.ticks} ticks{f' in {_since(status)}' if _since(status) != '-' else ''}{unsaved}"),
-        *([("durable", _durable(status))] if status.durable_ticks >= 0 else []),
         ("lost", f"{status.lost} samples"),
+        *_failed(status),
+        *_durable(status),
         ("elements", f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"),
         ("time limit", limit),
         ("memory", f"{status.segment_bytes / 1e6:.1f} MB"),
@@ -203,8 +220,20 @@ def _held(status: "Status") -> str:
     return f"the buffers hold {many(status.held_samples, 'sample')} over {status.held_s:.3g} s"
 
 
-def _durable(status: "Status") -> str:
-    return f"to tick {status.durable_ticks} of {status.ticks}: what a power cut would leave"
+def _failed(status: "Status") -> list[tuple[str, str]]:
+    """A line where attributes or functions could not be read."""
+    if not status.failed:
+        return []
+    names = ", ".join(f"{name} at {many(count, 'tick')}" for name, count in status.failed_most.items())
+    return [("failed", f"{many(status.failed, 'sample')} could not be read: {names}")]
+
+
+def _durable(status: "Status") -> list[tuple[str, str]]:
+    """A line where there is a journal."""
+    if status.durable_ticks < 0:
+        return []
+    later = max(0, status.ticks - status.durable_ticks)
+    return [("durable", f"to tick {status.durable_ticks}; a power cut now would lose {many(later, 'tick')} after it")]
 
 
 def _show_elements(elements: "list[ElementInfo]") -> None:

@@ -1,4 +1,4 @@
-"""`silo recover`: what programs that died without saving left in shared memory."""
+"""`silo recover`: what programs that died without saving left in shared memory, or in journals on the disk."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -36,6 +36,8 @@ def recover(
 ) -> None:
     """Save what programs left behind that died without saving, and free its memory.
 
+    After a power cut that is what journals in the log folder prove (storage='disk', see --look-in).
+
     The helper process of a logger does this by itself, also when the program is started again; this command is for when
     nobody does. Rests that hold no data are removed on the way.
 
@@ -44,11 +46,11 @@ def recover(
       silo recover --list
       silo recover --folder /tmp/logs -t silo -t csv
     """
-    from silo.collecting.left_behind import find_stale
+    from silo.helper.recovery import find_all
     from silo.runtime import list_segments
 
     chosen = file_types(types)
-    stale = [] if segments else find_stale(look_in)
+    stale = [] if segments else find_all(look_in.resolve())
     if only_list:
         _show(stale, as_json)
     elif segments:
@@ -65,6 +67,7 @@ def recover(
 
 
 def _sweep(folders: Sequence[Path]) -> None:
+    from silo.collecting.left_journals import sweep_journals
     from silo.files.atomic import sweep_parts
     from silo.ipc.folders import own_folders
     from silo.ipc.session import sweep
@@ -77,6 +80,9 @@ def _sweep(folders: Sequence[Path]) -> None:
         removed += sweep_unfinished(folder) + sweep_parts(folder)
     for path in removed:
         click.echo(f"{path}: was never finished, its process died; removed", err=True)
+    for folder in dict.fromkeys(path.resolve() for path in folders):
+        for path in sweep_journals(folder):
+            click.echo(f"{path}: a journal in which no tick was durable yet; removed", err=True)
 
 
 def _show(stale: "Sequence[StaleSegment]", as_json: bool) -> None:

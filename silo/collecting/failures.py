@@ -12,7 +12,7 @@ A stretch joins failures at due ticks that follow one another.
 
 from collections.abc import Sequence
 
-from silo.recording import Failures
+from silo.recording import NO_FAILURES, Failures
 
 BLOCK_WORDS = 32
 _COUNT, _SPANS, _FIRST = 0, 1, 2
@@ -40,6 +40,8 @@ def record_failure(words: "memoryview[int]", block: int, tick: int, divider: int
 def read_failures(block: Sequence[int]) -> Failures:
     """What was counted in the words of a block; of more than 15 stretches some in the middle are missing."""
     count, spans = block[_COUNT], block[_SPANS]
+    if not count:
+        return NO_FAILURES
     kept = [*range(min(spans, _OLDEST)), *range(max(_OLDEST, spans - _NEWEST), spans)]
     places = [_place(0, number) for number in kept]
     return Failures(count, tuple((block[place], block[place + 1]) for place in places))

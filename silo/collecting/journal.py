@@ -3,9 +3,13 @@
 The control loop never stores into a file that anybody syncs: a sync write-protects its pages, and the next store may
 wait for the disk. So rows are copied out of the segment, some times a second, into a folder of append-only files:
 
-    schema           what the rows hold, written and synced before the first row
+    schema           a `Head`: what the rows hold, written and synced before the first row
     keep.rows        rows of fixed and growing rings
     loop-NNNNNN.rows rows of looping rings; the older of two is deleted when the newer alone holds every buffer
+
+Its name is `.<logger>.<logger id>-<run>.<number>.journal`; a second helper process of a run writes a second journal and
+drops the first once its own holds as much. Whoever writes a journal holds a lock on its schema file, see
+`silo.runtime.lock_as_writer`.
 
 A file is a run of records: eight words (see `_Word`), then a payload. ROWS are some rows of one ring; a COMMIT closes
 all rows up to one tick. Readers take whole records in order, as far as each one's checksum holds, and of them those
@@ -13,18 +17,25 @@ that a commit closes: what was synced is always taken, what was torn never.
 """
 
 import enum
+import itertools
+import os
+import shutil
 import zlib
+from pathlib import Path
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.collecting.schema import SegmentSchema
 from silo.recording import Failures
+from silo.runtime import has_writer
 
 JOURNAL_SUFFIX = ".journal"
 SCHEMA_FILE = "schema"
 KEEP_FILE = "keep.rows"
 LOOP_FILES = "loop-*.rows"
+ROWS = "*.rows"
 MAGIC = int.from_bytes(b"SILOJNL1", "little")
 HEADER_WORDS = 8
 
@@ -58,6 +69,56 @@ class Commit(msgspec.Struct, frozen=True):
     whys: tuple[int, ...]
     failures: dict[str, Failures]
     saved_ticks: int = 0
+
+
+class Head(msgspec.Struct, frozen=True):
+    """The schema file: of which segment the rows are, and what they hold."""
+
+    segment: str
+    schema: SegmentSchema
+
+
+def free_name(folder: Path, schema: SegmentSchema) -> Path:
+    """A name for a journal of this run that nothing has yet."""
+    stem = f".{schema.logger}.{schema.logger_id}-{schema.run}"
+    names = (folder / f"{stem}.{number}{JOURNAL_SUFFIX}" for number in itertools.count())
+    return next(name for name in names if not name.exists())
+
+
+def list_journals(
+    folder: str | os.PathLike[str], logger: str = "*", logger_id: str = "*", run: str = "*"
+) -> list[Path]:
+    """The journals in a log folder: all, or those of a logger, or of one of its runs."""
+    return sorted(Path(folder).glob(f".{logger}.{logger_id}-{run}.*{JOURNAL_SUFFIX}"))
+
+
+def journals_of(schema: SegmentSchema, folder: str | os.PathLike[str] = "") -> list[Path]:
+    """The journals of a run, in its log folder if no other is given."""
+    return list_journals(folder or schema.folder, schema.logger, schema.logger_id, schema.run) if schema.run else []
+
+
+def remove_journal(path: Path) -> None:
+    """Delete a journal whose data is in a file, or no longer wanted. What can't be deleted stays."""
+    shutil.rmtree(path, ignore_errors=True)
+
+
+def remove_journals(schema: SegmentSchema, but: Path | None = None) -> None:
+    """Delete the journals of a run whose data is in a file, or no longer wanted."""
+    for path in journals_of(schema):
+        if path != but:
+            remove_journal(path)
+
+
+def is_written(path: Path) -> bool:
+    """Whether a process writes this journal right now."""
+    try:
+        descriptor = os.open(path / SCHEMA_FILE, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        return has_writer(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def seed_of(run: str) -> int:

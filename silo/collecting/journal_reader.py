@@ -18,6 +18,7 @@ from silo.collecting.journal import (
     MAGIC,
     SCHEMA_FILE,
     Commit,
+    Head,
     Kind,
     Word,
     checksum,
@@ -25,7 +26,7 @@ from silo.collecting.journal import (
 )
 from silo.collecting.reasons import LostWhy
 from silo.collecting.rows import Rows
-from silo.collecting.schema import STAMP_WORDS, ElementSchema, RingSchema, SegmentSchema
+from silo.collecting.schema import STAMP_WORDS, ElementSchema, RingSchema
 from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
 from silo.model import BufferType
@@ -56,14 +57,14 @@ class JournalReader:
     def __init__(self, path: str | Path) -> None:
         """Read all of it. Raises SegmentError for what is no journal, or one whose schema is damaged."""
         self.path = Path(path)
-        self.schema = _read_schema(self.path)
+        self.schema = read_head(self.path).schema
         streams = [self._stream(paths) for paths in self._files()]
         # a batch counts where every stream has its commit
         proven = set.intersection(*({commit.ticks for commit in commits} for _, commits in streams))
         last = max(proven, default=0)
         zeros = (0,) * len(self.schema.rings)
         found = [commit for _, commits in streams for commit in commits if commit.ticks == last]
-        self._commit = found[0] if found else Commit(0, zeros, zeros, (), {})
+        self._commit = max(found, key=lambda commit: commit.saved_ticks) if found else Commit(0, zeros, zeros, (), {})
         blocks = [block for blocks, _ in streams for block in blocks if block.ticks <= last]
         self._rows = [_newest_run(ring, [b for b in blocks if b.ring == ring.ring]) for ring in self.schema.rings]
 
@@ -132,8 +133,14 @@ class JournalReader:
         """All elements that are saved, as far as they are proven."""
         return snapshot(self)
 
+    @property
+    def proven_text(self) -> str:
+        """How far it goes, fit to show."""
+        return f"its journal was durable to tick {self.ticks}: what was logged after it was lost with the power"
 
-def _read_schema(path: Path) -> SegmentSchema:
+
+def read_head(path: Path) -> Head:
+    """Of what a journal holds rows. Raises SegmentError where that is damaged."""
     try:
         data = (path / SCHEMA_FILE).read_bytes()
     except OSError as error:
@@ -143,12 +150,12 @@ def _read_schema(path: Path) -> SegmentSchema:
     if len(data) < 16 or len(body) != size or zlib.crc32(body) != check:
         raise SegmentError(f"{path}: the description of the journal is torn; no tick of it was durable yet")
     try:
-        schema = msgspec.json.decode(body, type=SegmentSchema)
+        head = msgspec.json.decode(body, type=Head)
     except msgspec.MsgspecError as error:
         raise SegmentError(f"{path}: the journal's description is damaged ({error})") from error
-    if any(ring.row_words < STAMP_WORDS or ring.divider < 1 for ring in schema.rings):
+    if any(ring.row_words < STAMP_WORDS or ring.divider < 1 for ring in head.schema.rings):
         raise SegmentError(f"{path}: the journal's description makes no sense")
-    return schema
+    return head
 
 
 def _records(path: Path, seed: int) -> Iterator[_Record]:

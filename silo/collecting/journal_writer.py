@@ -1,5 +1,8 @@
 """Writes a journal: what is new in a segment since the last time, closed by a commit, synced."""
 
+import contextlib
+import errno
+import time
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,15 +18,18 @@ from silo.collecting.journal import (
     MAGIC,
     SCHEMA_FILE,
     Commit,
+    Head,
     Kind,
     Word,
     checksum,
     loop_file,
+    remove_journal,
     seed_of,
 )
-from silo.collecting.schema import RingSchema, SegmentSchema
+from silo.collecting.schema import RingSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.model import BufferType
+from silo.runtime import is_at, lock_as_writer
 
 BLOCK_BYTES = 1 << 20  # payload of a record at most, so that a copy never takes much memory
 
@@ -54,34 +60,56 @@ class _Batch:
 class JournalWriter:
     """Appends what is new in a segment to a journal. One thread; raises OSError where the disk refuses."""
 
-    def __init__(self, path: Path, schema: SegmentSchema, disk: Disk) -> None:
-        """Make the folder and its schema file, durable when this returns."""
+    def __init__(self, path: Path, head: Head, disk: Disk) -> None:
+        """Make the folder and its schema file, durable when this returns. After an OSError nothing is left."""
+        schema = head.schema
         self.path = path
         self.durable_ticks = 0
+        self._saved_ticks = 0
         self._schema, self._disk = schema, disk
         self._seed = seed_of(schema.run)
         self._next_rows = {ring.ring: 0 for ring in schema.rings}
         self._unbroken = {ring.ring: 0 for ring in schema.rings}  # rows in the newest file without a hole
         self._generation = 0
         self._old: Path | None = None
-        disk.make_folder(path)
-        self._write_schema()
-        keeps = [ring for ring in schema.rings if ring.buffer_type is not BufferType.LOOPING]
-        loops = [ring for ring in schema.rings if ring.buffer_type is BufferType.LOOPING]
+        self._keep: _Stream | None = None
+        self._loop: _Stream | None = None
+        self._lock = self._make()
+        try:
+            self._write_head(head)
+            self._open_streams()
+        except OSError:
+            self.close()
+            remove_journal(path)
+            raise
+
+    def _make(self) -> int:
+        """The folder with an empty schema file, which we hold: no sweep takes it."""
+        for _ in range(100):
+            with contextlib.suppress(FileExistsError, FileNotFoundError):
+                if not self.path.is_dir():
+                    self._disk.make_folder(self.path)
+                descriptor = self._disk.create(self.path / SCHEMA_FILE)
+                if lock_as_writer(descriptor) and is_at(descriptor, self.path / SCHEMA_FILE):
+                    return descriptor
+                self._disk.close(descriptor)
+            time.sleep(0.001)  # a sweep took it between two calls for what a dead process left
+        raise FileExistsError(errno.EEXIST, "another process has a journal of this name", str(self.path))
+
+    def _write_head(self, head: Head) -> None:
+        body = msgspec.json.encode(head)
+        facts = len(body).to_bytes(8, "little") + zlib.crc32(body).to_bytes(8, "little")
+        self._disk.write(self._lock, facts + body, 0)
+        self._disk.sync(self._lock)
+
+    def _open_streams(self) -> None:
+        rings = self._schema.rings
+        keeps = [ring for ring in rings if ring.buffer_type is not BufferType.LOOPING]
+        loops = [ring for ring in rings if ring.buffer_type is BufferType.LOOPING]
         self._keep = self._open(KEEP_FILE, keeps) if keeps else None
         self._loop = self._open(loop_file(0), loops) if loops else None
-        disk.sync_folder(path)
-        disk.sync_folder(path.parent)
-
-    def _write_schema(self) -> None:
-        body = msgspec.json.encode(self._schema)
-        descriptor = self._disk.create(self.path / SCHEMA_FILE)
-        try:
-            facts = len(body).to_bytes(8, "little") + zlib.crc32(body).to_bytes(8, "little")
-            self._disk.write(descriptor, facts + body, 0)
-            self._disk.sync(descriptor)
-        finally:
-            self._disk.close(descriptor)
+        self._disk.sync_folder(self.path)
+        self._disk.sync_folder(self.path.parent)
 
     def _open(self, name: str, rings: Sequence[RingSchema]) -> _Stream:
         return _Stream(self.path / name, self._disk.create(self.path / name), rings)
@@ -91,10 +119,10 @@ class JournalWriter:
 
         After an OSError nothing is lost: the next call writes the same rows again, at the same places.
         """
-        ticks = source.ticks
-        if ticks == self.durable_ticks:
+        ticks, saved = source.ticks, source.saved_ticks
+        if (ticks, saved) == (self.durable_ticks, self._saved_ticks):
             return ticks
-        commit = self._commit(source, ticks)
+        commit = self._commit(source, ticks, saved)
         streams = [stream for stream in (self._loop, self._keep) if stream is not None]
         batches = [self._write_batch(stream, source, commit) for stream in streams]
         for stream in streams:
@@ -103,11 +131,11 @@ class JournalWriter:
             stream.offset, stream.number, stream.torn = batch.offset, batch.number, False
             self._next_rows |= batch.next_rows
             self._unbroken |= batch.unbroken
-        self.durable_ticks = ticks
+        self.durable_ticks, self._saved_ticks = ticks, saved
         self._rotate()
         return ticks
 
-    def _commit(self, source: SegmentReader, ticks: int) -> Commit:
+    def _commit(self, source: SegmentReader, ticks: int, saved: int) -> Commit:
         rings = self._schema.rings
         return Commit(
             ticks=ticks,
@@ -119,7 +147,7 @@ class JournalWriter:
                 for element in self._schema.elements
                 if element.failures >= 0 and (found := source.failures(element)).count
             },
-            saved_ticks=source.saved_ticks,
+            saved_ticks=saved,
         )
 
     def _write_batch(self, stream: _Stream, source: SegmentReader, commit: Commit) -> _Batch:
@@ -158,10 +186,14 @@ class JournalWriter:
         loop = self._loop
         if loop is None or any(self._unbroken[ring.ring] < ring.capacity for ring in loop.rings):
             return
-        fresh = self._open(loop_file(self._generation + 1), loop.rings)
-        self._generation += 1
+        self._generation += 1  # also of a try that the disk refuses: the next one has a name of its own
+        fresh = self._open(loop_file(self._generation), loop.rings)
         fresh.number = loop.number
-        self._disk.sync_folder(self.path)
+        try:
+            self._disk.sync_folder(self.path)
+        except OSError:
+            self._disk.close(fresh.descriptor)
+            raise
         if self._old is not None:
             self._disk.remove(self._old)
         self._disk.close(loop.descriptor)
@@ -174,3 +206,6 @@ class JournalWriter:
             if stream is not None:
                 self._disk.close(stream.descriptor)
         self._keep = self._loop = None
+        if self._lock >= 0:
+            self._disk.close(self._lock)
+            self._lock = -1

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from silo.collecting.holdings import Holdings, segment_holdings
+from silo.collecting.journal import remove_journals
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, StateError
@@ -21,7 +22,10 @@ from silo.runtime import is_at, list_segments, runtime_dir, sweep_unfinished
 
 @dataclass(frozen=True)
 class StaleSegment:
-    """A segment without its writer. `schema` and `holdings` are None for what can't be read; `reason` says what is."""
+    """A segment, or a journal, without its writer.
+
+    `schema` and `holdings` are None for what can't be read; `reason` says what is.
+    """
 
     path: Path
     schema: SegmentSchema | None
@@ -96,9 +100,15 @@ def _remove_if_worthless(path: Path) -> bool:
     with contextlib.suppress(SegmentError, StateError, OSError), contextlib.closing(SegmentReader(path)) as reader:
         if not reader.alive() and not has_unsaved(reader):
             with claimed(reader):
-                path.unlink()
+                discard(reader)
                 return True
     return False
+
+
+def discard(reader: SegmentReader) -> None:
+    """Delete a segment whose data is in a file, or that holds none, and its journals; these first."""
+    remove_journals(reader.schema)
+    reader.path.unlink(missing_ok=True)
 
 
 def has_unsaved(reader: SegmentReader) -> bool:

@@ -282,6 +282,18 @@ class SegmentReader:
             return NO_FAILURES
         return read_failures(self._words[element.failures : element.failures + BLOCK_WORDS].tolist())
 
+    @functools.cached_property
+    def _failing(self) -> tuple[list[str], NDArray[np.intp]]:
+        """Names of the elements that can fail, and where their counts stand."""
+        able = [element for element in self.schema.elements if element.failures >= 0]
+        return [element.info.name for element in able], np.array([element.failures for element in able], np.intp)
+
+    def failure_counts(self) -> dict[str, int]:
+        """At how many ticks each element could not be read; only those that ever failed."""
+        names, places = self._failing
+        counts = self._words[places]
+        return {names[at]: int(counts[at]) for at in np.flatnonzero(counts).tolist()}
+
     # ------------------------------------------------------------------------------------------------- rows
 
     def rows(self, ring: int, since: int, limit: int | None = None) -> Rows:

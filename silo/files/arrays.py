@@ -53,7 +53,8 @@ def _add(archive: zipfile.ZipFile, name: str, values: NDArray[Any]) -> None:
 
 def write_mat(recording: Recording, path: Path, progress: Progress | None = None) -> None:
     """Write one struct per element: `name`, `unit`, `kind`, `divider`, `looping`, `time` (s from the first stamp),
-    `first` and `data` (samples x entries; a struct of columns where types differ), and a struct `silo` of the log with
+    `first`, `lost`, `failed`, `failed_ticks` (first and last tick since start of each stretch that could not be read,
+    in rows) and `data` (samples x entries; a struct of columns where types differ), and a struct `silo` of the log with
     all stamps: those of an element in ns are `silo.time_ns(first : divider : first + divider * (numel(time) - 1))`.
 
     Variables are the elements' names with what MATLAB forbids as `_`. Raises `SaveError` for more than 2 GB per
@@ -106,6 +107,9 @@ def _matlab_struct(recording: Recording, element: RecordedElement, start: int) -
         "looping": bool(element.buffer_type.name == "LOOPING"),
         "entries": np.array([entry.name for entry in element.entries], dtype=object),
         "first": float(element.first + 1),
+        "lost": float(element.lost),
+        "failed": float(element.failures.count),
+        "failed_ticks": np.array(element.failures.spans, np.int64).reshape(-1, 2),
         "time": _seconds(times, start),
         "data": data,
     }
@@ -192,6 +196,9 @@ def _fill_group(h5py: Any, group: Any, element: RecordedElement) -> None:
     group.attrs["divider"] = element.divider
     group.attrs["buffer"] = element.buffer_type.name
     group.attrs["lost"] = element.lost
+    group.attrs["failed"] = element.failures.count
+    if element.failures.spans:
+        group.attrs["failed_ticks"] = np.array(element.failures.spans, np.int64)
     if element.description:
         group.attrs["description"] = element.description.replace("\0", "_")
     names = [entry.name.replace("\0", "_") for entry in element.entries]
@@ -247,6 +254,7 @@ def _facts(recording: Recording) -> str:
             "first": element.first,
             "description": element.description,
             "lost": element.lost,
+            "failures": element.failures,
             "dtype": element.dtype,
             "entries": [
                 {"name": e.name, "type": e.values.dtype.str, "labels": e.entry.labels} for e in element.entries

@@ -257,6 +257,7 @@ def _facts(recording: Recording, channels: Sequence[Channel]) -> RecordingFacts:
             description=element.description,
             lost=element.lost,
             dtype=element.dtype,
+            failures=element.failures,
         )
         for index, element in enumerate(recording.elements)
     )

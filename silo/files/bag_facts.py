@@ -10,6 +10,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from silo.model import BufferType, Entry
+from silo.recording import NO_FAILURES, Failures
 
 FACTS_ATTACHMENT = "silo/recording.json.zst"
 TIME_ATTACHMENT = "silo/time_ns.zst"
@@ -47,6 +48,7 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     description: str = ""
     lost: int = 0
     dtype: str = ""
+    failures: Failures = NO_FAILURES
 
 
 class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -297,4 +297,5 @@ def _element(values: _Values) -> RecordedElement:
         description=facts.description,
         lost=facts.lost,
         dtype=facts.dtype,
+        failures=facts.failures,
     )

@@ -136,6 +136,7 @@ def _element(facts: CsvElement, columns: Any) -> RecordedElement:
         description=facts.description,
         lost=facts.lost,
         dtype=facts.dtype,
+        failures=facts.failures,
     )
 
 

@@ -35,7 +35,7 @@ class Keeps(enum.Flag):
     UNITS = enum.auto()
     LABELS = enum.auto()  # names of an enumeration's values
     DESCRIPTIONS = enum.auto()
-    BUFFERS = enum.auto()  # buffer type, and how many samples were lost
+    BUFFERS = enum.auto()  # buffer type, how many samples were lost, at which ticks a source could not be read
     ABOUT = enum.auto()  # of the log: logger, prefix, frequency, ticks since start, wall clock at start, warnings
     EMPTY = enum.auto()  # elements without a sample
     ALL = DTYPES | BITS | KINDS | UNITS | LABELS | DESCRIPTIONS | BUFFERS | ABOUT | EMPTY

@@ -15,7 +15,7 @@ import numpy as np
 
 from silo.kinds import SCALAR
 from silo.model import BufferType
-from silo.recording import RecordedElement, Recording
+from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording
 
 BANNER = (
     b"#  ---------------------------------------------------------- #\n"
@@ -93,6 +93,7 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     lost: int = 0
     first: int | None = None
     dtype: str = ""
+    failures: Failures = NO_FAILURES
 
 
 class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -212,6 +213,7 @@ def element_facts(element: RecordedElement, first: int | None) -> ElementFacts:
         lost=element.lost,
         first=first,
         dtype=plain_text(element.dtype),
+        failures=element.failures,
     )
 
 

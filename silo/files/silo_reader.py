@@ -215,6 +215,7 @@ def _by_facts(
         description=facts.description,
         lost=facts.lost,
         dtype=facts.dtype,
+        failures=facts.failures,
     )
     return _assemble(data, header, element, entries, time, facts.first)
 

@@ -111,6 +111,10 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
 def _about(element: RecordedElement, dtype: np.dtype[Any]) -> dict[str, str]:
     about = {"unit": element.unit, "kind": element.kind, "element": element.name, "divider": str(element.divider)}
     about |= {"buffer": element.buffer_type.name, "type": dtype.str}
+    if element.lost:
+        about["lost"] = str(element.lost)
+    if element.failures.count:
+        about["failures"] = msgspec.json.encode(element.failures).decode()
     if element.description:
         about["description"] = element.description
     labels = element.entries[0].entry.labels

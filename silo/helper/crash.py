@@ -2,10 +2,10 @@
 
 import logging
 import time
-from pathlib import Path
 
 from silo.collecting.holdings import segment_holdings
-from silo.collecting.left_behind import BusyError, SavedMeanwhileError, claimed, mark_saved
+from silo.collecting.journal import remove_journals
+from silo.collecting.left_behind import BusyError, SavedMeanwhileError, claimed, discard, mark_saved
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, SiloError
 from silo.helper.events import Events
@@ -84,10 +84,11 @@ def _held(reader: SegmentReader) -> str:
 
 def _delete(reader: SegmentReader) -> None:
     """Delete the segment once its writer is gone; one that only gave up its helper still needs it."""
+    remove_journals(reader.schema)  # also where the segment stays: what is saved needs no journal
     deadline = time.monotonic() + ENDING_S
     while reader.alive():
         if time.monotonic() > deadline:
             log.info("%s stays: process %d still lives", reader.path, reader.schema.pid)
             return
         time.sleep(0.02)  # the end of a process that isn't our child can only be polled
-    Path(reader.path).unlink(missing_ok=True)
+    discard(reader)

@@ -115,23 +115,23 @@ class Helper:
             ended = self._follow_robot(mirror, events, saver, path)
             if ended is _Ended.FILES_DELETED:
                 self._exit_code = FILES_DELETED
-                journaling.stop(keep=True)
+                journaling.stop()
                 saver.stop()
             elif ended is _Ended.GOODBYE:
-                journaling.stop(keep=bool(self._term_s))
+                journaling.stop()
                 events.publish(EventKind.CLOSED, "the robot program closed its logger")
                 saver.stop(SAVE_GRACE_S)
             else:
                 dead_mark(path).touch()  # first of all: who looks for the program may find its next start already
                 self._robot.lost()
                 saver.finish()
-                journaling.stop(keep=True)
+                journaling.stop()
                 news = after_crash(mirror, events)
                 self._linger(publisher, DEAD_WITHOUT_CLIENTS_S if news else 0.0)
         finally:
             token.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
             self._robot.lost()
-            journaling.stop(keep=True)
+            journaling.stop()
             control.stop()
             publisher.stop()
             predecessors.stop(SAVE_GRACE_S)

@@ -20,8 +20,10 @@ from silo.errors import SegmentError
 from silo.ipc.messages import TableReply
 from silo.link.handover import RunOffer
 from silo.link.messages import RobotState
-from silo.model import ElementInfo, LoggerOptions, State, Status, Table
+from silo.model import ElementInfo, LoggerOptions, State, Status, Storage, Table
 from silo.runtime import user_name
+
+FAILED_NAMES = 10  # of the status, which goes with every event
 
 _encoder = msgspec.msgpack.Encoder()
 
@@ -67,7 +69,7 @@ class Mirror:
         self.host = socket.gethostname()
         self.user = user_name(os.getuid())
         self.measured_hz = 0.0
-        self.durable_ticks = -1  # set by the journal thread
+        self.durable: tuple[str, int] = ("", 0)  # a run, and how many of its ticks; set by the journal thread
         self._generation = 0
         self._saved: tuple[str, int] = ("", 0)
         self._lock = threading.Lock()
@@ -190,6 +192,11 @@ class Mirror:
         with self._lock:
             return self._reader is None or self._reader.ticks <= self._saved_ticks(self._reader)
 
+    def durable_ticks(self, run: str) -> int:
+        """Return how many ticks of a run would survive a power cut now."""
+        known, ticks = self.durable
+        return ticks if known == run else 0
+
     def _saved_ticks(self, reader: SegmentReader) -> int:
         own = self._saved[1] if self._saved[0] == self.segment else 0
         return max(own, reader.saved_ticks)
@@ -207,6 +214,8 @@ class Mirror:
             saved = reader is None or ticks <= self._saved_ticks(reader)
             started_ns = reader.schema.started_ns if reader else 0
             held = _holdings(reader, self._kept)
+            failed = reader.failure_counts() if reader else {}
+            durable = self.durable_ticks(self.run)
         return Status(
             logger=robot.logger,
             host=self.host,
@@ -231,9 +240,11 @@ class Mirror:
             reason=now.died or robot.reason,
             segment_bytes=size,
             saved=saved,
-            durable_ticks=self.durable_ticks,
             held_samples=held.samples,
             held_s=held.seconds,
+            durable_ticks=durable if options.storage is Storage.DISK else -1,
+            failed=sum(failed.values()),
+            failed_most=dict(sorted(failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
         )
 
 

@@ -39,6 +39,7 @@ class NewestValues:
         self._picks = {ring: _picks(entries) for ring, entries in wanted.items()}
         known = [element for element in elements if element is not None]
         self._elements = len(elements)
+        self._names = [element.info.name if element is not None else "" for element in elements]
         self._known = np.array([at for at, element in enumerate(elements) if element is not None], np.intp)
         self._rings = np.array([element.ring for element in known], np.intp)
         # a growing buffer has no limit
@@ -77,6 +78,11 @@ class NewestValues:
         lost = np.zeros(self._elements, np.int64)
         lost[self._known] = lost_rows[self._rings]
         return lost
+
+    def failed(self) -> dict[int, int]:
+        """At how many ticks elements could not be read, by their places in the list; only those that ever failed."""
+        counts = self._reader.failure_counts()
+        return {at: counts[name] for at, name in enumerate(self._names) if name in counts} if counts else {}
 
 
 def _picks(entries: list[tuple[int, EntrySchema]]) -> list[_Pick]:

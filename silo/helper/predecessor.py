@@ -8,8 +8,18 @@ import contextlib
 import logging
 import threading
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from silo.collecting.left_behind import StaleSegment, claimed, mark_saved, predecessors, segment_folder, sweep_segments
+from silo.collecting.left_behind import (
+    StaleSegment,
+    claimed,
+    discard,
+    mark_saved,
+    predecessors,
+    segment_folder,
+    sweep_segments,
+)
+from silo.collecting.left_journals import claimed_journal, find_stale_journals, remove_proven, sweep_journals
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SiloError, StateError
 from silo.files.atomic import sweep_parts
@@ -18,6 +28,9 @@ from silo.helper.mirror import Mirror
 from silo.helper.saver import describe
 from silo.ipc.messages import EventKind
 from silo.model import FileType
+
+if TYPE_CHECKING:
+    from silo.helper.writing import WriteReport
 
 log = logging.getLogger("silo.helper")
 
@@ -46,25 +59,22 @@ class PredecessorRecovery:
         with contextlib.suppress(SiloError):  # no runtime folder any more: then there is nothing in it either
             sweep_segments(segment_folder(options))
             sweep_parts(Path(options.folder))
+            sweep_journals(options.folder)
             for stale in predecessors(options):
+                if not self._ended.is_set():
+                    self._recover(stale)
+            for stale in find_stale_journals(options.folder, options):
                 if not self._ended.is_set():
                     self._recover(stale)
 
     def _recover(self, stale: StaleSegment) -> None:
-        from silo.helper.writing import WriteOrder, write_apart
-
         if stale.schema is None or stale.holdings is None:
             return
         who = f"an earlier run of this logger (process {stale.schema.pid}) ended without close()"
         report = None
         try:
-            with contextlib.closing(SegmentReader(stale.path)) as reader, claimed(reader):
-                if stale.holdings.samples:
-                    order = WriteOrder(stale.schema.folder, stale.schema.logger, [FileType.SILO], "", of_dead=True)
-                    report = write_apart(reader, order, _unheard)
-                if report is None or not report.error:
-                    mark_saved(reader)
-                    stale.path.unlink(missing_ok=True)
+            save = self._save_journal if stale.path.is_dir() else self._save_segment
+            report = save(stale)
         except StateError:
             return  # its own helper, or somebody's `silo recover`, saves it and says so
         except (SiloError, OSError) as error:
@@ -75,10 +85,37 @@ class PredecessorRecovery:
         if report is not None and report.error:
             self._tell_failed(stale, who, report.error)
             return
+        if report is None and stale.path.is_dir():
+            return  # nothing that isn't in a file
         files = report.files if report else []
         text = "; ".join([f"{who}; saved {stale.holdings.text}: {describe(files)}", *(report.damage if report else ())])
         log.warning("%s", text)
         self._events.publish(EventKind.RECOVERED, text, files=files)
+
+    def _save_segment(self, stale: StaleSegment) -> "WriteReport | None":
+        with contextlib.closing(SegmentReader(stale.path)) as reader, claimed(reader):
+            report = self._written(stale, reader) if stale.holdings and stale.holdings.samples else None
+            if report is None or not report.error:
+                mark_saved(reader)
+                discard(reader)
+            return report
+
+    def _save_journal(self, stale: StaleSegment) -> "WriteReport | None":
+        with claimed_journal(stale.path) as reader:
+            unsaved = reader.ticks > reader.saved_ticks and stale.holdings and stale.holdings.samples
+            report = self._written(stale, None) if unsaved else None
+            if report is None or not report.error:
+                remove_proven(reader)
+            return report
+
+    def _written(self, stale: StaleSegment, reader: SegmentReader | None) -> "WriteReport":
+        from silo.helper.writing import WriteOrder, write_apart
+
+        assert stale.schema is not None
+        journal = "" if reader is not None else str(stale.path)
+        folder = stale.schema.folder if reader is not None else str(stale.path.parent)
+        order = WriteOrder(folder, stale.schema.logger, [FileType.SILO], "", of_dead=True, journal=journal)
+        return write_apart(reader, order, _unheard)
 
     def _tell_failed(self, stale: StaleSegment, who: str, problem: str) -> None:
         text = f"{who}, and its log could not be saved: {problem}; run `silo recover {stale.path}`"

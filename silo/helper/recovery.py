@@ -1,4 +1,7 @@
-"""Saving what a robot process left behind: by its helper when it dies, by `silo recover` when both died."""
+"""Saving what a robot process left behind: by its helper when it dies, by `silo recover` when both died.
+
+Of a run whose segment is still in memory that is saved, else (after a power cut) what its journal proves.
+"""
 
 import dataclasses
 import os
@@ -8,17 +11,24 @@ from pathlib import Path
 
 from silo.collecting.damage import damage
 from silo.collecting.holdings import Holdings, recording_holdings
-from silo.collecting.left_behind import claimed, find_stale, has_unsaved, mark_saved
+from silo.collecting.journal_reader import JournalReader
+from silo.collecting.left_behind import StaleSegment, claimed, discard, find_stale, has_unsaved, mark_saved
+from silo.collecting.left_journals import claimed_journal, find_stale_journals, is_journal, remove_proven
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import StateError
 from silo.model import FileType, SavedFile
 
-__all__ = ["Recovered", "find_stale", "recover", "save_reader"]
+__all__ = ["Recovered", "find_all", "find_stale", "recover", "save_reader"]
+
+
+def find_all(folder: Path) -> list[StaleSegment]:
+    """What processes left that ended without saving: segments, and journals in `folder` whose segments are gone."""
+    return [*find_stale(folder), *find_stale_journals(folder)]
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """What became of a segment: the files, what they hold, and `text`, fit to show."""
+    """What became of a segment or journal: the files, what they hold, and `text`, fit to show."""
 
     files: list[SavedFile]
     holdings: Holdings
@@ -30,26 +40,26 @@ def recover(
     folder: str | os.PathLike[str] | None = None,
     types: Sequence[FileType] = (FileType.SILO,),
 ) -> Recovered:
-    """Save a segment whose writer is gone, in `folder` or its logger's own, then delete it.
+    """Save a segment or a journal whose writer is gone, in `folder` or its logger's own, then delete it.
 
-    Waits while another process saves it. Raises SegmentError for what isn't a segment, or is damaged,
+    Waits while another process saves it. Raises SegmentError for what isn't one, or is damaged,
     SavedMeanwhileError if another process saved it, StateError while its own process lives, SaveError if it can't be
-    saved (the segment stays).
+    saved (it stays).
     """
     path = Path(path)
+    if is_journal(path):
+        return _recover_journal(path, folder, types)
     reader = SegmentReader(path)
     try:
         if reader.alive():
             raise StateError(f"{path}: process {reader.schema.pid} is still logging into it; nothing was changed")
         with claimed(reader, wait=True):
             if reader.ticks and not has_unsaved(reader):
-                held = Holdings(reader.ticks, 0, 0, 0.0)
-                text = f"all its {reader.ticks} ticks were saved before its process ended; its memory was freed"
-                path.unlink(missing_ok=True)
-                return Recovered([], held, text)
+                discard(reader)
+                return _saved_before(reader, "memory was freed")
             files, held = save_reader(reader, folder or reader.schema.folder, types)
             mark_saved(reader)
-            path.unlink(missing_ok=True)
+            discard(reader)
             nothing = f"held {held.text}" if held.ticks else "held no tick"
             text = "; ".join([f"saved {held.text}", *damage(reader)]) if files else f"{nothing}; its memory was freed"
             return Recovered(files, held, text)
@@ -57,18 +67,39 @@ def recover(
         reader.close()
 
 
+def _recover_journal(path: Path, folder: str | os.PathLike[str] | None, types: Sequence[FileType]) -> Recovered:
+    with claimed_journal(path, wait=True) as reader:
+        if reader.ticks and reader.saved_ticks >= reader.ticks:
+            remove_proven(reader)
+            return _saved_before(reader, "journal was removed")
+        files, held = save_reader(reader, folder or path.parent, types)
+        remove_proven(reader)
+        nothing = f"held {held.text}" if held.ticks else "proves no tick"
+        return Recovered(files, held, f"saved {held.text}; {reader.proven_text}" if files else f"{nothing}; removed")
+
+
+def _saved_before(reader: SegmentReader | JournalReader, freed: str) -> Recovered:
+    text = f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"
+    return Recovered([], Holdings(reader.ticks, 0, 0, 0.0), text)
+
+
 def save_reader(
-    reader: SegmentReader,
+    reader: SegmentReader | JournalReader,
     folder: str | os.PathLike[str],
     types: Sequence[FileType] = (FileType.SILO,),
     progress: Callable[[float], None] | None = None,
 ) -> tuple[list[SavedFile], Holdings]:
-    """Save all that a segment holds, and tell how much that is; no file if it is nothing. Raises SaveError."""
+    """Save all that is held, and tell how much that is; no file if it is nothing. Raises SaveError."""
     from silo.files import write
 
     recording = reader.snapshot()
     held = recording_holdings(recording)
     if not held.samples:
         return [], held
-    recording = dataclasses.replace(recording, warnings=(*damage(reader), *recording.warnings))
+    recording = dataclasses.replace(recording, warnings=(*missing(reader), *recording.warnings))
     return write(recording, folder, reader.schema.logger, types, progress=progress), held
+
+
+def missing(reader: SegmentReader | JournalReader) -> tuple[str, ...]:
+    """What is damaged, or lost, in what a dead process left; fit to show."""
+    return damage(reader) if isinstance(reader, SegmentReader) else (reader.proven_text,)

@@ -180,6 +180,7 @@ class View:
                 bases={signal: base for signal, base in enumerate(grid.bases) if base},
                 since_ns=self._since_ns,
                 sizes=self._sizes,
+                failed=self._newest.failed() if self._newest else {},
             )
         )
 

@@ -13,10 +13,11 @@ from collections.abc import Callable
 
 import msgspec
 
-from silo.collecting.damage import damage
+from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SiloError
 from silo.files import PartlySavedError, write
+from silo.helper.recovery import missing
 from silo.model import FileType, SavedFile
 
 NICER = 5
@@ -26,6 +27,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     """What to write, and where; the arguments of `silo.files.write`.
 
     `of_dead`: the writer of the segment is gone, so that rows that aren't what it committed are damaged.
+    `journal`: write what this journal proves instead of a segment.
     """
 
     folder: str
@@ -33,6 +35,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     types: list[FileType]
     name: str
     of_dead: bool = False
+    journal: str = ""
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -53,10 +56,10 @@ def write_log(reader: SegmentReader, order: WriteOrder, progress: Callable[[floa
     return write_apart(reader, order, progress)
 
 
-def _write(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
+def _write(reader: SegmentReader | JournalReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
     try:
         recording = reader.snapshot()
-        damaged = damage(reader) if order.of_dead else ()
+        damaged = missing(reader) if order.of_dead else ()
         recording = dataclasses.replace(recording, warnings=(*damaged, *recording.warnings))
         files = write(recording, order.folder, order.logger, order.types, order.name or None, progress)
     except SiloError as error:
@@ -65,13 +68,13 @@ def _write(reader: SegmentReader, order: WriteOrder, progress: Callable[[float],
     return WriteReport(1.0, True, recording.offset, files, damage=damaged)
 
 
-def write_apart(reader: SegmentReader, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
-    """The same in a process of its own. Raises SaveError if that dies."""
-    segment = reader.fileno()
-    command = [sys.executable, "-m", "silo.helper.writing", str(segment)]
+def write_apart(reader: SegmentReader | None, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
+    """The same in a process of its own; without a reader, of the journal. Raises SaveError if that dies."""
+    segments = [reader.fileno()] if reader is not None else []
+    command = [sys.executable, "-m", "silo.helper.writing", *map(str, segments)]
     decoder = msgspec.json.Decoder(WriteReport)
     with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[segment], start_new_session=True
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=segments, start_new_session=True
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
@@ -100,7 +103,7 @@ def main() -> None:
         sys.stdout.buffer.write(msgspec.json.encode(report) + b"\n")
         sys.stdout.buffer.flush()
 
-    reader = SegmentReader(f"/proc/self/fd/{sys.argv[1]}")
+    reader = JournalReader(order.journal) if order.journal else SegmentReader(f"/proc/self/fd/{sys.argv[1]}")
     try:
         say(_write(reader, order, lambda fraction: say(WriteReport(min(max(fraction, 0.0), 1.0)))))
     except BrokenPipeError:

@@ -1,6 +1,6 @@
 """What a view shows, for those who draw it and know no network."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ class Frame:
     frames that never arrived, since the view was opened. `since_ns` is 0 where this frame continues the one
     before; else its columns are whole from that time on, and the history knows what was before. `sizes` are the buffer
     sizes of the held recording by place in `elements`, where they aren't the table's.
+    `failed`: by place in `elements`, at how many ticks an element could not be read, of those that ever failed.
     """
 
     elements: tuple[str, ...]
@@ -45,6 +46,7 @@ class Frame:
     since_ns: int
     sizes: dict[int, int]
     missed: int
+    failed: dict[int, int] = field(default_factory=dict)
 
     @property
     def running(self) -> bool:

@@ -401,6 +401,7 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     before; where some were skipped `since_ns` is the time from which on they are whole, else 0. `sizes` are the buffer
     sizes of the held recording by position in `values`, where they aren't the table's: it was edited since, or the
     recording lacks the element (0).
+    `failed` has by its position in `values` at how many ticks an element could not be read, of those that ever failed.
     """
 
     number: int
@@ -422,6 +423,7 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     bases: dict[int, int] = {}
     since_ns: int = 0
     sizes: dict[int, int] = {}
+    failed: dict[int, int] = {}
 
 
 # ----------------------------------------------------------------------------------------------- published: events

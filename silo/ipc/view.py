@@ -160,6 +160,7 @@ class View:
             since_ns=since_ns,
             sizes=newest.sizes,
             missed=self._missed,
+            failed=newest.failed,
         )
 
     def close(self) -> None:

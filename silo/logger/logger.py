@@ -21,7 +21,7 @@ from silo.logger.current_run import CurrentRun
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_type, logger_options, nanosecond_clock
 from silo.logger.predecessors import look_back
-from silo.logger.unclosed import end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
+from silo.logger.unclosed import drop_journals, end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
 from silo.model import FileType, SavedFile, State, Storage, Threads
 from silo.recording import Recording
 
@@ -319,6 +319,7 @@ class Logger(Configuration):
         if self._serving is not None:
             self._serving.close()
         self._present.drop()
+        drop_journals(self.options)
         self._table.release()
 
     cleanup = close
@@ -357,6 +358,7 @@ class Logger(Configuration):
                 return  # the helper process saves them and deletes the segment
         if save_at_end(run, self.options):
             self._present.drop()
+            drop_journals(self.options)
 
     def __del__(self) -> None:
         """A logger that the program forgot: its thread and memory end, unsaved data is kept for `silo recover`."""

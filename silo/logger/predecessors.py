@@ -7,6 +7,7 @@ import contextlib
 import logging
 
 from silo.collecting.left_behind import predecessors, segment_folder, sweep_segments
+from silo.collecting.left_journals import find_stale_journals, sweep_journals
 from silo.errors import SiloError
 from silo.model import LoggerOptions
 
@@ -21,7 +22,8 @@ def look_back(options: LoggerOptions, *, served: bool) -> None:
     with contextlib.suppress(SiloError, OSError):
         sweep_segments(segment_folder(options))
         sweep_parts(options.folder)
-        for stale in predecessors(options) if not served else ():
+        sweep_journals(options.folder)
+        for stale in [*predecessors(options), *find_stale_journals(options.folder, options)] if not served else ():
             held = stale.holdings.text if stale.holdings else ""
             log.warning(
                 "an earlier run of logger '%s' ended without close(); it left %s, in no file: "

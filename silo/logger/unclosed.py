@@ -8,9 +8,10 @@ from collections.abc import Callable
 from typing import Protocol
 
 from silo.collecting.holdings import segment_holdings
+from silo.collecting.journal import list_journals, remove_journal
 from silo.collecting.run import Run
 from silo.errors import SiloError
-from silo.model import FileType, LoggerOptions, SavedFile
+from silo.model import FileType, LoggerOptions, SavedFile, Storage
 
 
 class Ending(Protocol):
@@ -80,6 +81,13 @@ def save_at_end(run: Run, options: LoggerOptions) -> bool:
     paths = ", ".join(file.path for file in saved)
     print(f"silo: logger '{options.name}' ended without save() or close(); saved {held}: {paths}", file=sys.stderr)
     return True
+
+
+def drop_journals(options: LoggerOptions) -> None:
+    """Remove the journals of a logger that is closed or saved: its helper process may have left them."""
+    if options.storage is Storage.DISK:
+        for path in list_journals(options.folder, options.name, options.id):
+            remove_journal(path)
 
 
 def say_where_it_is(run: Run, options: LoggerOptions, problem: str = "") -> None:

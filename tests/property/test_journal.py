@@ -1,226 +1,35 @@
-"""A journal after a power cut: what was durable is there, and no row that was not logged.
+"""A journal after a power cut: what was durable is there, and no row that was not logged; see `tests/power_cuts.py`."""
 
-As SQLite is tested: every call to the system is recorded, and replayed up to each one. Of what was not synced by then,
-any sector may have reached the disk, or not, or only as zeros or garbage; a name may be there or not.
-"""
-
-import contextlib
-import random
-import shutil
-from pathlib import Path
-
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.collecting import journal_writer
-from silo.collecting.disk import Disk
 from silo.collecting.journal_reader import JournalReader
-from silo.collecting.journal_writer import JournalWriter
-from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
-from silo.logger.logger import Logger
 from silo.model import BufferType
-from silo.recording import Recording
 from tests.examples import examples
-
-SECTOR = 512
-
-
-class RecordingDisk(Disk):
-    """Does what it is told, and notes it; `durable` notes the ticks that the writer announced at a step."""
-
-    def __init__(self) -> None:
-        self.calls: list[tuple] = []
-        self._paths: dict[int, Path] = {}
-        self.refuse_after: int | None = None  # calls until the disk is full
-
-    def _may(self) -> None:
-        if self.refuse_after is not None:
-            self.refuse_after -= 1
-            if self.refuse_after < 0:
-                raise OSError(28, "No space left on device")
-
-    def make_folder(self, path):
-        super().make_folder(path)
-        self.calls.append(("folder", path))
-
-    def create(self, path):
-        descriptor = super().create(path)
-        self._paths[descriptor] = path
-        self.calls.append(("create", path))
-        return descriptor
-
-    def write(self, descriptor, data, offset):
-        self._may()
-        super().write(descriptor, data, offset)
-        self.calls.append(("write", self._paths[descriptor], offset, bytes(data)))
-
-    def truncate(self, descriptor, size_bytes):
-        super().truncate(descriptor, size_bytes)
-        self.calls.append(("truncate", self._paths[descriptor], size_bytes))
-
-    def sync(self, descriptor):
-        self._may()
-        super().sync(descriptor)
-        self.calls.append(("sync", self._paths[descriptor]))
-
-    def sync_folder(self, path):
-        super().sync_folder(path)
-        self.calls.append(("sync_folder", path))
-
-    def remove(self, path):
-        super().remove(path)
-        self.calls.append(("remove", path))
-
-    def announce(self, ticks):
-        self.calls.append(("durable", ticks))
-
-
-class _File:
-    """A file as the disk has it: what was synced, and the writes since."""
-
-    def __init__(self) -> None:
-        self.synced = b""
-        self.pending: list[tuple[int, bytes]] = []
-        self.named = False  # whether its name was synced
-        self.removed = False
-
-    def after_power_cut(self, chance: random.Random) -> bytes | None:
-        """Its bytes when the power came back; None where there is no such file."""
-        if (not self.named or self.removed) and chance.random() < 0.5:
-            return None
-        data = bytearray(self.synced)
-        for offset, written in self.pending:
-            end = offset + len(written)
-            if chance.random() < 0.7 and end > len(data):
-                data += bytes(end - len(data))  # the length may reach the disk before the data
-            for begin in range(0, len(written), SECTOR):
-                place = slice(offset + begin, min(offset + begin + SECTOR, end))
-                if place.stop > len(data):
-                    break
-                fate = chance.random()
-                if fate < 0.6:
-                    data[place] = written[begin : begin + SECTOR]
-                elif fate < 0.7:
-                    data[place] = chance.randbytes(place.stop - place.start)
-        return bytes(data)
-
-
-def disk_after(calls: list[tuple], chance: random.Random) -> tuple[dict[Path, bytes], int]:
-    """The files after a power cut behind these calls, and the ticks that were announced as durable."""
-    files: dict[Path, _File] = {}
-    durable = 0
-    for name, *arguments in calls:
-        if name == "create":
-            files[arguments[0]] = _File()
-        elif name == "write":
-            files[arguments[0]].pending.append((arguments[1], arguments[2]))
-        elif name == "truncate":
-            file = files[arguments[0]]
-            file.pending = [(at, data) for at, data in file.pending if at < arguments[1]]
-        elif name == "sync":
-            file = files[arguments[0]]
-            whole = bytearray(file.synced)
-            for offset, data in file.pending:
-                whole += bytes(max(0, offset + len(data) - len(whole)))
-                whole[offset : offset + len(data)] = data
-            file.synced, file.pending = bytes(whole), []
-        elif name == "sync_folder":
-            for path, file in list(files.items()):
-                if path.parent == arguments[0]:
-                    file.named = True
-                    if file.removed:
-                        del files[path]
-        elif name == "remove":
-            files[arguments[0]].removed = True
-        elif name == "durable":
-            durable = arguments[0]
-    found = {path: data for path, file in files.items() if (data := file.after_power_cut(chance)) is not None}
-    return found, durable
-
-
-def lay_out(files: dict[Path, bytes], journal: Path, target: Path) -> Path:
-    """The files in a folder of their own."""
-    shutil.rmtree(target, ignore_errors=True)
-    target.mkdir()
-    for path, data in files.items():
-        (target / path.relative_to(journal)).write_bytes(data)
-    return target
-
-
-def check(recording: Recording, durable: int, options: list[tuple[int, BufferType, int]]) -> None:
-    """Every value is that of its tick, nothing durable is missing."""
-    ticks = recording.offset
-    assert ticks >= durable
-    first = ticks - len(recording.time_ns)
-    assert recording.time_ns.tolist() == [1000 + tick for tick in range(first, ticks)]
-    found = {element.name: element for element in recording.elements}
-    for number, (divider, kind, size) in enumerate(options):
-        due = -(-ticks // divider)
-        if not due:
-            continue
-        element = found[f"/log/x{number}"]
-        rows = np.stack([entry.values for entry in element.entries], axis=1)
-        logged = (first + element.stamp_indices).astype(float)
-        assert np.array_equal(rows, np.stack([logged, -logged, logged / 2], axis=1))
-        expected = due if kind is BufferType.GROWING else min(due, size)
-        assert element.count == min(expected, sum(1 for tick in range(first, ticks) if tick % divider == 0))
-
-
-def logged_to_journal(folder: Path, options, batches, disk, monkeypatch, refusals=()):
-    """Run a logger and its journal for some batches of ticks."""
-    tick = [0]
-    log = Logger("j", folder=folder, script=folder / "none.yaml", max_time=0, clock=lambda: 1000 + tick[0])
-    arrays = [
-        log.array(f"x{number}", 3, divider=divider, buffer_type=kind, buffer_size=size)
-        for number, (divider, kind, size) in enumerate(options)
-    ]
-    with contextlib.closing(log):
-        log.start()
-        reader = SegmentReader(log.segment_path)
-        writer = JournalWriter(folder / "run.journal", reader.schema, disk)
-        for number, ticks in enumerate(batches):
-            for _ in range(ticks):
-                for array in arrays:
-                    array[:] = tick[0], -tick[0], tick[0] / 2
-                log.collect()
-                tick[0] += 1
-            if number in refusals and reader.ticks > writer.durable_ticks:
-                disk.refuse_after = refusals[number]
-                with pytest.raises(OSError, match="No space left"):
-                    writer.append(reader)
-                disk.refuse_after = None
-            else:
-                disk.announce(writer.append(reader))
-        writer.close()
-    return folder / "run.journal"
-
+from tests.power_cuts import RecordingDisk, check, logged_to_journal, replay
 
 elements = st.lists(
     st.tuples(st.integers(1, 3), st.sampled_from(list(BufferType)), st.integers(1, 150)), min_size=1, max_size=4
 )
 
 
+runs = st.lists(st.integers(1, 60), min_size=1, max_size=12)
+
+
 @pytest.mark.slow
 @settings(max_examples=examples(25))
-@given(options=elements, batches=st.lists(st.integers(1, 60), min_size=1, max_size=12), seed=st.integers(0, 2**32))
+@given(options=elements, batches=runs, seed=st.integers(0, 2**32))
 def test_after_a_power_cut_at_any_call_all_that_was_durable_is_there(tmp_path_factory, options, batches, seed):
-    folder = tmp_path_factory.mktemp("journal")
-    disk = RecordingDisk()
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(journal_writer, "BLOCK_BYTES", 700)
-        journal = logged_to_journal(folder, options, batches, disk, monkeypatch)
-    chance = random.Random(seed)
-    for cut in range(len(disk.calls) + 1):
-        files, durable = disk_after(disk.calls[:cut], chance)
-        try:
-            recording = JournalReader(lay_out(files, journal, folder / "after")).snapshot()
-        except SegmentError:
-            assert durable == 0
-            continue
-        check(recording, durable, options)
+    replay(tmp_path_factory.mktemp("journal"), options, batches, seed)
+
+
+@pytest.mark.slow
+@settings(max_examples=examples(5))
+@given(options=elements, batches=runs, seed=st.integers(0, 2**32))
+def test_recover_saves_all_that_was_durable(tmp_path_factory, options, batches, seed):
+    replay(tmp_path_factory.mktemp("journal"), options, batches, seed, commands=0.5)
 
 
 @pytest.mark.slow
@@ -230,44 +39,30 @@ def test_after_a_power_cut_at_any_call_all_that_was_durable_is_there(tmp_path_fa
     batches=st.lists(st.integers(1, 40), min_size=3, max_size=8),
     seed=st.integers(0, 2**32),
     refused=st.integers(0, 2),
-    after=st.integers(0, 3),
+    after=st.integers(0, 1),  # no batch has less than one write and one sync
 )
 def test_a_full_disk_tears_nothing(tmp_path_factory, options, batches, seed, refused, after):
-    folder = tmp_path_factory.mktemp("journal")
-    disk = RecordingDisk()
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(journal_writer, "BLOCK_BYTES", 700)
-        # no batch has less than one write and one sync
-        journal = logged_to_journal(folder, options, batches, disk, monkeypatch, {refused: min(after, 1)})
-    chance = random.Random(seed)
-    for cut in range(len(disk.calls) + 1):
-        files, durable = disk_after(disk.calls[:cut], chance)
-        try:
-            recording = JournalReader(lay_out(files, journal, folder / "after")).snapshot()
-        except SegmentError:
-            assert durable == 0
-            continue
-        assert recording.offset >= durable
+    replay(tmp_path_factory.mktemp("journal"), options, batches, seed, refusals={refused: after})
 
 
-def test_a_journal_of_looping_buffers_stays_small(tmp_path, monkeypatch):
+def test_a_journal_of_looping_buffers_stays_small(tmp_path):
     disk = RecordingDisk()
     options = [(1, BufferType.LOOPING, 100)]
-    journal = logged_to_journal(tmp_path, options, [50] * 200, disk, monkeypatch)
+    journal = logged_to_journal(tmp_path, options, [50] * 200, disk)
     row_bytes = 8 * 5
     assert sum(file.stat().st_size for file in journal.glob("loop-*")) < 3 * row_bytes * (100 + 64) * 4
     check(JournalReader(journal).snapshot(), 10_000, options)
 
 
-def test_a_ring_that_lapped_the_journal_leaves_a_hole_that_is_not_filled(tmp_path, monkeypatch):
+def test_a_ring_that_lapped_the_journal_leaves_a_hole_that_is_not_filled(tmp_path):
     disk = RecordingDisk()
-    journal = logged_to_journal(tmp_path, [(1, BufferType.LOOPING, 20)], [10, 1000, 10], disk, monkeypatch)
+    journal = logged_to_journal(tmp_path, [(1, BufferType.LOOPING, 20)], [10, 1000, 10], disk)
     (element,) = JournalReader(journal).snapshot().elements
     assert element.entries[0].values.tolist() == list(range(1000, 1020))
 
 
-def test_a_torn_description_says_that_nothing_was_durable(tmp_path, monkeypatch):
-    journal = logged_to_journal(tmp_path, [(1, BufferType.LOOPING, 20)], [10], RecordingDisk(), monkeypatch)
+def test_a_torn_description_says_that_nothing_was_durable(tmp_path):
+    journal = logged_to_journal(tmp_path, [(1, BufferType.LOOPING, 20)], [10], RecordingDisk())
     schema = journal / "schema"
     schema.write_bytes(schema.read_bytes()[:-1])
     with pytest.raises(SegmentError, match="the description of the journal is torn"):

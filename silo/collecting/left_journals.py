@@ -1,0 +1,162 @@
+"""Journals that helper processes left behind (`storage="disk"`): what they prove, and which of them nobody needs.
+
+A journal is recovered where its segment is gone, as after a power cut: a segment that is still there holds at least as
+much, and its recovery removes the journal. That of a living logger is never touched: its helper process holds a lock on
+it, and while there is none its segment or its process is alive.
+"""
+
+import contextlib
+import fcntl
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from silo.collecting.holdings import recording_holdings
+from silo.collecting.journal import ROWS, SCHEMA_FILE, Head, is_written, journals_of, list_journals, remove_journal
+from silo.collecting.journal_reader import JournalReader, read_head
+from silo.collecting.left_behind import BusyError, SavedMeanwhileError, StaleSegment
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError, StateError
+from silo.model import LoggerOptions
+from silo.runtime import boot_id, has_writer, is_at, lock_as_writer, pid_namespace, process_start
+
+
+def is_journal(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is that of a journal: a folder with its schema file."""
+    return (Path(path) / SCHEMA_FILE).is_file()
+
+
+def find_stale_journals(folder: str | os.PathLike[str], options: LoggerOptions | None = None) -> list[StaleSegment]:
+    """Journals in a log folder whose logger and segment are gone, of each run the one that proves most.
+
+    With `options` only those of that very logger. A damaged one is told as such.
+    """
+    found: dict[str, StaleSegment] = {}
+    for path in list_journals(folder, options.name if options else "*"):
+        stale = _look(path)
+        if stale is not None and (options is None or _is_of(stale, options)):
+            run = stale.schema.run if stale.schema else str(path)
+            if run not in found or found[run].ticks < stale.ticks:
+                found[run] = stale
+    return list(found.values())
+
+
+def _is_of(stale: StaleSegment, options: LoggerOptions) -> bool:
+    schema = stale.schema
+    return schema is not None and (schema.logger, schema.folder) == (options.name, options.folder)
+
+
+def _look(path: Path) -> StaleSegment | None:
+    if is_written(path):
+        return None
+    try:
+        head = read_head(path)
+        if in_use(head):
+            return None
+        reader = JournalReader(path)
+        schema = reader.schema
+        reason = f"process {schema.pid} of user {schema.user} and its memory are gone; {reader.proven_text}"
+        return StaleSegment(path, schema, recording_holdings(reader.snapshot()), reason)
+    except SegmentError as error:
+        if not _has_rows(path):
+            return None  # saved and removed by another process just now, or swept by the next sweep
+        text = str(error).removeprefix(f"{path}: ")
+        return StaleSegment(path, None, None, f"{text}; it stays; to free its room: rm -r {path}")
+
+
+def in_use(head: Head) -> bool:
+    """Whether the logger of a journal lives, or has left its segment, which holds as much and is saved instead."""
+    schema = head.schema
+    with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(head.segment)) as reader:
+        if reader.schema.run == schema.run:
+            return True
+    # its files may have been deleted under it
+    here = schema.boot_id == boot_id() and schema.pid_namespace in (0, pid_namespace())
+    return here and process_start(schema.pid) == schema.pid_start
+
+
+def orphaned_journals(folder: str | os.PathLike[str]) -> list[Path]:
+    """Journals in a log folder whose logger and segment are gone; of each run the first. Their rows are not read."""
+    found: dict[str, Path] = {}
+    for path in list_journals(folder):
+        with contextlib.suppress(SegmentError):
+            head = read_head(path)
+            if not is_written(path) and not in_use(head):
+                found.setdefault(head.schema.run, path)
+    return list(found.values())
+
+
+def sweep_journals(folder: str | os.PathLike[str]) -> list[Path]:
+    """Remove journals of dead processes in which no tick is durable yet, as no row was ever written; cheap.
+
+    Returns what was removed.
+    """
+    return [path for path in list_journals(folder) if _removed_if_empty(path)]
+
+
+def _has_rows(path: Path) -> bool:
+    """Whether anything was ever written behind the description."""
+    with contextlib.suppress(FileNotFoundError):
+        return any(file.stat().st_size for file in path.glob(ROWS))
+    return False
+
+
+def _removed_if_empty(path: Path) -> bool:
+    with contextlib.suppress(OSError):
+        if _has_rows(path):
+            return False
+        try:
+            descriptor = os.open(path / SCHEMA_FILE, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
+        except FileNotFoundError:
+            path.rmdir()
+            return True
+        try:
+            if has_writer(descriptor) or not lock_as_writer(descriptor) or not is_at(descriptor, path / SCHEMA_FILE):
+                return False
+            with contextlib.suppress(SegmentError):
+                if in_use(read_head(path)):
+                    return False
+            remove_journal(path)
+            return True
+        finally:
+            os.close(descriptor)
+    return False
+
+
+@contextlib.contextmanager
+def claimed_journal(path: Path, *, wait: bool = False) -> Iterator[JournalReader]:
+    """Hold a journal for one who saves and removes it; read while it is held.
+
+    Raises StateError while its logger lives or its segment is there, BusyError while another process holds it (unless
+    it may `wait`), SavedMeanwhileError if another has saved it, SegmentError for one that is damaged.
+    """
+    try:
+        descriptor = os.open(path / SCHEMA_FILE, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError as error:
+        raise SegmentError(f"{path}: can't open the journal ({error.strerror})") from error
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            raise BusyError(f"{path}: another process is saving it right now") from None
+        if not is_at(descriptor, path / SCHEMA_FILE):
+            raise SavedMeanwhileError(f"{path}: another process saved it meanwhile (look in {path.parent})")
+        head = read_head(path)
+        if has_writer(descriptor) or in_use(head):
+            raise StateError(
+                f"{path}: process {head.schema.pid} still logs, or left its memory, which holds more: "
+                f"{head.segment}; nothing was changed"
+            )
+        yield JournalReader(path)
+    finally:
+        os.close(descriptor)
+
+
+def remove_proven(reader: JournalReader) -> None:
+    """Delete a journal whose data is in a file, and others of its run that prove no more."""
+    for path in journals_of(reader.schema, reader.path.parent):
+        with contextlib.suppress(SegmentError):
+            if path != reader.path and JournalReader(path).ticks > reader.ticks:
+                continue
+        remove_journal(path)
+    remove_journal(reader.path)  # whatever somebody renamed it to
