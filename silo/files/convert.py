@@ -58,7 +58,9 @@ def _set_aside(folder: Path) -> Iterator[None]:
     others = sorted(one.name for one in folder.iterdir() if one.name != "metadata.yaml" and one.suffix != ".mcap")
     if not is_bag_folder(folder) or others or folder.resolve() == Path.cwd():
         holds = f", it holds {others[0]}" if others else ""
-        raise SaveError(f"'{folder}' is a folder, but not of one bag{holds}: it is not replaced; choose another name")
+        raise SaveError(
+            f"'{folder}' is a folder, but not of a bag alone{holds}: it is not replaced; choose another name"
+        )
     old = folder.with_name(f".silo-{os.getpid()}-{secrets.token_hex(4)}.old")
     folder.rename(old)
     try:
