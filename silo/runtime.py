@@ -13,6 +13,7 @@ import stat
 import struct
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 from silo.errors import SegmentError
@@ -65,12 +66,32 @@ def runtime_dir() -> Path:
 def list_segments(folder: Path | None = None) -> list[Path]:
     """Return segment files of living and dead writers.
 
-    Those in the runtime folder, and in `folder` (`storage="file"`).
+    Those in the runtime folder, those in other folders that a link in it tells of (`storage="file"`), and those in
+    `folder`. Links to segments that are gone are removed.
     """
-    found = sorted(runtime_dir().glob(f"*{SEGMENT_SUFFIX}"))
+    found = []
+    for path in sorted(runtime_dir().glob(f"*{SEGMENT_SUFFIX}")):
+        if not path.is_symlink():
+            found.append(path)
+        elif path.exists():
+            found.append(path.readlink())
+        else:
+            path.unlink(missing_ok=True)
     if folder is not None:
-        found += sorted(folder.glob(f".*{SEGMENT_SUFFIX}"))
-    return found
+        found += sorted(folder.absolute().glob(f".*{SEGMENT_SUFFIX}"))
+    return list(dict.fromkeys(found))
+
+
+def announce_segment(path: Path) -> None:
+    """Have a segment in a log folder found by commands that don't know the folder, until the computer starts anew."""
+    link = runtime_dir() / path.name.lstrip(".")
+    link.unlink(missing_ok=True)
+    link.symlink_to(path.absolute())
+
+
+def withdraw_segment(path: Path) -> None:
+    """Take back what `announce_segment` did."""
+    (runtime_dir() / path.name.lstrip(".")).unlink(missing_ok=True)
 
 
 def orphaned_segments() -> list[Path]:
@@ -128,16 +149,22 @@ def is_at(descriptor: int, path: Path) -> bool:
         return False
 
 
+SWEEP_GRACE_S = 5.0
+
+
 def open_unfinished(path: Path) -> int:
     """The descriptor of an empty file of our own, marked as being written: no sweep takes it. Raises OSError."""
-    for _ in range(100):
+    until_s = time.monotonic() + SWEEP_GRACE_S
+    while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
         # a sweep may have come between the two calls
         if lock_as_writer(descriptor) and is_at(descriptor, path):
             os.ftruncate(descriptor, 0)
             return descriptor
         os.close(descriptor)
-    raise FileExistsError(errno.EEXIST, "another process is making one of the same name", str(path))
+        if time.monotonic() > until_s:
+            raise FileExistsError(errno.EEXIST, "another process is making one of the same name", str(path))
+        time.sleep(0.001)  # a sweep holds the mark for a moment; on a busy machine it may be put aside meanwhile
 
 
 def sweep_unfinished(folder: Path) -> list[Path]:

@@ -1,7 +1,8 @@
-"""Everything that can be done, once: keys, footer, help and command palette are made from this list.
+"""Everything that can be done, once: keys, key bar, help, command palette and `:` words are made from this list.
 
-A command with id `x` is carried out by the method `command_x` of the screen, or of the app. Keys avoid what
-terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`.
+A command with id `x` is carried out by the method `command_x` of the screen, or of the app; typed with a word whose
+meaning differs from the key's, by `word_x` in `commands/runner.py`. A new one touches its entry, that method and its
+test. Keys avoid what terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of the program.
 """
 
 from dataclasses import dataclass
@@ -10,11 +11,27 @@ from textual.binding import Binding
 
 
 @dataclass(frozen=True)
+class Typed:
+    """How a command is typed after `:`.
+
+    `completes` names what its argument may be (see `CommandRunner.choices`). `usage` and `help` are its line on the
+    help page, `place` the order of these lines; without a usage it has none.
+    """
+
+    words: tuple[str, ...]
+    completes: str = ""
+    usage: str = ""
+    help: str = ""
+    place: int = 0
+
+
+@dataclass(frozen=True)
 class Command:
     """One thing that can be done.
 
-    `scopes` are the screens where its keys count (`any`: all of them). `footer` is its place in the key bar, 0: none.
-    `writes` commands change the logger or its table: they are refused with `--read-only`.
+    `scopes` are the screens where its keys count (`any`: all of them; none: it can only be typed). `footer` is its
+    place in the key bar, 0: none. `writes` commands change the logger or its table: they are refused with
+    `--read-only`. Those that `asks` need a logger that answers. `hidden` ones are left out of the palette.
     """
 
     id: str
@@ -25,7 +42,10 @@ class Command:
     scopes: tuple[str, ...]
     footer: int = 0
     writes: bool = False
+    asks: bool = False
+    hidden: bool = False
     shown_key: str = ""
+    typed: Typed | None = None
 
     @property
     def key_text(self) -> str:
@@ -63,24 +83,27 @@ _DETAILS = _DETAIL + _FILE_DETAIL
 _FILE_PLOTS = _FILE_MONITOR + _FILE_DETAIL
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL
 
+# fmt: off
 COMMANDS: tuple[Command, ...] = (
     # ------------------------------------------------------------------------------------------------- moving
-    Command("down", "j,down", "Down", "next element", "Move", _TABLES),
-    Command("up", "k,up", "Up", "previous element", "Move", _TABLES),
+    Command("down", "j,down", "Down", "next element", "Move", _TABLES, hidden=True),
+    Command("up", "k,up", "Up", "previous element", "Move", _TABLES, hidden=True),
     Command("top", "g,home", "Top", "first element", "Move", _TABLES),
     Command("bottom", "G,end", "Bottom", "last element", "Move", _TABLES),
     Command("half_down", "ctrl+d,pagedown", "Page down", "half a page down", "Move", _TABLES),
     Command("half_up", "ctrl+u,pageup", "Page up", "half a page up", "Move", _TABLES),
-    Command("left", "h,left", "Field left", "previous field", "Move", _TABLE),
-    Command("right", "l,right", "Field right", "next field", "Move", _TABLE),
+    Command("left", "h,left", "Field left", "previous field", "Move", _TABLE, hidden=True),
+    Command("right", "l,right", "Field right", "next field", "Move", _TABLE, hidden=True),
     # ------------------------------------------------------------------------------------------ finding, marking
-    Command("filter", "slash", "Filter", "show only some elements", "Find and mark", _TABLES, 2),
-    Command("mark", "space", "Mark", "mark or unmark, and move on", "Find and mark", _TABLES, 1),
-    Command(
-        "mark_shown", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Find and mark", _TABLES, 13
-    ),
+    Command("filter", "slash", "Filter", "show only some elements", "Find and mark", _TABLES, 2,
+            typed=Typed(("filter",))),
+    Command("mark", "space", "Mark", "mark or unmark, and move on", "Find and mark", _TABLES, 1,
+            typed=Typed(("mark",))),
+    Command("mark_shown", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Find and mark",
+            _TABLES, 13),
     Command("range", "V", "Range", "begin a range, move, V again to mark it", "Find and mark", _TABLES),
-    Command("sort", "o", "Order", "sort by the next column", "Find and mark", _TABLES),
+    Command("sort", "o", "Order", "sort by the next column", "Find and mark", _TABLES,
+            typed=Typed(("sort",), "sorts", ":sort div", "order by a column", 6)),
     # ------------------------------------------------------------------------------------------------- editing
     Command("edit", "e,enter", "Edit", "edit the field under the cursor in place", "Edit", _TABLE, 3, writes=True),
     Command("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 4, writes=True),
@@ -89,21 +112,27 @@ COMMANDS: tuple[Command, ...] = (
     Command("next_buffer", "b", "Buffer", "looping, fixed, growing", "Edit", _TABLE, writes=True),
     Command("next_action", "p", "Publish", "save, save and publish, publish", "Edit", _TABLE, writes=True),
     Command("edit_all", "equals_sign", "Set to", "type a value, beginning with =", "Edit", _TABLE, writes=True),
-    Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE, 6),
-    Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE),
-    Command("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 5, writes=True),
-    Command("discard", "x", "Discard", "drop pending edits of the row, or of what is marked", "Edit", _TABLE),
+    Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE, 6, typed=Typed(("undo",))),
+    Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE, typed=Typed(("redo",))),
+    Command("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 5, writes=True, asks=True,
+            typed=Typed(("apply",))),
+    Command("discard", "x", "Discard", "drop pending edits of the row, or of what is marked", "Edit", _TABLE,
+            typed=Typed(("discard",))),
     # -------------------------------------------------------------------------------------------------- logger
-    Command("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True),
-    Command("restart", "R", "Restart", "stop and start again", "Logger", _BOTH, writes=True),
-    Command("save_data", "w", "Save", "write the logged data to files", "Logger", _BOTH, 9, writes=True),
-    Command("load_script", "L", "Load script", "choose a script on the robot", "Logger", _TABLE, writes=True),
-    Command(
-        "save_script", "W", "Save script", "store the table as a script on the robot", "Logger", _TABLE, writes=True
-    ),
-    Command("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE),
+    Command("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True, asks=True,
+            typed=Typed(("start", "stop"))),
+    Command("restart", "R", "Restart", "stop and start again", "Logger", _BOTH, writes=True, asks=True,
+            typed=Typed(("restart",))),
+    Command("save_data", "w", "Save", "write the logged data to files", "Logger", _BOTH, 9, writes=True, asks=True,
+            typed=Typed(("data",), "types", ":data silo csv bag NAME", "save data", 4)),
+    Command("load_script", "L", "Load script", "choose a script on the robot", "Logger", _TABLE,
+            writes=True, asks=True, typed=Typed(("load",), "scripts", ":load x.yaml", "load a script", 1)),
+    Command("save_script", "W", "Save script", "store the table as a script on the robot", "Logger", _TABLE,
+            writes=True, asks=True, typed=Typed(("save",), "scripts", ":save x.yaml", "save the table as a script", 2)),
+    Command("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE, asks=True, typed=Typed(("refresh",))),
     # ------------------------------------------------------------------------------------------------- looking
-    Command("monitor", "m", "Monitor", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7),
+    Command("monitor", "m", "Monitor", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7,
+            typed=Typed(("monitor",))),
     Command("inspector", "i", "Inspector", "show or hide the pane on the right", "Look", _TABLES),
     Command("plot_down", "j,down", "Next", "next plot", "Plots", _MONITORS),
     Command("plot_up", "k,up", "Previous", "previous plot", "Plots", _MONITORS),
@@ -119,13 +148,11 @@ COMMANDS: tuple[Command, ...] = (
     Command("scale", "y", "Y scale", "hold the y scale, or let it follow", "Plots", _MONITORS, 5),
     Command("detail", "enter,d", "Detail", "one large plot with axes", "Plots", _MONITORS, 6),
     Command("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
-    Command(
-        "publish", "P", "Publish", "prepare the edit that publishes a save-only element", "Plots", _MONITOR, writes=True
-    ),
+    Command("publish", "P", "Publish", "prepare the edit that publishes a save-only element", "Plots", _MONITOR,
+            writes=True),
     Command("mode", "tab,v", "Mode", "over time, x-y, spectrum", "Detail plot", _DETAILS, 1),
-    Command(
-        "detail_closer", "plus,equals_sign", "Shorter", "shorter time span", "Detail plot", _DETAILS, 2, shown_key="+"
-    ),
+    Command("detail_closer", "plus,equals_sign", "Shorter", "shorter time span", "Detail plot", _DETAILS, 2,
+            shown_key="+"),
     Command("detail_wider", "minus", "Longer", "longer time span", "Detail plot", _DETAILS, 3),
     Command("detail_left", "h,left", "Earlier", "move the window back", "Detail plot", _DETAILS, 4),
     Command("detail_right", "l,right", "Later", "move the window on", "Detail plot", _DETAILS, 5),
@@ -143,30 +170,42 @@ COMMANDS: tuple[Command, ...] = (
     Command("next_sample", "full_stop", "Next sample", "cursor to the next sample of the plot", "File", _FILE_MONITOR),
     Command("previous_sample", "comma", "Sample before", "cursor to the sample before", "File", _FILE_MONITOR),
     # ------------------------------------------------------------------------------------------------- loggers
-    Command("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", _TABLE),
+    Command("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", _TABLE, typed=Typed(("loggers",))),
     Command("next_logger", "j,down", "Next", "next logger", "Loggers", _LOGGERS),
     Command("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
     Command("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 2),
     # ------------------------------------------------------------------------------------------------------ app
     Command("command", "colon", "Command", "type a command, Tab completes it", "Go", _TABLE, 11),
-    Command("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?"),
-    Command("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",)),
-    Command("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",)),
-    Command("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on", "Go", ("any",), 12),
-    Command("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",)),
+    Command("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?", typed=Typed(("help",))),
+    Command("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",), hidden=True),
+    Command("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",),
+            hidden=True),
+    Command("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on", "Go", ("any",), 12, typed=Typed(("quit", "q"))),
+    Command("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",), hidden=True, typed=Typed(("q!",))),
+    # ----------------------------------------------------------------------------------------------- only typed
+    Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
+            typed=Typed(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
+    Command("goto", "", "Go to", "put the cursor on an element", "Move", (),
+            typed=Typed(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
+    Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),
+    Command("theme", "", "Theme", "choose other colours", "Go", (), typed=Typed(("theme",), "themes")),
+    Command("picture", "", "Picture", "the screen as a picture", "Go", (),
+            typed=Typed(("picture",), "", ":picture FILE.svg", "the screen as a picture", 7)),
 )
+# fmt: on
 
 BY_ID = {command.id: command for command in COMMANDS}
+BY_WORD = {word: command for command in COMMANDS if command.typed is not None for word in command.typed.words}
 
 
 def commands_for(scope: str) -> list[Command]:
-    """What can be done on a screen."""
+    """Return what can be done with keys on a screen."""
     return [command for command in COMMANDS if scope in command.scopes or "any" in command.scopes]
 
 
 def commands_like(scope: str) -> list[Command]:
-    """What can be done where a screen belongs to: on loggers, or on a file."""
+    """Return what can be done where a screen belongs to: on loggers, or on a file."""
     on_file = scope in FILE_SCOPES
     return [
         command
@@ -176,7 +215,7 @@ def commands_like(scope: str) -> list[Command]:
 
 
 def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
-    """The key bindings of a screen.
+    """Return the key bindings of a screen.
 
     They are priority bindings: Textual carries these out one after the other before it hands on the next key, the
     others at any time after. A slow link brings several keys at once, and `d 5 Enter j` has to stay in this order.
@@ -188,6 +227,6 @@ def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str,
 
 
 def footer_for(scope: str, *, read_only: bool = False) -> list[Command]:
-    """What the key bar shows, most wanted first."""
+    """Return what the key bar shows, most wanted first."""
     shown = [command for command in commands_for(scope) if command.footer and not (read_only and command.writes)]
     return sorted(shown, key=lambda command: command.footer)

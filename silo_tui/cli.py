@@ -57,11 +57,11 @@ def command(target: str, config: str, demo: bool, read_only: bool, rate: float, 
 
 
 def _file(target: str) -> "FileSession | None":
-    """The log that is meant, opened; None where a logger is meant."""
+    """Return the log that is meant, opened; None where a logger is meant."""
     if not target:
         return None
     from silo.errors import SiloError
-    from silo_tui.sessions.connect import ClientFinder
+    from silo_tui.sessions.finder import ClientFinder
     from silo_tui.sessions.target import file_meant
 
     try:
@@ -87,8 +87,8 @@ def _run(
 ) -> int:
     from silo_tui import terminal
     from silo_tui.app import SiloApp
-    from silo_tui.sessions.connect import ClientFinder
     from silo_tui.sessions.demo import Demo
+    from silo_tui.sessions.finder import ClientFinder
 
     app = SiloApp(
         ClientFinder(config),

@@ -15,12 +15,12 @@ GRACE_S = 3.0
 
 
 def over_ssh() -> bool:
-    """Whether the terminal is at the other end of SSH; there the mouse stays off so that text can be selected."""
+    """Return whether the terminal is at the other end of SSH; the mouse stays off there, to select text."""
     return any(name in os.environ for name in ("SSH_CONNECTION", "SSH_TTY", "SSH_CLIENT"))
 
 
 def backed_up(app: App[Any]) -> bool:
-    """Whether the terminal doesn't keep up: then live paints wait. With 30 writes queued Textual's event loop blocks.
+    """Return whether the terminal lags: then live paints wait. With 30 writes queued Textual's event loop blocks.
 
     The queue is private to Textual; this is the only place that looks at it.
     """
@@ -31,7 +31,7 @@ def backed_up(app: App[Any]) -> bool:
 
 
 def end_on_signals(loop: AbstractEventLoop, leave: Callable[[], None], last_words: Callable[[], None]) -> None:
-    """SIGHUP (the terminal is gone), SIGTERM and SIGINT end the app; if it can't, the process ends after a short grace.
+    """End the app on SIGHUP (no terminal), SIGTERM and SIGINT; if it can't, the process ends after a short grace.
 
     When SSH dies, whatever writes to the terminal may hang or fail: without this an orphan burns a whole core.
     """

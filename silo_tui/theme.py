@@ -68,5 +68,5 @@ FALLBACK = {"line": "ansi_blue", "quiet": "ansi_bright_black", "plot": "ansi_bri
 
 
 def chosen() -> str:
-    """The theme to begin with: `TEXTUAL_THEME` if it is set, else ours."""
+    """Return the theme to begin with: `TEXTUAL_THEME` if it is set, else ours."""
     return os.environ.get("TEXTUAL_THEME") or DARK.name

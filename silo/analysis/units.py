@@ -125,7 +125,7 @@ def _text(formula: Formula) -> str:
 
 
 def _written(word: str, exponent: Fraction) -> str:
-    shown = word if _Reader(word, _WORD).formula() == {word: 1} else f"[{word}]"
+    shown = word if _Reader(word, _WORD).formula() == {word: Fraction(1)} else f"[{word}]"
     if exponent == 1:
         return shown
     if exponent.denominator == 1:

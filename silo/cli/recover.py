@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     "--look-in",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
     default=Path(),
-    help="Log folder of loggers with storage='disk'; this folder if not given.",
+    help="Log folder of loggers with storage='disk' or 'file'; this folder if not given.",
 )
 @types_option
 @json_option
@@ -45,6 +45,7 @@ def recover(
       silo recover --folder /tmp/logs -t silo -t csv
     """
     from silo.collecting.left_behind import find_stale
+    from silo.runtime import list_segments
 
     chosen = file_types(types)
     stale = [] if segments else find_stale(look_in)
@@ -55,6 +56,7 @@ def recover(
     else:
         _sweep([look_in, *(Path(one.schema.folder) for one in stale if one.schema)])
         _recover([one.path for one in stale if one.holdings], folder, chosen, as_json, listed=True)
+        list_segments()  # removes the links to those that are gone now
     damaged = [one for one in stale if one.holdings is None]
     if damaged:
         if not only_list:
@@ -64,8 +66,12 @@ def recover(
 
 def _sweep(folders: Sequence[Path]) -> None:
     from silo.files.atomic import sweep_parts
+    from silo.ipc.folders import own_folders
+    from silo.ipc.session import sweep
     from silo.runtime import runtime_dir, sweep_unfinished
 
+    for own in own_folders():
+        sweep(own)
     removed = sweep_unfinished(runtime_dir())
     for folder in dict.fromkeys(path.resolve() for path in folders):
         removed += sweep_unfinished(folder) + sweep_parts(folder)

@@ -16,7 +16,8 @@ from silo.values import printable
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
-    from silo.ipc.view import Frame, View
+    from silo.ipc.frames import Frame
+    from silo.ipc.view import View
     from silo.model import ElementInfo, Entry
 
 MOST_VALUES = 16  # per line; a matrix of a hundred values is nothing to read

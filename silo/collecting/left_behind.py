@@ -35,7 +35,7 @@ class StaleSegment:
 
 
 def find_stale(folder: Path | None = None) -> list[StaleSegment]:
-    """Segments of processes that ended without saving: in the runtime folder, and in `folder` (`storage="disk"`).
+    """Segments of processes that ended without saving: in the runtime folder, and in `folder` (`storage="file"`).
 
     A damaged one is told as such and keeps none of the others.
     """
@@ -80,7 +80,7 @@ def predecessors(options: LoggerOptions) -> list[StaleSegment]:
 
 def segment_folder(options: LoggerOptions) -> Path | None:
     """Where a logger keeps its segments other than in the runtime folder."""
-    return Path(options.folder) if options.storage is Storage.DISK else None
+    return Path(options.folder) if options.storage is Storage.FILE else None
 
 
 def sweep_segments(folder: Path | None = None) -> list[Path]:

@@ -22,7 +22,16 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.sources import Reference, abandoned
 from silo.errors import SegmentError
 from silo.model import LoggerOptions, Storage, Threads
-from silo.runtime import SEGMENT_SUFFIX, boot_id, pid_namespace, process_start, runtime_dir, user_name
+from silo.runtime import (
+    SEGMENT_SUFFIX,
+    announce_segment,
+    boot_id,
+    pid_namespace,
+    process_start,
+    runtime_dir,
+    user_name,
+    withdraw_segment,
+)
 
 logger = logging.getLogger("silo")
 _numbers = itertools.count()
@@ -55,10 +64,13 @@ class Run:
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is not Storage.FILE,
         )
+        if options.storage is Storage.FILE:
+            announce_segment(self.segment.path)
         generated = generate(
             plan, self.segment, clock, on_stop, after_end, serialized=options.threads is Threads.SERIALIZED
         )
         self.collect, self._retire = generated.collect, generated.retire
+        self._announced = options.storage is Storage.FILE
         self._reader: SegmentReader | None = None
 
     @staticmethod
@@ -136,6 +148,8 @@ class Run:
         self.collect = self._retire = _nothing
         self.plan = dataclasses.replace(self.plan, references=())
         self.segment.unlink()
+        if self._announced:
+            withdraw_segment(self.segment.path)
         if self._reader is not None:
             self._reader.close()
             self._reader = None

@@ -98,8 +98,8 @@ class Segment:
             self._first = {ring: self._append_rows(ring, first_rows.get(ring, 1)) for ring in self._growing}
             temporary.rename(path)
         except OSError as error:
+            temporary.unlink(missing_ok=True)
             os.close(self._fd)
-            temporary.unlink()
             raise SegmentError(f"{path}: can't make the buffers ({error.strerror})") from error
         except BaseException:
             temporary.unlink(missing_ok=True)

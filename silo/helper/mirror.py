@@ -153,7 +153,10 @@ class Mirror:
     # --------------------------------------------------------------------------------------------- by any thread
 
     def open_reader(self) -> SegmentReader | None:
-        """Return a reader of the present segment for the calling thread alone; None if nothing was logged yet."""
+        """Return a reader of the present segment for the calling thread alone; None if nothing was logged yet.
+
+        Raises SegmentError for a segment that is damaged.
+        """
         with self._lock:
             if self._reader is None:
                 return None
@@ -162,7 +165,9 @@ class Mirror:
             return SegmentReader(path, descriptor)
         except SegmentError:
             # after a crash nobody writes any more, and what is mapped stays readable
-            return self._reader if self.now.died else None
+            if not self.now.died:
+                raise
+            return self._reader
         finally:
             os.close(descriptor)
 

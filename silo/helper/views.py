@@ -117,17 +117,19 @@ class View:
         self._layout: Layout | None = None
         self._newest: NewestValues | None = None
         self._plots: dict[int, _Plots] = {}
+        self._sizes: dict[int, int] = {}
         self._reader: SegmentReader | None = None
 
     def _adopt(self, now: LoggerSnapshot, reader: SegmentReader | None) -> Layout:
         """Prepares for the present generation and segment."""
         layout = layout_of(self.request, now)
         self._layout, self._reader = layout, reader
-        self._newest, self._plots = None, {}
+        self._newest, self._plots, self._sizes = None, {}, {}
         self._sent_tick = -1
         if reader is None:
             return layout
         schemas = {element.info.name: element for element in reader.schema.elements}
+        self._sizes = _other_sizes(self.request.values, now, schemas)
         self._newest = NewestValues(reader, [schemas.get(name) for name in self.request.values], layout.counts)
         for signal, (name, number) in enumerate(layout.plots):
             element = schemas.get(name)
@@ -177,6 +179,7 @@ class View:
                 marks=grid.marks.tobytes() if grid.marks.any() else b"",
                 bases={signal: base for signal, base in enumerate(grid.bases) if base},
                 since_ns=self._since_ns,
+                sizes=self._sizes,
             )
         )
 
@@ -215,6 +218,14 @@ class View:
         plots.begun = plots.begun or len(rows) > 0
         plots.cursor = max(plots.cursor, rows.first + len(rows))
         return rows
+
+
+def _other_sizes(names: list[str], now: LoggerSnapshot, schemas: dict[str, ElementSchema]) -> dict[int, int]:
+    """Buffer sizes of the recording where they differ from the table's, by position."""
+    recorded = [schemas[name].info.options.buffer_size if name in schemas else 0 for name in names]
+    tables = [info.options.buffer_size if (info := now.element(name)) else 0 for name in names]
+    pairs = zip(recorded, tables, strict=True)
+    return {position: size for position, (size, table) in enumerate(pairs) if size != table}
 
 
 def _backlog_start(reader: SegmentReader, element: ElementSchema) -> int:

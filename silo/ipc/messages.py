@@ -353,7 +353,9 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     the digits of integers from 2**53 on; `low`/`high` float64 of shape `(len(plots), count)`: columns
     `first ... first + count - 1`, the last of them perhaps not complete yet (it comes again), with `marks` and
     `bases` as in `Columns`. They hold every sample since the frame
-    before; where some were skipped `since_ns` is the time from which on they are whole, else 0.
+    before; where some were skipped `since_ns` is the time from which on they are whole, else 0. `sizes` are the buffer
+    sizes of the held recording by position in `values`, where they aren't the table's: it was edited since, or the
+    recording lacks the element (0).
     """
 
     number: int
@@ -374,6 +376,7 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     marks: bytes = b""
     bases: dict[int, int] = {}
     since_ns: int = 0
+    sizes: dict[int, int] = {}
 
 
 # ----------------------------------------------------------------------------------------------- published: events

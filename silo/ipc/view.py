@@ -2,62 +2,19 @@
 
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 import zenoh
-from numpy.typing import NDArray
 
-from silo.columns import MAX_COLUMNS, ColumnGrid, Floats, HistoryColumns, Marks, grid_of
+from silo.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
+from silo.ipc.frames import Frame
 from silo.ipc.keys import Root
 from silo.ipc.messages import Columns, OpenView, ViewFrame, ViewOpened
-from silo.model import State
 
 RING = 64  # 6 s at 10 Hz: who reads less often gets the newest and a gap
 
 _decoder = msgspec.msgpack.Decoder(ViewFrame)
-
-
-@dataclass(frozen=True)
-class Frame:
-    """What a view shows. `held`, `lost`: int64 per element of `elements`; `newest`: float64 per entry of them.
-
-    `entries` names the entries. `texts` holds by position in `newest` each value that a float64 can't tell (see
-    `silo.values`). `low` and `high` have shape `(len(plots), count)` and begin at column `first`; they hold only what
-    came since the last frame, so merge them with `fmin` and `fmax`, best in a `silo.columns.ColumnStore`. They are
-    offsets from `bases` (by place in `plots`), `marks` are bytes of their shape or None for none. `missed` counts
-    frames that never arrived, since the view was opened. `since_ns` is 0 where this frame continues the one
-    before; else its columns are whole from that time on, and the history knows what was before.
-    """
-
-    elements: tuple[str, ...]
-    entries: tuple[str, ...]
-    plots: tuple[str, ...]
-    unpublished: frozenset[str]
-    missing: frozenset[str]
-    time_ns: int
-    tick: int
-    state: State
-    measured_hz: float
-    lost_total: int
-    held: NDArray[np.int64]
-    lost: NDArray[np.int64]
-    newest: Floats
-    texts: dict[int, str]
-    column_ns: int
-    first: int
-    low: Floats
-    high: Floats
-    marks: Marks | None
-    bases: dict[int, int]
-    since_ns: int
-    missed: int
-
-    @property
-    def running(self) -> bool:
-        """Whether the logger collects."""
-        return self.state is State.RUNNING
 
 
 def history_columns(columns: Columns) -> HistoryColumns:
@@ -190,6 +147,7 @@ class View:
             marks=grid.marks if grid.marks.any() else None,
             bases={row: base for row, base in enumerate(grid.bases) if base},
             since_ns=since_ns,
+            sizes=newest.sizes,
             missed=self._missed,
         )
 

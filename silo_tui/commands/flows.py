@@ -4,85 +4,83 @@ Each flow is a coroutine that runs in a worker of the app; errors of the logger 
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from rich.text import Text
 
 from silo.errors import RefusedError
 from silo.ipc.messages import RefusedWhy
+from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.table import PendingChange
 from silo_tui.screens.dialogs import Choice, Prompt, Question, diff_text
 from silo_tui.sessions.live import why
 
-if TYPE_CHECKING:
-    from silo_tui.app import SiloApp
-    from silo_tui.sessions.finder import FoundLogger
-
 GONE = "the robot program is gone: start it again, silo-tui follows"
 SPLIT = "Stopping ends this recording, and starting again begins another."
 
 
-async def start_stop(app: "SiloApp") -> None:
-    """Starts a stopped logger; stops a running one after asking."""
-    session = app.session
+async def start_stop(context: Context) -> None:
+    """Start a stopped logger; stops a running one after asking."""
+    session = context.session
     if session.dead:
-        app.say(GONE)
+        context.say(GONE)
         return
     if not session.running:
-        if _unsaved(app) and not await _start_over(app):
+        if _unsaved(context) and not await _start_over(context):
             return
         await session.start()
-        app.say("started")
-    elif await _confirmed(app, "Stop logging?", "What was logged stays in memory; w saves it.", "Stop"):
+        context.say("started")
+    elif await _confirmed(context, "Stop logging?", "What was logged stays in memory; w saves it.", "Stop"):
         await session.stop()
-        app.say("stopped; w saves the data")
-    app.status_changed()
+        context.say("stopped; w saves the data")
+    context.status_changed()
 
 
-async def restart(app: "SiloApp") -> None:
-    """Stops and starts after asking."""
-    session = app.session
+async def restart(context: Context) -> None:
+    """Stop and starts after asking."""
+    session = context.session
     if session.dead:
-        app.say(GONE)
+        context.say(GONE)
         return
     if session.running:
-        answer = await _ask_around(app, "Restart logging?", Text(SPLIT), Choice("no", "Don't restart"), "restart", "y")
-        if answer is None or (answer == "save" and not await _stop_and_save(app)):
+        answer = await _ask_around(
+            context, "Restart logging?", Text(SPLIT), Choice("no", "Don't restart"), "restart", "y"
+        )
+        if answer is None or (answer == "save" and not await _stop_and_save(context)):
             return
-    elif _unsaved(app) and not await _start_over(app):
+    elif _unsaved(context) and not await _start_over(context):
         return
     await session.restart()
-    app.say("restarted")
-    app.status_changed()
+    context.say("restarted")
+    context.status_changed()
 
 
-def _unsaved(app: "SiloApp") -> int:
-    """Ticks that a new start would drop."""
-    session = app.session
+def _unsaved(context: Context) -> int:
+    """Return ticks that a new start would drop."""
+    session = context.session
     return 0 if session.status.saved else max(session.status.ticks, session.ticks if session.running else 0)
 
 
-async def _start_over(app: "SiloApp") -> bool:
-    ticks = text.plural_count(_unsaved(app), "tick")
+async def _start_over(context: Context) -> bool:
+    ticks = text.plural_count(_unsaved(context), "tick")
     body = f"The last recording ({ticks}) is not saved, and starting drops it."
     choices = [
         Choice("no", "Don't start"), Choice("save", "Save it, then start", "s"),
         Choice("drop", f"Drop {ticks} and start", "d"),
     ]  # fmt: skip
-    answer = await app.push_screen_wait(Question("Start without saving?", body, choices))
-    return await _save_all(app) if answer == "save" else answer == "drop"
+    answer = await context.app.push_screen_wait(Question("Start without saving?", body, choices))
+    return await _save_all(context) if answer == "save" else answer == "drop"
 
 
 async def _ask_around(
-    app: "SiloApp", title: str, body: Text, harmless: Choice, steps: str, key: str, others: Sequence[Choice] = ()
+    context: Context, title: str, body: Text, harmless: Choice, steps: str, key: str, others: Sequence[Choice] = ()
 ) -> str | None:
-    """Asks before a running logger is stopped and started again; None, an answer of `others`, "save" or "drop".
+    """Ask before a running logger is stopped and started again; None, an answer of `others`, "save" or "drop".
 
     "save": what was logged is to be saved in between. "drop": there is nothing to save, or it is to be dropped.
     """
-    await app.session.refresh_status()  # it may have been saved, and gone on since
-    unsaved = _unsaved(app)
+    await context.session.refresh_status()  # it may have been saved, and gone on since
+    unsaved = _unsaved(context)
     choices = [harmless]
     if unsaved:
         ticks = text.plural_count(unsaved, "tick")
@@ -90,99 +88,99 @@ async def _ask_around(
         choices += [Choice("save", f"Save, {steps}", "s"), Choice("drop", f"Drop {ticks}: {steps}", "d")]
     else:
         choices.append(Choice("drop", steps[:1].upper() + steps[1:], key))
-    answer = await app.push_screen_wait(Question(title, body, [*choices, *others]))
+    answer = await context.app.push_screen_wait(Question(title, body, [*choices, *others]))
     return None if answer == harmless.value else answer
 
 
-async def _stop_and_save(app: "SiloApp") -> bool:
-    """Stops, then saves, so that the last tick is in the file too. False: stopped, but not saved."""
-    await app.session.stop()
-    app.status_changed()
-    if await _save_all(app):
+async def _stop_and_save(context: Context) -> bool:
+    """Stop, then saves, so that the last tick is in the file too. False: stopped, but not saved."""
+    await context.session.stop()
+    context.status_changed()
+    if await _save_all(context):
         return True
-    app.say("stopped and not saved: nothing else was done, the data is still there (w saves it)")
+    context.say("stopped and not saved: nothing else was done, the data is still there (w saves it)")
     return False
 
 
-async def _save_all(app: "SiloApp") -> bool:
+async def _save_all(context: Context) -> bool:
     from silo_tui.screens.save_data import SaveDialog
 
-    files = await app.push_screen_wait(SaveDialog(app.session.status.folder, at_once=True, go_on=True))
+    files = await context.app.push_screen_wait(SaveDialog(context, at_once=True, go_on=True))
     return bool(files)
 
 
-async def apply(app: "SiloApp") -> None:
-    """Shows what would change and applies it as one transaction; offers to stop and start again around it."""
-    session = app.session
+async def apply(context: Context) -> None:
+    """Show what would change and applies it as one transaction; offers to stop and start again around it."""
+    session = context.session
     if session.dead:
-        app.say(f"{GONE}; the edits stay pending")
+        context.say(f"{GONE}; the edits stay pending")
         return
     while True:
         changes = session.table.changes()
         if not changes:
-            app.say("nothing is pending")
+            context.say("nothing is pending")
             return
-        if any(change.theirs is not None for change in changes) and not await _settle_conflicts(app):
+        if any(change.theirs is not None for change in changes) and not await _settle_conflicts(context):
             return
         changes = session.table.changes()
         if not changes:
-            app.say("nothing is pending any more")
+            context.say("nothing is pending any more")
             return
-        answer = await _ask_to_apply(app, changes)
+        answer = await _ask_to_apply(context, changes)
         if answer == "discard":
             session.table.discard(list(range(len(session.table))))
-            app.table_changed()
-            app.say("all pending edits discarded; u brings them back")
+            context.table_changed()
+            context.say("all pending edits discarded; u brings them back")
         if answer not in {"apply", "save", "drop"}:
             return
-        if answer == "save" and not await _stop_and_save(app):
+        if answer == "save" and not await _stop_and_save(context):
             return
-        if await _carry_out(app, around=answer != "apply"):
+        if await _carry_out(context, around=answer != "apply"):
             return
 
 
-async def _ask_to_apply(app: "SiloApp", changes: Sequence[PendingChange]) -> str | None:
+async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> str | None:
     elements = len({change.name for change in changes})
     title = f"Apply {text.plural(len(changes), 'edit')} to {text.plural(elements, 'element')}?"
     keep, discard = Choice("keep", "Keep them pending"), Choice("discard", "Discard all edits")
     body = Text()
-    if app.session.running:
+    if context.session.running:
         body.append(f"The logger runs, and a running logger takes no edits. {SPLIT}\n\n", style="bold")
         body.append_text(diff_text(changes))
-        return await _ask_around(app, title, body, keep, "stop, apply, start again", "a", [discard])
+        return await _ask_around(context, title, body, keep, "stop, apply, start again", "a", [discard])
     body.append_text(diff_text(changes))
-    return await app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
+    return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
 
 
-async def _carry_out(app: "SiloApp", *, around: bool) -> bool:
-    """Applies; False when somebody else was faster and the edits are to be looked at again."""
-    session = app.session
+async def _carry_out(context: Context, *, around: bool) -> bool:
+    """Apply; False when somebody else was faster and the edits are to be looked at again."""
+    session = context.session
     try:
         if around and session.running:
             await session.stop()
         changed = await session.apply()
     except RefusedError as refused:
-        app.table_changed()
+        context.table_changed()
         if around:
             await session.start()
         if why(refused) is RefusedWhy.CONFLICT:
-            app.say("somebody else changed the table meanwhile: look again")
+            context.say("somebody else changed the table meanwhile: look again")
             return False
         if why(refused) is RefusedWhy.RUNNING:
             await session.refresh_status()
-            app.status_changed()
+            context.status_changed()
             return False
         raise
     if around:
         await session.start()
-    app.table_changed()
-    app.status_changed()
-    app.say(f"applied to {text.plural(changed, 'element')}" + (", logging again" if around else ""))
+    context.table_changed()
+    context.status_changed()
+    context.say(f"applied to {text.plural(changed, 'element')}" + (", logging again" if around else ""))
     return True
 
 
-async def _settle_conflicts(app: "SiloApp") -> bool:
-    table = app.session.table
+async def _settle_conflicts(context: Context) -> bool:
+    table = context.session.table
     conflicts = [change for change in table.changes() if change.theirs is not None]
     body = Text("Somebody else changed the same fields since you edited them:\n\n")
     for change in conflicts[:200]:
@@ -194,44 +192,47 @@ async def _settle_conflicts(app: "SiloApp") -> bool:
         Choice("back", "Decide later (look at each: x takes theirs)"), Choice("theirs", "Take theirs", "t"),
         Choice("mine", "Keep yours", "y"),
     ]  # fmt: skip
-    answer = await app.push_screen_wait(Question(f"{text.plural(len(conflicts), 'conflict')}", body, choices))
+    answer = await context.app.push_screen_wait(Question(f"{text.plural(len(conflicts), 'conflict')}", body, choices))
     if answer not in {"theirs", "mine"}:
         return False
     table.resolve(list(range(len(table))), keep_mine=answer == "mine")
-    app.table_changed()
+    context.table_changed()
     return True
 
 
-async def load_script(app: "SiloApp", path: str = "") -> None:
-    """Chooses a script, shows what it would change, loads it."""
+async def load_script(context: Context, path: str = "") -> None:
+    """Choose a script, shows what it would change, loads it."""
     from silo_tui.screens.scripts import ScriptsDialog, script_diff_text
 
-    session = app.session
-    link = app.link
+    session = context.session
+    link = context.link
     chosen: str | None = path
     if not path:
         scripts = await link.read(lambda client: client.scripts())
-        chosen = await app.push_screen_wait(ScriptsDialog(scripts))
+        chosen = await context.app.push_screen_wait(ScriptsDialog(link, scripts))
     if not chosen:
         return
     name = chosen
     if path:
         diff = await link.read(lambda client: client.diff_script(name))
         choices = [Choice("load", f"Load {name}", "l"), Choice("no", "Don't")]
-        if await app.push_screen_wait(Question(f"Load {diff.path}?", script_diff_text(diff), choices)) != "load":
+        if (
+            await context.app.push_screen_wait(Question(f"Load {diff.path}?", script_diff_text(diff), choices))
+            != "load"
+        ):
             return
     fields, elements = session.table.pending_count
     if fields:
         edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
         body = f"{edits} stay pending on top of the script."
-        if not await _confirmed(app, "Load over pending edits?", body, "Load"):
+        if not await _confirmed(context, "Load over pending edits?", body, "Load"):
             return
     around = session.running
     if around:
         body_text = Text(f"The logger runs, and a running logger takes no script. {SPLIT}")
         no, steps = Choice("no", "Don't load"), "stop, load, start again"
-        answer = await _ask_around(app, "Stop, load, start again?", body_text, no, steps, "y")
-        if answer is None or (answer == "save" and not await _stop_and_save(app)):
+        answer = await _ask_around(context, "Stop, load, start again?", body_text, no, steps, "y")
+        if answer is None or (answer == "save" and not await _stop_and_save(context)):
             return
         if session.running:
             await session.stop()
@@ -241,61 +242,60 @@ async def load_script(app: "SiloApp", path: str = "") -> None:
         if around:
             await session.start()
     await session.reload()
-    app.table_changed()
-    app.status_changed()
+    context.table_changed()
+    context.status_changed()
     unknown = f"; {len(loaded.unknown)} names of it are not in the table" if loaded.unknown else ""
-    app.say(f"loaded {name}: {text.plural(loaded.changed, 'element')} changed{unknown}")
+    context.say(f"loaded {name}: {text.plural(loaded.changed, 'element')} changed{unknown}")
     if loaded.warnings:
-        app.notify("\n".join(loaded.warnings[:6]), severity="warning", timeout=6, markup=False)
+        context.app.notify("\n".join(loaded.warnings[:6]), severity="warning", timeout=6, markup=False)
 
 
-async def save_script(app: "SiloApp", path: str | None = None) -> None:
-    """Stores the table of the logger as a script on the robot."""
-    session = app.session
+async def save_script(context: Context, path: str | None = None) -> None:
+    """Store the table of the logger as a script on the robot."""
+    session = context.session
     if path is None:
         fields, _ = session.table.pending_count
         body = f"On the robot, in the folder of {session.status.script or 'its script'}."
         if fields:
             body += f" {text.plural(fields, 'pending edit')} will not be in it: apply them first."
         current = text.file_name(session.status.script)
-        path = await app.push_screen_wait(Prompt("Save the table as a script", body, current, "name.yaml"))
+        path = await context.app.push_screen_wait(Prompt("Save the table as a script", body, current, "name.yaml"))
     if path is None:
         return
     name = path
-    link = app.link
+    link = context.link
     try:
         said = await link.call(lambda client: client.save_script(name, False))
     except RefusedError as refused:
         if why(refused) is not RefusedWhy.EXISTS:
             raise
-        if not await _confirmed(app, f"Overwrite {name or 'the script'}?", str(refused), "Overwrite"):
+        if not await _confirmed(context, f"Overwrite {name or 'the script'}?", str(refused), "Overwrite"):
             return
         said = await link.call(lambda client: client.save_script(name, True))
-    app.say(said or f"saved {name}")
+    context.say(said or f"saved {name}")
 
 
-async def open_other(app: "SiloApp", logger: "FoundLogger") -> None:
-    """Opens another logger; asks when edits of this one are pending."""
-    fields, elements = app.session.table.pending_count if app.has_session else (0, 0)
-    if fields:
-        edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
-        if not await _confirmed(app, f"Leave {app.session.name}?", f"{edits} of it would be lost.", "Leave"):
-            return
-    await app.open_now(logger)
+async def may_leave(context: Context) -> bool:
+    """Ask before another logger is opened while edits of this one are pending."""
+    fields, elements = context.session.table.pending_count if context.has_session else (0, 0)
+    if not fields:
+        return True
+    edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
+    return await _confirmed(context, f"Leave {context.session.name}?", f"{edits} of it would be lost.", "Leave")
 
 
-async def leave(app: "SiloApp") -> None:
-    """Ends the app; asks only when edits are pending."""
-    fields, elements = app.session.table.pending_count if app.has_session else (0, 0)
+async def leave(context: Context) -> None:
+    """End the app; asks only when edits are pending."""
+    fields, elements = context.session.table.pending_count if context.has_session else (0, 0)
     if fields:
         edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
         body = f"{edits} would be lost. The logger goes on either way."
-        if not await _confirmed(app, "Quit without applying?", body, "Quit"):
+        if not await _confirmed(context, "Quit without applying?", body, "Quit"):
             return
-    app.exit()
+    context.app.exit()
 
 
-async def _confirmed(app: "SiloApp", title: str, body: str, label: str) -> bool:
-    """Asks before something is lost; No has the focus."""
+async def _confirmed(context: Context, title: str, body: str, label: str) -> bool:
+    """Ask before something is lost; No has the focus."""
     choices = [Choice("no", "No"), Choice("yes", label, "y")]
-    return await app.push_screen_wait(Question(title, body, choices)) == "yes"
+    return await context.app.push_screen_wait(Question(title, body, choices)) == "yes"

@@ -6,21 +6,19 @@ from typing import cast
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
 from silo_tui.actions import Command, commands_for
-from silo_tui.screens.base import SiloScreen
-
-HIDDEN = {"down", "up", "left", "right", "palette", "back", "quit_now"}
+from silo_tui.context import SiloScreen
 
 
 class CommandProvider(Provider):
     """Feeds the palette from the list of commands."""
 
     async def discover(self) -> Hits:
-        """Everything, before anything is typed."""
+        """Return everything, before anything is typed."""
         for command in self._commands():
             yield DiscoveryHit(self._title(command), partial(self._do, command.id), help=command.help)
 
     async def search(self, query: str) -> Hits:
-        """What matches."""
+        """Return what matches."""
         matcher = self.matcher(query)
         for command in self._commands():
             score = max(matcher.match(command.label), matcher.match(command.help))
@@ -32,7 +30,7 @@ class CommandProvider(Provider):
     def _commands(self) -> list[Command]:
         if not isinstance(self.screen, SiloScreen):
             return []
-        return [command for command in commands_for(self.screen.scope) if command.id not in HIDDEN]
+        return [command for command in commands_for(self.screen.scope) if not command.hidden]
 
     def _title(self, command: Command) -> str:
         return f"{command.label}  ({command.key_text})"

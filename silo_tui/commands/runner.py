@@ -1,132 +1,116 @@
-"""What the commands of the `:` line do."""
+"""What the words of the `:` line do where they take arguments, or mean something else than the command's key."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
+from textual.app import App
+
+from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.settings.words import completions, read_settings
+from silo_tui.actions import BY_WORD, Command
 from silo_tui.commands import flows
+from silo_tui.context import Context
 from silo_tui.model import command_line
-from silo_tui.model.rows import SORTS
-
-if TYPE_CHECKING:
-    from silo_tui.app import SiloApp
-
-DEED_WORDS = {
-    "start": "start_stop", "stop": "start_stop", "restart": "restart", "apply": "apply", "undo": "undo", "redo": "redo",
-    "monitor": "monitor", "help": "help", "refresh": "refresh", "loggers": "loggers", "discard": "discard",
-}  # fmt: skip
-OWN_WORDS = (
-    "load",
-    "save",
-    "data",
-    "set",
-    "filter",
-    "goto",
-    "sort",
-    "mark",
-    "unmark",
-    "theme",
-    "picture",
-    "quit",
-    "q",
-    "q!",
-)
+from silo_tui.screens.table import TableScreen
 
 
 class CommandRunner:
-    """Carries out one command line."""
+    """Carries out command lines and completes them; `word_x` is the command `x` as it is typed."""
 
-    def __init__(self, app: "SiloApp") -> None:
-        self._app = app
+    def __init__(self, context: Context) -> None:
+        self._context = context
 
-    @staticmethod
-    def words() -> list[str]:
-        """All commands."""
-        return sorted({*DEED_WORDS, *OWN_WORDS})
+    def complete(self, line: str) -> list[str]:
+        """Return whole lines that `line` may become."""
+        command = BY_WORD.get(line.lstrip(":").partition(" ")[0])
+        choices = self.choices(command, line.rpartition(" ")[2]) if command is not None else ()
+        return command_line.complete(line, sorted(BY_WORD), choices)
 
-    def arguments(self, line: str) -> Mapping[str, Sequence[str]]:
-        """Possible arguments of the command that `line` begins with."""
-        app = self._app
-        word = line.lstrip(":").partition(" ")[0]
-        if word == "goto" and app.has_session:
-            return {"goto": app.session.table.names}
-        return {
-            "load": app.script_names, "save": app.script_names, "sort": SORTS,
-            "set": completions(line.rpartition(" ")[2]),
-            "data": SAVED_NAMES, "theme": tuple(sorted(app.available_themes)),
-        }  # fmt: skip
+    def choices(self, command: Command, begun: str = "") -> Sequence[str]:
+        """Return what the argument of a typed command may be, of which `begun` is typed."""
+        context = self._context
+        sources: dict[str, Callable[[], Sequence[str]]] = {
+            "scripts": lambda: context.script_names,
+            "settings": lambda: completions(begun),
+            "sorts": lambda: context.session.rows.sorts,
+            "names": lambda: context.session.table.names,
+            "types": lambda: SAVED_NAMES,
+            "themes": lambda: sorted(context.app.available_themes),
+        }
+        source = sources.get(command.typed.completes) if command.typed is not None else None
+        return source() if source is not None else ()
 
-    def run(self, spelled: command_line.Spelled) -> None:
-        """Does it. ValueError says what is wrong with the line."""
-        word, arguments = spelled.word, spelled.arguments
-        if word in DEED_WORDS:
-            self._command(word)
-            return
-        handler = {
-            "load": self._load, "save": self._save, "data": self._data, "set": self._set, "filter": self._filter,
-            "goto": self._goto, "sort": self._sort, "mark": self._mark, "unmark": self._unmark, "theme": self._theme,
-            "picture": self._picture,
-            "quit": self._quit, "q": self._quit, "q!": self._quit_now,
-        }.get(word)  # fmt: skip
-        if handler is None:
-            near = [known for known in self.words() if known.startswith(word[:2])]
+    def run(self, line: str) -> None:
+        """Carry out a command line; show what is wrong with it."""
+        try:
+            self._run(command_line.read(line))
+        except (ValueError, SiloError) as error:
+            self._context.fail(str(error))
+
+    def _run(self, spelled: command_line.Spelled) -> None:
+        command = BY_WORD.get(spelled.word)
+        if command is None:
+            near = [known for known in sorted(BY_WORD) if known.startswith(spelled.word[:2])]
             hint = f"; did you mean {', '.join(near)}?" if near else "; `:help` shows what there is"
-            raise ValueError(f"there is no command {word!r}{hint}")
-        handler(arguments)
+            raise ValueError(f"there is no command {spelled.word!r}{hint}")
+        handler: Callable[[command_line.Spelled], None] | None = getattr(self, f"word_{command.id}", None)
+        if handler is None:
+            self._table_screen.action_command(command.id)
+        elif self._context.allows(command):
+            handler(spelled)
 
-    def _command(self, word: str) -> None:
-        app = self._app
-        if word in {"start", "stop"} and app.session.running == (word == "start"):
-            app.say(f"it is {'running' if app.session.running else 'stopped'} already")
-            return
-        screen = app.table_screen
-        screen.action_command(DEED_WORDS[word])
+    @property
+    def _table_screen(self) -> TableScreen:
+        """The table of the logger that is open. RefusedError when there is none."""
+        for screen in self._context.app.screen_stack:
+            if isinstance(screen, TableScreen):
+                return screen
+        raise RefusedError("no logger is open")
 
-    def _writing(self, label: str) -> None:
-        if not self._app.may_write(label):
-            raise ValueError(f"{label}: this session may only look")
+    def word_start_stop(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:start` or `:stop`, which `S` is both."""
+        running = self._context.session.running
+        if running == (spelled.word == "start"):
+            self._context.say(f"it is {'running' if running else 'stopped'} already")
+        else:
+            self._table_screen.action_command("start_stop")
 
-    def _asking(self, label: str) -> bool:
-        self._writing(label)
-        return self._app.may_ask(label)
+    def word_load_script(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:load [NAME]`; without a name, ask for one."""
+        self._context.run_flow(flows.load_script(self._context, spelled.arguments[0] if spelled.arguments else ""))
 
-    def _load(self, arguments: Sequence[str]) -> None:
-        if not self._asking("Load script"):
-            return
-        self._app.run_flow(flows.load_script(self._app, arguments[0] if arguments else ""))
+    def word_save_script(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:save [NAME]`; without a name, to the logger's own script."""
+        self._context.run_flow(flows.save_script(self._context, spelled.arguments[0] if spelled.arguments else ""))
 
-    def _save(self, arguments: Sequence[str]) -> None:
-        if not self._asking("Save script"):
-            return
-        self._app.run_flow(flows.save_script(self._app, arguments[0] if arguments else ""))
-
-    def _data(self, arguments: Sequence[str]) -> None:
+    def word_save_data(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:data [TYPE ...] [NAME]`; without arguments, ask."""
         from silo_tui.screens.save_data import SaveDialog
 
-        if not self._asking("Save data"):
-            return
-        types, name = command_line.read_save(arguments)
-        self._app.push_screen(SaveDialog(self._app.session.status.folder, types, name, at_once=bool(arguments)))
+        types, name = command_line.read_save(spelled.arguments)
+        self._context.app.push_screen(SaveDialog(self._context, types, name, at_once=bool(spelled.arguments)))
 
-    def _set(self, arguments: Sequence[str]) -> None:
-        self._writing("Edit")
-        app = self._app
-        if not arguments:
+    def word_set(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:set div=5 size=10s ...` for all targets."""
+        context = self._context
+        if not spelled.arguments:
             raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
-        changed = app.table_screen.change(app.session.rows.targets(), read_settings(arguments))
-        app.table_changed()
-        app.say(f"{changed} fields changed; u takes them back" if changed else "nothing to change")
+        changed = context.session.change(read_settings(spelled.arguments))
+        context.table_changed()
+        context.say(f"{changed} fields changed; u takes them back" if changed else "nothing to change")
 
-    def _filter(self, arguments: Sequence[str]) -> None:
-        self._app.session.rows.set_filter(" ".join(arguments))
-        self._app.table_changed()
+    def word_filter(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:filter [TERM ...]`."""
+        self._context.session.rows.set_filter(" ".join(spelled.arguments))
+        self._context.table_changed()
 
-    def _goto(self, arguments: Sequence[str]) -> None:
-        app, name = self._app, " ".join(arguments)
-        table, rows = app.session.table, app.session.rows
+    def word_goto(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:goto NAME`; a part of a name is enough."""
+        context, name = self._context, " ".join(spelled.arguments)
+        table, rows = context.session.table, context.session.rows
         row = table.row(name)
         if row is None:
             found = [each for each, folded in enumerate(table.folded) if name.casefold() in folded]
@@ -136,54 +120,53 @@ class CommandRunner:
         if not rows.move_to_row(row):
             rows.set_filter("")
             rows.move_to_row(row)
-        app.table_changed()
+        context.table_changed()
 
-    def _sort(self, arguments: Sequence[str]) -> None:
-        if len(arguments) != 1 or arguments[0] not in SORTS:
-            raise ValueError(f"sort by one of {', '.join(SORTS)}")
-        self._app.session.rows.sort = arguments[0]
-        self._app.table_changed()
+    def word_sort(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:sort COLUMN`."""
+        if len(spelled.arguments) != 1 or spelled.arguments[0] not in self._context.session.rows.sorts:
+            raise ValueError(f"sort by one of {', '.join(self._context.session.rows.sorts)}")
+        self._context.session.rows.sort = spelled.arguments[0]
+        self._context.table_changed()
 
-    def _mark(self, arguments: Sequence[str]) -> None:
-        rows = self._app.session.rows
-        if arguments:
+    def word_mark(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:mark [TERM ...]`; without terms, mark all that are shown."""
+        rows = self._context.session.rows
+        if spelled.arguments:
             from silo_tui.model.filter import parse
 
-            rows.marked |= parse(" ".join(arguments)).mask(self._app.session.table, rows.marked)
+            rows.marked |= parse(" ".join(spelled.arguments)).mask(self._context.session.table, rows.marked)
         else:
             rows.marked[rows.shown] = True
-        self._app.table_changed()
+        self._context.table_changed()
 
-    def _unmark(self, arguments: Sequence[str]) -> None:
-        self._app.session.rows.clear_marks()
-        self._app.table_changed()
+    def word_unmark(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:unmark`."""
+        self._context.session.rows.clear_marks()
+        self._context.table_changed()
 
-    def _theme(self, arguments: Sequence[str]) -> None:
-        if len(arguments) != 1 or arguments[0] not in self._app.available_themes:
-            raise ValueError(f"themes: {', '.join(sorted(self._app.available_themes))}")
-        self._app.theme = arguments[0]
+    def word_theme(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:theme NAME`."""
+        if len(spelled.arguments) != 1 or spelled.arguments[0] not in self._context.app.available_themes:
+            raise ValueError(f"themes: {', '.join(sorted(self._context.app.available_themes))}")
+        self._context.app.theme = spelled.arguments[0]
 
-    def _picture(self, arguments: Sequence[str]) -> None:
-        path = Path(arguments[0] if arguments else "silo-tui.svg").expanduser()
-        self._app.call_after_refresh(self._write_picture, path)  # without this command on it
+    def word_picture(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:picture [FILE]`."""
+        path = Path(spelled.arguments[0] if spelled.arguments else "silo-tui.svg").expanduser()
+        self._context.app.call_after_refresh(self._write_picture, path)  # without this command on it
 
     def _write_picture(self, path: Path) -> None:
         try:
-            path.write_text(picture(self._app), "utf-8")
+            path.write_text(picture(self._context.app), "utf-8")
         except OSError as error:
-            self._app.fail(f"can't write the picture: {error}")
+            self._context.fail(f"can't write the picture: {error}")
             return
-        self._app.say(f"picture of the screen: {path.absolute()}")
-
-    def _quit(self, arguments: Sequence[str]) -> None:
-        self._app.run_flow(flows.leave(self._app))
-
-    def _quit_now(self, arguments: Sequence[str]) -> None:
-        self._app.exit()
+        self._context.say(f"picture of the screen: {path.absolute()}")
 
 
-def picture(app: "SiloApp") -> str:
-    """The screen as SVG. Blanks between braille dots become blank braille, which is as wide as they are."""
+def picture(app: App[Any]) -> str:
+    """Return the screen as SVG. Blanks between braille dots become blank braille, which is as wide as they are."""
 
     def widen(match: re.Match[str]) -> str:
         has_dots = any("\u2800" < char <= "\u28ff" for char in match[0])

@@ -1,7 +1,7 @@
 """The command line of the screen (`:load x.yaml`): reading it and completing it. What commands do stands in the app."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from silo.files.formats import file_type
@@ -17,7 +17,7 @@ class Spelled:
 
 
 def read(line: str) -> Spelled:
-    """Splits a command line as a shell would. ValueError for an open quote or an empty line."""
+    """Split a command line as a shell would. ValueError for an open quote or an empty line."""
     try:
         words = shlex.split(line.lstrip(": "))
     except ValueError as error:
@@ -28,7 +28,7 @@ def read(line: str) -> Spelled:
 
 
 def read_save(arguments: Sequence[str]) -> tuple[list[FileType], str]:
-    """`silo csv my-run`: file types and a name. ValueError when two names are given."""
+    """Return `silo csv my-run`: file types and a name. ValueError when two names are given."""
     types: list[FileType] = []
     name = ""
     for argument in arguments:
@@ -42,12 +42,12 @@ def read_save(arguments: Sequence[str]) -> tuple[list[FileType], str]:
     return types or [FileType.SILO], name
 
 
-def complete(line: str, words: Sequence[str], arguments: Mapping[str, Sequence[str]]) -> list[str]:
-    """Whole lines that `line` may become: command words first, then what the command takes (`arguments` by word)."""
+def complete(line: str, words: Sequence[str], choices: Sequence[str]) -> list[str]:
+    """Return whole lines that `line` may become: command words first, then the `choices` for its last argument."""
     body = line.lstrip(":")
     word, space, rest = body.partition(" ")
     if not space:
         return [known for known in words if known.startswith(word) and known != word]
     head, last = rest.rpartition(" ")[0], rest.rpartition(" ")[2]
     before = f"{word} {head} " if head else f"{word} "
-    return [before + choice for choice in arguments.get(word, ()) if choice.startswith(last) and choice != last]
+    return [before + choice for choice in choices if choice.startswith(last) and choice != last]

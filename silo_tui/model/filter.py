@@ -10,28 +10,19 @@
 """
 
 import fnmatch
-import operator
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from silo_tui.model.fields import Field, synonym
 from silo_tui.model.table import Mask, TableState
+from silo_tui.model.table_columns import LIVE_COLUMNS
+from silo_tui.model.terms import OTHER_TERMS, Test, negate
 
 _TERM = re.compile(r'(-?)(?:([A-Za-z]+)(>=|<=|!=|>|<|=|:))?("[^"]*"?|\S+)')
 _UNFINISHED = re.compile(r"-?(?:[A-Za-z]+(?:>=|<=|!=|>|<|=|:))?$")
-_COMPARE: dict[str, Callable[[Any, Any], Any]] = {
-    ">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le, "=": operator.eq, ":": operator.eq,
-    "!=": operator.ne,
-}  # fmt: skip
-_NUMBERS = {"div": Field.DIVIDER, "divider": Field.DIVIDER, "size": Field.BUFFER_SIZE}
 _FLAGS = ("dirty", "pending", "marked", "conflict", "live")
-TERM_NAMES = ("unit:", "on:", "div>", "size>", "act:", "buf:", "kind:", "type:", "desc:", "-", *_FLAGS)
-
-Test = Callable[[TableState, Mask], Mask]
+TERMS = (*(column.term for column in LIVE_COLUMNS if column.term is not None), *OTHER_TERMS)
 
 
 @dataclass(frozen=True)
@@ -43,7 +34,7 @@ class Filter:
     problems: tuple[str, ...]
 
     def mask(self, table: TableState, marked: Mask) -> Mask:
-        """Shape `(n,)`: the elements that pass every term."""
+        """Return shape `(n,)`: the elements that pass every term."""
         result = np.ones(len(table), np.bool_)
         for test in self.tests:
             result &= test(table, marked)
@@ -51,7 +42,7 @@ class Filter:
 
 
 def parse(text: str) -> Filter:
-    """Reads a filter; never raises."""
+    """Read a filter; never raises."""
     tests: list[Test] = []
     problems: list[str] = []
     for match in _TERM.finditer(text):
@@ -63,12 +54,8 @@ def parse(text: str) -> Filter:
         if isinstance(test, str):
             problems.append(test)
         else:
-            tests.append(_negate(test) if negated else test)
+            tests.append(negate(test) if negated else test)
     return Filter(text, tuple(tests), tuple(problems))
-
-
-def _negate(test: Test) -> Test:
-    return lambda table, marked: ~test(table, marked)
 
 
 def _word(word: str, *, quoted: bool) -> Test:
@@ -95,77 +82,21 @@ def _flag(word: str) -> Test:
 
 
 def _term(key: str, sign: str, value: str, raw: str) -> Test | str:
-    if key in _NUMBERS:
-        return _number(_NUMBERS[key], sign, value)
-    if sign not in {":", "=", "!="}:
-        return f"{key}{sign}{raw}: {sign} compares div and size only"
-    test: Test | str
-    if key == "on":
-        test = _choice(Field.ENABLED, value, "on")
-    elif key in {"act", "action"}:
-        test = _action(value)
-    elif key in {"buf", "buffer"}:
-        test = _choice(Field.BUFFER_TYPE, value, "buf")
-    elif key in {"unit", "kind", "type", "desc"}:
-        test = _text(key, value)
-    else:
-        return f"{key}{sign} is no field; there are unit on div size act buf kind type desc"
-    return _negate(test) if sign == "!=" and not isinstance(test, str) else test
-
-
-def _number(field: Field, sign: str, value: str) -> Test | str:
-    try:
-        number = float(value)
-    except ValueError:
-        return f"{field.title}{sign}{value}: {value!r} is no number"
-    compare = _COMPARE[sign]
-    return lambda table, marked: np.asarray(compare(table.values[field], number), np.bool_)
-
-
-def _terms(key: str, field: Field) -> list[str]:
-    return [f"{key}:{word.cell}" for word in field.option.words]
-
-
-def _choice(field: Field, value: str, key: str) -> Test | str:
-    wanted = synonym(field, value)
-    if wanted is None:
-        return f"{value!r}: write {' or '.join(_terms(key, field))}"
-    return lambda table, marked: np.equal(table.values[field], wanted)
-
-
-def _action(value: str) -> Test | str:
-    wanted = synonym(Field.ACTION, value)
-    if wanted is None:
-        return f"{value!r}: write act:save, act:publish or act:both"
-    if value.lower() in {"both", "pub"} or "+" in value or "_" in value:
-        return lambda table, marked: np.equal(table.values[Field.ACTION], wanted)
-    # `act:publish` and `act:save` ask what an element does, so that those that do both pass too
-    return lambda table, marked: np.isin(table.values[Field.ACTION], (wanted, 0))
-
-
-def _text(key: str, value: str) -> Test:
-    folded = value.casefold()
-
-    def passes(table: TableState, marked: Mask) -> Mask:
-        if key == "unit":
-            found = (element.unit.casefold() == folded for element in table.elements)
-        elif key == "kind":
-            found = (element.kind.casefold().startswith(folded) for element in table.elements)
-        elif key == "desc":
-            found = (folded in element.description.casefold() for element in table.elements)
-        else:
-            found = (any(folded in entry.dtype.casefold() for entry in element.entries) for element in table.elements)
-        return np.fromiter(found, np.bool_, len(table))
-
-    return passes
+    term = next((term for term in TERMS if key in term.names), None)
+    comparing = " and ".join(each.names[0] for each in TERMS if each.compares)
+    if sign not in {":", "=", "!="} and (term is None or not term.compares):
+        return f"{key}{sign}{raw}: {sign} compares {comparing} only"
+    if term is None:
+        return f"{key}{sign} is no field; there are {' '.join(each.names[0] for each in TERMS)}"
+    return term.read(sign, value)
 
 
 def completions(text: str, units: list[str]) -> list[str]:
-    """Terms that the last word of `text` may become."""
+    """Return terms that the last word of `text` may become."""
     start = text.rsplit(" ", 1)[-1]
-    pool = [f"unit:{unit}" for unit in units] + ["on:yes", "on:no", "act:save", "act:publish", "act:both"]
-    pool += [*_terms("buf", Field.BUFFER_TYPE), *TERM_NAMES]
+    pool = [f"unit:{unit}" for unit in units] + [word for term in TERMS for word in term.completions]
+    pool += [*(term.bare for term in TERMS), "-", *_FLAGS]
     return [term for term in pool if start and term.startswith(start) and term != start]
 
 
-__all__ = ["TERM_NAMES", "Filter", "completions", "parse"]
+__all__ = ["Filter", "completions", "parse"]

@@ -1,18 +1,16 @@
-# ruff: noqa: D102 - the parts of a Frame are described in its docstring
 """The newest values of what is on the screen, and how they read in a cell."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from silo.ipc.frames import Frame
 from silo.model import ElementInfo, Entry
 from silo.values import EXACT
 from silo_tui.model import text
-from silo_tui.model.columns import Floats, Marks
+from silo_tui.model.columns import Floats
 
 
 @dataclass(frozen=True)
@@ -24,53 +22,7 @@ class Reading:
     held: int
     lost: int
     time_ns: int  # when the frame was made
-
-
-class Frame(Protocol):
-    """One refresh of a view, as `silo.ipc.view.Frame` and whatever stands in for it.
-
-    `held`, `lost` go by `elements`, `newest` by entry of them, `texts` by position in `newest`; `low`, `high`, `marks`
-    have shape `(len(plots), count)` and begin at column `first`. `since_ns`: 0, or from when on nothing is left out.
-    """
-
-    @property
-    def elements(self) -> tuple[str, ...]: ...
-    @property
-    def plots(self) -> tuple[str, ...]: ...
-    @property
-    def unpublished(self) -> frozenset[str]: ...
-    @property
-    def time_ns(self) -> int: ...
-    @property
-    def tick(self) -> int: ...
-    @property
-    def running(self) -> bool: ...
-    @property
-    def measured_hz(self) -> float: ...
-    @property
-    def lost_total(self) -> int: ...
-    @property
-    def held(self) -> NDArray[np.int64]: ...
-    @property
-    def lost(self) -> NDArray[np.int64]: ...
-    @property
-    def newest(self) -> Floats: ...
-    @property
-    def texts(self) -> dict[int, str]: ...
-    @property
-    def column_ns(self) -> int: ...
-    @property
-    def first(self) -> int: ...
-    @property
-    def low(self) -> Floats: ...
-    @property
-    def high(self) -> Floats: ...
-    @property
-    def marks(self) -> Marks | None: ...
-    @property
-    def bases(self) -> Mapping[int, int]: ...
-    @property
-    def since_ns(self) -> int: ...
+    size: int | None = None  # of the recording's buffer, where the table says another by now; 0: it has none
 
 
 @dataclass
@@ -81,7 +33,7 @@ class LiveValues:
     time_ns: int = 0
 
     def take(self, frame: Frame, entry_counts: Sequence[int]) -> list[str]:
-        """Takes a frame over; `entry_counts` per element of the frame. Returns the elements whose reading changed."""
+        """Take a frame over; `entry_counts` per element of the frame. Returns the elements whose reading changed."""
         changed = []
         start = 0
         self.time_ns = frame.time_ns
@@ -92,7 +44,8 @@ class LiveValues:
             if name in frame.unpublished:
                 newest = np.full(entries, np.nan)
                 texts = {}
-            reading = Reading(newest, texts, int(frame.held[position]), int(frame.lost[position]), frame.time_ns)
+            held, lost, size = int(frame.held[position]), int(frame.lost[position]), frame.sizes.get(position)
+            reading = Reading(newest, texts, held, lost, frame.time_ns, size)
             old = self.readings.get(name)
             if old is None or not _same(old, reading):
                 changed.append(name)
@@ -100,13 +53,14 @@ class LiveValues:
         return changed
 
     def forget(self) -> None:
-        """After a new start: what was read belongs to the run before."""
+        """Forget what was read: after a new start it belongs to the run before."""
         self.readings.clear()
 
 
 def _same(old: Reading, new: Reading) -> bool:
     return (
         old.held == new.held
+        and old.size == new.size
         and old.lost == new.lost
         and old.texts == new.texts
         and np.array_equal(old.newest, new.newest, equal_nan=True)
@@ -114,7 +68,7 @@ def _same(old: Reading, new: Reading) -> bool:
 
 
 def entry_text(entry: Entry, value: float, word: str | None, width: int) -> str:
-    """One value as its type wants to be read: labels for enumerations, words for bool, text for strings.
+    """Return one value as its type wants to be read: labels for enumerations, words for bool, text for strings.
 
     `word` is its text where a float can't tell it.
     """
@@ -139,7 +93,7 @@ def entry_text(entry: Entry, value: float, word: str | None, width: int) -> str:
 
 
 def offset_text(entry: Entry, offset: float, base: int, width: int) -> str:
-    """A value of a column, which is an offset from a base; an exact one with all its digits, however wide."""
+    """Return a value of a column, which is an offset from a base; an exact one with all its digits, however wide."""
     value = offset + base
     kind = entry.dtype[1:2]
     if kind == "M" and math.isfinite(value):
@@ -156,18 +110,18 @@ def _fit(words: str, width: int) -> str:
 
 
 def _date(dtype: str, count: int) -> str:
-    """A moment as text: its type says in which unit it counts."""
+    """Return a moment as text: its type says in which unit it counts."""
     return str(np.array([count], "i8").view(dtype)[0])
 
 
 def _moment(date: str) -> str:
-    """A date and time, the time first where there is little room."""
+    """Return a date and time, the time first where there is little room."""
     day, _, hours = str(np.datetime64(date).astype("datetime64[ms]")).partition("T")
     return f"{hours} {day}"
 
 
 def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str:
-    """The newest value of an element in one cell; several entries as a short list."""
+    """Return the newest value of an element in one cell; several entries as a short list."""
     if reading is None:
         return "…"
     entries = element.entries
@@ -190,5 +144,5 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str
 
 
 def fill_share(held: int, buffer_size: int) -> float:
-    """How full a buffer is, 0 ... 1; a growing one may hold more than its first size."""
+    """Return how full a buffer is, 0 ... 1; a growing one may hold more than its first size."""
     return min(1.0, held / buffer_size) if buffer_size > 0 else 0.0

@@ -39,7 +39,7 @@ class Plotted:
 
 
 def plots_of(elements: list[ElementInfo]) -> list[Plotted]:
-    """Every entry of every element, in their order."""
+    """Return every entry of every element, in their order."""
     return [Plotted(element, position) for element in elements for position in range(len(element.entries))]
 
 
@@ -66,11 +66,11 @@ class PlotWindow:
         return round(self.span_s * SECOND_NS)
 
     def column_ns(self, columns: int) -> int:
-        """Width of a column so that `columns` of them cover the span."""
+        """Return the width of a column so that `columns` of them cover the span."""
         return max(1, math.ceil(self.span_ns / max(1, min(columns, MAX_COLUMNS))))
 
     def zoom(self, *, closer: bool) -> bool:
-        """The next shorter or longer span; False at the end of the list."""
+        """Take the next shorter or longer span; False at the end of the list."""
         place = self.spans.index(self.span_s) + (-1 if closer else 1)
         if not 0 <= place < len(self.spans):
             return False
@@ -78,7 +78,7 @@ class PlotWindow:
         return True
 
     def move_cursor(self, cells: int, columns: int) -> int:
-        """Moves the cursor to the right (positive) or left by cells; it appears in the middle.
+        """Move the cursor to the right (positive) or left by cells; it appears in the middle.
 
         Returns the columns by which it would have left the window: negative to the left.
         """
@@ -90,7 +90,7 @@ class PlotWindow:
         return self.cursor - wanted
 
     def follow_scale(self, name: str, low: Floats, high: Floats, base: int = 0) -> tuple[float, float]:
-        """Bottom and top of a plot: of what is in the window, or as it was when the scale was held."""
+        """Return bottom and top of a plot: of what is in the window, or as it was when the scale was held."""
         if self.fixed_scale and name in self.scales and self._bases.get(name, 0) == base:
             return self.scales[name]
         self._bases[name] = base
@@ -146,19 +146,19 @@ def draw(store: ColumnStore, window: PlotWindow, plotted: Plotted, width: int, h
 
 
 def signs_of(marks: Marks) -> str:
-    """Which samples of these columns are no finite numbers: `nan inf`."""
+    """Return which samples of these columns are no finite numbers: `nan inf`."""
     flags = int(np.bitwise_or.reduce(marks, initial=0))
     names = ((Mark.NAN, "nan"), (Mark.POS_INF, "inf"), (Mark.NEG_INF, "-inf"))
     return " ".join(name for mark, name in names if flags & mark)
 
 
 def small_plot(piece: Piece, scale: tuple[float, float], width: int, height: int) -> list[str]:
-    """Lines of a plot without axes, of what holds between samples already."""
+    """Return the lines of a plot without axes, of what holds between samples already."""
     return braille.rasterise(piece.low, piece.high, scale, width, height, piece.marks)
 
 
 def trend(piece: Piece, width: int) -> str:
-    """A whole signal in one line: it fills its height."""
+    """Return a whole signal in one line: it fills its height."""
     found = braille.value_range(piece.low, piece.high)
     scale = (math.nan, math.nan)
     if found is not None:

@@ -15,14 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.columns import Bins, ColumnGrid, Hole, grid_of
+from silo.columns import Bins, ColumnGrid, HistoryColumns, Hole, grid_of
 from silo.model import Action, ElementInfo, ElementOptions
 from silo.recording import RecordedElement, Recording
 from silo.values import newest_values, numbers
 from silo_tui.model.columns import Floats, Marks
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, signs_of
-from silo_tui.model.source import Column
 
 TILE = 64
 MAX_TILES = 4096  # 8 MB
@@ -141,11 +140,11 @@ class RecordingSource:
 
     # ------------------------------------------------------------------------------------------------ columns
 
-    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Columns of a stretch of time, read in a thread."""
         return await asyncio.to_thread(self.columns, names, start_ns, end_ns, column_ns)
 
-    def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
+    def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Columns from the one of `start_ns` to the one of `end_ns`, at most the newest 4097.
 
         Where a signal has fewer samples than there are columns, a column without one shows the value that held.
@@ -166,7 +165,7 @@ class RecordingSource:
                     self._hold(signal, column_ns, grid, row)
                 self._say_why_empty(signal, column_ns, grid, row)
         bases = {row: base for row, base in enumerate(grid.bases) if base}
-        return Column(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases)
+        return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases)
 
     def facts(self, name: str, first: int, stop: int, column_ns: int) -> Facts:
         """Minimum, maximum and mean of the samples in columns `first ... stop - 1`."""

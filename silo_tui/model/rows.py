@@ -2,18 +2,17 @@
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from silo_tui.model import filter as filters
-from silo_tui.model.fields import Field
 from silo_tui.model.table import Mask, Rows, TableState
-
-SORTS = ("name", "added", "unit", "div", "size", "act", "buf")
+from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn, orders_of
 
 
 def natural_key(name: str) -> tuple[object, ...]:
-    """Sorts `joint2` before `joint10` and `Base` beside `base`."""
+    """Sort `joint2` before `joint10` and `Base` beside `base`."""
     parts = re.split(r"(\d+)", name.casefold())
     return tuple((1, int(part)) if part.isdecimal() else (0, part) for part in parts if part)
 
@@ -21,9 +20,11 @@ def natural_key(name: str) -> tuple[object, ...]:
 class RowList:
     """The shown rows over a `TableState`. Rows are element numbers, positions count what is shown."""
 
-    def __init__(self, table: TableState) -> None:
+    def __init__(self, table: TableState, columns: Sequence[TableColumn[Any]] = LIVE_COLUMNS) -> None:
         self.table = table
         self.filter = filters.parse("")
+        self.sorts = orders_of(columns)
+        self._columns = columns
         self.sort = "name"
         self.shown: Rows = np.zeros(0, np.intp)
         self.position = 0
@@ -35,7 +36,7 @@ class RowList:
     # -------------------------------------------------------------------------------------------- what is shown
 
     def refresh(self) -> None:
-        """After the table, the filter or the sort changed: shown rows anew, the cursor stays on its element."""
+        """Follow a change of table, filter or sort: shown rows anew, the cursor stays on its element."""
         row = self.row
         if self._names != self.table.names:
             self._follow_names()
@@ -46,7 +47,7 @@ class RowList:
         self._place(row)
 
     def set_filter(self, text: str) -> None:
-        """Shows what passes this filter. The cursor stays on its element, or goes to the first one that is shown."""
+        """Show what passes this filter. The cursor stays on its element, or goes to the first one that is shown."""
         row = self.row
         self.filter = filters.parse(text)
         self.refresh()
@@ -54,8 +55,8 @@ class RowList:
             self.move_to(0)
 
     def next_sort(self) -> str:
-        """Steps to the next order and returns its name."""
-        self.sort = SORTS[(SORTS.index(self.sort) + 1) % len(SORTS)]
+        """Step to the next order and return its name."""
+        self.sort = self.sorts[(self.sorts.index(self.sort) + 1) % len(self.sorts)]
         self.refresh()
         return self.sort
 
@@ -67,11 +68,11 @@ class RowList:
         return int(self.shown[self.position]) if 0 <= self.position < len(self.shown) else None
 
     def move_to(self, position: int) -> None:
-        """Puts the cursor on a position, cut to what there is."""
+        """Put the cursor on a position, cut to what there is."""
         self.position = max(0, min(position, len(self.shown) - 1))
 
     def move_to_row(self, row: int) -> bool:
-        """Puts the cursor on an element; False when the filter hides it."""
+        """Put the cursor on an element; False when the filter hides it."""
         found = np.flatnonzero(self.shown == row)
         if len(found):
             self.position = int(found[0])
@@ -90,33 +91,33 @@ class RowList:
         return self.marked_count - int(self.marked[self.shown].sum())
 
     def toggle_mark(self) -> None:
-        """Marks or unmarks the element under the cursor."""
+        """Mark or unmarks the element under the cursor."""
         if self.row is not None:
             self.marked[self.row] = not self.marked[self.row]
 
     def mark_shown(self) -> int:
-        """Marks everything that is shown, or unmarks it when all of it is marked. Returns how many are marked then."""
+        """Mark everything that is shown, or unmarks it when all of it is marked. Returns how many are marked then."""
         self.marked[self.shown] = not self.marked[self.shown].all()
         return self.marked_count
 
     def clear_marks(self) -> None:
-        """Unmarks everything, also what the filter hides."""
+        """Unmark everything, also what the filter hides."""
         self.marked[:] = False
         self.anchor = None
 
     def begin_range(self) -> None:
-        """A range grows from here with the cursor until it is ended."""
+        """Begin a range that grows from here with the cursor until it is ended."""
         self.anchor = self.row
 
     def end_range(self) -> int:
-        """Marks the range and returns how many rows it had."""
+        """Mark the range and return how many rows it had."""
         rows = self.range_rows()
         self.marked[rows] = True
         self.anchor = None
         return len(rows)
 
     def range_rows(self) -> Rows:
-        """The rows between where the range began and the cursor."""
+        """Return the rows between where the range began and the cursor."""
         if self.anchor is None or self.row is None:
             return np.zeros(0, np.intp)
         found = np.flatnonzero(self.shown == self.anchor)
@@ -124,7 +125,7 @@ class RowList:
         return self.shown[min(first, self.position) : max(first, self.position) + 1]
 
     def targets(self) -> Rows:
-        """What an edit is about: the range, else what is marked in the order shown, else the cursor's element."""
+        """Return what an edit is about: the range, else what is marked as shown, else the cursor's element."""
         if self.anchor is not None:
             return self.range_rows()
         if self.marked.any():
@@ -146,11 +147,8 @@ class RowList:
         by_name = self._by_name()
         if self.sort == "name":
             return by_name
-        if self.sort == "unit":
-            units = np.array([element.unit.casefold() for element in self.table.elements])
-            return by_name[np.argsort(units[by_name], kind="stable")]
-        field = next(field for field in Field if field.title == self.sort)
-        return by_name[np.argsort(self.table.values[field][by_name], kind="stable")]
+        keys = next(column.sort for column in self._columns if column.order == self.sort and column.sort is not None)
+        return by_name[np.argsort(keys(self.table)[by_name], kind="stable")]
 
     def _by_name(self) -> Rows:
         names = self.table.names

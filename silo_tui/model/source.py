@@ -6,8 +6,6 @@ from typing import Protocol
 from silo.columns import HistoryColumns
 from silo.model import ElementInfo
 
-Column = HistoryColumns
-
 
 class PlotSource(Protocol):
     """What a monitor screen needs of its data."""
@@ -25,13 +23,13 @@ class PlotSource(Protocol):
         """The oldest moment worth to look at; 0 where unknown."""
 
     def element(self, name: str) -> ElementInfo | None:
-        """The element of that name."""
+        """Return the element of that name."""
 
     def period_ns(self, element: str) -> int:
-        """Time between two samples of an element."""
+        """Return the time between two samples of an element."""
 
     def is_live(self, element: str) -> bool:
-        """Whether the element has data to plot (a live logger publishes only some)."""
+        """Return whether the element has data to plot (a live logger publishes only some)."""
 
-    def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Awaitable[Column]:
-        """Columns of a stretch of time, at most 4096."""
+    def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Awaitable[HistoryColumns]:
+        """Return columns of a stretch of time, at most 4096."""

@@ -98,11 +98,11 @@ class TableState:
         return int(pending.sum()), int(pending.any(axis=0).sum())
 
     def row(self, name: str) -> int | None:
-        """The row of an element, None when there is none of that name."""
+        """Return the row of an element, None when there is none of that name."""
         return self._row_of.get(name)
 
     def entry_names(self, row: int) -> list[str]:
-        """Full names of the entries of an element."""
+        """Return full names of the entries of an element."""
         element = self.elements[row]
         return [element.name + entry.suffix for entry in element.entries]
 
@@ -114,11 +114,11 @@ class TableState:
         )
 
     def is_live(self, row: int) -> bool:
-        """Whether the logger publishes the element now."""
+        """Return whether the logger publishes the element now."""
         return bool(self._server[Field.ENABLED, row]) and int(self._server[Field.ACTION, row]) != int(Action.SAVE)
 
     def changes(self) -> list[PendingChange]:
-        """All pending edits in words, in table order."""
+        """Return all pending edits in words, in table order."""
         conflicts = self.conflicts
         found = []
         for row, field_number in np.argwhere(self.pending.T):
@@ -129,7 +129,7 @@ class TableState:
         return found
 
     def edits(self) -> list[Edit]:
-        """The pending edits as one transaction for the logger."""
+        """Return the pending edits as one transaction for the logger."""
         values = self.values
         rows = np.flatnonzero(self.pending.any(axis=0))
         return [Edit(self.names[row], options_of(values[:, row])) for row in rows]
@@ -137,7 +137,7 @@ class TableState:
     # ------------------------------------------------------------------------------------------------ editing
 
     def edit(self, which: Sequence[int] | Rows, field: Field, new: Ints | int, label: str = "") -> int:
-        """Wants `new` (one, or one per row) in `field` of those rows; one undo step. Returns how many cells changed."""
+        """Want `new` (one, or one per row) in `field` of those rows; one undo step. Returns how many cells changed."""
         rows: Rows = np.asarray(which, np.intp)
         wanted = self.values[:, rows]
         wanted[field] = new
@@ -161,7 +161,7 @@ class TableState:
         return int(changed.sum())
 
     def discard(self, which: Sequence[int] | Rows) -> int:
-        """Takes back every pending edit of `rows`; one undo step. Returns how many fields that were."""
+        """Take back every pending edit of `rows`; one undo step. Returns how many fields that were."""
         rows: Rows = np.asarray(which, np.intp)
         rows = rows[self._edited[:, rows].any(axis=0)]
         if not len(rows):
@@ -173,7 +173,7 @@ class TableState:
         return count
 
     def resolve(self, which: Sequence[int] | Rows, *, keep_mine: bool) -> int:
-        """Settles the conflicts of `rows`: keep the edits, now on the new ground, or take theirs. Returns how many."""
+        """Settle the conflicts of `rows`: keep the edits, now on the new ground, or take theirs. Returns how many."""
         rows: Rows = np.asarray(which, np.intp)
         conflicts = self.conflicts[:, rows]
         rows, conflicts = rows[conflicts.any(axis=0)], conflicts[:, conflicts.any(axis=0)]
@@ -188,17 +188,17 @@ class TableState:
         return int(conflicts.sum())
 
     def undo(self) -> str | None:
-        """Takes the last step back and returns its label; None when there is none."""
+        """Take the last step back and return its label; None when there is none."""
         return self._move(self._undo, self._redo, back=True)
 
     def redo(self) -> str | None:
-        """Does the last undone step again and returns its label; None when there is none."""
+        """Do the last undone step again and return its label; None when there is none."""
         return self._move(self._redo, self._undo, back=False)
 
     # ------------------------------------------------------------------------------------------- the logger's side
 
     def load(self, table: Table) -> None:
-        """Takes over the logger's table and rebases the pending edits on it, by name.
+        """Take over the logger's table and rebases the pending edits on it, by name.
 
         Edits that the new table already fulfils are done; edits of elements that are gone are dropped.
         """
@@ -211,7 +211,7 @@ class TableState:
         self.version += 1
 
     def forget_history(self) -> None:
-        """After an apply: what is done in the logger isn't undone by taking back an edit."""
+        """Forget undo steps: what was applied in the logger isn't undone by taking back an edit."""
         self._undo.clear()
         self._redo.clear()
 

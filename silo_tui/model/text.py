@@ -8,7 +8,7 @@ BARS = "▏▎▍▌▋▊▉█"
 
 
 def number(value: float, width: int = 11, *, integer: bool = False) -> str:
-    """A number in at most `width` cells (at least 6), with a steady number of decimals so that digits don't dance."""
+    """Return a number in at most `width` cells (at least 6); its decimals are steady so that digits don't dance."""
     if math.isnan(value):
         return "nan"
     if math.isinf(value):
@@ -28,14 +28,14 @@ def number(value: float, width: int = 11, *, integer: bool = False) -> str:
 
 
 def _fitting(value: float, width: int) -> str:
-    """In engineering notation, with as many decimals as fit; else in the shortest one."""
+    """Write in engineering notation, with as many decimals as fit; else in the shortest one."""
     texts = [f"{mantissa:.{digits}f}e{power}" for digits in (4, 3, 2, 1, 0) for mantissa, power in [_parts(value)]]
     texts += [f"{value:.{digits}e}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-") for digits in (2, 1, 0)]
     return next((text for text in texts if len(text) <= width), texts[-1])
 
 
 def _parts(value: float) -> tuple[float, int]:
-    """Mantissa from 1 to below 1000, and a power of ten that is a multiple of three."""
+    """Return mantissa from 1 to below 1000, and a power of ten that is a multiple of three."""
     power = math.floor(math.log10(abs(value))) // 3 * 3 if value else 0
     # in two steps: 1e324 is too much for a float
     mantissa = value / 10.0 ** (power // 2) / 10.0 ** (power - power // 2)
@@ -45,7 +45,7 @@ def _parts(value: float) -> tuple[float, int]:
 
 
 def engineering(value: float, digits: int = 3) -> str:
-    """`12.5k`, `-3.2M`, `250e-6`, `1e-300`: a number with so many digits, no more than it needs."""
+    """Return `12.5k`, `-3.2M`, `250e-6`, `1e-300`: a number with so many digits, no more than it needs."""
     if not math.isfinite(value):
         return number(value)
     if value == 0:
@@ -60,7 +60,7 @@ def engineering(value: float, digits: int = 3) -> str:
 
 
 def axis_ends(bottom: float, top: float, base: int = 0, width: int = 9) -> tuple[str, str, str]:
-    """Both ends of an axis so that they can be told apart, and from what they count where that takes too many digits.
+    """Return both ends of an axis so that they can be told apart, and from what they count if that takes many digits.
 
     `bottom` and `top` are offsets from `base`.
     """
@@ -87,7 +87,7 @@ def _step(size: float, width: int) -> str:
 
 
 def told_apart(smallest: float, largest: float) -> tuple[str, str]:
-    """Two numbers in a few characters, in more where they would read the same."""
+    """Return two numbers in a few characters, in more where they would read the same."""
     words = compact(smallest), compact(largest)
     for digits in range(4, 18):
         if words[0] != words[1] or not smallest < largest:
@@ -97,12 +97,12 @@ def told_apart(smallest: float, largest: float) -> tuple[str, str]:
 
 
 def compact(value: float) -> str:
-    """A number in a few characters, for lists and axes."""
+    """Return a number in a few characters, for lists and axes."""
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e4 else engineering(value)
 
 
 def brief(value: float) -> str:
-    """A number in four or five characters, for the entries of a vector side by side."""
+    """Return a number in four or five characters, for the entries of a vector side by side."""
     size = abs(value)
     if math.isnan(value) or size >= 1e5:
         return compact(value)
@@ -112,7 +112,7 @@ def brief(value: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """`00:12`, `1:02:03`, `2 d 03:04`."""
+    """Return `00:12`, `1:02:03`, `2 d 03:04`."""
     whole = max(0, int(seconds))
     days, rest = divmod(whole, 86400)
     hours, rest = divmod(rest, 3600)
@@ -123,7 +123,7 @@ def duration(seconds: float) -> str:
 
 
 def span(seconds: float) -> str:
-    """A time span in its natural unit: `50 us`, `2 ms`, `10 s`, `5 min`."""
+    """Return a time span in its natural unit: `50 us`, `2 ms`, `10 s`, `5 min`."""
     for limit, unit, scale in ((1e-3, "us", 1e6), (1.0, "ms", 1e3), (120.0, "s", 1.0), (7200.0, "min", 1 / 60)):
         if abs(seconds) < limit:
             return f"{seconds * scale:.4g} {unit}"
@@ -131,7 +131,7 @@ def span(seconds: float) -> str:
 
 
 def size(size_bytes: float) -> str:
-    """`812 B`, `1.2 MB`."""
+    """Return `812 B`, `1.2 MB`."""
     for unit in ("B", "kB", "MB"):
         if size_bytes < 1000:
             return f"{size_bytes:.0f} B" if unit == "B" else f"{size_bytes:.1f} {unit}"
@@ -140,34 +140,34 @@ def size(size_bytes: float) -> str:
 
 
 def count(value: int) -> str:
-    """A count with thin groups: `12 345`."""
+    """Return a count with thin groups: `12 345`."""
     return f"{value:,}".replace(",", " ")
 
 
 def plural(value: int, noun: str) -> str:
-    """`1 edit`, `3 edits`."""
+    """Return `1 edit`, `3 edits`."""
     return f"{value} {noun}" if value == 1 else f"{value} {noun}s"
 
 
 def plural_count(value: int, noun: str) -> str:
-    """`1 tick`, `12 345 ticks`."""
+    """Return `1 tick`, `12 345 ticks`."""
     return f"{count(value)} {noun}{'' if value == 1 else 's'}"
 
 
 def bar(share: float, width: int) -> str:
-    """A bar of `width` cells in eighths of a cell."""
+    """Return a bar of `width` cells in eighths of a cell."""
     eighths = round(max(0.0, min(1.0, share)) * width * 8)
     full, part = divmod(eighths, 8)
     return ("█" * full + (BARS[part - 1] if part else "")).ljust(width)
 
 
 def clean(words: str) -> str:
-    """Without what would move the terminal's cursor or ring its bell: a logged string may hold anything."""
+    """Return `words` without what moves the terminal's cursor or rings its bell: a logged string may hold anything."""
     return words if words.isprintable() else "".join(char if char.isprintable() else "·" for char in words)
 
 
 def shorten_left(text: str, width: int) -> str:
-    """Keeps the end of a name, which tells more than its beginning."""
+    """Keep the end of a name, which tells more than its beginning."""
     if len(text) <= width:
         return text
     if width <= 1:
@@ -179,5 +179,5 @@ def shorten_left(text: str, width: int) -> str:
 
 
 def file_name(path: str) -> str:
-    """The last part of a path on the robot."""
+    """Return the last part of a path on the robot."""
     return PurePosixPath(path).name

@@ -1,1 +1,5 @@
-"""The screens and dialogs of silo-tui. They compose widgets and call the app; they hold no data of their own."""
+"""The screens and dialogs: they compose widgets and carry out the commands that concern what is on them.
+
+They reach the app through `silo_tui.context` alone. What takes several steps with questions in between belongs to
+`commands`, which imports this, as the app does.
+"""

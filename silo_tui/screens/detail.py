@@ -17,13 +17,14 @@ from textual.binding import Binding
 from textual.timer import Timer
 from textual.widgets import Static
 
+from silo.columns import HistoryColumns
 from silo.errors import SiloError
 from silo_tui.actions import bindings_for
+from silo_tui.context import SiloScreen
 from silo_tui.model import text
 from silo_tui.model.columns import Floats
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, Plotted
-from silo_tui.model.source import Column, PlotSource
-from silo_tui.screens.base import SiloScreen
+from silo_tui.model.source import PlotSource
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
 
@@ -55,24 +56,24 @@ class DetailScreen(SiloScreen):
         self._timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
-        """Title, plot, keys."""
+        """Yield title, plot, keys."""
         yield Static("", id="detail-title", markup=False)
         yield Static("drawing …", id="detail-plot", markup=False)
         yield KeyBar(self.scope)
 
     def on_resize(self, event: events.Resize) -> None:
-        """Another size, another drawing."""
+        """Draw anew."""
         self.draw_soon()
 
     def draw_soon(self) -> None:
-        """Draws when what is wanted has settled."""
+        """Draw when what is wanted has settled."""
         self._title()
         if self._timer is not None:
             self._timer.stop()
         self._timer = self.set_timer(DEBOUNCE_S, self._begin)
 
     def say(self, words: str) -> None:
-        """The result of something."""
+        """Show the result of something."""
         self._said = words
         self._title()
 
@@ -116,12 +117,12 @@ class DetailScreen(SiloScreen):
         plot.update(Text.from_ansi(drawn, no_wrap=True))
 
     def _column_ns(self, width: int, span_ns: int) -> int:
-        """Two columns per cell over time; one per sample where phases and frequencies matter."""
+        """Return two columns per cell over time; one per sample where phases and frequencies matter."""
         period = max(self.source.period_ns(plotted.element.name) for plotted in self.plots)
         columns = 2 * max(10, width) if self.mode == "time" else MAX_COLUMNS
         return max(math.ceil(span_ns / columns), period if self.mode != "time" else 1)
 
-    def _chart(self, past: Column) -> "Chart | None":
+    def _chart(self, past: HistoryColumns) -> "Chart | None":
         from silo.analysis.plotting import Chart, Curve
 
         count = past.low.shape[1]
@@ -188,23 +189,23 @@ class DetailScreen(SiloScreen):
         self.draw_soon()
 
     def command_back(self) -> None:
-        self.silo.leave_screen()
+        self.context.leave_screen()
 
 
-def _middle(past: Column, row: int) -> Floats:
+def _middle(past: HistoryColumns, row: int) -> Floats:
     middle: Floats = past.low[row] / 2 + past.high[row] / 2
     return middle
 
 
 def _outline(seconds: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Minimum and maximum of each column one after the other, so that spikes show; empty columns are left out."""
+    """Return minimum and maximum of each column in turn, so that spikes show; empty columns are left out."""
     good = ~np.isnan(low)
     pairs: Floats = np.column_stack([low[good], high[good]])
     return np.repeat(seconds[good], 2), pairs.reshape(-1)
 
 
 def _spectrum(values: Floats, column_ns: int) -> tuple[Floats, Floats]:
-    """Frequencies and single-sided amplitudes, by a Hann window over what is there; gaps are bridged by lines."""
+    """Return frequencies and single-sided amplitudes, by a Hann window; lines bridge gaps."""
     good = np.isfinite(values)
     if good.sum() < 8:
         return np.zeros(0), np.zeros(0)

@@ -28,8 +28,8 @@ class Choice:
     key: str = ""
 
 
-class Question(ModalScreen[str | None]):
-    """Asks; answers with the value of a choice, None on Esc. The first choice has the focus."""
+class ListDialog(ModalScreen[str | None]):
+    """A list to choose from, below or above a body that scrolls; answers None on Esc."""
 
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape,q", "leave", "Back", show=False),
@@ -39,6 +39,31 @@ class Question(ModalScreen[str | None]):
         Binding("k", "previous", show=False),
     ]
 
+    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+        """Answer with the choice."""
+        self.dismiss(event.option.id)
+
+    def action_leave(self) -> None:
+        """Leave; nothing is done."""
+        self.dismiss(None)
+
+    def action_scroll(self, pages: int) -> None:
+        """Move a long body."""
+        body = self.query_one(".dialog-body", VerticalScroll)
+        body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
+
+    def action_next(self) -> None:
+        """Go to the next choice."""
+        self.query_one(OptionList).action_cursor_down()
+
+    def action_previous(self) -> None:
+        """Go to the previous choice."""
+        self.query_one(OptionList).action_cursor_up()
+
+
+class Question(ListDialog):
+    """Asks; answers with the value of a choice. The first choice has the focus."""
+
     def __init__(self, title: str, body: Text | str, choices: Sequence[Choice]) -> None:
         super().__init__()
         self._title = title
@@ -46,7 +71,7 @@ class Question(ModalScreen[str | None]):
         self._choices = list(choices)
 
     def compose(self) -> ComposeResult:
-        """Title, body, choices."""
+        """Yield title, body, choices."""
         with Vertical(classes="dialog"):
             yield Static(self._title, classes="dialog-title", markup=False)
             with VerticalScroll(classes="dialog-body", can_focus=False):
@@ -60,43 +85,22 @@ class Question(ModalScreen[str | None]):
         return line
 
     def on_mount(self) -> None:
-        """The first choice has the focus."""
+        """Give the focus to the first choice."""
         self.query_one(OptionList).focus()
         self.query_one(OptionList).highlighted = 0
 
     def on_resize(self, event: events.Resize) -> None:
-        """A long body scrolls: the choices are always on the screen."""
+        """Let a long body scroll: the choices are always on the screen."""
         room = event.size.height * 9 // 10 - len(self._choices) - BORDER_AND_TITLE_ROWS
         self.query_one(".dialog-body").styles.max_height = max(3, room)
 
     def on_key(self, event: events.Key) -> None:
-        """A choice by its key; the screen below must not get it too."""
+        """Take a choice by its key; the screen below must not get it too."""
         for choice in self._choices:
             if choice.key and event.character == choice.key:
                 event.stop()
                 event.prevent_default()
                 self.dismiss(choice.value)
-
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """A choice was made."""
-        self.dismiss(event.option.id)
-
-    def action_leave(self) -> None:
-        """Nothing is done."""
-        self.dismiss(None)
-
-    def action_scroll(self, pages: int) -> None:
-        """Moves a long body."""
-        body = self.query_one(".dialog-body", VerticalScroll)
-        body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
-
-    def action_next(self) -> None:
-        """Next choice."""
-        self.query_one(OptionList).action_cursor_down()
-
-    def action_previous(self) -> None:
-        """Previous choice."""
-        self.query_one(OptionList).action_cursor_up()
 
 
 class Prompt(ModalScreen[str | None]):
@@ -111,27 +115,27 @@ class Prompt(ModalScreen[str | None]):
         self._title, self._body, self._value, self._placeholder = title, body, value, placeholder
 
     def compose(self) -> ComposeResult:
-        """Title, body, input."""
+        """Yield title, body, input."""
         with Vertical(classes="dialog"):
             yield Static(self._title, classes="dialog-title", markup=False)
             yield Static(self._body, classes="dialog-body", markup=False)
             yield Input(self._value, placeholder=self._placeholder, compact=True)
 
     def on_mount(self) -> None:
-        """Type at once."""
+        """Give the focus to the line."""
         self.query_one(Input).focus()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Done."""
+        """Answer with the line."""
         self.dismiss(event.value.strip())
 
     def action_leave(self) -> None:
-        """Nothing is done."""
+        """Leave; nothing is done."""
         self.dismiss(None)
 
 
 def diff_text(changes: Sequence[PendingChange], width: int = 64) -> Text:
-    """Pending edits as old → new, an element a paragraph."""
+    """Return pending edits as old → new, an element a paragraph."""
     lines = Text()
     previous = ""
     for change in changes[:MAX_LINES]:

@@ -3,7 +3,6 @@
 
 from typing import ClassVar
 
-from textual.app import ComposeResult
 from textual.binding import Binding
 
 from silo_tui.actions import bindings_for
@@ -14,7 +13,7 @@ from silo_tui.model.recorded import WHOLE
 from silo_tui.screens.file_detail import FileDetailScreen
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.sessions.recorded import FileSession
-from silo_tui.widgets.bars import KeyBar
+from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar
 from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedLine, RecordedStack
 
 
@@ -34,16 +33,9 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self.window = PlotWindow(span, end, spans=tuple(sorted({*spans, span})))
         self.stack = RecordedStack(session, names, self.window)
 
-    def compose(self) -> ComposeResult:
-        """Facts of the file, what is wrong with it, plots, line of facts, keys."""
-        self.status_bar = FileBar(self.file)
-        self.banner = FileBanner(self.file)
-        self.line = RecordedLine(self.window, self._words)
-        yield self.status_bar
-        yield self.banner
-        yield self.stack
-        yield self.line
-        yield KeyBar("file_monitor")
+    def bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
+        """Return facts of the file, what is wrong with it, and the line of facts."""
+        return FileBar(self.file), FileBanner(self.file), RecordedLine(self.window, self._words)
 
     def _words(self) -> str:
         clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""
@@ -64,9 +56,9 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         end = self.window.paused_end_ns
         return self.file.source.end_ns if end is None else end
 
-    def wish_again(self) -> None:
-        """Reads what is on the screen; nothing is taken from the last picture, the source keeps what it read."""
-        if self.silo.upper_screen is not self:
+    def request_view(self) -> None:
+        """Read what is on the screen; nothing is taken from the last picture, the source keeps what it read."""
+        if self.context.upper_screen is not self:
             return
         names = [plotted.name for plotted in self.stack.on_screen() if plotted.numeric]
         columns = self.stack.columns
@@ -78,13 +70,13 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self._show_moment()
 
     def _show(self, end_ns: int) -> None:
-        """Puts the right edge of the window there, as far as there is something to see."""
+        """Put the right edge of the window there, as far as there is something to see."""
         self.window.paused_end_ns = self.file.source.clamp_end(end_ns, self.window.span_ns - self._column_ns)
         self._show_moment()
-        self.wish_again()
+        self.request_view()
 
     def _show_moment(self) -> None:
-        """The cursor's column in the window that is on the screen, and the values there."""
+        """Show the cursor's column in the window that is on the screen, and the values there."""
         store = self.stack.store
         cursor = store.end - 1 - self.file.time_ns // store.column_ns
         self.window.cursor = cursor if 0 <= cursor < self.stack.columns else None
@@ -94,7 +86,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self.line.refresh()
 
     def _go_to(self, time_ns: int) -> None:
-        """Moves the cursor to a moment; the window follows when it leaves it."""
+        """Move the cursor to a moment; the window follows when it leaves it."""
         source = self.file.source
         self.file.time_ns = time_ns = max(source.begin_ns, min(time_ns, source.end_ns))
         end, span, column_ns = self._end_ns, self.window.span_ns, self._column_ns
@@ -107,7 +99,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
             self._show_moment()
 
     def _zoom(self, *, closer: bool) -> None:
-        """Around the cursor, or around the middle when the cursor is elsewhere."""
+        """Zoom around the cursor, or around the middle when the cursor is elsewhere."""
         before, end = self.window.span_ns, self._end_ns
         if not self.window.zoom(closer=closer):
             self.say("that is the shortest span" if closer else "that is the whole file")
@@ -139,7 +131,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self._pan(1)
 
     def _pan(self, direction: int) -> None:
-        """By half a window; the cursor stays where it is in the picture."""
+        """Pan by half a window; the cursor stays where it is in the picture."""
         end, seen = self._end_ns, self.window.cursor is not None
         self._show(end + direction * self.window.span_ns // 2)
         moved = self._end_ns - end
@@ -192,4 +184,4 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self.app.push_screen(FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s, self.window.spans))
 
     def command_back(self) -> None:
-        self.silo.leave_screen()
+        self.context.leave_screen()

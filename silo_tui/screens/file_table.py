@@ -5,88 +5,53 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
-from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.containers import Horizontal, Vertical
-from textual.widgets import Static
 
 from silo_tui.actions import bindings_for
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.table import Rows
-from silo_tui.screens.table import WIDE, TableScreen
+from silo_tui.model.table_columns import FILE_COLUMNS, FileRow
+from silo_tui.screens.elements import ElementsScreen
 from silo_tui.sessions.recorded import FileSession
-from silo_tui.widgets.bars import InfoLine, KeyBar
-from silo_tui.widgets.inputs import Line
+from silo_tui.widgets.element_table import ElementTable
 from silo_tui.widgets.live_pane import TREND
-from silo_tui.widgets.recorded import (
-    FileBanner,
-    FileBar,
-    RecordedHead,
-    RecordedInspector,
-    RecordedPane,
-    RecordedTable,
-)
+from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedInspector, RecordedPane
 
 VALUES = 96  # from this width values stand beside the table
 
 
-class FileTableScreen(TableScreen, inherit_bindings=False):
+class FileTableScreen(ElementsScreen):
     """The elements of a file."""
 
     scope = "file"
+    filter_hint = "words, globs, unit:Nm div>1 size>1000 buf:loop"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file")
 
     def __init__(self, session: FileSession) -> None:
-        super().__init__(session, read_only=True)
+        elements, reports = session.table.elements, session.rows_of
+        table = ElementTable(
+            session, FILE_COLUMNS, lambda row, values: FileRow(elements[row], reports[elements[row].name])
+        )
+        inspector: RecordedInspector = RecordedInspector(session)
+        bars = FileBar(session), FileBanner(session)
+        super().__init__(session, table, RecordedPane(session, table), inspector, bars, read_only=True)
         self.file = session
-
-    def compose(self) -> ComposeResult:
-        """Facts of the file, what is wrong with it, table with values and inspector, information, keys."""
-        session = self.file
-        self.table = table = RecordedTable(session)
-        self.pane = RecordedPane(session, table)
-        self.inspector: RecordedInspector = RecordedInspector(session)
-        self.status_bar = FileBar(session)
-        self.banner = FileBanner(session)
-        self.info = InfoLine(session)
-        self.live_head = Static("", id="live-head", markup=False)
-        self.table_head = RecordedHead(table)
-        yield self.status_bar
-        yield self.banner
-        with Horizontal(id="body"):
-            with Vertical(id="left"):
-                with Horizontal(id="heads"):
-                    yield self.table_head
-                    yield self.live_head
-                with Horizontal(id="panes"):
-                    yield self.table
-                    yield self.pane
-            yield self.inspector
-        yield Static("", id="empty", markup=False)
-        yield self.info
-        yield Line(self._complete_filter, "words, globs, unit:Nm div>1 size>1000 buf:loop", "filter-line")
-        yield KeyBar("file")
+        self.plots = inspector
 
     def on_mount(self) -> None:
-        """What the file lacks is told at once."""
+        """Tell at once what the file lacks."""
         self.banner.update()
 
-    def _lay_out(self, width: int) -> None:
-        inspector = self._inspector_wanted and width >= WIDE
-        pane_width = 34 if width < 140 else min(64, 36 + (width - 130) // 3)
-        self.inspector.display = inspector
-        self.inspector.styles.width = pane_width
-        rest = width - (pane_width if inspector else 0)
-        # the inspector has the value too, and a plot
-        self.pane.lay_out(12 if rest >= VALUES else 0, trend=rest >= VALUES)
-        self.live_head.update(self.pane.head)
-        self.live_head.styles.width = self.pane.wanted_width
-        self.table_head.refresh()
-        self.wish_soon()
+    def inspector_width(self, width: int) -> int:
+        """Return the cells of the inspector on a screen of `width` cells."""
+        return 34 if width < 140 else min(64, 36 + (width - 130) // 3)
 
-    def wish_again(self) -> None:
-        """Values and columns of what is on the screen."""
-        if self.silo.upper_screen is not self:
+    def lay_out_pane(self, width: int, rest: int) -> None:
+        """Show values and trends where there is room: the inspector has the value too, and a plot."""
+        self.pane.lay_out(12 if rest >= VALUES else 0, trend=rest >= VALUES)
+
+    def request_view(self) -> None:
+        """Read values and columns of what is on the screen."""
+        if self.context.upper_screen is not self:
             return
         table, file = self.session.table, self.file
         rows = self.table.rows_on_screen()
@@ -103,7 +68,7 @@ class FileTableScreen(TableScreen, inherit_bindings=False):
             begin, end = source.extent_ns([table.names[row]])
             names = self.inspector.plot_names() if end > begin else ()  # nothing to see of one sample
             store = _empty_store(names, 2 * max(8, self.inspector.content_size.width), begin, end)
-            if not _alike(store, self.inspector.store):
+            if not _alike(store, self.plots.store):
                 self.run_worker(self._read_plots(store, begin, end), group="plots", exclusive=True)
         self.live_head.update(self.pane.head)
         self.pane.live_changed()
@@ -116,7 +81,7 @@ class FileTableScreen(TableScreen, inherit_bindings=False):
 
     async def _read_plots(self, store: ColumnStore, begin_ns: int, end_ns: int) -> None:
         await self._read(store, begin_ns, end_ns)
-        self.inspector.store = store
+        self.plots.store = store
         self.inspector.refresh()
 
     async def _read(self, store: ColumnStore, begin_ns: int, end_ns: int) -> None:
@@ -126,18 +91,14 @@ class FileTableScreen(TableScreen, inherit_bindings=False):
 
     # --------------------------------------------------------------------------------------------------- commands
 
-    def command_sort(self) -> None:
-        super().command_sort()
-        if self.session.rows.sort == "act":  # files don't tell
-            super().command_sort()
-
-    def command_edit(self) -> None:
+    def on_element_table_picked(self) -> None:
+        """Plot what was clicked twice."""
         self.command_plot()
 
     def command_plot(self) -> None:
         from silo_tui.screens.file_monitor import FileMonitorScreen
 
-        chosen: Rows = self.session.rows.targets()
+        chosen = self.session.rows.targets()
         names = [self.session.table.names[int(row)] for row in chosen]
         names = [name for name in names if self.file.rows_of[name].samples]
         if names:
@@ -147,7 +108,7 @@ class FileTableScreen(TableScreen, inherit_bindings=False):
 
 
 def _empty_store(names: Sequence[str], columns: int, begin_ns: int, end_ns: int) -> ColumnStore:
-    """Room for all from `begin_ns` to `end_ns`."""
+    """Return room for all from `begin_ns` to `end_ns`."""
     return ColumnStore(names, columns, max(1, math.ceil((end_ns - begin_ns) / (columns - 1))))
 
 

@@ -13,7 +13,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Static
 
 from silo.settings.words import help_rows
-from silo_tui.actions import FILE_SCOPES, commands_for, commands_like
+from silo_tui.actions import COMMANDS, FILE_SCOPES, commands_for, commands_like
 
 NOTES = (
     ("Signs", (
@@ -25,14 +25,6 @@ NOTES = (
         ("torque LF", "both words in the name"), ("/log/*/q", "globs"), ("-word", "not"),
         ("unit:Nm on:no", "unit, logging"), ("div>1 size>=1000", "numbers"),
         ("act:publish buf:loop", "what is done, which buffer"), ("dirty marked conflict live", "states"),
-    )),
-    ("Commands", (
-        (":load x.yaml", "load a script"), (":save x.yaml", "save the table as a script"),
-        (":set div=5 size=10s", "edit what is marked, by these words:"),
-        *((f"  {example}", meaning) for example, meaning in help_rows()),
-        (":data silo csv bag NAME", "save data"),
-        (":goto NAME", "put the cursor there"), (":sort div", "order by a column"),
-        (":picture FILE.svg", "the screen as a picture"),
     )),
 )  # fmt: skip
 
@@ -64,13 +56,13 @@ class HelpScreen(ModalScreen[None]):
         self._scope = scope
 
     def compose(self) -> ComposeResult:
-        """One long page."""
+        """Yield one long page."""
         with VerticalScroll(classes="dialog wide", can_focus=False):
             yield Static("Keys  (j k scroll, Esc leaves)", classes="dialog-title")
             yield Static(self._page())
 
     def action_move(self, lines: int) -> None:
-        """Scrolls."""
+        """Scroll."""
         self.query_one(VerticalScroll).scroll_relative(y=lines, animate=False)
 
     def _page(self) -> Group:
@@ -82,9 +74,20 @@ class HelpScreen(ModalScreen[None]):
         for group in groups:
             lines = [(command.key_text, command.help) for command in commands if command.group == group]
             parts += [Text(group, style="underline"), _grid(lines, 13), Text("")]
-        for title, notes in FILE_NOTES if self._scope in FILE_SCOPES else NOTES:
+        notes_here = FILE_NOTES if self._scope in FILE_SCOPES else (*NOTES, ("Commands", _typed_lines()))
+        for title, notes in notes_here:
             parts += [Text(title, style="underline"), _grid(notes, 28), Text("")]
         return Group(*parts)
+
+
+def _typed_lines() -> list[tuple[str, str]]:
+    typed = sorted((command.typed for command in COMMANDS if command.typed is not None), key=lambda each: each.place)
+    lines = []
+    for each in typed:
+        lines += [(each.usage, each.help)] if each.usage else []
+        if each.completes == "settings":
+            lines += [(f"  {example}", meaning) for example, meaning in help_rows()]
+    return lines
 
 
 def _grid(lines: Iterable[tuple[str, str]], width: int) -> Grid:

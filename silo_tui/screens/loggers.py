@@ -1,6 +1,6 @@
 """Which logger? Shown when there are several, and while there is none: then it says what to start."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 from rich.text import Text
@@ -11,7 +11,7 @@ from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo_tui.actions import bindings_for
-from silo_tui.screens.base import SiloScreen
+from silo_tui.context import SiloScreen
 from silo_tui.sessions.finder import FoundLogger
 from silo_tui.widgets.bars import KeyBar
 
@@ -31,13 +31,14 @@ class LoggersScreen(SiloScreen):
     scope = "loggers"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("loggers")
 
-    def __init__(self, wanted: str = "") -> None:
+    def __init__(self, choose: Callable[[FoundLogger], None], wanted: str = "") -> None:
         super().__init__()
+        self._choose = choose
         self._wanted = wanted
         self._lines: tuple[FoundLogger, ...] | None = None
 
     def compose(self) -> ComposeResult:
-        """Title, list, advice, keys."""
+        """Yield title, list, advice, keys."""
         yield Static("silo", id="loggers-title")
         with Vertical(id="loggers-body"):
             yield OptionList(id="loggers-list")
@@ -45,7 +46,7 @@ class LoggersScreen(SiloScreen):
         yield KeyBar("loggers")
 
     def show(self, lines: Sequence[FoundLogger], forbidden: Sequence[str], problem: str = "") -> None:
-        """What was found."""
+        """Show what was found."""
         options = self.query_one(OptionList)
         if tuple(lines) != self._lines:
             kept = options.highlighted or 0
@@ -73,23 +74,23 @@ class LoggersScreen(SiloScreen):
         self.query_one("#loggers-advice", Static).update("\n\n".join([advice, *notes]).strip())
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """Opens it."""
+        """Open it."""
         for line in self._lines or ():
             if line.key == event.option.id:
-                self.silo.open_logger(line)
+                self._choose(line)
 
     def command_next_logger(self) -> None:
-        """The cursor down."""
+        """Move the cursor down."""
         self.query_one(OptionList).action_cursor_down()
 
     def command_previous_logger(self) -> None:
-        """The cursor up."""
+        """Move the cursor up."""
         self.query_one(OptionList).action_cursor_up()
 
     def command_open_logger(self) -> None:
-        """Enter where the list has no focus."""
+        """Choose with Enter where the list has no focus."""
         self.query_one(OptionList).action_select()
 
     def command_back(self) -> None:
-        """Nothing to go back to but the logger that is open."""
-        self.silo.back_to_table()
+        """Go back to the logger that is open, if one is."""
+        self.context.back_to_table()

@@ -13,15 +13,15 @@ from textual.binding import Binding
 from textual.timer import Timer
 
 from silo.errors import SiloError
+from silo.ipc.frames import Frame
 from silo.model import Action
 from silo_tui.actions import bindings_for
+from silo_tui.context import SiloScreen
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Field
-from silo_tui.model.live import Frame
 from silo_tui.model.plots import PlotWindow, plots_of
 from silo_tui.model.source import PlotSource
-from silo_tui.screens.base import SiloScreen
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
@@ -57,24 +57,28 @@ class MonitorScreen(SiloScreen):
         self._timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
-        """Status, banner, plots, line of facts, keys."""
-        self.status_bar = StatusBar(self.session, read_only=False)
-        self.banner = Banner(self.session)
-        self.line = MonitorLine(self.window, self._words)
+        """Yield status, banner, plots, line of facts, keys."""
+        self.status_bar, self.banner, self.line = self.bars()
         yield self.status_bar
         yield self.banner
         yield self.stack
         yield self.line
-        yield KeyBar("monitor")
+        yield KeyBar(self.scope)
+
+    def bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
+        """Return the lines around the plots."""
+        return (
+            StatusBar(self.session, read_only=False), Banner(self.session), MonitorLine(self.window, self._words)
+        )  # fmt: skip
 
     def on_mount(self) -> None:
-        """History fills the plots at once."""
+        """Show at once; history fills the plots."""
         self.banner.update()
         if not self.source.live:
             self.window.paused_end_ns = self.source.end_ns
 
     def on_resize(self, event: events.Resize) -> None:
-        """Another width, other columns."""
+        """Show other columns for another width."""
         self.call_after_refresh(self._sized)
 
     def _sized(self) -> None:
@@ -84,14 +88,14 @@ class MonitorScreen(SiloScreen):
     # ---------------------------------------------------------------------------------------------------- data
 
     def fill_soon(self) -> None:
-        """The view and the history anew, when what is wanted has settled."""
+        """Request view and history anew, when what is wanted has settled."""
         if self._timer is not None:
             self._timer.stop()
-        self._timer = self.set_timer(DEBOUNCE_S, self.wish_again)
+        self._timer = self.set_timer(DEBOUNCE_S, self.request_view)
 
-    def wish_again(self) -> None:
-        """Says what is on the screen and fetches its past."""
-        if self.silo.upper_screen is not self:
+    def request_view(self) -> None:
+        """Say what is on the screen and fetches its past."""
+        if self.context.upper_screen is not self:
             return
         plots = [plotted for plotted in self.stack.on_screen() if self.source.is_live(plotted.element.name)]
         names = [plotted.name for plotted in plots if plotted.numeric]
@@ -124,7 +128,7 @@ class MonitorScreen(SiloScreen):
     # ------------------------------------------------------------------------------------ what the app tells us
 
     def live_changed(self, frame: Frame) -> None:
-        """New columns and values."""
+        """Show new columns and values."""
         self.status_bar.update()
         self.stack.readings = self.session.live.readings
         if not self.window.paused:
@@ -136,7 +140,7 @@ class MonitorScreen(SiloScreen):
                 self.run_worker(self._fill(self._asked, list(self._asked.names)), group="history")
 
     def status_changed(self) -> None:
-        """State or link changed."""
+        """Follow a change of state or link."""
         self.status_bar.update()
         self.banner.update()
         if self.stack.fresh != self.session.fresh:
@@ -146,7 +150,7 @@ class MonitorScreen(SiloScreen):
             self.fill_soon()  # it was started again
 
     def table_changed(self) -> None:
-        """Somebody may have published or enabled what is plotted."""
+        """Follow somebody who published or enabled what is plotted."""
         elements = dict.fromkeys(plotted.element.name for plotted in self.stack.plots)
         published = [name for name in self._waiting if self.source.is_live(name)]
         self._waiting = [name for name in self._waiting if name not in published]
@@ -160,12 +164,12 @@ class MonitorScreen(SiloScreen):
             self.fill_soon()
 
     def second_passed(self) -> None:
-        """Times go on."""
+        """Paint the times again."""
         self.status_bar.update()
         self.banner.update()
 
     def say(self, words: str) -> None:
-        """The result of something."""
+        """Show the result of something."""
         self._said = words
         self.line.refresh()
 
@@ -213,7 +217,7 @@ class MonitorScreen(SiloScreen):
         else:
             store = self.stack.store
             self.window.paused_end_ns = store.end * store.column_ns - 1 if not store.empty else self.source.end_ns
-        self.wish_again()
+        self.request_view()
         self.line.refresh()
 
     def command_closer(self) -> None:
@@ -223,7 +227,7 @@ class MonitorScreen(SiloScreen):
         self._zoom(closer=False)
 
     def _zoom(self, *, closer: bool) -> None:
-        """Around the cursor when the picture stands still, else at its right end."""
+        """Zoom around the cursor when the picture stands still, else at its right end."""
         cursor = self.window.cursor
         before = self.window.span_ns
         if not self.window.zoom(closer=closer):
@@ -233,7 +237,7 @@ class MonitorScreen(SiloScreen):
             back = cursor * self.stack.store.column_ns
             self.window.paused_end_ns -= back - round(back * self.window.span_ns / before)
         self.say("")
-        self.wish_again()
+        self.request_view()
 
     def command_cursor_left(self) -> None:
         self._move_cursor(-1)
@@ -253,7 +257,7 @@ class MonitorScreen(SiloScreen):
             # the window itself moves on by a quarter, so that one can walk through a recording
             step = self.window.span_ns // 4 if beyond > 0 else -self.window.span_ns // 4
             self.window.paused_end_ns = min(self.source.end_ns, self.window.paused_end_ns + step)
-            self.wish_again()
+            self.request_view()
         self.stack.redraw()
         self.line.refresh()
 
@@ -271,7 +275,7 @@ class MonitorScreen(SiloScreen):
             self.command_back()
 
     def command_publish(self) -> None:
-        """Pending edits of all that were marked and are not published; applying them is for the table."""
+        """Prepare edits of all that were marked and are not published; applying them is for the table."""
         names = dict.fromkeys([*(plotted.element.name for plotted in self.stack.plots), *self._waiting])
         table = self.session.table
         rows = [row for name in names if (row := table.row(name)) is not None and not self.source.is_live(name)]
@@ -281,7 +285,7 @@ class MonitorScreen(SiloScreen):
         table.edit([row for row in rows if not Action(int(table.values[Field.ACTION, row])).publishes], Field.ACTION, 0)
         table.edit(rows, Field.ENABLED, 1)
         self.say(f"prepared for {text.plural(len(rows), 'element')}: Esc, then a applies it")
-        self.silo.table_changed()
+        self.context.table_changed()
 
     def command_detail(self) -> None:
         from silo_tui.screens.detail import DetailScreen
@@ -298,7 +302,7 @@ class MonitorScreen(SiloScreen):
         self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s))
 
     def command_back(self) -> None:
-        """Cursor, pause, then the table."""
+        """Leave the cursor, then the pause, then the screen."""
         if self.window.cursor is not None:
             self.window.cursor = None
             self.stack.redraw()
@@ -306,4 +310,4 @@ class MonitorScreen(SiloScreen):
         elif self.window.paused and self.source.live:
             self.command_pause()
         else:
-            self.silo.leave_screen()
+            self.context.leave_screen()

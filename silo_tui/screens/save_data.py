@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding
@@ -14,11 +14,9 @@ from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
 from silo.ipc.messages import Event, EventKind
 from silo.model import FileType, SavedFile
+from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.widgets.check_line import CheckLine
-
-if TYPE_CHECKING:
-    from silo_tui.app import SiloApp
 
 FOLLOW_S = 0.05
 HINT = f"↑ ↓ move   space or {' '.join(name[0] for name in SAVED_NAMES)} ticks   Enter saves   Esc cancels"
@@ -37,7 +35,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
 
     def __init__(
         self,
-        folder: str,
+        context: Context,
         types: Sequence[FileType] = (FileType.SILO,),
         name: str = "",
         *,
@@ -45,18 +43,18 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
         go_on: bool = False,
     ) -> None:
         super().__init__()
-        self._folder, self._types, self._name, self._at_once = folder, tuple(types), name, at_once
+        self.context = context
+        self._types, self._name, self._at_once = tuple(types), name, at_once
         self._go_on = go_on  # leaves by itself when the files are there
         self._saving = False
         self._files: list[SavedFile] | None = None
 
     def compose(self) -> ComposeResult:
-        """Types, name, buttons, progress, result."""
+        """Yield types, name, buttons, progress, result."""
         with Vertical(classes="dialog"):
             yield Static("Save data", classes="dialog-title")
-            yield Static(
-                f"in {self._folder or 'the folder of the logger'}, on the robot", classes="quiet", markup=False
-            )
+            folder = self.context.session.status.folder or "the folder of the logger"
+            yield Static(f"in {folder}, on the robot", classes="quiet", markup=False)
             for kind, one in SAVED.items():
                 yield CheckLine(f"{one.name:<5} {one.about}", kind in self._types, f"type-{one.name}")
             yield Input(self._name, placeholder="name (empty: date, time and run number)", id="save-name", compact=True)
@@ -68,7 +66,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
             yield Static("", id="save-result", markup=False)
 
     def on_mount(self) -> None:
-        """The first line has the focus; Enter saves from there too."""
+        """Give the focus to the first line; Enter saves from there too."""
         self.query_one(ProgressBar).display = False
         self.query_one(CheckLine).focus()
         if self._at_once:
@@ -82,27 +80,27 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
             self.action_leave()
 
     def on_input_submitted(self) -> None:
-        """Enter in the name saves."""
+        """Save when Enter ends the name."""
         self.action_save()
 
     def action_turn(self, kind: str) -> None:
-        """Ticks a type, or not."""
+        """Tick a type, or not."""
         if self._files is None and not self._saving:
             self.query_one(f"#type-{kind}", CheckLine).action_turn()
 
     def action_save(self) -> None:
-        """Saves from wherever the focus is; closes when that is done."""
+        """Save from wherever the focus is; closes when that is done."""
         if self._files is None:
             self._begin()
         else:
             self.action_leave()
 
     def action_leave(self) -> None:
-        """Leaves; a save that is under way goes on in the helper process."""
+        """Leave; a save that is under way goes on in the helper process."""
         if self._saving:
-            cast("SiloApp", self.app).say("the save goes on; its end will be told")
+            self.context.say("the save goes on; its end will be told")
         elif self._files is None:
-            cast("SiloApp", self.app).say("nothing was saved")
+            self.context.say("nothing was saved")
         self.dismiss(self._files)
 
     def _begin(self) -> None:
@@ -119,19 +117,19 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
         self.run_worker(self._save(types, self.query_one("#save-name", Input).value.strip()))
 
     async def _save(self, types: list[FileType], name: str) -> None:
-        app = cast("SiloApp", self.app)
+        context = self.context
         try:
-            job = await app.link.call(lambda client: client.save(types, name))
+            job = await context.link.call(lambda client: client.save(types, name))
         except SiloError as error:
             self._saving = False
             self._result(str(error), failed=True)
             return
         while self._saving:
-            self._follow(app.session.saves.get(job), lost=not app.session.connected)
+            self._follow(context.session.saves.get(job), lost=not context.session.connected)
             await asyncio.sleep(FOLLOW_S)
 
     def _follow(self, event: Event | None, *, lost: bool) -> None:
-        """Shows how far the save is; what is said of it comes as events."""
+        """Show how far the save is; what is said of it comes as events."""
         bar = self.query_one(ProgressBar)
         if lost:
             self._saving = False

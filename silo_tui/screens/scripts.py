@@ -1,42 +1,30 @@
 """Choosing a script on the robot, with what loading it would change."""
 
-from typing import TYPE_CHECKING, ClassVar, cast
-
 from rich.text import Text
 from textual.app import ComposeResult
-from textual.binding import Binding
 from textual.containers import Vertical, VerticalScroll
-from textual.screen import ModalScreen
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
 from silo.errors import SiloError
 from silo.ipc.messages import ScriptDiff, Scripts
 from silo_tui.model import text
-
-if TYPE_CHECKING:
-    from silo_tui.app import SiloApp
+from silo_tui.screens.dialogs import ListDialog
+from silo_tui.sessions.link import Link
 
 MAX_LINES = 300
 
 
-class ScriptsDialog(ModalScreen[str | None]):
-    """Lists the scripts; previews the one under the cursor; answers with its name, None on Esc."""
+class ScriptsDialog(ListDialog):
+    """Lists the scripts; previews the one under the cursor; answers with its name."""
 
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
-        Binding("escape,q", "leave", "Back", show=False),
-        Binding("j", "next", show=False),
-        Binding("k", "previous", show=False),
-        Binding("pagedown,ctrl+d", "scroll(1)", show=False),
-        Binding("pageup,ctrl+u", "scroll(-1)", show=False),
-    ]
-
-    def __init__(self, scripts: Scripts) -> None:
+    def __init__(self, link: Link, scripts: Scripts) -> None:
         super().__init__()
+        self._link = link
         self._scripts = scripts
 
     def compose(self) -> ComposeResult:
-        """List and preview."""
+        """Yield list and preview."""
         with Vertical(classes="dialog tall"):
             yield Static("Load a script", classes="dialog-title")
             yield Static(f"in {self._scripts.folder}, on the robot. Enter loads it.", classes="quiet", markup=False)
@@ -51,7 +39,7 @@ class ScriptsDialog(ModalScreen[str | None]):
                 yield Static("", id="preview", markup=False)
 
     def on_mount(self) -> None:
-        """The current script first."""
+        """Begin at the current script."""
         options = self.query_one(OptionList)
         options.focus()
         current = text.file_name(self._scripts.current)
@@ -61,39 +49,15 @@ class ScriptsDialog(ModalScreen[str | None]):
             self.query_one("#preview", Static).update("There is none yet. W saves the table as one.")
 
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
-        """Previews it."""
+        """Preview it."""
         if event.option.id is not None:
             self.run_worker(self._preview(event.option.id), exclusive=True)
 
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
-        """This one."""
-        self.dismiss(event.option.id)
-
-    def action_leave(self) -> None:
-        """None of them."""
-        self.dismiss(None)
-
-    def action_next(self) -> None:
-        """Next script."""
-        self.query_one(OptionList).action_cursor_down()
-
-    def action_previous(self) -> None:
-        """Previous script."""
-        self.query_one(OptionList).action_cursor_up()
-
-    def action_scroll(self, pages: int) -> None:
-        """Moves a long preview."""
-        body = self.query_one(".dialog-body", VerticalScroll)
-        body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
-
     async def _preview(self, name: str) -> None:
         preview = self.query_one("#preview", Static)
-        link = cast("SiloApp", self.app).session.link
-        if link is None:
-            return
         preview.update("…")
         try:
-            diff = await link.read(lambda client: client.diff_script(name))
+            diff = await self._link.read(lambda client: client.diff_script(name))
         except SiloError as error:
             preview.update(f"It can't be loaded:\n{error}")
         else:
@@ -101,7 +65,7 @@ class ScriptsDialog(ModalScreen[str | None]):
 
 
 def script_diff_text(diff: ScriptDiff) -> Text:
-    """What a script would change, in words."""
+    """Return what a script would change, in words."""
     lines = Text()
     if not diff.changes:
         lines.append("It would change nothing.\n")

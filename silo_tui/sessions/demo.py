@@ -21,7 +21,7 @@ class Demo:
         self._output = Path()
 
     def start(self) -> None:
-        """Starts the child; its output goes to a file, because the screen is ours."""
+        """Start the child; its output goes to a file, because the screen is ours."""
         if self._process is not None and self._process.poll() is None:
             return
         folder = _folder()
@@ -36,18 +36,18 @@ class Demo:
             )  # fmt: skip
 
     def owns(self, pid: int) -> bool:
-        """Whether a logger is the one that we started."""
+        """Return whether a logger is the one that we started."""
         return self._process is not None and self._process.pid == pid
 
     def ended(self) -> str:
-        """Why the child is gone; empty while it runs."""
+        """Return why the child is gone; empty while it runs."""
         if self._process is None or self._process.poll() is None:
             return ""
         said = self._output.read_text("utf-8", "replace").strip().splitlines()[-6:]
         return f"The demo ended with exit code {self._process.returncode}:\n" + "\n".join(said)
 
     def stop(self) -> None:
-        """Ends the child as Ctrl-C would, then harder."""
+        """End the child as Ctrl-C would, then harder."""
         process = self._process
         if process is None or process.poll() is not None:
             return

@@ -1,4 +1,3 @@
-# ruff: noqa: D102 - the calls of ClientLike are described where they are made, in silo.ipc.client
 """The thread between the screen and a logger: it makes the blocking calls, the event loop only awaits them.
 
 `Link` keeps the latest request for a view and hands out the latest frame, never a queue of either: a slow terminal sees
@@ -8,57 +7,22 @@ fewer frames, not old ones. What the client reports by itself reaches the app as
 import asyncio
 import functools
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from textual.message import Message
 
-from silo.columns import HistoryColumns
 from silo.errors import ConnectionLostError
-from silo.ipc.messages import EditsApplied, Event, HelloReply, ScriptDiff, Scripts, ScriptText
-from silo.model import Edit, FileType, Status, Table
-from silo_tui.model.live import Frame
+from silo.ipc.frames import Frame
+from silo.ipc.messages import Event
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
+    from silo.ipc.view import View
 
 Result = TypeVar("Result")
-
-
-class ViewLike(Protocol):
-    """An open view."""
-
-    def frame(self) -> Frame | None:
-        """What came since the last call as one frame; None when nothing did."""
-
-    def close(self) -> None:
-        """Ends the view."""
-
-
-class ClientLike(Protocol):
-    """What the screen needs of a connection to a logger. Calls block; they raise the errors of `silo.errors`."""
-
-    @property
-    def connected(self) -> bool:
-        """Whether the helper process answers."""
-
-    def hello(self) -> HelloReply: ...
-    def status(self) -> Status: ...
-    def table(self) -> Table: ...
-    def scripts(self) -> Scripts: ...
-    def read_script(self, path: str = "") -> ScriptText: ...
-    def diff_script(self, path: str = "") -> ScriptDiff: ...
-    def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied: ...
-    def start(self) -> Status: ...
-    def stop(self) -> Status: ...
-    def restart(self) -> Status: ...
-    def load_script(self, path: str = "", revision: int = -1) -> EditsApplied: ...
-    def save_script(self, path: str = "", overwrite: bool = False) -> str: ...
-    def save(self, types: Sequence[FileType], name: str = "") -> int: ...
-    def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns: ...
-    def view(self, values: Sequence[str], plots: Sequence[str], rate_hz: float, column_ns: int) -> ViewLike: ...
-    def on_event(self, callback: Callable[[Event], None]) -> None: ...
-    def on_link(self, callback: Callable[[bool], None]) -> None: ...
-    def close(self) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -88,7 +52,7 @@ class LoggerEvent(Message):
 
 @dataclass
 class ViewFailed(Message):
-    """The logger would not open the view that a screen wishes."""
+    """The logger would not open the view that a screen requested."""
 
     link: "Link"
     error: Exception
@@ -97,7 +61,7 @@ class ViewFailed(Message):
 class Link:
     """One logger's connection as the event loop uses it. Make it in the event loop, close it when done."""
 
-    def __init__(self, client: ClientLike, post: Callable[[Message], Any], rate_hz: float) -> None:
+    def __init__(self, client: "Client", post: Callable[[Message], Any], rate_hz: float) -> None:
         self._client = client
         self._post = post
         self._rate_hz = rate_hz
@@ -107,7 +71,7 @@ class Link:
         self._lock = threading.Lock()
         self._request = ViewRequest()
         self._opened: ViewRequest | None = None
-        self._view: ViewLike | None = None
+        self._view: View | None = None
         self._opening = False
         self._closed = False
         client.on_event(lambda event: self._tell(LoggerEvent(self, event)))
@@ -118,37 +82,37 @@ class Link:
         """Whether the helper process answers."""
         return self._client.connected
 
-    async def call(self, job: Callable[[ClientLike], Result]) -> Result:
-        """Runs a call that may change something, one after the other."""
+    async def call(self, job: "Callable[[Client], Result]") -> Result:
+        """Run a call that may change something, one after the other."""
         return await self._run(self._control, job)
 
-    async def read(self, job: Callable[[ClientLike], Result]) -> Result:
-        """Runs a call that only reads, beside those that change something."""
+    async def read(self, job: "Callable[[Client], Result]") -> Result:
+        """Run a call that only reads, beside those that change something."""
         return await self._run(self._reading, job)
 
     def watch(self, request: ViewRequest) -> None:
-        """From now on frames are about this; several wishes in a row cost one request."""
+        """Make frames be about this from now on; several calls in a row cost one request."""
         with self._lock:
             self._request = request
             if self._opening or self._closed or request == self._opened:
                 return
             self._opening = True
-        self._reading.submit(self._open_wishes)
+        self._reading.submit(self._open_requested)
 
     def watch_again(self) -> None:
-        """Opens the view anew, after the link came back or the logger was changed."""
+        """Open the view anew, after the link came back or the logger was changed."""
         with self._lock:
             self._opened = None
             request = self._request
         self.watch(request)
 
     def frame(self) -> Frame | None:
-        """The newest frame of what was wished last; None when nothing new came."""
+        """Return the newest frame of what was requested last; None when nothing new came."""
         view = self._view
         return view.frame() if view is not None else None
 
     def close(self) -> None:
-        """Closes the connection without waiting for calls that are under way."""
+        """Close the connection without waiting for calls that are under way."""
         with self._lock:
             self._closed = True
         self._control.shutdown(wait=False, cancel_futures=True)
@@ -158,12 +122,12 @@ class Link:
             view.close()
         self._client.close()
 
-    async def _run(self, threads: ThreadPoolExecutor, job: Callable[[ClientLike], Result]) -> Result:
+    async def _run(self, threads: ThreadPoolExecutor, job: "Callable[[Client], Result]") -> Result:
         if self._closed:
             raise ConnectionLostError("the connection was closed")
         return await asyncio.get_running_loop().run_in_executor(threads, functools.partial(job, self._client))
 
-    def _open_wishes(self) -> None:
+    def _open_requested(self) -> None:
         while True:
             with self._lock:
                 request = self._request

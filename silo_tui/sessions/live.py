@@ -6,19 +6,26 @@ Screens read its parts and call its coroutines; it draws nothing and asks nothin
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from silo.columns import MAX_COLUMNS
+from silo.columns import MAX_COLUMNS, HistoryColumns
 from silo.errors import RefusedError
+from silo.ipc.frames import Frame
 from silo.ipc.messages import Event, EventKind, RefusedWhy
-from silo.model import BufferType, ElementInfo, ElementOptions, State, Status
+from silo.model import ElementInfo, State, Status
+from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.live import Frame, LiveValues
+from silo_tui.model.fields import options_of, rows_of
+from silo_tui.model.live import LiveValues
 from silo_tui.model.rows import RowList
-from silo_tui.model.source import Column
 from silo_tui.model.table import TableState
-from silo_tui.sessions.link import ClientLike, Link, ViewRequest
+from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn
+from silo_tui.sessions.link import Link, ViewRequest
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
 
 MAX_HISTORY_NAMES = 64
 AHEAD_NS = 2_000_000_000
@@ -32,13 +39,13 @@ NO_STATUS = Status(
 class Session:
     """State and commands of one logger. Lives in the event loop."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, columns: Sequence[TableColumn[Any]] = LIVE_COLUMNS) -> None:
         self.name = name
         self.link: Link | None = None
         self.status = NO_STATUS
         self.may_edit = True
         self.table = TableState()
-        self.rows = RowList(self.table)
+        self.rows = RowList(self.table, columns)
         self.live = LiveValues()
         self.columns = ColumnStore((), 1, 1)
         self.measured_hz = 0.0
@@ -48,7 +55,6 @@ class Session:
         self.frame_at = 0.0  # monotonic, of the newest frame
         self.lost_since: float | None = None  # monotonic, when the link was lost
         self.saves: dict[int, Event] = {}  # the newest event of each save
-        self.resized: set[str] = set()  # elements with another buffer than the recording that is held was made with
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
     # ------------------------------------------------------------------------------------------------ what is
@@ -80,14 +86,14 @@ class Session:
         return max(0.0, (end - self.status.started_ns) / 1e9) if self.status.started_ns else 0.0
 
     def short_name(self, name: str) -> str:
-        """A name without the prefix that all names share."""
+        """Return a name without the prefix that all names share."""
         prefix = self.status.prefix.rstrip("/")
         return name[len(prefix) :] if prefix and name.startswith(prefix + "/") else name
 
     # ------------------------------------------------------------------------------------------------ commands
 
     async def attach(self, link: Link) -> None:
-        """Takes a new connection and reads everything once."""
+        """Take a new connection and reads everything once."""
         self.link = link
         hello = await link.call(lambda client: client.hello())
         self.may_edit = hello.may_edit
@@ -96,26 +102,19 @@ class Session:
         self.lost_since = None if link.connected else time.monotonic()
 
     async def reload(self) -> None:
-        """Reads the table again; pending edits are rebased on it."""
+        """Read the table again; pending edits are rebased on it."""
         table = await self._link.call(lambda client: client.table())
         if table.revision != self.table.revision or not len(self.table):
-            if not self.running:
-                old = {element.name: element.options for element in self.table.elements}
-                self.resized |= {
-                    element.name
-                    for element in table.elements
-                    if (before := old.get(element.name)) is not None and _buffer(before) != _buffer(element.options)
-                }
             self.table.load(table)
             self.rows.refresh()
             self._entry_counts.clear()
 
     async def refresh_status(self) -> None:
-        """Asks for the status."""
+        """Ask for the status."""
         self.take_status(await self._link.call(lambda client: client.status()))
 
     async def apply(self) -> int:
-        """Applies the pending edits as one transaction and returns how many elements changed.
+        """Apply the pending edits as one transaction and return how many elements changed.
 
         RefusedError says why not; when somebody else changed the table meanwhile it was read again and the edits are
         rebased, so that the caller can show the conflicts or try again.
@@ -133,24 +132,24 @@ class Session:
         return applied.changed
 
     async def start(self) -> None:
-        """Starts the logger; what was read belongs to the run before."""
+        """Start the logger; what was read belongs to the run before."""
         self.take_status(await self._link.call(lambda client: client.start()))
 
     async def stop(self) -> None:
-        """Stops the logger."""
+        """Stop the logger."""
         self.take_status(await self._link.call(lambda client: client.stop()))
 
     async def restart(self) -> None:
-        """Stops and starts the logger."""
+        """Stop and starts the logger."""
         self.take_status(await self._link.call(lambda client: client.restart()))
 
-    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
-        """Past columns of some entries, asked for in pieces as large as a logger answers."""
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Return past columns of some entries, asked for in pieces as large as a logger answers."""
         store: ColumnStore | None = None
         for begin in range(0, len(names), MAX_HISTORY_NAMES):
             some = list(names[begin : begin + MAX_HISTORY_NAMES])
 
-            def ask(client: ClientLike, some: Sequence[str] = some) -> Column:
+            def ask(client: "Client", some: Sequence[str] = some) -> HistoryColumns:
                 return client.history(some, start_ns, end_ns, column_ns)
 
             past = await self._link.read(ask)
@@ -160,18 +159,28 @@ class Session:
             store.take(past)
         if store is None:
             empty = np.zeros((0, 0))
-            return Column((), 0, column_ns, empty, empty)
+            return HistoryColumns((), 0, column_ns, empty, empty)
         return store.stretch(until)
 
+    def change(self, settings: Settings) -> int:
+        """Edit the targets of the table as typed, all or none, in one undo step; return how many cells changed.
+
+        ValueError says what is out of range; nothing is changed then.
+        """
+        rows, values = self.rows.targets(), self.table.values
+        elements = [(self.table.names[row], options_of(values[:, row])) for row in rows]
+        made = apply_settings(settings, elements, self.status.frequency_hz)
+        return self.table.edit_all(rows, rows_of(made))
+
     def watch(self, request: ViewRequest) -> None:
-        """What the screen shows from now on."""
+        """Say what the screen shows from now on."""
         if self.link is not None:
             self.link.watch(request)
 
     # -------------------------------------------------------------------------------------------- what comes in
 
     def poll(self) -> Frame | None:
-        """Takes the newest frame over; None when nothing came."""
+        """Take the newest frame over; None when nothing came."""
         frame = self.link.frame() if self.link is not None else None
         if frame is None:
             return None
@@ -185,7 +194,7 @@ class Session:
         return frame
 
     def take_values(self, frame: Frame) -> list[str]:
-        """Takes the values of a frame over and returns the names that changed."""
+        """Take the values of a frame over and return the names that changed."""
         counts = self._entry_counts.get(frame.elements)
         if counts is None:
             rows = [self.table.row(name) for name in frame.elements]
@@ -196,16 +205,15 @@ class Session:
         return self.live.take(frame, counts)
 
     def take_status(self, status: Status) -> None:
-        """Takes a status over."""
+        """Take a status over."""
         if status.started_ns != self.status.started_ns and self.status is not NO_STATUS:
             self.live.forget()
-            self.resized.clear()
             self.columns = ColumnStore(self.columns.names, self.columns.count, self.columns.column_ns)
         self.status = status
         self.measured_hz, self.ticks, self.lost_total = status.measured_hz, status.ticks, status.lost
 
     async def take_event(self, event: Event) -> None:
-        """Follows what happened in the logger."""
+        """Follow what happened in the logger."""
         if event.job:
             self.saves[event.job] = event
         if event.status is not None:
@@ -218,12 +226,12 @@ class Session:
             self._link.watch_again()
 
     def lose(self) -> None:
-        """The link is lost; everything stays as it was."""
+        """Note that the link is lost; everything stays as it was."""
         if self.lost_since is None:
             self.lost_since = time.monotonic()
 
     async def regain(self) -> str:
-        """The link is back: everything is read again, pending edits are rebased.
+        """Follow a link that is back: read everything again, rebase pending edits.
 
         Returns what to say: the client goes over to a new robot program of the same name by itself.
         """
@@ -240,7 +248,7 @@ class Session:
         return f"the robot program was started again; of the one before: {before.reason or 'nothing is known'}"
 
     def close(self) -> None:
-        """Lets the connection go."""
+        """Let the connection go."""
         if self.link is not None:
             self.link.close()
 
@@ -268,23 +276,23 @@ class LiveSource:
         return self._session.frame_time_ns if running else (status.last_tick_ns or self._session.frame_time_ns)
 
     def element(self, name: str) -> ElementInfo | None:
-        """The element of that name."""
+        """Return the element of that name."""
         row = self._session.table.row(name)
         return self._session.table.elements[row] if row is not None else None
 
     def period_ns(self, element: str) -> int:
-        """Time between two samples."""
+        """Return the time between two samples."""
         row = self._session.table.row(element)
         divider = int(self._session.table.server[1, row]) if row is not None else 1
         return int(1e9 * divider / (self._session.status.frequency_hz or 1.0))
 
     def is_live(self, element: str) -> bool:
-        """Whether the logger publishes the element."""
+        """Return whether the logger publishes the element."""
         row = self._session.table.row(element)
         return row is not None and self._session.table.is_live(row)
 
-    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Column:
-        """Columns straight from the logger's buffers.
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Return columns straight from the logger's buffers.
 
         What came after `end_ns` until the logger answers is in it too: frames that a new view brings go on from there.
         """
@@ -299,11 +307,7 @@ class LiveSource:
         return replace(past, low=past.low[:, :count], high=past.high[:, :count], marks=marks)
 
 
-def _buffer(options: ElementOptions) -> tuple[BufferType, int]:
-    return options.buffer_type, options.buffer_size
-
-
 def why(error: RefusedError) -> RefusedWhy | None:
-    """The reason that a refusal carries, where it carries one."""
+    """Return the reason that a refusal carries, where it carries one."""
     found = getattr(error, "why", None)
     return found if isinstance(found, RefusedWhy) else None

@@ -14,6 +14,7 @@ from silo.analysis.log import Log, LogWarning, open_log
 from silo.errors import FileFormatError
 from silo.model import State, Status, Table
 from silo_tui.model.recorded import RecordingSource
+from silo_tui.model.table_columns import FILE_COLUMNS
 from silo_tui.sessions.live import Session
 
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
@@ -24,7 +25,7 @@ class FileSession(Session):
 
     def __init__(self, log: Log) -> None:
         path = Path(log.path)
-        super().__init__(path.name)
+        super().__init__(path.name, FILE_COLUMNS)
         recording = log.recording
         self.source = RecordingSource(recording, list(log))
         size_bytes = path.stat().st_size if path.is_file() else 0
@@ -62,13 +63,13 @@ class FileSession(Session):
         return f"{datetime.fromtimestamp(self.time_ns // 1_000_000 / 1000):%Y-%m-%d %H:%M:%S.%f}"[:-3]
 
     def read(self, names: Sequence[str]) -> None:
-        """Brings the values of these elements at the moment shown."""
+        """Bring the values of these elements at the moment shown."""
         self.live.readings.update(self.source.readings(names, self.time_ns))
         self.live.time_ns = self.time_ns
 
 
 def open_file(which: str | os.PathLike[str] | int) -> FileSession:
-    """Opens what `silo.open_log` takes. Raises its errors, and `FileFormatError` for a log without data."""
+    """Open what `silo.open_log` takes. Raises its errors, and `FileFormatError` for a log without data."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # the banner shows them
         log = open_log(which)

@@ -14,7 +14,7 @@ _STEM = re.compile(r"(?P<logger>.+)_\d{8}_\d\d-\d\d-\d\d_\d{5,}")
 
 
 def file_meant(target: str, running: Callable[[], Collection[str]]) -> Path | None:
-    """The log that `target` means, None where it is the name of a logger.
+    """Return the log that `target` means, None where it is the name of a logger.
 
     A known ending or a path separator always mean a file: `LogNotFoundError` if it isn't there. Else a logger of that
     name that runs (`running` tells all of them) comes first, then a path, a run number and the beginning of a file

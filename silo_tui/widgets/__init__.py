@@ -1,1 +1,4 @@
-"""The widgets of silo-tui: they draw the state of `silo_tui.model` and post messages."""
+"""What draws: tables, panes, plots, bars and lines to type in. Widgets read a session and post messages.
+
+They know no screen, no command and no app, and ask nothing of a logger. Screens and `context` import this.
+"""

@@ -28,12 +28,12 @@ class StatusBar(Widget):
         self._drawn = ""
 
     def update(self) -> None:
-        """Paints anew if it reads differently."""
+        """Paint anew if it reads differently."""
         if self._line().plain != self._drawn:
             self.refresh()
 
     def render(self) -> RenderResult:
-        """The line."""
+        """Return the line."""
         line = self._line()
         self._drawn = line.plain
         return line
@@ -68,7 +68,7 @@ class StatusBar(Widget):
 
 
 def color(variables: dict[str, str], name: str) -> str:
-    """A colour of the theme as Rich writes it (`ansi_red` is `red` there)."""
+    """Return a colour of the theme as Rich writes it (`ansi_red` is `red` there)."""
     return variables.get(name, "").removeprefix("ansi_").replace("default", "") or "none"
 
 
@@ -83,7 +83,7 @@ class Banner(Widget):
         self._shown = ""
 
     def update(self) -> None:
-        """Follows the state of the logger."""
+        """Follow the state of the logger."""
         words = self._words()
         if words != self._shown:
             self._shown = words
@@ -91,7 +91,7 @@ class Banner(Widget):
             self.refresh(layout=True)
 
     def render(self) -> RenderResult:
-        """The words."""
+        """Return the words."""
         return Text(self._shown)
 
     def _words(self) -> str:
@@ -121,17 +121,17 @@ class InfoLine(Widget):
         self._prompt = ""
 
     def say(self, words: str) -> None:
-        """Shows a result until the next one."""
+        """Show a result until the next one."""
         self._said = words
         self.refresh()
 
     def ask(self, words: str) -> None:
-        """Shows what is to be typed, alone, whatever happens meanwhile; empty: no more."""
+        """Show what is to be typed, alone, whatever happens meanwhile; empty: no more."""
         self._prompt = words
         self.refresh()
 
     def render(self) -> RenderResult:
-        """The line."""
+        """Return the line."""
         if self._prompt:
             return Text(self._prompt, no_wrap=True, overflow="ellipsis")
         session, rows = self.session, self.session.rows
@@ -171,7 +171,7 @@ class MonitorLine(Widget):
         self._words = words
 
     def render(self) -> RenderResult:
-        """The line."""
+        """Return the line."""
         window = self._window
         parts = [f"{text.span(window.span_s)} shown", "PAUSED" if window.paused else "live"]
         parts.append("y held" if window.fixed_scale else "y follows")
@@ -195,12 +195,12 @@ class KeyBar(Widget):
         self._instead = ""
 
     def show_instead(self, words: str) -> None:
-        """Other keys count for a while; empty: those of the screen again."""
+        """Show other keys for a while; empty: those of the screen again."""
         self._instead = words
         self.refresh()
 
     def render(self) -> RenderResult:
-        """As many keys as fit, those wanted most first."""
+        """Return as many keys as fit, those wanted most first."""
         if self._instead:
             return Text(f" {self._instead}", no_wrap=True, overflow="ellipsis")
         fitting = self._fitting()

@@ -27,13 +27,13 @@ class CheckLine(Widget, can_focus=True):
         self.set_reactive(CheckLine.value, value)
 
     def render(self) -> RenderResult:
-        """The line."""
+        """Return the line."""
         return Text(f"{'>' if self.has_focus else ' '} [{'x' if self.value else ' '}] {self._label}")
 
     def action_turn(self) -> None:
-        """Turns it over."""
+        """Turn it over."""
         self.value = not self.value
 
     def on_click(self) -> None:
-        """Turns it over."""
+        """Turn it over."""
         self.action_turn()

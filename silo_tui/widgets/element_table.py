@@ -3,12 +3,12 @@
 Measured: Textual's DataTable needs 4 - 7 s for 10,000 rows and 130 ms per update; this needs the lines on the screen.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from rich.cells import set_cell_size
+from rich.cells import cell_len, set_cell_size
 from rich.segment import Segment
 from rich.style import Style
 from textual import events
@@ -18,18 +18,12 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from silo_tui.model import text
-from silo_tui.model.fields import Field, word_for
+from silo_tui.model.fields import Field, Ints
 from silo_tui.model.rows import RowList
+from silo_tui.model.table_columns import LiveRow, TableColumn, shown_columns
 from silo_tui.sessions.live import Session
 
-FLAGS, UNIT = 2, 5
-# width of each editable field, with the space before it counted apart
-WIDTHS = {Field.ENABLED: 3, Field.DIVIDER: 4, Field.ACTION: 4, Field.BUFFER_TYPE: 4, Field.BUFFER_SIZE: 7}
-FIXED_WIDTH = FLAGS + 1 + UNIT + sum(1 + width for width in WIDTHS.values())
-NAME_ROOM = 16
-# what goes, in this order, where names would have less room than that; None is the unit
-FIRST_TO_GO = (None, Field.BUFFER_TYPE, Field.ACTION, Field.DIVIDER, Field.BUFFER_SIZE)
-RIGHT_ALIGNED = (Field.DIVIDER, Field.BUFFER_SIZE)
+FLAGS = 2
 MAX_STRIPS = 4000
 
 
@@ -54,10 +48,15 @@ class ElementTable(ScrollView, can_focus=True):
 
         field: Field | None
 
-    def __init__(self, session: Session) -> None:
+    def __init__(
+        self, session: Session, columns: Sequence[TableColumn[Any]], facts: Callable[[int, Ints], Any] | None = None
+    ) -> None:
+        """Show `columns`; `facts` makes what they draw of an element's row and its values (default: a `LiveRow`)."""
         super().__init__()
         self.session = session
         self.field = Field.ENABLED
+        self._columns = columns
+        self._facts = facts or (lambda row, values: LiveRow(session.table.elements[row], values))
         self._strips: dict[tuple[object, ...], Strip] = {}
         self._styles: dict[str, Style] = {}
         self._masks_of = (-1, -1)
@@ -71,71 +70,59 @@ class ElementTable(ScrollView, can_focus=True):
     # ---------------------------------------------------------------------------------------------- geometry
 
     @property
+    def shown(self) -> list[tuple[TableColumn[Any], int]]:
+        """The columns that fit, and their widths."""
+        return shown_columns(self._columns, self.size.width - FLAGS, self.size.width)
+
+    @property
     def name_width(self) -> int:
         """Cells for names."""
-        fields = sum(1 + width for width in self.fields.values())
-        return max(8, self.size.width - FLAGS - (1 + UNIT if self.has_unit else 0) - fields)
-
-    @property
-    def hidden(self) -> tuple[Field | None, ...]:
-        """Columns that are not shown because the screen is narrow: whole ones, since cut numbers would be wrong."""
-        room = self.size.width - FIXED_WIDTH
-        count = 0
-        while room < NAME_ROOM and count < len(FIRST_TO_GO):
-            field = FIRST_TO_GO[count]
-            room += 1 + (UNIT if field is None else WIDTHS[field])
-            count += 1
-        return FIRST_TO_GO[:count]
-
-    @property
-    def has_unit(self) -> bool:
-        """Whether units are shown."""
-        return None not in self.hidden
-
-    @property
-    def fields(self) -> dict[Field, int]:
-        """The fields that are shown, and their widths."""
-        hidden = self.hidden
-        return {field: width for field, width in WIDTHS.items() if field not in hidden}
+        return max(8, self.size.width - FLAGS - sum(1 + width for _, width in self.shown))
 
     def field_at(self, x: int) -> Field | None:
-        """The editable field in a column of the screen."""
+        """Return the editable field in a column of the screen."""
         for field, (start, width) in self.field_spans().items():
             if start <= x < start + width:
                 return field
         return None
 
     def field_spans(self) -> dict[Field, tuple[int, int]]:
-        """First column and width of each field."""
+        """Return first column and width of each field that is shown."""
         spans = {}
-        start = FLAGS + self.name_width + (1 + UNIT if self.has_unit else 0)
-        for field, width in self.fields.items():
-            spans[field] = (start + 1, width)
+        start = FLAGS + self.name_width
+        for column, width in self.shown:
+            if column.field is not None:
+                spans[column.field] = (start + 1, width)
             start += 1 + width
         return spans
 
+    def field_beside(self, step: int) -> Field:
+        """Return the next field that is shown to the right (1) or left (-1) of the chosen one, or that one."""
+        beside = [field for field in self.field_spans() if (field - self.field) * step > 0]
+        return min(beside, key=lambda field: abs(field - self.field), default=self.field)
+
     def cell_region(self) -> Region:
-        """Where the cell under the cursor is on the screen."""
+        """Return where the cell under the cursor is on the screen."""
         spans = self.field_spans()
         start, width = spans.get(self.field, (self.size.width - 8, 8))  # a hidden one is edited at the end of the line
         top = self.rows.position - self.scroll_offset.y
         return Region(self.region.x + start, self.region.y + top, width, 1)
 
     def rows_on_screen(self) -> list[int]:
-        """The elements that are visible now."""
+        """Return the elements that are visible now."""
         top = self.scroll_offset.y
         return [int(row) for row in self.rows.shown[top : top + max(1, self.size.height)]]
 
     # ---------------------------------------------------------------------------------------------- changing
 
     def rows_changed(self) -> None:
-        """After the rows, their order or their values changed."""
+        """Follow a change of the rows, their order or their values."""
         self.virtual_size = Size(self.size.width, len(self.rows.shown))
         self.show_cursor()
         self.refresh()
 
     def show_cursor(self) -> None:
-        """Scrolls so that the cursor is on the screen, and draws where it was and where it is."""
+        """Scroll so that the cursor is on the screen, and draws where it was and where it is."""
         height = max(1, self.size.height)
         top, position = round(self.scroll_y), self.rows.position
         wanted = min(max(top, position - height + 1), position)
@@ -152,29 +139,29 @@ class ElementTable(ScrollView, can_focus=True):
         self.post_message(self.Moved())
 
     def redraw_cursor(self) -> None:
-        """After the row under the cursor changed."""
+        """Draw the row under the cursor again."""
         self.refresh_line(self.rows.position - self.scroll_offset.y)
 
     def watch_scroll_y(self, old_value: float, new_value: float) -> None:
-        """Other panes follow the scroll."""
+        """Tell other panes of the scroll."""
         super().watch_scroll_y(old_value, new_value)
         if round(old_value) != round(new_value):
             self.post_message(self.Moved())
 
     def on_resize(self) -> None:
-        """Columns have another width now."""
+        """Draw columns of another width."""
         self._strips.clear()
         self.virtual_size = Size(self.size.width, len(self.rows.shown))
         self.call_after_refresh(self.show_cursor)
 
     def notify_style_update(self) -> None:
-        """The theme changed."""
+        """Follow a change of the theme."""
         super().notify_style_update()
         self._strips.clear()
         self._styles.clear()
 
     def on_click(self, event: events.Click) -> None:
-        """A click puts the cursor there, on the cursor it edits, in front of a name it marks."""
+        """Put the cursor there, edit where it was already, mark in front of a name."""
         position = event.y + self.scroll_offset.y
         if position >= len(self.rows.shown):
             return
@@ -195,7 +182,7 @@ class ElementTable(ScrollView, can_focus=True):
     # ---------------------------------------------------------------------------------------------- drawing
 
     def render_line(self, y: int) -> Strip:
-        """One element."""
+        """Return one element."""
         position = y + self.scroll_offset.y
         width = self.size.width
         if position >= len(self.rows.shown):
@@ -257,25 +244,25 @@ class ElementTable(ScrollView, can_focus=True):
         name = self._fitted(text.shorten_left(self.session.short_name(self.session.table.names[row]), width), width)
         yield Segment(name, self._style(*base, *(["table--marked"] if marked else [])))
         quiet = [] if is_cursor else ["table--quiet"]  # grey on the cursor's line is hard to read in 16 colours
-        if self.has_unit:
-            yield Segment(" " + self._unit(row), self._style(*base, *quiet))
-        for field, cell_width in self.fields.items():
-            word = word_for(field, int(values[field]))
-            if len(word) > cell_width:
-                word = text.compact(float(values[field])) if field in RIGHT_ALIGNED else word[:cell_width]
-            word = word.rjust(cell_width) if field in RIGHT_ALIGNED else word.ljust(cell_width)
+        facts = self._facts(row, values)
+        for column, cell_width in self.shown:
+            word = self._fitted(column.words(facts, cell_width), cell_width, right=column.right)
+            if column.field is None:
+                alarm = column.alarm is not None and column.alarm(facts)
+                yield Segment(" " + word, self._style(*base, *(["table--conflict"] if alarm else quiet)))
+                continue
             styles = list(base)
-            if conflicts[field]:
+            if conflicts[column.field]:
                 styles.append("table--conflict")
-            elif pending[field]:
+            elif pending[column.field]:
                 styles.append("table--pending")
-            if is_cursor and field is self.field:
+            if is_cursor and column.field is self.field:
                 styles.append("table--cell")
             yield Segment(" ", self._style(*base))
-            yield from self._cell(word, styles, bool(pending[field]))
+            yield from self._cell(word, styles, bool(pending[column.field]))
 
     def _cell(self, word: str, styles: list[str], underlined: bool) -> Iterator[Segment]:
-        """The word alone is underlined, not the room around it."""
+        """Underline the word alone, not the room around it."""
         style = self._style(*styles)
         core = word.strip()
         start = word.find(core) if core else 0
@@ -286,14 +273,14 @@ class ElementTable(ScrollView, can_focus=True):
         if after:
             yield Segment(after, style)
 
-    def _unit(self, row: int) -> str:
-        unit = self.session.table.elements[row].unit
-        return self._fitted("" if unit == "-" else unit, UNIT)
-
-    def _fitted(self, words: str, width: int) -> str:
-        """Exactly `width` cells; some letters take two."""
+    def _fitted(self, words: str, width: int, *, right: bool = False) -> str:
+        """Return exactly `width` cells; some letters take two."""
         words = text.clean(words)
-        return words[:width].ljust(width) if words.isascii() else set_cell_size(words, width)
+        if words.isascii():
+            return words[:width].rjust(width) if right else words[:width].ljust(width)
+        words = set_cell_size(words, min(width, cell_len(words)))
+        room = " " * (width - cell_len(words))
+        return room + words if right else words + room
 
 
 class TableHead(ScrollView):
@@ -307,15 +294,14 @@ class TableHead(ScrollView):
         self._table = table
 
     def render_line(self, y: int) -> Strip:
-        """The one line."""
+        """Return the one line."""
         plain, chosen = self.get_component_rich_style("head--text"), self.get_component_rich_style("head--field")
         sort = self._table.rows.sort
         mark = {"name": " ↓name", "added": " ↓added"}.get(sort, " name")
         segments = [Segment(" " * (FLAGS - 1) + mark.ljust(self._table.name_width + 1), plain)]
-        if self._table.has_unit:
-            segments.append(Segment((" ↓unit" if sort == "unit" else " unit").ljust(UNIT + 1), plain))
-        for field, width in self._table.fields.items():
-            word = ("↓" if sort == field.title else "") + field.title
-            word = word.rjust(width) if field in RIGHT_ALIGNED else word.ljust(width)
-            segments += [Segment(" ", plain), Segment(word, chosen if field is self._table.field else plain)]
+        for column, width in self._table.shown:
+            word = (("↓" if sort == column.order else "") + column.title)[:width]
+            word = word.rjust(width) if column.right else word.ljust(width)
+            is_chosen = column.field is not None and column.field is self._table.field
+            segments += [Segment(" ", plain), Segment(word, chosen if is_chosen else plain)]
         return Strip(segments).adjust_cell_length(self.size.width, plain)

@@ -28,7 +28,7 @@ class LineSuggester(Suggester):
         self._complete = complete
 
     async def get_suggestion(self, value: str) -> str | None:
-        """The first one."""
+        """Return the first completion."""
         found = self._complete(value) if value else []
         return found[0] if found else None
 
@@ -61,7 +61,7 @@ class Fleeting(Input):
         self._before: Widget | None = None
 
     def begin(self, value: str) -> None:
-        """Shows the line and takes the keys."""
+        """Show the line and takes the keys."""
         self.value = value
         self.cursor_position = len(value)
         self.display = True
@@ -69,7 +69,7 @@ class Fleeting(Input):
         self.screen.set_focus(self)  # at once: `focus()` lets keys pass that come with this one
 
     def complete(self) -> None:
-        """What Tab does."""
+        """Do what Tab is for."""
 
     async def _on_key(self, event: events.Key) -> None:
         if not self.display:
@@ -110,12 +110,12 @@ class Line(Fleeting):
         self._turn: list[str] = []
 
     def on_mount(self) -> None:
-        """A suggestion differs from what was typed by its colour alone: without many colours, Tab has to do."""
+        """Leave suggestions out without many colours: they differ by colour alone, and Tab has to do."""
         if self.app.no_color or self.app.current_theme.name.startswith("ansi"):
             self.suggester = None
 
     def complete(self) -> None:
-        """Takes the next completion; Tab again takes the one after."""
+        """Take the next completion; Tab again takes the one after."""
         if not self._turn or self.value not in self._turn:
             self._turn = self._complete_line(self.value)
             if not self._turn:
@@ -136,7 +136,7 @@ class CellEditor(Fleeting):
         self.field = Field.DIVIDER
 
     def open(self, field: Field, region: Region, value: str, *, select: bool) -> None:
-        """Appears over a cell of the screen."""
+        """Appear over a cell of the screen."""
         self.field = field
         width = max(region.width + 2, 8)
         self.styles.width = width

@@ -36,14 +36,14 @@ class Inspector(Widget):
         return self.session.columns
 
     def live_changed(self) -> None:
-        """Paints anew if it reads differently; a logger that stands still costs nothing."""
+        """Paint anew if it reads differently; a logger that stands still costs nothing."""
         pane = self._pane()
         if pane != self._shown:
             self._ready = pane
             self.refresh()
 
     def plot_names(self) -> list[str]:
-        """The entries that the pane plots."""
+        """Return the entries that the pane plots."""
         row = self.session.rows.row
         if row is None or not self.session.table.is_live(row):
             return []
@@ -51,7 +51,7 @@ class Inspector(Widget):
         return [element.name + entry.suffix for entry in element.entries if entry.dtype[1:2] not in "SU"][:MAX_PLOTS]
 
     def render(self) -> RenderResult:
-        """The pane."""
+        """Return the pane."""
         pane, self._ready = self._ready, None
         self._shown = pane if pane is not None else self._pane()
         return self._shown
@@ -98,7 +98,7 @@ class Inspector(Widget):
             pane.append(f"{'which holds':<12} ", style=quiet)
             pane.append(f"{holds} at {frequency / divider:.4g} Hz\n")
         if reading is not None:
-            size = int(server[Field.BUFFER_SIZE, row])
+            size = reading.size or int(server[Field.BUFFER_SIZE, row])
             share = fill_share(reading.held, size)
             pane.append(f"{'held':<12} ", style=quiet)
             pane.append(f"{text.count(reading.held)} ")

@@ -4,6 +4,8 @@ They are a widget of their own, because Textual resends all that is left of a ch
 frame was 11 - 20 kB; apart, it is 3 kB.
 """
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 from rich.segment import Segment
@@ -21,10 +23,20 @@ from silo_tui.model.plots import trend
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.element_table import ElementTable
 
-FILL, VALUE, TREND = 4, 11, 10
+VALUE, TREND = 11, 10
 
 # whether a line is the cursor's, its words with their styles, its piece of the rail
 Content = tuple[bool, tuple[tuple[str, str], ...], str]
+
+
+@dataclass(frozen=True)
+class PaneColumn:
+    """One live column: head, width (0: not shown), and `draw`: words and style for the element of a row."""
+
+    title: "Callable[[LivePane], str]"
+    width: "Callable[[LivePane], int]"
+    draw: "Callable[[LivePane, int], tuple[str, str]]"
+    right: bool = False
 
 
 class LivePane(Widget):
@@ -36,18 +48,19 @@ class LivePane(Widget):
     }  # fmt: skip
     DEFAULT_CSS = "LivePane { height: 1fr; width: 18; }"
 
-    def __init__(self, session: Session, table: ElementTable) -> None:
+    def __init__(self, session: Session, table: ElementTable, columns: "Sequence[PaneColumn] | None" = None) -> None:
         super().__init__()
         self.session = session
         self._table = table
-        self.value_width = VALUE
-        self.trend_width = 0
+        self._columns = LIVE_PANE if columns is None else columns
+        self.value_width: int = VALUE
+        self.trend_width: int = 0
         self._styles: dict[str, Style] = {}
         self._lines: dict[int, Content] = {}  # as they were painted
         self._ready: dict[int, Content] = {}  # found to differ, not painted yet
 
     def lay_out(self, value_width: int, *, trend: bool) -> None:
-        """Takes more room where there is some."""
+        """Take more room where there is some."""
         self.value_width = value_width
         self.trend_width = TREND if trend else 0
         self.styles.width = self.wanted_width
@@ -55,18 +68,22 @@ class LivePane(Widget):
         self.refresh()
 
     @property
+    def shown(self) -> list[tuple[PaneColumn, int]]:
+        """The columns that are shown, and their widths."""
+        return [(column, width) for column in self._columns if (width := column.width(self))]
+
+    @property
     def wanted_width(self) -> int:
         """Cells of all columns with the rail of the scroll position."""
-        return 1 + FILL + 1 + self.value_width + (1 + self.trend_width if self.trend_width else 0) + 1
+        return sum(1 + width for _, width in self.shown) + 1
 
     @property
     def head(self) -> str:
         """The heads of the columns."""
-        words = f" {'fill':<{FILL}} {'value':>{self.value_width}}"
-        return words + (f" {'trend':<{self.trend_width}}" if self.trend_width else "") + " "
+        return "".join(" " + _fitted(column.title(self), width, column) for column, width in self.shown) + " "
 
     def live_changed(self) -> None:
-        """Paints the lines that read differently now."""
+        """Paint the lines that read differently now."""
         for line in range(self.size.height):
             content = self._content(line)
             if self._lines.get(line) != content:
@@ -74,22 +91,22 @@ class LivePane(Widget):
                 self.refresh(Region(0, line, self.size.width, 1))
 
     def notify_style_update(self) -> None:
-        """The theme changed."""
+        """Follow a change of the theme."""
         super().notify_style_update()
         self._styles.clear()
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        """The wheel scrolls the table."""
+        """Scroll the table."""
         self._table.scroll_to(y=self._table.scroll_y + 3, animate=False)
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        """The wheel scrolls the table."""
+        """Scroll the table."""
         self._table.scroll_to(y=self._table.scroll_y - 3, animate=False)
 
     # ------------------------------------------------------------------------------------------------ drawing
 
     def render_line(self, y: int) -> Strip:
-        """One element."""
+        """Return one element."""
         content = self._ready.pop(y, None) or self._content(y)
         self._lines[y] = content
         is_cursor, pieces, rail = content
@@ -109,7 +126,7 @@ class LivePane(Widget):
         return self._styles[key]
 
     def _content(self, line: int) -> Content:
-        """What a line says: is it the cursor's, its words with their styles, and its piece of the rail."""
+        """Return what a line says: is it the cursor's, its words with their styles, and its piece of the rail."""
         top = self._table.scroll_offset.y
         position = top + line
         rows = self.session.rows
@@ -130,43 +147,61 @@ class LivePane(Widget):
         return "▐" if start <= line < start + length else " "
 
     def _pieces(self, row: int) -> list[tuple[str, str]]:
-        session = self.session
-        element = session.table.elements[row]
-        reading = session.live.readings.get(element.name)
         pieces = [(" ", "")]
-        size = int(session.table.server[Field.BUFFER_SIZE, row])
-        enabled = bool(session.table.server[Field.ENABLED, row])
-        if not enabled or reading is None or element.name in session.resized:
-            pieces.append((" " * FILL, ""))
-        else:
-            share = fill_share(reading.held, size)
-            word = f"{100 * share:.0f}%"
-            stopped = share >= 1 and int(session.table.server[Field.BUFFER_TYPE, row]) == BufferType.FIXED
-            style = "live--lost" if reading.lost else ("live--full" if stopped else "live--quiet")
-            pieces.append((f"{word:<{FILL}}", style))
-        words, style = self._value(row)
-        pieces.append((f" {words[: self.value_width]:>{self.value_width}}", style))
-        if self.trend_width:
-            pieces.append((" " + self._trend(row), "live--trend" if session.fresh else "live--stale"))
+        for place, (column, width) in enumerate(self.shown):
+            words, style = column.draw(self, row)
+            pieces.append((" " * (place > 0) + _fitted(words, width, column), style))
         return pieces
 
-    def _value(self, row: int) -> tuple[str, str]:
-        session = self.session
-        element = session.table.elements[row]
-        if not session.table.server[Field.ENABLED, row]:
-            return "off", "live--quiet"
-        if not session.table.is_live(row):
-            return "save only", "live--quiet"
-        reading = session.live.readings.get(element.name)
-        if reading is None or not reading.held:
-            waiting = "…" if session.running and session.fresh else "-"
-            return waiting, "live--quiet"
-        style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"
-        return value_text(element, reading, self.value_width), style
-
-    def _trend(self, row: int) -> str:
+    def trend(self, row: int) -> str:
+        """Return the newest columns of the first entry, drawn."""
         names = self.session.table.entry_names(row)
         columns = self.session.columns
         if not names or not self.session.table.is_live(row) or columns.row(names[0]) is None:
             return " " * self.trend_width
         return trend(hold_piece(columns.piece(names[0], columns.end, 2 * self.trend_width), 4), self.trend_width)
+
+
+def _fitted(words: str, width: int, column: PaneColumn) -> str:
+    return f"{words[:width]:>{width}}" if column.right else f"{words[:width]:<{width}}"
+
+
+def _fill(pane: LivePane, row: int) -> tuple[str, str]:
+    """Return how full the buffer is; nothing where that isn't known."""
+    session = pane.session
+    element = session.table.elements[row]
+    reading = session.live.readings.get(element.name)
+    if not session.table.server[Field.ENABLED, row] or reading is None or reading.size == 0:
+        return "", ""
+    size = reading.size or int(session.table.server[Field.BUFFER_SIZE, row])
+    share = fill_share(reading.held, size)
+    stopped = share >= 1 and int(session.table.server[Field.BUFFER_TYPE, row]) == BufferType.FIXED
+    style = "live--lost" if reading.lost else ("live--full" if stopped else "live--quiet")
+    return f"{100 * share:.0f}%", style
+
+
+def _value(pane: LivePane, row: int) -> tuple[str, str]:
+    """Return the newest value, or why there is none."""
+    session = pane.session
+    element = session.table.elements[row]
+    if not session.table.server[Field.ENABLED, row]:
+        return "off", "live--quiet"
+    if not session.table.is_live(row):
+        return "save only", "live--quiet"
+    reading = session.live.readings.get(element.name)
+    if reading is None or not reading.held:
+        waiting = "…" if session.running and session.fresh else "-"
+        return waiting, "live--quiet"
+    style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"
+    return value_text(element, reading, pane.value_width), style
+
+
+LIVE_PANE = (
+    PaneColumn(lambda pane: "fill", lambda pane: 4, _fill),
+    PaneColumn(lambda pane: "value", lambda pane: pane.value_width, _value, right=True),
+    PaneColumn(
+        lambda pane: "trend",
+        lambda pane: pane.trend_width,
+        lambda pane, row: (pane.trend(row), "live--trend" if pane.session.fresh else "live--stale"),
+    ),
+)

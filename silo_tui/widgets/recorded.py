@@ -1,180 +1,35 @@
 """The widgets of a live logger where a file has other things to say: the same drawing, other columns and words."""
 
-from collections.abc import Iterator
-
 import numpy as np
-from rich.segment import Segment
 from rich.text import Text
 from textual.app import RenderResult
-from textual.geometry import Region
-from textual.strip import Strip
 
-from silo.analysis.reports import ElementReport
 from silo.columns import coarser
 from silo.model import ElementInfo
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore, Piece
-from silo_tui.model.fields import Field, word_for
 from silo_tui.model.live import Reading, offset_text, value_text
 from silo_tui.model.plots import Plotted, PlotWindow, plots_of, trend
+from silo_tui.model.table_columns import span_words, type_word
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar, color
-from silo_tui.widgets.element_table import FLAGS, UNIT, ElementTable, TableHead
+from silo_tui.widgets.element_table import ElementTable
 from silo_tui.widgets.inspector import Inspector
-from silo_tui.widgets.live_pane import LivePane
+from silo_tui.widgets.live_pane import LivePane, PaneColumn
 from silo_tui.widgets.plot_stack import PlotStack
 
-WIDE_SPAN = 96  # from this width the span says when it begins
-# head, width, whether numbers stand at its right end; the fields by which one sorts have theirs
-COLUMNS = (("div", 4, True), ("samples", 7, True), ("span s", 6, True), ("type", 10, False), ("buf", 4, False),
-           ("lost", 5, True))  # fmt: skip
-SORT_HEADS = {"div": "div", "samples": "size", "buf": "buf"}
 MAX_LABELS = 8
-
-
-def columns_for(width: int) -> tuple[tuple[str, int, bool], ...]:
-    """The columns behind name and unit in a table of `width` cells."""
-    wide = 16 if width >= WIDE_SPAN else 6
-    return tuple((head, wide if head == "span s" else cells, right) for head, cells, right in COLUMNS)
-
-
-def span_words(report: ElementReport, *, wide: bool) -> str:
-    """`40.95 … 51.14`, or how long that is."""
-    if report.start_s is None or report.end_s is None:
-        return "-"
-    if wide:
-        return f"{report.start_s:.5g} … {report.end_s:.5g}"
-    return f"{report.end_s - report.start_s:.4g}"
-
-
-class RecordedTable(ElementTable):
-    """Name, unit and what there is of each element in the file."""
-
-    def __init__(self, session: FileSession) -> None:
-        super().__init__(session)
-        self.file = session
-        self.field = Field.DIVIDER  # no field can be chosen
-
-    @property
-    def columns(self) -> tuple[tuple[str, int, bool], ...]:
-        """Head, width and alignment of each column behind the unit."""
-        return columns_for(self.size.width)
-
-    @property
-    def name_width(self) -> int:
-        """Cells for names."""
-        return max(8, self.size.width - FLAGS - 1 - UNIT - sum(1 + width for _, width, _ in self.columns))
-
-    def field_spans(self) -> dict[Field, tuple[int, int]]:
-        """Nothing can be edited."""
-        return {}
-
-    def cell_region(self) -> Region:
-        """Nothing can be edited."""
-        return Region()
-
-    def _segments(self, row: int, *, is_cursor: bool) -> Iterator[Segment]:
-        marked, in_range = bool(self.rows.marked[row]), bool(self._range[row])
-        base = ["table--row", *(["table--range"] if in_range else []), *(["table--cursor"] if is_cursor else [])]
-        quiet = [] if is_cursor else ["table--quiet"]  # grey on the cursor's line is hard to read in 16 colours
-        marks = ["table--marked"] if marked or in_range else []
-        yield Segment(" ", self._style(*base))
-        yield Segment(">" if marks else " ", self._style(*base, "table--marked"))
-        width = self.name_width
-        full = self.session.table.names[row]
-        name = self._fitted(text.shorten_left(self.session.short_name(full), width), width)
-        yield Segment(name, self._style(*base, *marks))
-        yield Segment(" " + self._unit(row), self._style(*base, *quiet))
-        report = self.file.rows_of[full]
-        for head, cells, right in self.columns:
-            word = self._word(head, report, self.session.table.elements[row])
-            word = word if len(word) <= cells else word[: cells - 1] + "…"
-            word = word.rjust(cells) if right else word.ljust(cells)
-            alarm = head == "lost" and report.lost > 0
-            yield Segment(" " + word, self._style(*base, *(["table--conflict"] if alarm else quiet)))
-
-    def _word(self, head: str, report: ElementReport, element: ElementInfo) -> str:
-        if head == "div":
-            return str(report.divider)
-        if head == "samples":
-            return str(report.samples) if report.samples < 10**7 else text.compact(report.samples)
-        if head == "span s":
-            return span_words(report, wide=self.size.width >= WIDE_SPAN)
-        if head == "type":
-            return short_type(type_word(element, report))
-        if head == "buf":
-            return word_for(Field.BUFFER_TYPE, element.options.buffer_type)
-        return str(report.lost)
-
-
-def type_word(element: ElementInfo, report: ElementReport) -> str:
-    """`float64[7]`, `enum`."""
-    is_enum = bool(element.entries) and all(entry.labels for entry in element.entries)
-    return report.type.replace(report.type.split("[", 1)[0], "enum") if is_enum else report.type
-
-
-def short_type(words: str) -> str:
-    """`f64[12]` for `float64[12]`, because a cell is small."""
-    for long, short in (("uint", "u"), ("int", "i"), ("float", "f"), ("complex", "c"), ("datetime", "date")):
-        words = words.replace(long, short)
-    return words
-
-
-class RecordedHead(TableHead):
-    """The heads of those columns."""
-
-    def __init__(self, table: RecordedTable) -> None:
-        super().__init__(table)
-        self._recorded = table
-
-    def render_line(self, y: int) -> Strip:
-        """The one line."""
-        plain = self.get_component_rich_style("head--text")
-        sort = self._recorded.rows.sort
-        name = {"name": " ↓name", "added": " ↓added"}.get(sort, " name")
-        line = " " * (FLAGS - 1) + name.ljust(self._recorded.name_width + 1)
-        line += (" ↓unit" if sort == "unit" else " unit").ljust(UNIT + 1)
-        for head, width, right in self._recorded.columns:
-            word = ("↓" if SORT_HEADS.get(head) == sort else "") + head
-            word = word[:width]
-            line += " " + (word.rjust(width) if right else word.ljust(width))
-        return Strip([Segment(line, plain)]).adjust_cell_length(self.size.width, plain)
 
 
 class RecordedPane(LivePane):
     """The value at the moment shown, and the whole file as a trend."""
 
-    def __init__(self, session: FileSession, table: RecordedTable) -> None:
-        super().__init__(session, table)
-        self._file = session
+    def __init__(self, session: FileSession, table: ElementTable) -> None:
+        super().__init__(session, table, FILE_PANE)
+        self.file = session
 
-    @property
-    def wanted_width(self) -> int:
-        """Cells of all columns with the rail of the scroll position."""
-        value = 1 + self.value_width if self.value_width else 0
-        return value + (1 + self.trend_width if self.trend_width else 0) + 1
-
-    @property
-    def head(self) -> str:
-        """The heads of the columns."""
-        value = f" {f'at {self._file.seconds:.6g} s'[: self.value_width]:>{self.value_width}}"
-        return (value if self.value_width else "") + (f" {'all':<{self.trend_width}}" if self.trend_width else "") + " "
-
-    def _pieces(self, row: int) -> list[tuple[str, str]]:
-        pieces = []
-        if self.value_width:
-            element = self.session.table.elements[row]
-            reading = self.session.live.readings.get(element.name)
-            there = reading is not None and reading.held
-            words = value_text(element, reading, self.value_width) if there else "-"
-            style = "live--value" if there else "live--quiet"
-            pieces.append((f" {words[: self.value_width]:>{self.value_width}}", style))
-        if self.trend_width:
-            pieces.append((" " + self._trend(row), "live--trend"))
-        return pieces
-
-    def _trend(self, row: int) -> str:
-        """All columns that there are, drawn together until they fit."""
+    def trend(self, row: int) -> str:
+        """Return all columns that there are, drawn together until they fit."""
         names, store = self.session.table.entry_names(row), self.session.columns
         place = store.row(names[0]) if names else None
         if place is None or store.empty:
@@ -182,6 +37,26 @@ class RecordedPane(LivePane):
         begins = np.linspace(0, store.count, 2 * self.trend_width, endpoint=False).astype(np.intp)
         together = coarser(store.low[place], store.high[place], store.marks[place], begins)
         return trend(Piece(*together, store.base(place)), self.trend_width)
+
+
+def _value(pane: LivePane, row: int) -> tuple[str, str]:
+    """Return the value that held at the moment shown."""
+    element = pane.session.table.elements[row]
+    reading = pane.session.live.readings.get(element.name)
+    if reading is None or not reading.held:
+        return "-", "live--quiet"
+    return value_text(element, reading, pane.value_width), "live--value"
+
+
+def _moment(pane: LivePane) -> str:
+    session = pane.session
+    return f"at {session.seconds:.6g} s" if isinstance(session, FileSession) else "value"
+
+
+FILE_PANE = (
+    PaneColumn(_moment, lambda pane: pane.value_width, _value, right=True),
+    PaneColumn(lambda pane: "all", lambda pane: pane.trend_width, lambda pane, row: (pane.trend(row), "live--trend")),
+)
 
 
 class RecordedInspector(Inspector):
@@ -268,7 +143,7 @@ class RecordedLine(MonitorLine):
     """Span and scale of the monitor, the moment that its cursor is at."""
 
     def render(self) -> RenderResult:
-        """The line."""
+        """Return the line."""
         window = self._window
         whole = window.span_s == window.spans[-1]
         parts = ["whole file" if whole else f"{text.span(window.span_s)} shown"]

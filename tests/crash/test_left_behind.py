@@ -137,9 +137,9 @@ def test_a_segment_that_a_killed_program_never_finished_is_swept(tmp_path, runti
 
 
 def test_an_unfinished_segment_on_disk_is_swept_by_the_next_start_there(tmp_path, new_logger):
-    with program(STARTING, tmp_path, "disk"):
+    with program(STARTING, tmp_path, "file"):
         assert len(list(tmp_path.glob(".*.new"))) == 1
-    by_start(new_logger, storage="disk")
+    by_start(new_logger, storage="file")
     assert list(tmp_path.glob(".*.new")) == []
 
 
@@ -558,3 +558,17 @@ def test_a_control_word_of_another_meaning_is_not_touched_by_the_mark(tmp_path):
     assert [n for n in range(len(before)) if before[n] != after[n]] == [place]
     assert after[place] == 5
     assert Control.SAVED_TICKS == 3
+
+
+def test_a_segment_in_a_log_folder_is_found_by_commands_that_do_not_know_the_folder(
+    tmp_path, runtime_folder, monkeypatch
+):
+    with program(STARTING, tmp_path / "logs", "file") as process:
+        go_on(process)
+        assert process.stdout.readline()  # it logged a tick
+    monkeypatch.chdir(tmp_path)
+    (stale,) = find_stale()
+    assert stale.path.parent == tmp_path / "logs"
+    assert run(["recover"]) == 0
+    assert len(list((tmp_path / "logs").glob("*.silo"))) == 1
+    assert list(runtime_folder.iterdir()) == []

@@ -44,6 +44,7 @@ def same_values(before, after, bits_of):
     return after.tolist() == before.astype("<u8" if before.dtype == np.dtype("<u8") else "<i8").tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", ["columns", "rows"])
 @pytest.mark.parametrize("plain", [True, False])
 @QUICK
@@ -191,6 +192,7 @@ def test_a_line_that_is_cut_off_is_told_and_left_out(plan, recorded, tmp_path):
     assert "record 6 has 2 cells" in recording.warnings[0]
 
 
+@pytest.mark.slow
 def test_cut_at_any_length_it_never_crashes(plan, recorded, tmp_path):
     recording = recorded([plan("/log/a"), plan('/log/"q"', "|S4"), plan("/log/v", "<f4", "vector", divider=2)], 6)
     for layout in ("columns", "rows"):

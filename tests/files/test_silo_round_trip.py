@@ -49,6 +49,7 @@ def original_stamps(looping, n, m, divider, offset):
     return [i * divider for i in range(m)]
 
 
+@pytest.mark.slow
 @QUICK
 @given(data=st.data())
 def test_everything_survives_a_round_trip(data, any_recording, bits_of, tmp_path_factory):
@@ -69,6 +70,7 @@ def test_everything_survives_a_round_trip(data, any_recording, bits_of, tmp_path
             assert bits_of(other.values) == bits_of(one.values)
 
 
+@pytest.mark.slow
 @QUICK
 @given(data=st.data())
 def test_the_readers_of_the_original_get_values_and_time_stamps(data, any_recording, bits_of, tmp_path_factory):

@@ -1,6 +1,6 @@
 """Damaged log files: whatever stands in them, nothing but silo's own errors comes out, and no memory is claimed.
 
-2,000 damaged files of each format; `SILO_FUZZ_INPUTS=100000` takes so many. The number of a file makes it again.
+2,000 damaged files of each format; `SILO_FUZZ_INPUTS=100000` takes so many. The number of a failure makes it again.
 """
 
 import json

@@ -17,6 +17,8 @@ from silo.helper.mirror import sharing
 from silo.helper.writing import WriteOrder
 from silo.model import FileType, Table
 
+pytestmark = pytest.mark.slow
+
 HEAP_BYTES = 64 * 2**20  # what glibc reserves, so aligned, for each arena but the first
 glibc = pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"), reason="this system's malloc has no arenas")
 

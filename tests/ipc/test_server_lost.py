@@ -10,6 +10,8 @@ import silo
 from silo.ipc.client import Client
 from silo.ipc.messages import EventKind
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.usefixtures("runtime")
 def test_status_views_and_events_count_the_samples_that_the_elements_lost(

@@ -10,6 +10,9 @@ from silo.helper.history import _fill
 from silo.ipc.client import Client
 from silo.ipc.messages import GetHistory
 from silo.model import BufferType, Edit, ElementOptions
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.slow
 
 COLUMN_NS = 100_000_000
 LIVE = silo.Action.SAVE_AND_PUBLISH
@@ -216,3 +219,15 @@ def test_a_store_asks_for_the_history_until_it_reaches_the_frames():
     assert store.gapped
     store.past_until_ns = 500
     assert not store.gapped
+
+
+def test_after_an_edit_a_frame_tells_the_sizes_of_the_recording_that_is_held(bench, client):
+    bench.logger.start()
+    bench.ticks(3)
+    bench.logger.stop()
+    bench.logger.set("x", buffer_size=50_000)
+    with client.view(["/log/x", "/log/q"], []) as view:
+        frame = wait_until(view.frame)
+        assert frame.sizes == {0: 1000}
+        bench.logger.start()
+        wait_until(lambda: (frame := view.frame()) is not None and frame.sizes == {})

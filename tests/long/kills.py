@@ -114,7 +114,7 @@ def draw(number: int, seed: int) -> Kill:
         buffer=chance.choice(["looping", "fixed", "growing"]),
         divider=chance.choice([1, 1, 2, 5]),
         size=chance.choice([50, 400, 3000]),
-        storage=chance.choice(["memory", "memory", "disk"]),
+        storage=chance.choice(["memory", "memory", "disk", "file"]),
         types=chance.choice(["silo", "silo", "csv", "bag"]),
         command=chance.choice(COMMANDS),
     )

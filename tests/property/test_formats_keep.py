@@ -145,6 +145,7 @@ PROMISES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("one", READ, ids=lambda one: one.name)
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(log=logs())

@@ -23,6 +23,7 @@ from silo.errors import SegmentError
 from silo.logger.logger import Logger
 from silo.model import BufferType
 from silo.recording import Recording
+from tests.examples import examples
 
 SECTOR = 512
 
@@ -202,7 +203,8 @@ elements = st.lists(
 )
 
 
-@settings(max_examples=25, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(25))
 @given(options=elements, batches=st.lists(st.integers(1, 60), min_size=1, max_size=12), seed=st.integers(0, 2**32))
 def test_after_a_power_cut_at_any_call_all_that_was_durable_is_there(tmp_path_factory, options, batches, seed):
     folder = tmp_path_factory.mktemp("journal")
@@ -221,7 +223,8 @@ def test_after_a_power_cut_at_any_call_all_that_was_durable_is_there(tmp_path_fa
         check(recording, durable, options)
 
 
-@settings(max_examples=15, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(15))
 @given(
     options=elements,
     batches=st.lists(st.integers(1, 40), min_size=3, max_size=8),

@@ -8,7 +8,7 @@ from silo_tui.model.fields import Field
 @pytest.mark.parametrize("field", list(Field))
 async def test_the_highlight_moves_with_the_cursor(fake, opened, field):
     async with opened(fake) as screen:
-        table = screen.app.table_screen.table
+        table = screen.app.screen.table
         table.field = field
         await screen.press("j", "k", "j", "j")
         await screen.pilot.pause()

@@ -18,7 +18,7 @@ async def test_without_a_logger_the_screen_says_what_to_start(opened):
 async def test_the_only_logger_that_appears_is_opened(fake, opened):
     async with opened(ready=False) as screen:
         await screen.shows("No logger is running")
-        screen.app._opener._finder.clients.append(fake)
+        screen.app._finder.clients.append(fake)
         await screen.shows("/base/position")
 
 
@@ -27,7 +27,7 @@ async def test_of_several_loggers_one_is_chosen(new_fake, opened):
     async with opened(one, two, ready=False) as screen:
         await screen.shows("legs")
         await screen.press("down", "enter")
-        await screen.until(lambda: screen.app.has_session and len(screen.session.table))
+        await screen.until(lambda: screen.app.context.has_session and len(screen.session.table))
         assert screen.session.name == "legs"
 
 
@@ -44,7 +44,7 @@ async def test_a_name_that_nobody_has_is_told_beside_those_that_run(fake, opened
 
 async def test_a_logger_of_somebody_else_is_told_with_advice(opened):
     async with opened(ready=False) as screen:
-        screen.app._opener._finder.advice = ("root has a logger here: ask for group access (serve(group=...))",)
+        screen.app._finder.advice = ("root has a logger here: ask for group access (serve(group=...))",)
         await screen.shows("ask for group access")
 
 
@@ -72,6 +72,7 @@ async def test_data_is_saved_in_the_types_that_are_chosen(fake, opened):
 
 
 async def test_a_failed_save_says_why(fake, opened):
+    fake.run()
     fake.save_error = "no space left on /home/ann/logs: 3 MB free, 40 MB needed"
     async with opened(fake, size=(100, 30)) as screen:
         await screen.press("w", "enter")
@@ -105,6 +106,16 @@ async def test_the_load_command_shows_the_difference_first(fake, opened):
         await screen.shows("40 → 4")
         await screen.press("l")
         await screen.until(lambda: ("load_script", "quiet.yaml") in fake.calls)
+
+
+async def test_what_a_script_has_that_nobody_knows_is_shown_before_and_after_it_is_loaded(fake, opened):
+    fake.files["quiet.yaml"] += "colour: red\n"
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.type(":load quiet.yaml")
+        await screen.press("enter")
+        await screen.shows("'colour'")
+        await screen.press("l")
+        await screen.until(lambda: any("colour" in told.message for told in screen.app._notifications), "the warning")
 
 
 async def test_loading_an_unknown_script_says_so(fake, opened):
@@ -212,7 +223,7 @@ async def test_another_logger_is_opened_from_the_list(new_fake, opened):
         await screen.press("ctrl+l")
         await screen.shows("legs")
         await screen.press("down", "enter")
-        await screen.until(lambda: screen.app.has_session and screen.session.name == "legs")
+        await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
 
 
 async def test_leaving_a_logger_with_pending_edits_asks(new_fake, opened):

@@ -332,6 +332,7 @@ async def test_an_element_without_samples_says_so(new_finder, screen_of):
         await screen.shows("no samples")
 
 
+@pytest.mark.slow
 async def test_the_end_of_a_long_run_fills_the_window(path, on_file):
     async with on_file(path) as screen:
         await plot(screen, "temperature")

@@ -175,18 +175,18 @@ async def test_without_a_link_no_dialog_opens(fake, opened, key):
         assert not screen.app.screen.is_modal
 
 
-async def test_after_an_apply_fill_says_nothing_until_the_new_buffers_are_there(fake, opened):
+async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(fake, opened):
     fake.run()
     fake.state = State.STOPPED
     fake.saved = True
     async with opened(fake) as screen:
         await screen.shows("100%")
-        await screen.press("s", *"9", "enter", "a", "enter")
+        await screen.press("s", *"40k", "enter", "a", "enter")
         await screen.shows("applied to 1 element")
         line = next(line for line in screen.text.splitlines() if "/base/orientation" in line)
-        assert "%" not in line
+        assert "40000 100%" in line
         await screen.press("S")
-        await screen.until(lambda: not screen.session.resized)
+        await screen.until(lambda: "40000   0%" in screen.text or "40000 0%" in screen.text)
 
 
 async def test_an_open_editor_says_what_to_type_and_which_keys_count(fake, opened):
@@ -208,6 +208,7 @@ async def test_what_is_wrong_with_a_value_is_read_whole(fake, opened):
         assert screen.value(FIRST, Field.BUFFER_SIZE) == "9"
 
 
+@pytest.mark.slow
 async def test_the_monitor_leaves_out_what_is_saved_only_and_prepares_all_of_it(fake, opened):
     fake.run()
     async with opened(fake, size=(100, 30)) as screen:

@@ -7,7 +7,7 @@ import pytest
 
 import silo
 from silo_tui.app import SiloApp
-from silo_tui.sessions.connect import ClientFinder
+from silo_tui.sessions.finder import ClientFinder
 
 pytestmark = pytest.mark.slow
 
@@ -42,8 +42,8 @@ def logger(tmp_path, monkeypatch):
 async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger, screen_of):
     app = SiloApp(ClientFinder(), rate_hz=10)
     async with screen_of(app, size=(100, 30)) as screen:
-        await screen.until(lambda: app.has_session and len(app.session.table) == 2, "the table")
-        await screen.until(lambda: "/log/joints/q" in app.session.live.readings, "live values")
+        await screen.until(lambda: app.context.has_session and len(app.context.session.table) == 2, "the table")
+        await screen.until(lambda: "/log/joints/q" in app.context.session.live.readings, "live values")
         await screen.shows("save only")
         await screen.press("d", "4", "enter", "a")
         await screen.shows("stop, apply, start again")

@@ -11,6 +11,7 @@ from silo.errors import ElementError, RefusedError, ScriptError
 from silo.ipc.client import Client
 from silo.model import Action, BufferType, Edit, ElementOptions
 from silo.settings.words import find_option
+from silo_tui.commands.runner import CommandRunner
 from silo_tui.model.fields import Field, options_of, rows_of
 from silo_tui.widgets.inputs import CellEditor
 
@@ -153,6 +154,7 @@ def test_a_script_that_changes_the_value_before_is_refused(log: silo.Logger, tmp
         log.load_script(path)
 
 
+@pytest.mark.slow
 def test_the_shell_and_the_wire_speak_as_the_program_does(
     log: silo.Logger, runtime_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -180,25 +182,27 @@ def test_the_shell_and_the_wire_speak_as_the_program_does(
 async def test_the_command_line_of_the_screen_speaks_as_the_program_does(fake, opened) -> None:
     async with opened(fake) as screen:
         table, app = screen.session.table, screen.app
+        runner = CommandRunner(app.context)
         row = int(screen.session.rows.targets()[0])
         name = table.names[row]
         for word, field, value in TAKEN:
             table.edit_all([row], rows_of([START]))
-            app.run_command(f":set {word}")
+            runner.run(f":set {word}")
             assert options_of(table.values[:, row]) == wanted(field, value), word
         table.edit_all([row], rows_of([START]))
         for word, field, reason in REFUSED:
             app.clear_notifications()
-            app.run_command(" ".join([":set", *beside(field), word]))
+            runner.run(" ".join([":set", *beside(field), word]))
             await screen.until(lambda: len(app._notifications) == 1, f"what is wrong with {word}")
             (said,) = [notification.message for notification in app._notifications]
             assert said.replace(f"element '{name}': ", "") == f"{reason}; nothing was changed"
             assert options_of(table.values[:, row]) == START, word
 
 
+@pytest.mark.slow
 async def test_the_editor_of_the_screen_speaks_as_the_program_does(fake, opened) -> None:
     async with opened(fake, size=(200, 30)) as screen:
-        table, view = screen.session.table, screen.app.table_screen
+        table, view = screen.session.table, screen.app.context.upper_screen
         row = int(screen.session.rows.targets()[0])
         for word, field, value in TAKEN:
             table.edit_all([row], rows_of([START]))
@@ -221,7 +225,7 @@ async def test_the_editor_of_the_screen_speaks_as_the_program_does(fake, opened)
 async def test_settings_that_go_together_are_one_undo_step(fake, opened) -> None:
     async with opened(fake) as screen:
         table = screen.session.table
-        screen.app.run_command(":set div=5 size=10s buf=fix")
+        CommandRunner(screen.app.context).run(":set div=5 size=10s buf=fix")
         assert table.pending_count == (3, 1)
         table.undo()
         assert table.pending_count == (0, 0)

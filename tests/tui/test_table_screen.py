@@ -2,6 +2,7 @@
 
 import msgspec
 import numpy as np
+import pytest
 from rich.cells import cell_len
 from textual import events
 
@@ -91,6 +92,7 @@ async def test_a_size_may_be_multiplied(fake, opened):
         assert screen.value(FIRST, Field.BUFFER_SIZE) == "8000"
 
 
+@pytest.mark.slow
 async def test_what_can_t_be_is_said_and_the_editor_stays(fake, opened):
     async with opened(fake) as screen:
         await screen.press("d", "0", "enter")

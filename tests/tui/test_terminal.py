@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 PROGRAM = """
 import importlib.util, os, threading, sys
-spec = importlib.util.spec_from_file_location("fakes", {conftest!r})
+spec = importlib.util.spec_from_file_location("fakes", {fake!r})
 fakes = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(fakes)
 from silo_tui.app import SiloApp
@@ -41,7 +41,8 @@ class Terminal:
     def __init__(self):
         self.master, slave = pty.openpty()
         self.stalls, told = os.pipe()
-        code = PROGRAM.format(conftest=str(Path(__file__).with_name("conftest.py")), told=told)
+        fake = Path(__file__).parents[1] / "stand_ins" / "fake_logger.py"
+        code = PROGRAM.format(fake=str(fake), told=told)
         self.process = subprocess.Popen(
             [sys.executable, "-c", code], stdin=slave, stdout=slave, stderr=slave,
             start_new_session=True, pass_fds=[told],

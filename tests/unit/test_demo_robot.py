@@ -71,6 +71,7 @@ def test_the_mission_repeats_and_begins_standing() -> None:
     assert phase_at(5.0) is phase_at(5.0 + MISSION_S)
 
 
+@pytest.mark.slow
 def test_the_acceleration_is_the_second_derivative_of_the_position(run: Recorded) -> None:
     difference = np.diff(run["position"], 2, axis=0) * FREQUENCY_HZ**2
     assert np.allclose(difference, run["acceleration"][2:], atol=1e-6)

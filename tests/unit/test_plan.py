@@ -198,6 +198,7 @@ def test_an_element_that_is_only_saved_has_no_live_ring():
     assert plan(element()).elements[0].live_ring == -1
 
 
+@pytest.mark.slow
 def test_the_work_of_planning_does_not_explode_with_ten_thousand_elements():
     arrays = [np.zeros(1) for _ in range(10_000)]
     elements = [element(f"/e{i}", array, size=1 + i % 500, divider=1 + i % 20) for i, array in enumerate(arrays)]

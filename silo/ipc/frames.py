@@ -1,0 +1,52 @@
+"""What a view shows, for those who draw it and know no network."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.columns import Floats, Marks
+from silo.model import State
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a view shows. `held`, `lost`: int64 per element of `elements`; `newest`: float64 per entry of them.
+
+    `entries` names the entries. `texts` holds by position in `newest` each value that a float64 can't tell (see
+    `silo.values`). `low` and `high` have shape `(len(plots), count)` and begin at column `first`; they hold only what
+    came since the last frame, so merge them with `fmin` and `fmax`, best in a `silo.columns.ColumnStore`. They are
+    offsets from `bases` (by place in `plots`), `marks` are bytes of their shape or None for none. `missed` counts
+    frames that never arrived, since the view was opened. `since_ns` is 0 where this frame continues the one
+    before; else its columns are whole from that time on, and the history knows what was before. `sizes` are the buffer
+    sizes of the held recording by place in `elements`, where they aren't the table's.
+    """
+
+    elements: tuple[str, ...]
+    entries: tuple[str, ...]
+    plots: tuple[str, ...]
+    unpublished: frozenset[str]
+    missing: frozenset[str]
+    time_ns: int
+    tick: int
+    state: State
+    measured_hz: float
+    lost_total: int
+    held: NDArray[np.int64]
+    lost: NDArray[np.int64]
+    newest: Floats
+    texts: dict[int, str]
+    column_ns: int
+    first: int
+    low: Floats
+    high: Floats
+    marks: Marks | None
+    bases: dict[int, int]
+    since_ns: int
+    sizes: dict[int, int]
+    missed: int
+
+    @property
+    def running(self) -> bool:
+        """Whether the logger collects."""
+        return self.state is State.RUNNING

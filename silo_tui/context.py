@@ -1,0 +1,216 @@
+"""What the app and its screens ask of one another.
+
+`Context` is all that screens and commands see of the app, `SiloScreen` all that the app sees of a screen.
+
+Screens, dialogs and commands import this and never `silo_tui.app`; it imports widgets and what stands below them.
+"""
+
+from collections.abc import Callable, Coroutine
+from typing import Any, cast
+
+from textual.app import App
+from textual.screen import Screen
+
+from silo.errors import RefusedError, SiloError
+from silo.ipc.frames import Frame
+from silo_tui.actions import BY_ID, Command
+from silo_tui.sessions.link import Link
+from silo_tui.sessions.live import Session
+from silo_tui.widgets.inputs import Fleeting
+
+
+class Context:
+    """The logger that is open, who may change it, where results are told, and one flow at a time."""
+
+    def __init__(self, app: App[Any], *, read_only: bool) -> None:
+        self.app = app
+        self.read_only = read_only
+        self.script_names: tuple[str, ...] = ()
+        self._session: Session | None = None
+        self._flow_running = False
+
+    # ---------------------------------------------------------------------------------------------- what is open
+
+    @property
+    def has_session(self) -> bool:
+        """Whether a logger or a file is open."""
+        return self._session is not None
+
+    @property
+    def session(self) -> Session:
+        """The logger or file that is open. RefusedError when there is none."""
+        if self._session is None:
+            raise RefusedError("no logger is open")
+        return self._session
+
+    @property
+    def link(self) -> Link:
+        """The connection to the logger. RefusedError when there is none yet."""
+        link = self.session.link
+        if link is None:
+            raise RefusedError(f"not connected to {self.session.name} yet")
+        return link
+
+    def take_session(self, session: Session | None) -> None:
+        """Make another logger the open one, or none."""
+        self._session = session
+
+    # ------------------------------------------------------------------------------------------------ permission
+
+    def allows(self, command: Command) -> bool:
+        """Return whether a command may be carried out now; say why when it may not."""
+        return (not command.writes or self._may_write(command.label)) and (
+            not command.asks or self._may_ask(command.label)
+        )
+
+    def _may_write(self, label: str) -> bool:
+        if not self.has_session:
+            return False
+        if self.read_only:
+            self.say(f"{label}: this is a read-only session (--read-only)")
+            return False
+        if not self.session.may_edit:
+            self.say(f"{label}: {self.session.status.user or 'its user'} lets you watch this logger, not change it")
+            return False
+        return True
+
+    def _may_ask(self, label: str) -> bool:
+        if not self.has_session or self.session.connected:
+            return True
+        self.say(f"{label}: no link to {self.session.name}; it is tried again by itself")
+        return False
+
+    # ------------------------------------------------------------------------------------------ telling the screens
+
+    @property
+    def upper_screen(self) -> "SiloScreen | None":
+        """The uppermost full screen, below any dialog."""
+        return next((screen for screen in reversed(self.app.screen_stack) if isinstance(screen, SiloScreen)), None)
+
+    def tell(self, news: "Callable[[SiloScreen], None]") -> None:
+        """Call `news` with every full screen that is on the stack."""
+        for screen in self.app.screen_stack:
+            if isinstance(screen, SiloScreen) and screen.is_mounted:
+                news(screen)
+
+    def table_changed(self) -> None:
+        """Tell the screens that table, pending edits or rows shown changed."""
+        if self.has_session:
+            self.session.rows.refresh()
+        self.tell(lambda screen: screen.table_changed())
+
+    def status_changed(self) -> None:
+        """Tell the screens that the state of the logger or of the link changed."""
+        self.tell(lambda screen: screen.status_changed())
+
+    def say(self, words: str) -> None:
+        """Show the result of something on the screen below any dialog."""
+        if (screen := self.upper_screen) is not None:
+            screen.say(words)
+
+    def fail(self, words: str) -> None:
+        """Show an error; behind a dialog, its first line stays on the screen below."""
+        if self.app.screen.is_modal:
+            self.say(words.partition("\n")[0])
+        self.app.notify(words, severity="error", timeout=6, markup=False)
+
+    # ------------------------------------------------------------------------------------------------------ flows
+
+    def run_flow(self, flow: Coroutine[Any, Any, None]) -> None:
+        """Run a flow in a worker and show its errors; one at a time."""
+        if self._flow_running:
+            flow.close()
+            self.say("still busy with the last command")
+            return
+        self._flow_running = True
+        self.app.run_worker(self._guarded(flow), group="flow")
+
+    async def _guarded(self, flow: Coroutine[Any, Any, None]) -> None:
+        try:
+            await flow
+        except RefusedError as error:
+            problems = getattr(error, "problems", None) or []
+            lines = [f"element '{problem.name}': {problem.reason}" for problem in problems[:6]]
+            self.fail("\n".join([str(error), *(line for line in lines if line not in str(error))]))
+        except (SiloError, OSError) as error:
+            self.fail(str(error))
+        finally:
+            self._flow_running = False
+            self.table_changed()
+            self.status_changed()
+
+    async def quietly(self, job: Coroutine[Any, Any, None]) -> None:
+        """Follow up on something that was reported; a link that breaks meanwhile has its banner."""
+        try:
+            await job
+        except (SiloError, OSError) as error:
+            if self.has_session and self.session.connected:
+                self.say(str(error))
+
+    def learn_scripts(self) -> None:
+        """Ask for the names of the scripts, for completion."""
+        self.app.run_worker(self.quietly(self._learn_scripts()), group="scripts", exclusive=True)
+
+    async def _learn_scripts(self) -> None:
+        scripts = await self.link.read(lambda client: client.scripts())
+        self.script_names = tuple(scripts.names)
+
+    # ----------------------------------------------------------------------------------------------------- screens
+
+    def back_to_table(self) -> None:
+        """Go from the list to the logger that is open, if one is."""
+        if self.has_session and len(self.app.screen_stack) > 2:
+            self.app.pop_screen()
+
+    def leave_screen(self) -> None:
+        """Go back to the screen below, which requests its view again."""
+        self.app.pop_screen()
+        if (screen := self.upper_screen) is not None:
+            screen.table_changed()
+            screen.status_changed()
+            screen.request_view()
+
+
+class SiloScreen(Screen[None]):
+    """A full screen of the app: keys from the list of commands, each carried out by the screen or else by the app."""
+
+    scope = ""
+
+    @property
+    def context(self) -> Context:
+        """What this screen may ask of the app."""
+        return cast(Context, cast(Any, self.app).context)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Refuse commands while somebody types in a line: keys are letters then."""
+        typing = isinstance(self.focused, Fleeting) and self.focused.display
+        return not typing or parameters == ("quit_now",)
+
+    def action_command(self, command_id: str) -> None:
+        """Do what a key, a click, the palette or the command line asks for."""
+        if not self.context.allows(BY_ID[command_id]):
+            return
+        method = f"command_{command_id}"
+        handler: Callable[[], Any] | None = getattr(self, method, None) or getattr(self.app, method, None)
+        if handler is not None:
+            handler()
+
+    # ------------------------------------------------------------------------------- what the app tells a screen
+
+    def table_changed(self) -> None:
+        """Follow a change of the table, its pending edits or the rows shown."""
+
+    def status_changed(self) -> None:
+        """Follow a change of the state of the logger or of the link."""
+
+    def live_changed(self, frame: Frame) -> None:
+        """Show new values."""
+
+    def second_passed(self) -> None:
+        """Paint what shows a time again."""
+
+    def request_view(self) -> None:
+        """Request the view of what is on this screen, again."""
+
+    def say(self, words: str) -> None:
+        """Show the result of something that was done."""

@@ -1,0 +1,112 @@
+"""The `field:value` terms of the filter language, each one entry: its names, how it is read and completed.
+
+Terms of columns stand with their column in `table_columns.py`, those of what has no column in `OTHER_TERMS` below.
+"""
+
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from silo.model import ElementInfo
+from silo_tui.model.fields import Field, synonym
+from silo_tui.model.table import Mask, TableState
+
+_COMPARE: dict[str, Callable[[Any, Any], Any]] = {
+    ">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le, "=": operator.eq, ":": operator.eq,
+    "!=": operator.ne,
+}  # fmt: skip
+
+Test = Callable[[TableState, Mask], Mask]
+
+
+@dataclass(frozen=True)
+class Term:
+    """One field of the filter language.
+
+    `read` takes sign and value and returns a test, or the words that say why it can't be read. `compares` ones take
+    every sign, the others `:`, `=` and `!=`. `completions` are whole terms that Tab offers before the bare names.
+    """
+
+    names: tuple[str, ...]
+    read: Callable[[str, str], Test | str]
+    compares: bool = False
+    completions: tuple[str, ...] = ()
+
+    @property
+    def bare(self) -> str:
+        """The term as far as Tab completes it without a value."""
+        return self.names[0] + (">" if self.compares else ":")
+
+
+def negate(test: Test) -> Test:
+    """Return the test that passes what `test` doesn't."""
+    return lambda table, marked: ~test(table, marked)
+
+
+def number_term(names: tuple[str, ...], field: Field) -> Term:
+    """Return a term that compares a field with a number."""
+
+    def read(sign: str, value: str) -> Test | str:
+        try:
+            number = float(value)
+        except ValueError:
+            return f"{names[0]}{sign}{value}: {value!r} is no number"
+        compare = _COMPARE[sign]
+        return lambda table, marked: np.asarray(compare(table.values[field], number), np.bool_)
+
+    return Term(names, read, compares=True)
+
+
+def choice_term(names: tuple[str, ...], field: Field) -> Term:
+    """Return a term that asks for one value of a field with a few, by any of their words; cells' words are offered."""
+    offered = tuple(f"{names[0]}:{word.cell}" for word in field.option.words)
+
+    def read(sign: str, value: str) -> Test | str:
+        wanted = synonym(field, value)
+        if wanted is None:
+            return f"{value!r}: write {' or '.join(offered)}"
+        return _signed(sign, lambda table, marked: np.equal(table.values[field], wanted))
+
+    return Term(names, read, completions=offered)
+
+
+def action_term(names: tuple[str, ...]) -> Term:
+    """Return the term about actions: `save` and `publish` ask what an element does, so those that do both pass too."""
+
+    def read(sign: str, value: str) -> Test | str:
+        wanted = synonym(Field.ACTION, value)
+        if wanted is None:
+            return f"{value!r}: write act:save, act:publish or act:both"
+        exact = value.lower() in {"both", "pub"} or "+" in value or "_" in value
+        passing = (wanted,) if exact else (wanted, 0)
+        return _signed(sign, lambda table, marked: np.isin(table.values[Field.ACTION], passing))
+
+    return Term(names, read, completions=("act:save", "act:publish", "act:both"))
+
+
+def text_term(name: str, passes: Callable[[ElementInfo, str], bool]) -> Term:
+    """Return a term about a text of the element; `passes` gets the value in small letters."""
+
+    def read(sign: str, value: str) -> Test | str:
+        folded = value.casefold()
+
+        def test(table: TableState, marked: Mask) -> Mask:
+            return np.fromiter((passes(element, folded) for element in table.elements), np.bool_, len(table))
+
+        return _signed(sign, test)
+
+    return Term((name,), read)
+
+
+def _signed(sign: str, test: Test) -> Test:
+    return negate(test) if sign == "!=" else test
+
+
+OTHER_TERMS = (
+    text_term("kind", lambda element, value: element.kind.casefold().startswith(value)),
+    text_term("type", lambda element, value: any(value in entry.dtype.casefold() for entry in element.entries)),
+    text_term("desc", lambda element, value: value in element.description.casefold()),
+)

@@ -1,0 +1,279 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""What the tables of a logger and of a file share: layout, cursor, filter, marks, order."""
+
+from abc import abstractmethod
+
+from textual import events
+from textual.app import ComposeResult
+from textual.containers import Horizontal, Vertical
+from textual.timer import Timer
+from textual.widgets import Input, Static
+
+from silo.ipc.frames import Frame
+from silo_tui.context import SiloScreen
+from silo_tui.model import filter as filters
+from silo_tui.sessions.live import Session
+from silo_tui.widgets.bars import Banner, InfoLine, KeyBar, StatusBar
+from silo_tui.widgets.element_table import ElementTable, TableHead
+from silo_tui.widgets.inputs import Fleeting, Line
+from silo_tui.widgets.inspector import Inspector
+from silo_tui.widgets.live_pane import LivePane
+
+WIDE = 110
+DEBOUNCE_S = 0.15
+FILTER_KEYS = "Enter keeps the filter  Tab completes  Esc clears it"
+
+
+class ElementsScreen(SiloScreen):
+    """Elements with what is known of them; its children say what that is and what can be done with it."""
+
+    filter_hint = ""
+
+    def __init__(
+        self,
+        session: Session,
+        table: ElementTable,
+        pane: LivePane,
+        inspector: Inspector,
+        bars: tuple[StatusBar, Banner],
+        *,
+        read_only: bool,
+    ) -> None:
+        super().__init__()
+        self.session = session
+        self.table = table
+        self.pane = pane
+        self.inspector = inspector
+        self.status_bar, self.banner = bars
+        self.info = InfoLine(session)
+        self.live_head = Static("", id="live-head", markup=False)
+        self.table_head = TableHead(table)
+        self._read_only = read_only
+        self._inspector_wanted = True
+        self._view_timer: Timer | None = None
+
+    def compose(self) -> ComposeResult:
+        """Yield status, banner, table with live columns and inspector, information, lines to type in, keys."""
+        yield self.status_bar
+        yield self.banner
+        with Horizontal(id="body"):
+            with Vertical(id="left"):
+                with Horizontal(id="heads"):
+                    yield self.table_head
+                    yield self.live_head
+                with Horizontal(id="panes"):
+                    yield self.table
+                    yield self.pane
+            yield self.inspector
+        yield Static("", id="empty", markup=False)
+        yield self.info
+        yield Line(self._complete_filter, self.filter_hint, "filter-line")
+        yield from self.lines()
+        yield KeyBar(self.scope, read_only=self._read_only)
+
+    def lines(self) -> ComposeResult:
+        """Yield further lines to type in."""
+        yield from ()
+
+    def on_mount(self) -> None:
+        """Give the keys to the table."""
+        self.table.focus()
+        self._lay_out(self.app.size.width)
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Show more on wide terminals."""
+        self._lay_out(event.size.width)
+
+    def _lay_out(self, width: int) -> None:
+        self.inspector.display = self._inspector_wanted and width >= WIDE
+        inspector_width = self.inspector_width(width)
+        self.inspector.styles.width = inspector_width
+        self.lay_out_pane(width, width - (inspector_width if self.inspector.display else 0))
+        self.live_head.update(self.pane.head)
+        self.live_head.styles.width = self.pane.wanted_width
+        self.table_head.refresh()
+        self.request_view_soon()
+
+    @abstractmethod
+    def inspector_width(self, width: int) -> int:
+        """Return the cells of the inspector on a screen of `width` cells."""
+
+    @abstractmethod
+    def lay_out_pane(self, width: int, rest: int) -> None:
+        """Choose the live columns; `rest` of the screen's `width` cells is for them and the table."""
+
+    # ------------------------------------------------------------------------------------ what the app tells us
+
+    def table_changed(self) -> None:
+        """Follow a change of rows, edits or marks."""
+        self.table.rows_changed()
+        self.table_head.refresh()
+        self.pane.live_changed()
+        self.inspector.refresh()
+        self.info.refresh()
+        self._show_emptiness()
+        self.request_view_soon()
+
+    def status_changed(self) -> None:
+        """Follow a change of state or link."""
+        self.status_bar.update()
+        self.banner.update()
+        self.info.refresh()
+        self.pane.live_changed()
+        self.table.refresh()
+        self.inspector.refresh()
+
+    def live_changed(self, frame: Frame) -> None:
+        """Show new values."""
+        self.pane.live_changed()
+        self.status_bar.update()
+        if self.inspector.display:
+            self.inspector.live_changed()
+
+    def second_passed(self) -> None:
+        """Paint the times again."""
+        self.status_bar.update()
+        self.banner.update()
+
+    def say(self, words: str) -> None:
+        """Show the result of something."""
+        self.info.say(words)
+
+    def _show_emptiness(self) -> None:
+        empty = self.query_one("#empty", Static)
+        nothing = not len(self.session.rows.shown) and bool(len(self.session.table))
+        empty.display = nothing
+        if nothing:
+            empty.update(f"No element passes the filter {self.session.rows.filter.text!r}. Esc clears it.")
+
+    # ------------------------------------------------------------------------------------------------ the view
+
+    def on_element_table_moved(self) -> None:
+        """Let other panes follow cursor and scroll at once, the view soon."""
+        self.pane.live_changed()
+        if self.inspector.display:
+            self.inspector.refresh()
+        self.table_head.refresh()
+        self.info.refresh()
+        self.request_view_soon()
+
+    def request_view_soon(self) -> None:
+        """Request the view when the rows on the screen have settled."""
+        if self._view_timer is not None:
+            self._view_timer.stop()
+        self._view_timer = self.set_timer(DEBOUNCE_S, self.request_view)
+
+    # -------------------------------------------------------------------------------------------------- moving
+
+    def _move(self, position: int) -> None:
+        self.session.rows.move_to(position)
+        self.table.show_cursor()
+
+    def command_down(self) -> None:
+        self._move(self.session.rows.position + 1)
+
+    def command_up(self) -> None:
+        self._move(self.session.rows.position - 1)
+
+    def command_top(self) -> None:
+        self._move(0)
+
+    def command_bottom(self) -> None:
+        self._move(len(self.session.rows.shown) - 1)
+
+    def command_half_down(self) -> None:
+        self._move(self.session.rows.position + max(1, self.table.size.height // 2))
+
+    def command_half_up(self) -> None:
+        self._move(self.session.rows.position - max(1, self.table.size.height // 2))
+
+    # ------------------------------------------------------------------------------------ filter, marks, order
+
+    def command_filter(self) -> None:
+        self.query_one(KeyBar).show_instead(FILTER_KEYS)
+        self.query_one("#filter-line", Line).begin(self.session.rows.filter.text)
+        self.info.display = False
+
+    def command_mark(self) -> None:
+        self.session.rows.toggle_mark()
+        self.table.redraw_cursor()
+        self.command_down()
+
+    def command_mark_shown(self) -> None:
+        self.session.rows.mark_shown()
+        self._marks_changed()
+
+    def command_range(self) -> None:
+        rows = self.session.rows
+        if rows.anchor is None:
+            rows.begin_range()
+        else:
+            self.say(f"range of {rows.end_range()} marked")
+        self._marks_changed()
+
+    def _marks_changed(self) -> None:
+        self.table.refresh()
+        self.info.refresh()
+
+    def command_sort(self) -> None:
+        self.say(f"sorted by {self.session.rows.next_sort()}")
+        self.table_changed()
+
+    def command_inspector(self) -> None:
+        self._inspector_wanted = not self._inspector_wanted
+        if self.app.size.width < WIDE:
+            self.say(f"the inspector needs {WIDE} columns; this terminal has {self.app.size.width}")
+        self._lay_out(self.app.size.width)
+
+    def command_back(self) -> None:
+        """Leave the range, then the filter, then the marks; never pending edits."""
+        rows = self.session.rows
+        if rows.anchor is not None:
+            rows.anchor = None
+        elif rows.filter.text:
+            rows.set_filter("")
+        elif rows.marked_count:
+            rows.clear_marks()
+        self.say("")
+        self.table_changed()
+
+    # --------------------------------------------------------------------------------------------- typed lines
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Filter while the filter is typed."""
+        if event.input.id == "filter-line" and event.input.display:
+            self._filter_by(event.input.value)  # of keys that came at once, what they made
+
+    def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
+        """Take what was entered in one of the lines; a cell was taken when it was checked."""
+        self._back_to_table()
+        if event.line.id == "filter-line":  # typed and entered at once, the line is gone before it says that it changed
+            self._filter_by(event.value)
+        else:
+            self.line_entered(event)
+
+    def line_entered(self, event: Fleeting.Entered) -> None:
+        """Take what was entered in a line other than the filter."""
+
+    def on_fleeting_left(self, event: Fleeting.Left) -> None:
+        """Leave a line; the filter is cleared too."""
+        self._back_to_table()
+        self.say("")
+        if event.line.id == "filter-line":
+            self._filter_by("")
+
+    def _filter_by(self, words: str) -> None:
+        self.session.rows.set_filter(words)
+        self.table_changed()
+
+    def _back_to_table(self) -> None:
+        self.query_one(KeyBar).show_instead("")
+        self.info.ask("")
+        self.info.display = True
+        self.info.refresh()
+        self.table.focus()
+
+    def _complete_filter(self, line: str) -> list[str]:
+        head, _, last = line.rpartition(" ")
+        units = sorted({element.unit for element in self.session.table.elements if element.unit != "-"})
+        return [f"{head} {term}".lstrip() for term in filters.completions(last, units)]

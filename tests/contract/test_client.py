@@ -1,0 +1,340 @@
+"""What a client of a logger does, whether a helper process answers it or the fake of silo-tui's tests."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from silo.errors import ConnectionLostError, RefusedError
+from silo.ipc.messages import EventKind, RefusedWhy
+from silo.model import Edit, ElementOptions, FileType, State
+from tests.stand_ins.fake_logger import HZ, START_NS
+from tests.waiting import DEADLINE_S
+
+X, Q, GAIT, WORD, KEPT = "/log/x", "/log/q", "/log/gait", "/log/word", "/log/kept"
+SCRIPT = "log_elements:\n  - name: /log/x\n    enabled: true\n    divider: 7\n  - name: /log/old\n    enabled: true\n"
+COLUMN_NS = 10_000_000
+
+
+def refusal(call, *arguments):
+    with pytest.raises(RefusedError) as error:
+        call(*arguments)
+    return error.value
+
+
+def options(client, name):
+    return next(element.options for element in client.table().elements if element.name == name)
+
+
+# ----------------------------------------------------------------------------------------------------- reading
+
+
+def test_hello_says_which_logger_answers_and_that_it_may_be_changed(client):
+    hello = client.hello()
+    assert (hello.status.logger, hello.may_edit) == ("robot", True)
+    assert hello.status.helper_pid != hello.status.pid
+
+
+def test_a_new_logger_is_stopped_with_nothing_logged(client):
+    status = client.status()
+    assert (status.state, status.ticks, status.lost, status.started_ns) == (State.STOPPED, 0, 0, 0)
+    assert (status.elements, status.enabled, status.entries) == (5, 5, 7)
+    assert status.frequency_hz == HZ
+
+
+def test_the_table_has_the_elements_as_they_were_added_and_the_revision_of_the_status(client):
+    table = client.table()
+    assert [element.name for element in table.elements] == [X, Q, GAIT, WORD, KEPT]
+    assert [len(element.entries) for element in table.elements] == [1, 3, 1, 1, 1]
+    assert table.revision == client.status().revision
+
+
+# ----------------------------------------------------------------------------------------------------- editing
+
+
+def test_edits_change_the_table_and_its_revision(client, edit):
+    before = client.table().revision
+    applied = client.apply([edit(client, X, divider=4), edit(client, Q, enabled=False)], before)
+    assert applied.changed == 2
+    assert (options(client, X).divider, options(client, Q).enabled) == (4, False)
+    assert client.table().revision == applied.revision > before
+    assert client.status().enabled == 4
+
+
+def test_an_edit_that_changes_nothing_is_not_counted(client, edit):
+    assert client.apply([edit(client, X), edit(client, Q, divider=2)], -1).changed == 1
+
+
+def test_edits_on_an_old_table_conflict_and_change_nothing(side, client, edit):
+    old = client.table().revision
+    side.somebody_edits(X, divider=3)
+    assert refusal(client.apply, [edit(client, X, divider=9)], old).why is RefusedWhy.CONFLICT
+    assert options(client, X).divider == 3
+
+
+def test_a_running_logger_takes_no_edits(client, edit):
+    client.start()
+    assert refusal(client.apply, [edit(client, X, divider=4)], -1).why is RefusedWhy.RUNNING
+    assert options(client, X).divider == 1
+
+
+def test_one_wrong_edit_refuses_all_and_names_the_field(client, edit):
+    error = refusal(client.apply, [edit(client, Q, divider=2), edit(client, X, divider=0)], -1)
+    assert error.why is RefusedWhy.INVALID
+    assert [(problem.name, problem.field) for problem in error.problems] == [(X, "divider")]
+    assert options(client, Q).divider == 1
+
+
+def test_an_edit_of_an_element_that_is_not_there_is_refused(client):
+    error = refusal(client.apply, [Edit("/log/nix", ElementOptions())], -1)
+    assert (error.why, [problem.name for problem in error.problems]) == (RefusedWhy.INVALID, ["/log/nix"])
+
+
+# ------------------------------------------------------------------------------------------- starting, stopping
+
+
+def test_start_runs_the_logger_and_its_ticks_are_counted(side, client):
+    assert client.start().state is State.RUNNING
+    side.ticks(7)
+    status = client.status()
+    assert (status.state, status.ticks, status.saved) == (State.RUNNING, 7, False)
+    assert status.started_ns >= START_NS
+
+
+def test_starting_a_running_logger_is_refused_and_it_keeps_what_it_has(side, client):
+    client.start()
+    side.ticks(5)
+    assert refusal(client.start).why is RefusedWhy.RUNNING
+    assert (client.status().state, client.status().ticks) == (State.RUNNING, 5)
+
+
+def test_stopping_a_stopped_logger_succeeds(client):
+    assert client.stop().state is State.STOPPED
+
+
+def test_a_stopped_logger_keeps_its_ticks_and_counts_no_more(side, client):
+    client.start()
+    side.ticks(5)
+    client.stop()
+    side.ticks(5)
+    assert (client.status().state, client.status().ticks) == (State.STOPPED, 5)
+
+
+def test_restart_counts_from_nothing(side, client):
+    client.start()
+    side.ticks(5)
+    assert (client.restart().state, client.status().ticks) == (State.RUNNING, 0)
+
+
+# ----------------------------------------------------------------------------------------------------- events
+
+
+def test_what_a_client_does_is_told_to_all_with_its_name_and_the_new_status(side, client, edit):
+    client.apply([edit(client, X, divider=2)], -1)
+    client.start()
+    client.stop()
+    events = [side.heard.event(kind) for kind in (EventKind.EDITED, EventKind.STARTED, EventKind.STOPPED)]
+    assert all(event.by and event.text for event in events)
+    assert [event.number for event in events] == sorted(event.number for event in events)
+    assert [event.status.state for event in events[1:]] == [State.RUNNING, State.STOPPED]
+
+
+def test_what_others_do_is_told_too(side, client):
+    revision = client.status().revision
+    side.somebody_edits(X, divider=2)
+    side.heard.event(EventKind.EDITED)
+    assert client.status().revision > revision
+
+
+# ----------------------------------------------------------------------------------------------------- saving
+
+
+def test_a_save_reports_that_it_began_and_which_files_it_wrote(side, client):
+    client.start()
+    side.ticks(20)
+    job = client.save([FileType.SILO, FileType.CSV], "walk")
+    saved = side.heard.event(EventKind.SAVED)
+    began = side.heard.event(EventKind.SAVING)
+    assert (began.job, saved.job, saved.progress) == (job, job, 1.0)
+    assert [file.type for file in saved.files] == [FileType.SILO, FileType.CSV]
+    assert all("walk" in file.path and file.size_bytes > 0 for file in saved.files)
+    assert client.status().saved
+
+
+def test_with_nothing_logged_a_save_is_refused_and_all_are_told(side, client):
+    assert refusal(client.save, [FileType.SILO]).why is RefusedWhy.FAILED
+    assert side.heard.event(EventKind.SAVE_FAILED).text
+
+
+def test_saves_are_numbered(side, client):
+    client.start()
+    side.ticks(5)
+    assert client.save([FileType.SILO]) != client.save([FileType.SILO])
+
+
+# ---------------------------------------------------------------------------------------------------- scripts
+
+
+def test_scripts_are_listed_by_name_with_the_logger_s_own(side, client):
+    side.add_script("b.yaml", SCRIPT)
+    side.add_script("a.yaml", SCRIPT)
+    scripts = client.scripts()
+    assert scripts.names == ["a.yaml", "b.yaml"]
+    assert scripts.current == "robot.yaml"
+
+
+def test_a_script_is_read_as_it_stands(side, client):
+    side.add_script("a.yaml", SCRIPT)
+    text = client.read_script("a.yaml")
+    assert (text.text, text.path) == (SCRIPT, f"{client.scripts().folder}/a.yaml")
+
+
+def test_without_a_path_the_running_configuration_is_read(client, edit):
+    client.apply([edit(client, X, divider=5)], -1)
+    assert "divider: 5" in client.read_script().text
+
+
+def test_a_difference_says_what_loading_would_change_and_changes_nothing(side, client):
+    side.add_script("a.yaml", SCRIPT)
+    diff = client.diff_script("a.yaml")
+    assert [(change.name, change.field, change.old, change.new) for change in diff.changes] == [
+        (X, "divider", "1", "7")
+    ]
+    assert (diff.unknown, options(client, X).divider) == (["/log/old"], 1)
+
+
+def test_loading_a_script_changes_the_table_and_tells_what_it_didn_t_know(side, client):
+    side.add_script("a.yaml", SCRIPT)
+    before = client.table().revision
+    loaded = client.load_script("a.yaml")
+    assert (loaded.changed, loaded.unknown, options(client, X).divider) == (1, ["/log/old"], 7)
+    assert client.table().revision == loaded.revision > before
+    assert side.heard.event(EventKind.SCRIPT_LOADED).by
+
+
+def test_keys_of_a_script_that_nobody_knows_are_warned_of(side, client):
+    side.add_script("a.yaml", SCRIPT + "colour: red\n")
+    (warned,) = client.diff_script("a.yaml").warnings
+    assert "colour" in warned
+    assert client.load_script("a.yaml").warnings == [warned]
+
+
+def test_a_running_logger_loads_no_script(side, client):
+    side.add_script("a.yaml", SCRIPT)
+    client.start()
+    assert refusal(client.load_script, "a.yaml").why is RefusedWhy.RUNNING
+    assert options(client, X).divider == 1
+
+
+def test_a_script_on_an_old_table_conflicts(side, client):
+    side.add_script("a.yaml", SCRIPT)
+    old = client.table().revision
+    side.somebody_edits(Q, divider=3)
+    assert refusal(client.load_script, "a.yaml", old).why is RefusedWhy.CONFLICT
+    assert options(client, X).divider == 1
+
+
+@pytest.mark.parametrize("what", ["read_script", "diff_script", "load_script"])
+def test_a_script_that_is_not_there_is_refused(client, what):
+    assert refusal(getattr(client, what), "nix.yaml").why is RefusedWhy.NOT_FOUND
+
+
+def test_a_wrong_script_is_refused_with_its_line(side, client):
+    side.add_script("bad.yaml", SCRIPT.replace("7", "0"))
+    error = refusal(client.load_script, "bad.yaml")
+    assert error.why is RefusedWhy.INVALID
+    assert "bad.yaml:4" in str(error)
+
+
+def test_a_script_that_is_there_is_replaced_only_when_that_is_meant(side, client):
+    side.add_script("a.yaml", SCRIPT)
+    assert refusal(client.save_script, "a.yaml").why is RefusedWhy.EXISTS
+    assert client.read_script("a.yaml").text == SCRIPT
+    assert "a.yaml" in client.save_script("a.yaml", True)
+    assert client.read_script("a.yaml").text != SCRIPT
+
+
+def test_a_saved_script_is_listed_told_and_changes_nothing_when_loaded(side, client, edit):
+    client.apply([edit(client, X, divider=5)], -1)
+    client.save_script("new.yaml")
+    assert side.heard.event(EventKind.SCRIPT_SAVED).text
+    assert "new.yaml" in client.scripts().names
+    assert client.diff_script("new.yaml").changes == []
+
+
+# ------------------------------------------------------------------------------------------------ values, history
+
+
+def frame_with(view, fact):
+    """The first frame for which `fact` holds. The helper process sends them by its own clock."""
+    deadline = time.monotonic() + DEADLINE_S
+    while time.monotonic() < deadline:
+        frame = view.frame()
+        if frame is not None and fact(frame):
+            return frame
+        time.sleep(0.01)  # views have no callback: whoever wants frames asks for them
+    raise AssertionError("no such frame came")
+
+
+def test_a_frame_has_the_values_fills_and_columns_that_were_asked_for(side, client):
+    client.start()
+    view = client.view([X, Q, KEPT], [X], 10.0, COLUMN_NS)
+    side.ticks(8)
+    frame = frame_with(view, lambda frame: frame.tick >= 8)
+    assert (frame.elements, frame.plots, frame.column_ns) == ((X, Q, KEPT), (X,), COLUMN_NS)
+    assert frame.entries == (X, f"{Q}_x", f"{Q}_y", f"{Q}_z", KEPT)
+    assert (frame.unpublished, frame.missing) == (frozenset({KEPT}), frozenset())
+    assert (frame.running, len(frame.newest), len(frame.held), frame.held[0]) == (True, 5, 3, 8)
+    assert np.isfinite(frame.newest[:4]).all()
+    assert math.isnan(frame.newest[4])
+    assert frame.low.shape == frame.high.shape == (1, frame.low.shape[1])
+
+
+def test_text_stands_in_texts(side, client):
+    client.start()
+    view = client.view([X, WORD], [], 10.0, COLUMN_NS)
+    side.ticks(8)
+    assert frame_with(view, lambda frame: frame.tick >= 8).texts == {1: "hans"}
+
+
+def test_names_that_are_not_in_the_table_are_told_as_missing(side, client):
+    client.start()
+    view = client.view([X, "/log/nix"], [], 10.0, COLUMN_NS)
+    side.ticks(8)
+    frame = frame_with(view, lambda frame: frame.tick >= 8)
+    assert (frame.missing, len(frame.newest), len(frame.held)) == ({"/log/nix"}, 1, 2)
+
+
+def test_a_closed_view_gives_nothing(side, client):
+    client.start()
+    view = client.view([X], [], 10.0, COLUMN_NS)
+    side.ticks(8)
+    frame_with(view, lambda frame: frame.tick >= 8)
+    view.close()
+    side.ticks(8)
+    assert view.frame() is None
+
+
+def test_history_has_a_column_for_all_that_was_logged(side, client):
+    client.start()
+    side.ticks(80)
+    end = client.status().last_tick_ns
+    past = client.history([X, f"{Q}_y"], START_NS, end, COLUMN_NS)
+    assert (past.names, past.column_ns, past.low.shape) == ((X, f"{Q}_y"), COLUMN_NS, past.high.shape)
+    numbers = past.first + np.flatnonzero(~np.isnan(past.low[0]))
+    assert list(numbers) == list(range(START_NS // COLUMN_NS, end // COLUMN_NS + 1))
+    assert (past.low[0, ~np.isnan(past.low[0])] <= past.high[0, ~np.isnan(past.low[0])]).all()
+
+
+# ------------------------------------------------------------------------------------------------------- the link
+
+
+def test_a_lost_link_is_told_and_calls_say_so(side, client):
+    assert client.connected
+    side.cut()
+    assert side.heard.lost()
+    assert not client.connected
+    for call in (client.status, client.table, client.hello, client.start):
+        with pytest.raises(ConnectionLostError):
+            call()

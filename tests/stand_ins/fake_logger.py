@@ -1,0 +1,448 @@
+"""A logger that exists only in a test: the same messages and arrays as the real client, from a clock that tests move.
+
+What it has in common with a real helper process is held by `tests/contract`, which asks both the same.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from silo.columns import HistoryColumns
+from silo.errors import ConnectionLostError, ScriptError
+from silo.ipc.exchange import RequestRefusedError
+from silo.ipc.frames import Frame
+from silo.ipc.messages import (
+    EditsApplied,
+    Event,
+    EventKind,
+    HelloReply,
+    Refused,
+    RefusedWhy,
+    ScriptDiff,
+    Scripts,
+    ScriptText,
+)
+from silo.model import (
+    Action,
+    BufferType,
+    Edit,
+    ElementInfo,
+    ElementOptions,
+    Entry,
+    FileType,
+    Problem,
+    SavedFile,
+    State,
+    Status,
+    Table,
+)
+from silo.settings.rules import edit_problems, refusal
+from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
+from silo_tui.sessions.finder import Found, FoundLogger
+
+START_NS = 1_790_000_000_000_000_000
+HZ = 400.0
+OWN_NAME = "ann@here silo-tui 1"
+FOLDER = "/home/ann/config"
+
+
+QUIET_SCRIPT = (
+    "log_elements:\n  - name: /log/imu/temperature\n    enabled: true\n    divider: 4\n"
+    "  - name: /log/old/thing\n    enabled: true\n"
+)
+
+
+def refused(why: RefusedWhy, text: str, problems: Sequence[Problem] = ()) -> RequestRefusedError:
+    return RequestRefusedError(Refused(why, text, list(problems)))
+
+
+def scalar(
+    name: str, unit: str = "-", dtype: str = "<f8", labels: dict[int, str] | None = None, **options: Any
+) -> ElementInfo:
+    return ElementInfo(
+        name, unit, "scalar", (), (Entry("", dtype, labels),), ElementOptions(**{"buffer_size": 4000, **options})
+    )
+
+
+def vector(name: str, unit: str, suffixes: str = "xyz", kind: str = "vector", **options: Any) -> ElementInfo:
+    entries = tuple(Entry(f"_{suffix}", "<f8") for suffix in suffixes)
+    return ElementInfo(name, unit, kind, (len(suffixes),), entries, ElementOptions(**{"buffer_size": 4000, **options}))
+
+
+def robot_elements() -> list[ElementInfo]:
+    both = Action.SAVE_AND_PUBLISH
+    found = [
+        vector("/log/base/position", "m", action=both),
+        vector("/log/base/velocity", "m/s", action=both),
+        vector("/log/base/orientation", "-", "xyzw", "quaternion", action=both),
+        vector("/log/imu/acceleration", "m/s2", action=both),
+        scalar("/log/imu/temperature", "degC", divider=40, buffer_size=100, action=both),
+        scalar("/log/state/gait", dtype="<i4", labels={0: "stand", 1: "walk", 2: "trot"}, action=both),
+        scalar("/log/state/operator", dtype="|S16", action=both, divider=40, buffer_size=100),
+        scalar("/log/state/solver_cost", "-", buffer_type=BufferType.GROWING),
+    ]
+    for leg in ("LF", "RF", "LH", "RH"):
+        found.append(scalar(f"/log/legs/{leg}/contact", dtype="|b1", action=both))
+        for joint in ("HAA", "HFE", "KFE"):
+            place = f"/log/legs/{leg}/{joint}"
+            found += [
+                scalar(f"{place}/position", "rad", action=both),
+                scalar(f"{place}/velocity", "rad/s", action=both),
+                scalar(f"{place}/torque", "Nm", action=both),
+                scalar(f"{place}/current", "A", buffer_type=BufferType.FIXED),
+                scalar(f"{place}/temperature", "degC", divider=40, buffer_size=100, action=both),
+            ]
+    return found
+
+
+def signal(name: str, seconds: np.ndarray) -> np.ndarray:
+    """A deterministic signal for every entry name, with one spike of one sample every 4 s in torques."""
+    seed = sum(ord(char) for char in name)
+    speed = 0.4 + seed % 7 / 4
+    values = (1 + seed % 5) * np.sin(2 * math.pi * speed * seconds + seed) + 0.2 * np.sin(61 * seconds)
+    if name.endswith("torque"):
+        values = np.where(np.round(seconds * HZ) % 1600 == 0, 40.0, values)
+    if name.endswith("gait"):
+        values = np.floor(seconds / 3) % 3
+    if name.endswith("contact"):
+        values = (np.sin(2 * math.pi * speed * seconds) > 0).astype(float)
+    return values
+
+
+def _held(options: ElementOptions, ticks: int) -> int:
+    """Samples that a buffer holds: ticks 0, divider, 2 * divider ... are collected."""
+    return min(options.buffer_size, -(-ticks // options.divider))
+
+
+class FakeView:
+    def __init__(self, client: "FakeClient", values: Sequence[str], plots: Sequence[str], column_ns: int) -> None:
+        self.client, self.values, self.plots, self.column_ns = client, tuple(values), tuple(plots), column_ns
+        self.seen_ns = -1
+        self.from_ns = client.now_ns
+        self.closed = False
+
+    def frame(self) -> Frame | None:
+        client = self.client
+        if client.now_ns == self.seen_ns or not client.connected or self.closed:
+            return None
+        begin = max(self.from_ns, self.seen_ns)
+        since_ns = begin if self.seen_ns < 0 else 0
+        self.seen_ns = client.now_ns
+        known = {info.name: info for info in client.elements}
+        infos = [known[name] for name in self.values if name in known]
+        unpublished = {info.name for info in infos if not info.options.action.publishes or not info.options.enabled}
+        newest, texts = [], {}
+        for info in infos:
+            for entry in info.entries:
+                value = float(signal(info.name + entry.suffix, np.array([client.seconds]))[0])
+                if entry.dtype.startswith("|S"):
+                    texts[len(newest)] = "hans"
+                newest.append(np.nan if info.name in unpublished or client.ticks == 0 else value)
+        column = client.history(self.plots, begin, client.now_ns, self.column_ns)
+        held = [_held(client.recorded(name), client.ticks) if name in known else 0 for name in self.values]
+        return Frame(
+            elements=self.values, entries=tuple(info.name + entry.suffix for info in infos for entry in info.entries),
+            plots=self.plots, unpublished=frozenset(unpublished),
+            missing=frozenset(name for name in self.values if name not in known), time_ns=client.now_ns,
+            tick=client.ticks, state=client.state, measured_hz=HZ, lost_total=client.lost,
+            held=np.array(held, np.int64), lost=np.zeros(len(held), np.int64), newest=np.array(newest, float),
+            texts=texts, column_ns=self.column_ns, first=column.first, low=column.low, high=column.high,
+            marks=None, bases={}, since_ns=since_ns, sizes=client.other_sizes(self.values), missed=0,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class FakeClient:
+    """One logger. `calls` holds what was asked to change it; `advance` moves its clock."""
+
+    kinds = EventKind
+
+    def __init__(self, elements: list[ElementInfo] | None = None, name: str = "robot") -> None:
+        self.elements = robot_elements() if elements is None else elements
+        self.name, self.pid, self.revision = name, 4711, 1
+        self._state, self.now_ns, self.started_ns, self.lost = State.STOPPED, START_NS, 0, 0
+        self.saved, self.may_edit, self.connected, self.reason = True, True, True, ""
+        self.calls: list[tuple[Any, ...]] = []
+        self.files: dict[str, str] = {"robot.yaml": format_script(self.elements), "quiet.yaml": QUIET_SCRIPT}
+        self.save_error = ""
+        self.views: list[FakeView] = []
+        self._recorded: dict[str, ElementOptions] = {}  # what the held recording was made with
+        self._event: Callable[[Event], None] = lambda event: None
+        self._link: Callable[[bool], None] = lambda connected: None
+        self._events = self._jobs = self._stopped_ns = 0
+
+    # -- what tests do
+
+    @property
+    def state(self) -> State:
+        return self._state
+
+    @state.setter
+    def state(self, state: State) -> None:
+        """A logger that no longer runs counts no more ticks."""
+        if self._state is State.RUNNING and state is not State.RUNNING:
+            self._stopped_ns = self.now_ns
+        self._state = state
+
+    @property
+    def seconds(self) -> float:
+        return (self.now_ns - self.started_ns) / 1e9 if self.started_ns else 0.0
+
+    @property
+    def ticks(self) -> int:
+        end_ns = self.now_ns if self.state is State.RUNNING else self._stopped_ns
+        return round((end_ns - self.started_ns) / 1e9 * HZ) if self.started_ns else 0
+
+    def recorded(self, name: str) -> ElementOptions:
+        """Options of an element in the held recording."""
+        known = next(info.options for info in self.elements if info.name == name)
+        return self._recorded.get(name, known)
+
+    def other_sizes(self, names: Sequence[str]) -> dict[int, int]:
+        """Buffer sizes of the held recording where the table says another by now."""
+        known = {info.name: info.options.buffer_size for info in self.elements}
+        sizes = {place: self.recorded(name).buffer_size for place, name in enumerate(names) if name in known}
+        return {place: size for place, size in sizes.items() if size != known[names[place]]}
+
+    def run(self, seconds: float = 12.0) -> None:
+        """As if it had been started that long ago."""
+        self.state, self.started_ns = State.RUNNING, START_NS
+        self._recorded = {info.name: info.options for info in self.elements}
+        self.now_ns = START_NS + round(seconds * 1e9)
+        self.saved = False
+
+    def advance(self, seconds: float) -> None:
+        self.now_ns += round(seconds * 1e9)
+
+    def cut(self) -> None:
+        self.connected = False
+        self._link(False)
+
+    def mend(self) -> None:
+        self.connected = True
+        self._link(True)
+
+    def somebody_edits(self, name: str, **options: Any) -> None:
+        self._replace(name, msgspec.structs.replace(self.info(name).options, **options))
+        self.revision += 1
+        if self.connected:
+            self.publish(EventKind.EDITED, f"{name} edited", by="bob@lab")
+
+    def publish(self, kind: EventKind, text: str, by: str = "", **more: Any) -> None:
+        self._events += 1
+        self._event(Event(self._events, self.now_ns, kind, text, by, self.status(), **more))
+
+    def info(self, name: str) -> ElementInfo:
+        return next(info for info in self.elements if info.name == name)
+
+    def _replace(self, name: str, options: ElementOptions) -> None:
+        self.elements = [
+            msgspec.structs.replace(info, options=options) if info.name == name else info for info in self.elements
+        ]
+
+    def _ask(self) -> None:
+        if not self.connected:
+            raise ConnectionLostError(f"no answer from {self.name}")
+
+    # -- what the app asks
+
+    def hello(self) -> HelloReply:
+        self._ask()
+        return HelloReply(protocol=1, version="0.1.0", user="ann", may_edit=self.may_edit, status=self.status())
+
+    def status(self) -> Status:
+        self._ask()
+        return Status(
+            logger=self.name, host="anymal", user="ann", pid=self.pid, helper_pid=self.pid + 1, state=self.state,
+            revision=self.revision, frequency_hz=HZ, measured_hz=HZ if self.state is State.RUNNING else 0.0,
+            ticks=self.ticks, started_ns=self.started_ns, last_tick_ns=self.now_ns if self.started_ns else 0,
+            lost=self.lost, elements=len(self.elements), enabled=sum(info.options.enabled for info in self.elements),
+            entries=sum(len(info.entries) for info in self.elements), max_time_s=10.0, prefix="/log",
+            folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
+        )  # fmt: skip
+
+    def table(self) -> Table:
+        self._ask()
+        return Table(self.revision, list(self.elements))
+
+    def scripts(self) -> Scripts:
+        self._ask()
+        return Scripts(folder=FOLDER, names=sorted(self.files), current="robot.yaml")
+
+    def _script(self, path: str) -> tuple[str, str]:
+        """Path on the robot and text of a script."""
+        self._ask()
+        if path not in self.files:
+            raise refused(RefusedWhy.NOT_FOUND, f"there is no script {path!r} in {FOLDER}")
+        return f"{FOLDER}/{path}", self.files[path]
+
+    def _plan(self, path: str) -> tuple[Script, ScriptPlan]:
+        full, text = self._script(path)
+        try:
+            script = parse_script(text, full)
+            return script, apply_script(script, self.elements, HZ)
+        except ScriptError as error:
+            raise refused(RefusedWhy.INVALID, str(error)) from error
+
+    def read_script(self, path: str = "") -> ScriptText:
+        self._ask()
+        if not path:
+            return ScriptText(path=f"{FOLDER}/robot.yaml", text=format_script(self.elements))
+        full, text = self._script(path)
+        return ScriptText(path=full, text=text)
+
+    def diff_script(self, path: str = "") -> ScriptDiff:
+        script, plan = self._plan(path)
+        changes = diff_options(self.elements, plan.options)
+        unknown = [str(unknown.name) for unknown in plan.unknown]
+        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings)
+
+    def _check(self, revision: int) -> None:
+        self._ask()
+        if self.state is State.RUNNING:
+            raise refused(RefusedWhy.RUNNING, "the logger runs: stop it first")
+        if revision not in {self.revision, -1}:
+            raise refused(RefusedWhy.CONFLICT, "the table was changed by bob@lab meanwhile")
+
+    def _take(self, wanted: Sequence[ElementOptions]) -> int:
+        """Takes new options over and returns how many elements they change."""
+        changed = sum(info.options != options for info, options in zip(self.elements, wanted, strict=True))
+        self.elements = [
+            msgspec.structs.replace(info, options=options) for info, options in zip(self.elements, wanted, strict=True)
+        ]
+        self.revision += changed > 0
+        return changed
+
+    def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
+        self._ask()
+        self.calls.append(("apply", list(edits), revision))
+        self._check(revision)
+        wanted = {info.name: info.options for info in self.elements}
+        if problems := edit_problems(edits, wanted):
+            raise refused(RefusedWhy.INVALID, refusal(problems), problems)
+        wanted.update((edit.name, edit.options) for edit in edits)
+        changed = self._take([wanted[info.name] for info in self.elements])
+        self.publish(EventKind.EDITED, f"{changed} elements edited", by=OWN_NAME)
+        return EditsApplied(revision=self.revision, changed=changed)
+
+    def start(self) -> Status:
+        self._ask()
+        self.calls.append(("start",))
+        if self.state is State.RUNNING:
+            raise refused(RefusedWhy.RUNNING, "it runs already: stop it first; nothing was changed")
+        self._begin()
+        return self.status()
+
+    def _begin(self) -> None:
+        self.state, self.started_ns, self.saved = State.RUNNING, self.now_ns, False
+        self._recorded = {info.name: info.options for info in self.elements}
+        self.publish(EventKind.STARTED, "started", by=OWN_NAME)
+
+    def stop(self) -> Status:
+        self._ask()
+        self.calls.append(("stop",))
+        self._end()
+        return self.status()
+
+    def _end(self) -> None:
+        if self.state is State.RUNNING:
+            self.state = State.STOPPED
+            self.publish(EventKind.STOPPED, "stopped", by=OWN_NAME)
+
+    def restart(self) -> Status:
+        self.stop()
+        return self.start()
+
+    def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
+        self._ask()
+        self.calls.append(("load_script", path))
+        self._check(revision)
+        script, plan = self._plan(path)
+        changed = self._take(plan.options)
+        self.publish(EventKind.SCRIPT_LOADED, f"script {path} loaded", by=OWN_NAME)
+        return EditsApplied(self.revision, changed, [str(unknown.name) for unknown in plan.unknown], script.warnings)
+
+    def save_script(self, path: str = "", overwrite: bool = False) -> str:
+        self._ask()
+        self.calls.append(("save_script", path, overwrite))
+        if path in self.files and not overwrite:
+            raise refused(RefusedWhy.EXISTS, f"{FOLDER}/{path} exists")
+        self.files[path] = format_script(self.elements)
+        self.publish(EventKind.SCRIPT_SAVED, f"script {path} saved", by=OWN_NAME)
+        return f"saved {FOLDER}/{path}"
+
+    def save(self, types: Sequence[FileType], name: str = "") -> int:
+        self._ask()
+        self.calls.append(("save", list(types), name))
+        if not self.ticks:
+            text = "nothing was logged yet: start the logger first"
+            self.publish(EventKind.SAVE_FAILED, text, by=OWN_NAME)
+            raise refused(RefusedWhy.FAILED, text)
+        self._jobs += 1
+        self.publish(EventKind.SAVING, "saving", by=OWN_NAME, job=self._jobs, progress=0.5)
+        if self.save_error:
+            self.publish(EventKind.SAVE_FAILED, self.save_error, by=OWN_NAME, job=self._jobs)
+        else:
+            stem = name or "robot_00001"
+            files = [SavedFile(f"/home/ann/logs/{stem}.{kind.name.lower()}", kind, 1_234_567) for kind in types]
+            self.saved = True
+            told = {"job": self._jobs, "progress": 1.0, "files": files}
+            self.publish(EventKind.SAVED, f"saved {files[0].path}", by=OWN_NAME, **told)
+        return self._jobs
+
+    def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        self._ask()
+        start_ns = max(start_ns, self.started_ns or end_ns)
+        first, last = start_ns // column_ns, end_ns // column_ns
+        count = max(0, last - first + 1) if self.started_ns else 0
+        low, high = np.full((len(names), count), np.nan), np.full((len(names), count), np.nan)
+        for position, name in enumerate(names):
+            element = next((info for info in self.elements if name.startswith(info.name)), None)
+            if element is None or not element.options.action.publishes:
+                continue
+            ticks = np.arange(math.ceil((start_ns - self.started_ns) / 1e9 * HZ), self.ticks + 1)
+            columns = (self.started_ns + np.round(ticks / HZ * 1e9).astype(np.int64)) // column_ns - first
+            good = (columns >= 0) & (columns < count)
+            values = signal(name, ticks / HZ)[good]
+            np.fmin.at(low[position], columns[good], values)
+            np.fmax.at(high[position], columns[good], values)
+        return HistoryColumns(tuple(names), int(first), column_ns, low, high, until_ns=self.now_ns)
+
+    def view(self, values: Sequence[str], plots: Sequence[str], rate_hz: float, column_ns: int) -> FakeView:
+        self._ask()
+        view = FakeView(self, values, plots, column_ns)
+        self.views.append(view)
+        return view
+
+    def on_event(self, callback: Callable[[Event], None]) -> None:
+        self._event = callback
+
+    def on_link(self, callback: Callable[[bool], None]) -> None:
+        self._link = callback
+
+    def close(self) -> None:
+        self.connected = False
+
+
+class FakeFinder:
+    own_name = OWN_NAME
+
+    def __init__(self, *clients: FakeClient) -> None:
+        self.clients = list(clients)
+        self.advice: tuple[str, ...] = ()
+
+    def find(self) -> Found:
+        return Found(
+            tuple(
+                FoundLogger(client.name, client.pid, "ann", f"{client.name}.{client.pid}") for client in self.clients
+            ),
+            self.advice,
+        )
+
+    def connect(self, logger: FoundLogger) -> FakeClient:
+        return next(client for client in self.clients if client.pid == logger.pid and client.name == logger.name)

@@ -1,0 +1,96 @@
+"""The entries that widgets, filter, help, palette and command line are made from are whole and lead somewhere."""
+
+import numpy as np
+import pytest
+
+from silo.model import Table
+from silo.settings.words import examples
+from silo_tui.actions import BY_WORD, COMMANDS
+from silo_tui.commands.runner import CommandRunner
+from silo_tui.model.fields import Field
+from silo_tui.model.filter import parse
+from silo_tui.model.rows import RowList
+from silo_tui.model.table import TableState
+from silo_tui.model.table_columns import FILE_COLUMNS, LIVE_COLUMNS, NAME_ROOM, LiveRow, orders_of, shown_columns
+from tests.stand_ins.fake_logger import FakeClient
+
+
+@pytest.fixture
+def table(robot):
+    state = TableState()
+    state.load(Table(1, robot))
+    return state
+
+
+def test_every_field_is_edited_in_one_column():
+    assert sorted(column.field for column in LIVE_COLUMNS if column.field is not None) == list(Field)
+    assert all(examples(column.field.option) for column in LIVE_COLUMNS if column.field is not None)
+
+
+@pytest.mark.parametrize("columns", [LIVE_COLUMNS, FILE_COLUMNS])
+def test_orders_are_called_as_they_are_stepped_through(columns):
+    places = [column.sorts for column in columns if column.sort is not None]
+    assert sorted(places) == list(range(1, len(places) + 1))
+    assert len(set(orders_of(columns))) == len(places) + 2
+
+
+@pytest.mark.parametrize("order", orders_of(LIVE_COLUMNS))
+def test_every_order_shows_every_element_once(table, order):
+    rows = RowList(table)
+    rows.sort = order
+    rows.refresh()
+    assert sorted(rows.shown) == list(range(len(table)))
+
+
+@pytest.mark.parametrize("column", LIVE_COLUMNS, ids=lambda column: column.title)
+def test_every_cell_fits_its_column(table, column):
+    for row, element in enumerate(table.elements):
+        facts = LiveRow(element, np.array([1, 2**31 - 1, 0, 0, 2**31 - 1]))
+        assert len(column.words(facts, column.width)) <= column.width, row
+
+
+@pytest.mark.parametrize("width", range(20, 80))
+def test_whole_columns_are_left_out_in_their_order_until_names_have_room(width):
+    shown = [column for column, _ in shown_columns(LIVE_COLUMNS, width, width)]
+    left_out = [column.leaves for column in LIVE_COLUMNS if column not in shown]
+    assert sorted(left_out) == list(range(1, len(left_out) + 1))
+    room = width - sum(1 + column.width for column in shown)
+    assert room >= NAME_ROOM or not [column for column in shown if column.leaves]
+
+
+@pytest.mark.parametrize("column", [column for column in LIVE_COLUMNS if column.term], ids=lambda column: column.title)
+def test_every_completed_term_can_be_read(column):
+    for term in column.term.completions:
+        assert not parse(term).problems
+
+
+def test_every_typed_word_belongs_to_one_command():
+    words = [word for command in COMMANDS if command.typed for word in command.typed.words]
+    assert sorted(words) == sorted(BY_WORD)
+
+
+def test_a_command_without_keys_can_be_typed_and_is_carried_out():
+    for command in COMMANDS:
+        if not command.keys:
+            assert command.typed is not None, command.id
+            assert hasattr(CommandRunner, f"word_{command.id}"), command.id
+
+
+async def test_every_argument_that_can_be_completed_has_its_choices(fake, opened):
+    async with opened(fake) as screen:
+        runner = CommandRunner(screen.app.context)
+        screen.app.context.learn_scripts()
+        await screen.until(lambda: screen.app.context.script_names)
+        for command in COMMANDS:
+            if command.typed is not None and command.typed.completes:
+                assert runner.choices(command), command.id
+
+
+async def test_a_typed_command_that_writes_is_refused_as_its_key_is(new_fake, opened):
+    fake: FakeClient = new_fake()
+    async with opened(fake, size=(120, 30), read_only=True) as screen:
+        for line in ("set div=5", "load quiet.yaml", "data silo", "start"):
+            CommandRunner(screen.app.context).run(line)
+            await screen.shows("this is a read-only session")
+            screen.app.context.say("")
+        assert (fake.calls, screen.session.table.pending_count) == ([], (0, 0))
