@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from silo.arguments import path, text
+from silo.collecting.clocks import nanosecond_clock
 from silo.collecting.run import Run
 from silo.collecting.schema import STOP_TEXTS, StopReason
 from silo.errors import StateError
@@ -21,7 +22,7 @@ from silo.logger.configuration import Configuration
 from silo.logger.current_run import CurrentRun
 from silo.logger.ending import end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
 from silo.logger.new_values import NewValues, NewValuesReader
-from silo.logger.options import file_types, logger_options, nanosecond_clock, serving_config, serving_group
+from silo.logger.options import file_types, logger_options, serving_config, serving_group
 from silo.logger.predecessors import look_back
 from silo.model import FileType, SavedFile, State, Storage, Threads
 from silo.recording import Recording

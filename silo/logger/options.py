@@ -6,17 +6,16 @@ import numbers
 import os
 import re
 import secrets
-import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from silo.arguments import INT64, line, path, real, shown, switch, text, whole
+from silo.arguments import line, path, real, shown, switch, text, whole
 from silo.collecting.traits import MAX_ENTRIES
-from silo.errors import ElementError, SourceError, StateError
+from silo.errors import ElementError, SourceError
 from silo.model import Edit, ElementOptions, FileType, LoggerOptions, Storage, Threads, join_name
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
@@ -68,73 +67,6 @@ def _absolute(argument: str, given: object) -> str:
 def _prefix(given: object) -> str:
     stripped = line("prefix", given, 'prefix="/log"').strip("/")
     return join_name("", "", stripped) if stripped else ""
-
-
-def nanosecond_clock(clock: Callable[[], int | float] | None) -> Callable[[], int]:
-    """Return a clock of int nanoseconds, whichever unit it was given in. Raises ElementError for anything else.
-
-    Where the clock fails later, or returns something else, the returned one raises a StateError that says so.
-    """
-    if clock is None:
-        return time.time_ns
-    if not callable(clock):
-        raise ElementError(f"clock must be a function without arguments, got {shown(clock)}; write clock=lambda: ...")
-    try:
-        now = clock()
-    except Exception as error:
-        raise ElementError(
-            f"clock failed when it was asked for the first time ({type(error).__name__}: {error}): it must return "
-            "int nanoseconds or float seconds from now on"
-        ) from error
-    seconds = isinstance(now, float | np.floating)
-    nanoseconds = isinstance(now, int | np.integer) and not isinstance(now, bool)
-    limit_ns = INT64[1] / 1e9 if seconds else INT64[1]
-    if not (seconds or nanoseconds) or not -limit_ns <= now <= limit_ns:
-        raise ElementError(
-            f"clock must return int nanoseconds or float seconds, got {shown(now)}; either must fit into 64 bits of "
-            "nanoseconds"
-        )
-    return _checked_clock(clock, seconds=seconds)
-
-
-_NOTHING = object()  # what a clock returned that failed
-
-
-def _checked_clock(clock: Callable[[], Any], *, seconds: bool) -> Callable[[], int]:
-    cell = memoryview(bytearray(8)).cast("q")  # the check: it takes whole numbers of 64 bits alone, in 20 ns
-
-    def now_in_nanoseconds() -> int:
-        now: Any = _NOTHING
-        try:
-            now = clock()
-            cell[0] = now
-        except Exception as error:
-            raise _clock_failed(now, error, seconds=seconds) from error
-        return cell[0]
-
-    def seconds_in_nanoseconds() -> int:
-        now: Any = _NOTHING
-        try:
-            now = clock()
-            cell[0] = int(now * 1e9)
-        except Exception as error:
-            raise _clock_failed(now, error, seconds=seconds) from error
-        return cell[0]
-
-    return seconds_in_nanoseconds if seconds else now_in_nanoseconds
-
-
-def _clock_failed(now: object, error: Exception, *, seconds: bool) -> StateError:
-    """Why this tick has no time. `now` is what the clock returned."""
-    way_out = "this tick is not logged, the next one asks again"
-    if isinstance(now, float | np.floating) and not seconds:
-        return StateError(
-            f"clock returned the float {now!r}, but an int (nanoseconds) when the logger was made; "
-            f"a clock of seconds must return floats from the start: 0.0, not 0; {way_out}"
-        )
-    if now is _NOTHING:
-        return StateError(f"clock failed ({type(error).__name__}: {error}); {way_out}")
-    return StateError(f"clock must return a time within 64 bits of nanoseconds, got {shown(now)}; {way_out}")
 
 
 def element_name(source: object, name: object, attr: object) -> str:
