@@ -3,7 +3,6 @@
 The store into the stamp, which takes whole numbers of 64 bits alone, is the only check of a tick: it costs nothing.
 """
 
-import math
 import time
 from collections.abc import Callable
 from typing import Any
