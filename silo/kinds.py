@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from silo.arguments import line, shown
 from silo.errors import ElementError
 
 _XYZ = ("_x", "_y", "_z")
@@ -88,7 +89,18 @@ _FIRST = re.compile(r"(?P<base>.+)_0")
 
 
 def vector_at_position(vector_frame: str, position_frame: str) -> str:
-    """Kind of six numbers: a vector in one frame, and the position in another frame where it acts."""
+    """Kind of six numbers: a vector in one frame, and the position in another frame where it acts.
+
+    Raises ElementError for names of frames that are empty or hold a comma or bracket.
+    """
+    for frame in (vector_frame, position_frame):
+        given = line("a frame's name", frame, "silo.vector_at_position('world', 'base')").strip()
+        if not given or any(letter in given for letter in ",()"):
+            raise ElementError(f"a frame's name must not be empty nor hold commas or brackets, got {shown(frame)}")
+    return _at_position_kind(vector_frame, position_frame)
+
+
+def _at_position_kind(vector_frame: str, position_frame: str) -> str:
     return f"vector_at_position({vector_frame}, {position_frame})"
 
 
@@ -109,7 +121,7 @@ def _find_at_position(names: Sequence[str], place: int) -> Found | None:
         return None
     base = match["base"]
     at = re.fullmatch(re.escape(base) + r"_at_position_in_(.+)_frame_x", names[place + 3])
-    suffixes = _at_position_suffixes(vector_at_position(match["frame"], at[1])) if at else None
+    suffixes = _at_position_suffixes(_at_position_kind(match["frame"], at[1])) if at else None
     return (base, (6,), suffixes) if suffixes and _follows(names, place, base, suffixes) else None
 
 
@@ -225,7 +237,7 @@ def kind_given(name: str) -> tuple[Kind, tuple[tuple[str, int], ...]] | None:
         suffixes = kind.read_name(name) if kind.read_name else None
         if suffixes is not None:
             return kind, tuple((suffix, place) for place, suffix in enumerate(suffixes))
-    raise ElementError(f"unknown kind {name!r}; there are {', '.join(given_names())}")
+    raise ElementError(f"unknown kind {shown(name)}; there are {', '.join(given_names())}")
 
 
 def given_names() -> list[str]:

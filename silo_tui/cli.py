@@ -51,7 +51,7 @@ def command(target: str, config: str, demo: bool, read_only: bool, rate: float, 
     if config and demo:
         raise click.UsageError("--demo runs here; leave out --config")
     file = None if config else _file(target)
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if not all(end is not None and end.isatty() for end in (sys.stdin, sys.stdout)):  # None where the shell closed it
         raise click.ClickException("silo-tui needs a terminal; `silo watch` writes plain lines, also into a pipe")
     sys.exit(_run(target, config, file, demo=demo, read_only=read_only, rate_hz=rate, mouse=mouse))
 

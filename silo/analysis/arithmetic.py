@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from silo.analysis import units
 from silo.analysis.samples import Samples
+from silo.arguments import shown
 from silo.errors import ElementError
 
 One = TypeVar("One", bound=Samples)
@@ -26,17 +27,19 @@ def combined(
     swapped: bool = False,
 ) -> One:
     """Return what a function makes of a signal and another, a number or an array; `swapped` puts the other first."""
-    base, unit, shown = one, _unit(one, other, sign, swapped), str(other)
+    if not isinstance(other, Samples):
+        _check_operand(one, other, sign)
+    base, unit, words = one, _unit(one, other, sign, swapped), str(other)
     mine: NDArray[Any] = wide(one)
     theirs: Any = other
     if isinstance(other, Samples):
-        shown = other.name
-        base, right = aligned(one, other, f"calculate '{one.name}' {sign} '{shown}'")
+        words = other.name
+        base, right = aligned(one, other, f"calculate '{one.name}' {sign} '{words}'")
         mine, theirs = _broadcast(wide(base), wide(right))
         _check_shapes(one, other, mine, theirs, sign)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         values = function(theirs, mine) if swapped else function(mine, theirs)
-    name = f"({shown} {sign} {one.name})" if swapped else f"({one.name} {sign} {shown})"
+    name = f"({words} {sign} {one.name})" if swapped else f"({one.name} {sign} {words})"
     made = one if values.ndim == one.values.ndim or not isinstance(other, Samples) else other
     return replace(
         made,
@@ -120,6 +123,28 @@ def _check_shapes(one: Samples, other: Samples, mine: NDArray[Any], theirs: NDAr
             f"can't calculate '{one.name}' {sign} '{other.name}': one sample has shape {one.values.shape[1:]} and "
             f"{other.values.shape[1:]}; take signals of one shape, a scalar, or a component"
         ) from error
+
+
+def _check_operand(one: Samples, other: object, sign: str) -> None:
+    """Raise `ElementError` for what is no number, nor an array of numbers that meets the values."""
+    try:
+        found = np.asarray(other)
+    except (TypeError, ValueError) as error:
+        raise ElementError(f"can't calculate '{one.name}' {sign} {shown(other)}: {error}") from None
+    if found.dtype.kind not in "biufc":
+        raise ElementError(
+            f"can't calculate '{one.name}' {sign} {shown(other)} ({type(other).__name__}): take a signal, a number of "
+            "at most 64 bits, or an array of numbers"
+        )
+    try:
+        fits = np.broadcast_shapes(one.values.shape, found.shape) == one.values.shape
+    except ValueError:
+        fits = False
+    if not fits:
+        raise ElementError(
+            f"can't calculate '{one.name}' {sign} an array of shape {found.shape}: the values have shape "
+            f"{one.values.shape}; take a number, or an array of one sample or of all"
+        )
 
 
 def _broadcast(one: NDArray[Any], other: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from silo.analysis.arithmetic import aligned
 from silo.analysis.samples import Samples
+from silo.arguments import shown, text
 from silo.errors import ElementError
 from silo.files.extras import need
 
@@ -105,12 +106,14 @@ def _is_rotation(values: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _expect(signal: Samples, width: int, what: str) -> None:
+    if not isinstance(signal, Samples):
+        raise ElementError(f"{what} must be a signal, got {shown(signal)}; write log['/log/base/orientation']")
     if signal.values.shape[1:] != (width,) or signal.values.dtype.kind not in "iuf":
         raise ElementError(f"'{signal.name}' is not {what}: one sample has shape {signal.values.shape[1:]}")
 
 
 def _check_order(order: str) -> None:
-    axes = order.lower()
+    axes = text("the order of Euler angles", order, "order='ZYX'").lower()
     one_case = order in (axes, order.upper())
     repeated = any(one == next_one for one, next_one in pairwise(axes))
     if len(order) != 3 or not set(axes) <= set("xyz") or not one_case or repeated:

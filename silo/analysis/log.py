@@ -8,6 +8,7 @@ Nothing but the header is read before a signal is asked for.
 """
 
 import difflib
+import numbers
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,12 +22,16 @@ from numpy.typing import NDArray
 
 from silo.analysis.shapes import assembled, component_names
 from silo.analysis.signals import Signal
+from silo.arguments import path as file_path
+from silo.arguments import shown, text, whole
 from silo.errors import ElementError
 from silo.files.formats import read_recording
 from silo.files.naming import find_log
 from silo.files.silo_whole import FileElements
 from silo.kinds import SCALAR
 from silo.recording import RecordedElement, RecordedEntry, Recording
+
+MOST_RUNS = 10**9
 
 __all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError", "open_log"]
 
@@ -49,10 +54,17 @@ def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str]
     What a damaged file lacks is told by a `LogWarning` and in `log.warnings`. Raises `LogNotFoundError`,
     `FileFormatError`.
     """
-    path = find_log(which, folder)
+    if not isinstance(which, str | bytes | os.PathLike):
+        if not isinstance(which, numbers.Integral):
+            raise ElementError(
+                f"which log must be a path, the start of a file name or a run number, got {shown(which)}; write "
+                "silo.open_log('logs/robot_2026')"
+            )
+        which = whole("a run number", which, 0, MOST_RUNS)
+    path = find_log(which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder))
     recording = read_recording(path)
-    for text in recording.warnings:
-        warnings.warn(f"{path}: {text}", LogWarning, stacklevel=2)
+    for warning in recording.warnings:
+        warnings.warn(f"{path}: {warning}", LogWarning, stacklevel=2)
     return Log(recording, os.fspath(path))
 
 
@@ -64,6 +76,8 @@ class Log(Mapping[str, Signal]):
     """
 
     def __init__(self, recording: Recording, path: str = "") -> None:
+        if not isinstance(recording, Recording):
+            raise ElementError(f"Log takes a Recording, got {shown(recording)}; open files by silo.open_log(...)")
         self.recording = recording
         self.path = path
         self._elements: dict[str, int] = {}
@@ -82,6 +96,10 @@ class Log(Mapping[str, Signal]):
     # ------------------------------------------------------------------------------------------------------- mapping
 
     def __getitem__(self, name: str) -> Signal:
+        if not isinstance(name, str):
+            raise UnknownSignalError(
+                f"a signal is named by a text, got {shown(name)} ({type(name).__name__}); list(log) has all names"
+            )
         for key in self._keys(name):
             if key in self._elements:
                 return self._signal(key, self.recording.elements[self._elements[key]])
@@ -108,6 +126,7 @@ class Log(Mapping[str, Signal]):
 
     def names(self, pattern: str = "*") -> list[str]:
         """Names of the elements that match a pattern with `*`, `?` and `[...]`, in the order of the file."""
+        text("pattern", pattern, "log.names('/log/joints/*')")
         prefixed = f"{self.recording.prefix}/{pattern.lstrip('/')}"
         return [name for name in self if fnmatchcase(name, pattern) or fnmatchcase(name, prefixed)]
 
@@ -117,7 +136,7 @@ class Log(Mapping[str, Signal]):
 
     def namespace(self, name: str) -> "Log":
         """The part of the log below a namespace: `log.namespace("/log/joints")`. May be empty."""
-        bare = name.strip("/")
+        bare = text("name", name, "log.namespace('/log/joints')").strip("/")
         starts = (f"/{bare}/", f"{bare}/", f"{self.recording.prefix}/{bare}/")
         kept = [element for element in self.recording.elements if element.name.startswith(starts)] if bare else None
         elements = self.recording.elements if kept is None else kept

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.shapes import scalars
+from silo.arguments import INT64, shown, whole
 from silo.errors import ElementError
 from silo.recording import NO_FAILURES, Failures
 
@@ -141,12 +142,28 @@ class Samples:
         """Return which sample holds at each stamp; -1 before the first."""
         return np.searchsorted(self.time_ns, time_ns, side="right") - 1
 
+    def seconds(self, given: object) -> NDArray[np.float64]:
+        """Return times that somebody gave as an array of numbers, of any shape. Raises `ElementError`."""
+        try:
+            found = np.asarray(given)
+            if found.dtype.kind in "biuf" and given is not None:
+                return found.astype(np.float64)
+            if found.size == 0 and found.dtype.kind != "O":
+                return np.zeros(0)
+        except (TypeError, ValueError, OverflowError):
+            pass
+        raise ElementError(
+            f"times of '{self.name}' must be numbers, in seconds since start (or a rate in Hz), got {shown(given)}"
+        )
+
     def stamps(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the stamps in nanoseconds of times in seconds since start."""
         # times that are read off `times` must find their own stamp again
         with np.errstate(invalid="ignore"):
-            since = np.asarray(np.round(np.clip(times, -9e9, 9e9) * 1e9), np.int64)
-        return np.asarray(since + self.start_ns, np.int64)
+            since = np.asarray(np.round(np.clip(times, -9.2e9, 9.2e9) * 1e9), np.int64)
+        # the end of time, not its beginning, is what lies too far ahead to be counted in 64 bits
+        low, high = INT64[0] - min(self.start_ns, 0), INT64[1] - max(self.start_ns, 0)
+        return np.asarray(np.clip(since, low, high) + self.start_ns, np.int64)
 
     @property
     def span(self) -> str:
@@ -162,7 +179,9 @@ class Samples:
 
         Signals of loggers that ran at once then meet on their stamps, not on the time since each log's start.
         """
-        return replace(self, start_ns=start.start_ns if isinstance(start, Samples) else int(start))
+        if isinstance(start, Samples):
+            return replace(self, start_ns=start.start_ns)
+        return replace(self, start_ns=whole("start (in nanoseconds, or a signal)", start, *INT64))
 
     def as_if_started(self: Self, start_ns: int) -> Self:
         """Return the same `times` in a log that started at that stamp."""

@@ -18,7 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 from silo.analysis import calculus, exports, frames, units
 from silo.analysis.arithmetic import combined, wide
 from silo.analysis.samples import Samples
+from silo.arguments import shown, text
 from silo.errors import ElementError
+
+MOST_SAMPLES = 100_000_000  # of a resampled signal
 
 Operand: TypeAlias = Union["Signal", float, int, NDArray[Any]]
 
@@ -34,9 +37,10 @@ class Signal(Samples):
 
         After the last sample that one holds on. Raises `ElementError` before the first.
         """
-        places = self.places(self.stamps(np.asarray(time_s, np.float64)))
+        times = self.seconds(time_s)
+        places = self.places(self.stamps(times))
         if (places < 0).any():
-            raise ElementError(f"'{self.name}' has no value yet at {np.min(time_s):g} s; it {self.span}")
+            raise ElementError(f"'{self.name}' has no value yet at {np.min(times):g} s; it {self.span}")
         return self.values[places] if np.ndim(places) else self.values[int(places)]
 
     def clip(self, start_s: float | None = None, stop_s: float | None = None) -> "Signal":
@@ -89,6 +93,7 @@ class Signal(Samples):
 
         Raises `ElementError` where one unit isn't a multiple of the other as far as silo knows.
         """
+        text("unit", unit, "signal.in_unit('rad/s')")
         factor = units.factor(self.unit, unit)
         if factor is None:
             raise ElementError(
@@ -99,7 +104,7 @@ class Signal(Samples):
 
     def with_unit(self, unit: str) -> "Signal":
         """Return the same values under another unit; `-` drops it."""
-        return replace(self, unit=unit)
+        return replace(self, unit=text("unit", unit, "signal.with_unit('rad/s'), or '-' for none"))
 
     # ---------------------------------------------------------------------------------------------------- statistics
 
@@ -239,21 +244,38 @@ class Signal(Samples):
     def _new_times(self, times: Union["Signal", ArrayLike, float]) -> NDArray[np.int64]:
         if isinstance(times, Signal):
             return times.time_ns
-        if np.ndim(times) == 0:
-            rate = float(times)  # type: ignore[arg-type]  # a 0-d array like
-            if not rate > 0:
-                raise ElementError(f"can't resample '{self.name}' at {rate:g} Hz: the rate must be more than 0")
+        given = self.seconds(times)
+        if given.ndim == 0:
+            rate = float(given)
+            if not 0 < rate < np.inf:
+                raise ElementError(
+                    f"can't resample '{self.name}' at {rate:g} Hz: the rate must be more than 0, and finite"
+                )
             if not len(self):
                 return np.empty(0, np.int64)
-            count = int((self.time_ns[-1] - self.time_ns[0]) * 1e-9 * rate + 1e-9) + 1
-            steps = np.round(np.arange(count) * (1e9 / rate)).astype(np.int64)
-            return np.asarray(self.time_ns[0] + steps, np.int64)
-        return self.stamps(np.asarray(times, np.float64))
+            steps = (self.time_ns[-1] - self.time_ns[0]) * 1e-9 * rate
+            if steps > MOST_SAMPLES:
+                raise ElementError(
+                    f"can't resample '{self.name}' at {rate:g} Hz: that is {steps:.3g} samples, at most "
+                    f"{MOST_SAMPLES:,} are made; it {self.span}"
+                )
+            count = int(steps + 1e-9) + 1
+            # not in whole nanoseconds each: the rate is to be met over the whole signal
+            return np.asarray(self.time_ns[0] + np.round(np.arange(count) * (1e9 / rate)).astype(np.int64), np.int64)
+        if given.ndim > 1:
+            raise ElementError(f"times to resample '{self.name}' at must have one dimension, got shape {given.shape}")
+        return self.stamps(given)
 
     def _window(self, start_s: float | None, stop_s: float | None) -> slice:
-        start = 0 if start_s is None else np.searchsorted(self.time_ns, self.stamps(np.float64(start_s)), side="left")
-        stop = len(self) if stop_s is None else np.searchsorted(self.time_ns, self.stamps(np.float64(stop_s)), "right")
+        start = 0 if start_s is None else np.searchsorted(self.time_ns, self._bound("start_s", start_s), side="left")
+        stop = len(self) if stop_s is None else np.searchsorted(self.time_ns, self._bound("stop_s", stop_s), "right")
         return slice(int(start), max(int(start), int(stop)))
+
+    def _bound(self, argument: str, given: float) -> NDArray[np.int64]:
+        time = self.seconds(given)
+        if time.ndim or np.isnan(time):
+            raise ElementError(f"{argument} must be one time in seconds since start, got {shown(given)}")
+        return self.stamps(time)
 
     def _statistic(
         self, function: Callable[..., Any], start_s: float | None, stop_s: float | None, exact: bool = False

@@ -169,8 +169,8 @@ def diff_command(first: str, second: str, tolerance: float, as_json: bool) -> No
 @click.option("--from", "start", type=float, help="Begin of the window, s from the start of the log.")
 @click.option("--to", "stop", type=float, help="End of the window, s.")
 @click.option("--png", type=click.Path(path_type=Path, dir_okay=False), help="Write a picture instead (matplotlib).")
-@click.option("--width", type=click.IntRange(30), help="Columns; that of the terminal if not given.")
-@click.option("--height", type=click.IntRange(8), help="Rows; those of the terminal if not given.")
+@click.option("--width", type=click.IntRange(30, 1000), help="Columns; that of the terminal if not given.")
+@click.option("--height", type=click.IntRange(8, 1000), help="Rows; those of the terminal if not given.")
 @_clean_errors
 def plot_command(
     file: str,
@@ -283,4 +283,5 @@ def _columns() -> int:
 
 
 def _wants_color() -> bool:
-    return sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    terminal = sys.stdout is not None and sys.stdout.isatty()  # None where the shell closed it
+    return terminal and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"

@@ -1,6 +1,7 @@
 """The group `silo`: its commands, loaded at first use, and what their errors become for the shell."""
 
 import importlib
+import io
 import os
 import sys
 from dataclasses import dataclass
@@ -109,14 +110,21 @@ def main() -> None:
     """Run `silo` with the arguments of this process and exit with its code."""
     # one thread is enough for what commands compute, and NumPy loads 70 ms faster
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # None where the shell closed it
+            stream.reconfigure(errors="backslashreplace")  # names of files need be no UTF-8, terminals know few letters
     sys.exit(run(sys.argv[1:]))
 
 
 def run(arguments: list[str]) -> int:
     """Run one command; errors become a line on stderr and an exit code."""
+    if any("\0" in word for word in arguments):  # from no shell, but from programs
+        click.echo("silo: an argument holds a NUL character", err=True)
+        return EXIT_USAGE
     try:
         code = cli.main(arguments, prog_name="silo", standalone_mode=False)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # closed by the shell
+            sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except click.UsageError as error:
         error.show()
@@ -130,6 +138,9 @@ def run(arguments: list[str]) -> int:
     except BrokenPipeError:  # `silo ls | head`: the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_PIPE
+    except MemoryError:
+        click.echo("silo: this takes more memory than there is; take a part of the log, or another machine", err=True)
+        return EXIT_FAILED
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         click.echo(f"silo: {place}{error.strerror or error}", err=True)

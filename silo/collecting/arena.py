@@ -1,9 +1,10 @@
 """Memory that `log.array` carves variables from: side by side, so that a tick copies them in one stroke."""
 
+import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from silo.errors import SourceError
 
@@ -17,16 +18,15 @@ class Arena:
         self._block: NDArray[np.uint64] = np.zeros(0, np.uint64)
         self._used = 0
 
-    def array(self, shape: int | tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-        """Zeros of this shape and type, aligned to 8 bytes. Raises SourceError for types without fixed memory."""
-        kind = np.dtype(dtype)
-        if kind.hasobject or kind.itemsize == 0:
-            raise SourceError(f"dtype {kind} has no fixed size in memory; for text give a length: dtype='S32'")
-        sizes = (shape,) if isinstance(shape, int) else tuple(shape)
-        count = int(np.prod(sizes, dtype=np.int64)) * kind.itemsize
+    def array(self, sizes: tuple[int, ...], kind: np.dtype[Any]) -> NDArray[Any]:
+        """Zeros of this shape and type, aligned to 8 bytes. Raises SourceError where there is no memory for them."""
+        count = math.prod(sizes) * kind.itemsize
         words = max(1, -(-count // 8))
         if self._used + words > len(self._block):
-            self._block = np.zeros(max(BLOCK_WORDS, words), np.uint64)
+            try:
+                self._block = np.zeros(max(BLOCK_WORDS, words), np.uint64)
+            except MemoryError:
+                raise SourceError(f"no memory for an array of shape {sizes} and type {kind}: {count} bytes") from None
             self._used = 0
         array: NDArray[Any] = np.ndarray(sizes, kind, self._block.data, 8 * self._used)
         self._used += words

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.chunks import Chunks
+from silo.collecting.clocks import NOTHING, clock_failed
 from silo.collecting.one_writer import guard_lines
 from silo.collecting.plan import Plan, RingPlan
 from silo.collecting.reasons import StopReason
@@ -28,11 +29,26 @@ from silo.collecting.scratch import Slot, packer
 from silo.collecting.segment import Segment
 from silo.collecting.slow_reads import SlowReads
 from silo.collecting.sources import Expression
+from silo.errors import StateError
 from silo.model import BufferType
 
 GATHER_WORDS = 500
 RUN_WORDS = 128
 INLINE_DIVIDERS = 4  # with more distinct dividers, one comparison per tick tells whether any is due
+
+# the store is the check of what the clock returned; a block that nothing fails in costs nothing
+CLOCK = """\
+try:
+    t = clock()
+except StateError:
+    raise
+except Exception as error:
+    raise clock_failed(NOTHING, error) from error
+try:
+    stamp[0] = tick
+    stamp[1] = t
+except Exception as error:
+    raise clock_failed(t, error) from error""".splitlines()
 
 Collect = Callable[[], None]
 
@@ -110,7 +126,8 @@ def generate(
         "stamp": stamp,
         "scratch": plan.scratch.words.data.cast("B"),
     }
-    names.objects |= {"clock": clock, "on_stop": on_stop, "copyto": np.copyto}
+    names.objects |= {"clock": clock, "clock_failed": clock_failed, "NOTHING": NOTHING, "StateError": StateError}
+    names.objects |= {"on_stop": on_stop, "copyto": np.copyto}
     names.objects |= {
         "forget": _forget,
         "after_end": after_end,
@@ -169,8 +186,7 @@ class _Writer:
         self._changed += guard.changed
         lines = ["def make():", "    tick = 0", *_indent(self._state, 1), "    def collect():"]
         lines += [f"        nonlocal {', '.join(self._changed)}", *_indent(guard.enter, 2)]
-        lines += ["        try:", "            n = tick + 1", "            t = clock()"]
-        lines += ["            stamp[0] = tick", "            stamp[1] = t", *_indent(body, 3)]
+        lines += ["        try:", "            n = tick + 1", *_indent(CLOCK, 3), *_indent(body, 3)]
         # Ctrl-C may come within a tick: all of it is logged, or nothing
         lines += [
             "        except BaseException:",

@@ -256,7 +256,7 @@ def _stored_as(value: object, string_bytes: int | None) -> _Stored | None:
         if isinstance(value, kind):
             return np.dtype(dtype), (), None, None
     if isinstance(value, str):
-        size = string_bytes or max(DEFAULT_STRING_BYTES, len(value.encode()))
+        size = string_bytes or max(DEFAULT_STRING_BYTES, len(encode_text(value)))
         return np.dtype(f"S{size}"), (), encode_text, None
     if isinstance(value, bytes):
         return np.dtype(f"S{string_bytes or max(DEFAULT_STRING_BYTES, len(value))}"), (), None, None

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from silo import kinds
+from silo.arguments import INT64, shown, text, whole
 from silo.collecting.sources import Expression, Reference, Source, Step, can_refer, express, read_steps, refer
-from silo.errors import ElementError, SourceError
+from silo.errors import ElementError, SiloError, SourceError
 from silo.model import Entry
 
 MAX_ENTRIES = 1_000_000
@@ -147,14 +148,41 @@ def register(
     ...         self.diameter, self.center = 1.0, np.zeros(2)
     >>> register(Circle, "diameter", "center", area=lambda circle: np.pi * circle.diameter**2 / 4)
     """
+    if not isinstance(cls, type):
+        raise ElementError(
+            f"register takes a class first, got {shown(cls)}; write silo.register({type(cls).__name__}, 'field', ...)"
+        )
+    call = f"register({cls.__name__})"
     if not fields and not computed:
-        raise ElementError(f"register({cls.__name__}): name at least one attribute or function")
+        raise ElementError(f"{call}: name at least one attribute or function")
     for field in fields:
         _check_path(field)
-    _registry[cls] = _Registered(fields, computed, kinds or {})
+    twice = [name for name, count in Counter([*fields, *computed]).items() if count > 1]
+    if twice:
+        raise ElementError(f"{call}: '{twice[0]}' is there twice; give each part a name of its own")
+    for name, function in computed.items():
+        if not callable(function):
+            raise ElementError(
+                f"{call}: {name} must be a function of the object, got {shown(function)}; "
+                f"write {name}=lambda one: ..., or '{name}' for an attribute"
+            )
+    _registry[cls] = _Registered(fields, computed, _field_kinds(call, kinds, [*fields, *computed]))
+
+
+def _field_kinds(call: str, given: Mapping[str, str] | None, fields: list[str]) -> Mapping[str, str]:
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise ElementError(f"{call}: kinds must be a dict, got {shown(given)}; write kinds={{'field': 'quaternion'}}")
+    for field, kind in given.items():
+        if field not in fields:
+            raise ElementError(f"{call}: kinds names {shown(field)}, which is none of {', '.join(fields)}")
+        kinds.kind_given(text(f"{call}: the kind of '{field}'", kind, "'quaternion'"))
+    return dict(given)
 
 
 def _check_path(path: str) -> None:
+    text("an attribute", path, "its name, or a dotted path like 'arm.q'")
     if not all(piece.isidentifier() and not keyword.iskeyword(piece) for piece in path.split(".")):
         raise ElementError(f"attribute {path!r}: write the name of an attribute, or a dotted path like 'arm.q'")
 
@@ -171,6 +199,10 @@ def describe(
     value: object, name: str, *, attr: str | None, kind: str, labels: Mapping[int, str] | None, string_bytes: int | None
 ) -> list[Part]:
     """The parts of what was given to `add`. Raises SourceError or ElementError, naming the element."""
+    if isinstance(value, type) and attr is None:
+        raise SourceError(
+            f"{name}: {value.__name__} is a class, not a variable: log an object of it, or an attribute by attr=..."
+        )
     try:
         if attr is not None:
             _check_path(attr)
@@ -183,6 +215,16 @@ def describe(
         _check_suffixes([scalar.suffix for part in parts for scalar in part.scalars((0,) * len(part.source.shape))])
     except ElementError as error:
         raise ElementError(f"element '{name}': {error}") from None
+    except SiloError:
+        raise
+    except RecursionError:
+        raise SourceError(
+            f"{name}: {type(value).__name__} holds itself, or is nested too deeply; log its parts one by one"
+        ) from None
+    except Exception as error:  # what stands in the program's own properties, keys and interfaces
+        raise SourceError(
+            f"{name}: looking into {type(value).__name__} failed ({type(error).__name__}: {error})"
+        ) from error
     if labels:
         parts = [dataclasses.replace(part, labels=labels) for part in parts]
     if not parts:
@@ -261,14 +303,24 @@ def _is_plain(items: list[object] | tuple[object, ...]) -> bool:
 
 
 def label_map(labels: type[enum.Enum] | Mapping[int, str] | None) -> Mapping[int, str] | None:
-    """Names of the values of an integer element, from an enumeration or a mapping."""
+    """Names of the values of an integer element, from an enumeration or a mapping. Raises ElementError."""
+    if labels is None:
+        return None
     if isinstance(labels, type) and issubclass(labels, enum.Enum):
         if not all(isinstance(member.value, int) for member in labels):
             raise ElementError(
                 f"labels={labels.__name__}: the values of its members aren't integers; give a dict: {{0: 'name', ...}}"
             )
-        return {int(member.value): member.name for member in labels}
-    return labels
+        labels = {int(member.value): member.name for member in labels}
+    if not isinstance(labels, Mapping):
+        raise ElementError(
+            f"labels must be an enumeration or a dict from numbers to names, got {shown(labels)}; "
+            "write labels={0: 'stand', 1: 'walk'}"
+        )
+    return {
+        whole("a number in labels", number, *INT64): text(f"the label of {number}", label, "labels={0: 'stand'}")
+        for number, label in labels.items()
+    }
 
 
 def strides_of(source: Source) -> tuple[int, ...]:

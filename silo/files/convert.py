@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+from silo.arguments import path as checked_path
 from silo.errors import SaveError
 from silo.files.formats import format_of, is_bag_folder, read_recording, writer_for
 from silo.recording import Progress, Recording
@@ -28,7 +29,7 @@ def convert(
     written. An existing target is replaced only with `force`, and only when the new one is complete. Raises
     `LogNotFoundError`, `FileFormatError` for the source, `SaveError` for the target, `SiloError` for a missing extra.
     """
-    final = Path(target)
+    final = checked_path("the file to write", target)
     write = writer_for(final)
     if final.exists() and not force:
         raise SaveError(f"'{final}' exists already; add --force to replace it, or choose another name")
@@ -54,8 +55,12 @@ def _with_what_is_not_known(recording: Recording, source: Path) -> Recording:
 @contextmanager
 def _set_aside(folder: Path) -> Iterator[None]:
     """Give the name of a bag folder free for a new one; whatever goes wrong, the old one gets its name back."""
-    if not is_bag_folder(folder):
-        raise SaveError(f"'{folder}' is a folder, but not of a bag: it is not replaced; choose another name")
+    others = sorted(one.name for one in folder.iterdir() if one.name != "metadata.yaml" and one.suffix != ".mcap")
+    if not is_bag_folder(folder) or others or folder.resolve() == Path.cwd():
+        holds = f", it holds {others[0]}" if others else ""
+        raise SaveError(
+            f"'{folder}' is a folder, but not of a bag alone{holds}: it is not replaced; choose another name"
+        )
     old = folder.with_name(f".silo-{os.getpid()}-{secrets.token_hex(4)}.old")
     folder.rename(old)
     try:

@@ -186,6 +186,11 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
     source = Path(path)
     if not source.exists():
         raise LogNotFoundError(f"there is no file or folder '{source}'")
+    if not source.is_dir() and not source.is_file():
+        # a pipe would be waited for without end
+        raise FileFormatError(
+            f"'{source}' is a pipe or a device, which can't be read as a log; write it to a file first"
+        )
     if source.is_dir():
         if not is_bag_folder(source):
             raise FileFormatError(f"'{source}' is a folder without a bag in it")
@@ -200,7 +205,13 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
         raise FileFormatError(
             f"'{source}': silo doesn't read {source.suffix.lower() or 'files without ending'}, only {readable()}"
         )
-    return found.load_reader()(source)
+    try:
+        return found.load_reader()(source)
+    except MemoryError:
+        raise FileFormatError(
+            f"'{source}' takes more memory than there is ({source.stat().st_size:,} bytes); convert it to .silo where "
+            "there is more: that is read in parts"
+        ) from None
 
 
 def is_bag_folder(path: Path) -> bool:

@@ -12,7 +12,8 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from silo.errors import ConnectionLostError, RefusedError, SaveError
+from silo.arguments import real, shown, text, texts, whole
+from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError
 from silo.ipc.connection import Connection, Pending
 from silo.ipc.discovery import Discovery, Found, discover, not_found_text
 from silo.ipc.exchange import checked_reply, client_name, decode_reply, key_of
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
 
 RENEW_S = 2.0  # a third of a view's lease
 MAX_SAVES = 64
+LONGEST_S = 1e6  # that anybody waits
 
 __all__ = ["Client", "Discovery", "Found", "discover"]
 
@@ -87,8 +89,11 @@ class Client:
 
         `config` is a Zenoh configuration for loggers of other hosts. Raises ConnectionLostError that says what to do.
         """
+        timeout_s = real("timeout_s", timeout_s, 0, LONGEST_S, "s", include_low=False)
         if isinstance(logger, Found):
             return cls(logger, timeout_s)
+        text("logger", logger, 'Client.connect("robot")')
+        text("config", config, 'Client.connect("robot", config="client.json5")')
         discovery = discover(timeout_s, config)
         named = discovery.named(logger)
         if not named:
@@ -131,7 +136,10 @@ class Client:
         self.close()
 
     def _call(self, request: Request[ReplyT]) -> ReplyT:
-        reply = self._connection.exchange(request, max(request.timeout_s, self._timeout_s))
+        try:
+            reply = self._connection.exchange(request, max(request.timeout_s, self._timeout_s))
+        except (OverflowError, UnicodeEncodeError) as error:
+            raise ElementError(f"{type(request).__name__} can't be sent: {error}; nothing was asked") from None
         return checked_reply(request, reply)
 
     # ----------------------------------------------------------------------------------------------------- reading
@@ -174,7 +182,11 @@ class Client:
         from silo.ipc.view import history_columns
 
         request = GetHistory(
-            names=list(names), start_ns=start_ns, end_ns=end_ns, column_ns=column_ns, client=self._name
+            names=texts("names", names, "['/log/joints/q_0']"),
+            start_ns=start_ns,
+            end_ns=end_ns,
+            column_ns=column_ns,
+            client=self._name,
         )
         return history_columns(self._call(request))
 
@@ -182,6 +194,8 @@ class Client:
 
     def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
         """Apply edits as one transaction, all or none, based on the table of that revision (-1: whichever)."""
+        if isinstance(edits, str) or not isinstance(edits, Sequence):
+            raise ElementError(f"edits must be a list of silo.model.Edit, got {shown(edits)}; nothing was changed")
         request = ApplyEdits(revision=revision, edits=list(edits), client=self._name)
         return self._call(request)
 
@@ -214,6 +228,9 @@ class Client:
 
     def save(self, types: Sequence[FileType] = (FileType.SILO,), name: str = "") -> int:
         """Begin to save in the helper process; returns the number of the job for `wait_saved`."""
+        if not isinstance(types, Sequence) or not all(isinstance(one, FileType) for one in types):
+            names = ", ".join(f"FileType.{one.name}" for one in FileType)
+            raise ElementError(f"types must be a list of {names}, got {shown(types)}; nothing is saved")
         return self._call(Save(types=list(types), name=name, client=self._name)).job
 
     def wait_saved(
@@ -223,7 +240,8 @@ class Client:
 
         Raises SaveError with the reason if it failed or takes too long, ConnectionLostError if the connection is lost.
         """
-        deadline = time.monotonic() + timeout_s
+        whole("job (the number that save() returned)", job, 0, 2**63 - 1)
+        deadline = time.monotonic() + real("timeout_s", timeout_s, 0, LONGEST_S, "s")
         told = -1.0
         while True:
             with self._saves_changed:
@@ -280,8 +298,8 @@ class Client:
 
         request = OpenView(
             view="",
-            values=list(values),
-            plots=list(plots),
+            values=texts("values", values, "['/log/joints/q']"),
+            plots=texts("plots", plots, "['/log/joints/q_0']"),
             rate_hz=rate_hz,
             column_ns=column_ns,
             client=self._name,
@@ -301,7 +319,7 @@ class Client:
         """Subscribe to every sample of a published element."""
         from silo.ipc.topic import Topic
 
-        topic = Topic(element, self._connection.forget)
+        topic = Topic(text("element", element, "client.topic('/log/joints/q')"), self._connection.forget)
         self._connection.attach(topic)
         return topic
 

@@ -16,12 +16,14 @@ from typing import Any
 import msgspec
 from numpy.typing import DTypeLike, NDArray
 
+from silo.arguments import line, switch, text
+from silo.arguments import path as file_path
 from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
 from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
 from silo.errors import ElementError, StateError
 from silo.kinds import STRUCT, struct_text
-from silo.logger.options import name_of
+from silo.logger.options import array_layout, edits_given, element_name, string_room
 from silo.logger.table import Table
 from silo.model import (
     DEFAULT_OPTIONS,
@@ -57,6 +59,7 @@ class Configuration:
             raise StateError(f"logger '{self.options.name}' is closed; make a new one")
 
     def _check_stopped(self, what: str) -> None:
+        self._check_open()
         if self._running:
             raise StateError(
                 f"can't {what} while logger '{self.options.name}' runs: stop() it first; nothing was changed"
@@ -77,7 +80,7 @@ class Configuration:
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
         """Return why edits can't be applied, one per field; empty when they can."""
-        return self._table.problems(edits)
+        return self._table.problems(edits_given(edits))
 
     @property
     def elements(self) -> list[ElementInfo]:
@@ -121,7 +124,11 @@ class Configuration:
         ElementError for names and values out of range.
         """
         self._check_open()
-        full = join_name(self.options.prefix, group, name or name_of(source, attr))
+        name = element_name(source, name, attr)
+        group, unit = text("group", group, 'group="joints"'), line("unit", "-" if unit is None else unit, 'unit="Nm"')
+        kind, description = text("kind", kind, 'kind="pose"'), text("description", description, 'description="..."')
+        string_bytes = string_room(string_bytes)
+        full = join_name(self.options.prefix, group, name)
         options = self._new_options(
             full, buffer_size, enabled=enabled, divider=divider, action=action, buffer_type=buffer_type
         )
@@ -129,11 +136,15 @@ class Configuration:
         entries = tuple(
             entry_of(scalar, part.labels) for part in parts for scalar in part.scalars(strides_of(part.source))
         )
+        if labels and not any(entry.labels for entry in entries):
+            raise ElementError(
+                f"element '{full}': labels name the values of integers, and it has none; leave them out, or log an int"
+            )
         first = parts[0].source
         single = len(parts) == 1
         info = ElementInfo(
             name=full,
-            unit=unit or "-",
+            unit=unit.strip() or "-",
             kind=kind_of(first.dtype, first.shape, kind) if single else STRUCT.name,
             shape=first.shape if single else (),
             entries=entries,
@@ -169,7 +180,9 @@ class Configuration:
 
         Returns zeros of this shape and type. The fastest way: all such variables are one memory copy per tick.
         """
-        made = self._arena.array(shape, dtype)
+        self._check_open()
+        text("the element's name", name, 'log.array("q", 12)')
+        made = self._arena.array(*array_layout(shape, dtype))
         self.add(made, name, **options)
         return made
 
@@ -178,6 +191,7 @@ class Configuration:
 
         Raises StateError while running, ScriptError for a script with problems (nothing is changed then).
         """
+        switch("read_script", read_script)
         with self._lock:
             self._check_stopped("update the table")
             self._table.adopt()
@@ -195,6 +209,7 @@ class Configuration:
         `log.set("joints", divider="50Hz", size="10s", action="both")`. Raises StateError while running, ElementError
         for unknown names and values out of range.
         """
+        text("the element's or namespace's name", name, 'log.set("joints", divider=5), one call for each')
         with self._lock:
             self._check_stopped("change elements")
             places = self._table.select(name)
@@ -215,6 +230,7 @@ class Configuration:
 
     def apply(self, edits: Sequence[Edit]) -> int:
         """Apply edits as one transaction, all or none; returns how many elements changed. Raises like `set`."""
+        edits = edits_given(edits)
         with self._lock:
             self._check_stopped("change elements")
             problems = self._table.problems(edits)
@@ -231,16 +247,17 @@ class Configuration:
         """
         from silo.settings.script import apply_script, read_script
 
+        file = self._script_path(path)
         with self._lock:
             self._check_stopped("load a script")
-            script = read_script(path or self.options.script)
+            script = read_script(file)
             plan = apply_script(script, self._table.infos, self.options.frequency_hz)
             self._table.set_all(plan.options)
             self._tell()
         for warning in script.warnings:
             log.warning("%s", warning)
         for unknown in plan.unknown:
-            log.warning("%s: %s", path or self.options.script, unknown)
+            log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]
 
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
@@ -250,8 +267,12 @@ class Configuration:
         """
         from silo.settings.script import kept_text, write_script
 
-        target = Path(path or self.options.script)
+        self._check_open()
+        target = self._script_path(path)
         kept = write_script(target, self.elements)
         if kept:
             log.warning("%s: script saved%s", target, kept_text(kept))
         return target
+
+    def _script_path(self, given: str | os.PathLike[str] | None) -> Path:
+        return Path(self.options.script) if given is None else file_path("path", given)

@@ -13,13 +13,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from silo.arguments import path, text
+from silo.collecting.clocks import nanosecond_clock
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
 from silo.errors import StateError
 from silo.logger.configuration import Configuration
 from silo.logger.current_run import CurrentRun
 from silo.logger.new_values import NewValues, NewValuesReader
-from silo.logger.options import file_type, logger_options, nanosecond_clock
+from silo.logger.options import file_types, logger_options, serving_config, serving_group
 from silo.logger.predecessors import look_back
 from silo.logger.unclosed import drop_journals, end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
 from silo.model import FileType, SavedFile, State, Storage, Threads
@@ -240,6 +242,7 @@ class Logger(Configuration):
 
         `missed` counts those overwritten.
         """
+        text("the element's name", name, 'log.read_new_values("joints/q")')
         with self._lock:
             self._check_open()
             info = self._table.elements[self._table.place(name)].info
@@ -260,18 +263,20 @@ class Logger(Configuration):
         Served loggers save in their helper process. Raises SaveError (nothing stands under the final name, the data is
         still in memory), StateError before the first start.
         """
-        chosen = [file_type(one) for one in ([types] if isinstance(types, FileType | str) else types)]
+        chosen = file_types(types)
+        name = text("name", name or "", 'log.save(name="first_walk")')
+        where = path("folder", folder) if folder else Path(self.options.folder)
         self._check_open()
         run = self._present.run
         if run is None:
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
         ticks = run.segment.ticks
         if self._serving is not None and self._serving.is_up:
-            saved = self._serving.save(chosen, name or "", str(Path(folder).resolve()) if folder else "")
+            saved = self._serving.save(chosen, name, str(where.resolve()) if folder else "")
         else:
             from silo.files import write
 
-            saved = write(self.snapshot(), folder or self.options.folder, self.options.name, chosen, name)
+            saved = write(self.snapshot(), where, self.options.name, chosen, name or None)
         with self._lock:
             self._present.mark_saved(run, ticks)
         return saved
@@ -300,6 +305,7 @@ class Logger(Configuration):
         """
         from silo.logger.serving import Serving
 
+        group, config = serving_group(group), serving_config(config)
         with self._lock:
             self._check_open()
             if self._serving is not None and self._serving.alive:

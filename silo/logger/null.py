@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from silo.arguments import path as file_path
 from silo.logger.new_values import NewValues
+from silo.logger.options import array_layout
 from silo.model import (
     DEFAULT_OPTIONS,
     Action,
@@ -100,8 +102,8 @@ class NullLogger:
     def array(
         self, name: str, shape: int | tuple[int, ...] = (), dtype: DTypeLike = float, **options: Any
     ) -> NDArray[Any]:
-        """Return zeros of this shape and type."""
-        return np.zeros(shape, dtype)
+        """Return zeros of this shape and type. Raises like `Logger.array`."""
+        return np.zeros(*array_layout(shape, dtype))
 
     def update(self, *, read_script: bool = True) -> None:
         """Do nothing."""
@@ -140,7 +142,7 @@ class NullLogger:
 
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write nothing; the path that would have been written."""
-        return Path(path or self.options.script)
+        return file_path("path", path) if path else Path(self.options.script)
 
     def snapshot(self) -> Recording:
         """Return an empty recording."""

@@ -1,20 +1,26 @@
 """What the arguments of `Logger` and of its methods may be, and what they become."""
 
-import functools
+import grp
 import math
+import numbers
 import os
 import re
 import secrets
-import time
-from collections.abc import Callable
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from silo.errors import ElementError, StateError
-from silo.logger.arguments import path, real, switch, text, whole
-from silo.model import FileType, LoggerOptions, Storage, Threads, join_name
+from silo.arguments import line, path, real, shown, switch, text, whole
+from silo.collecting.traits import MAX_ENTRIES
+from silo.errors import ElementError, SourceError
+from silo.model import Edit, ElementOptions, FileType, LoggerOptions, Storage, Threads, join_name
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
+MAX_STRING_BYTES = 1_000_000
+MAX_DIMENSIONS = 32  # of NumPy 1
 
 
 def logger_options(
@@ -34,17 +40,17 @@ def logger_options(
     """Return options with absolute paths. Raises ElementError that names the argument, its value and its range."""
     if not NAME_PATTERN.fullmatch(text("the logger's name", name, 'silo.Logger("robot")')):
         raise ElementError(f"logger name {name!r}: 1 to 40 letters, digits, '_', '-' or '.', a letter or digit first")
-    if storage not in set(Storage):
-        raise ElementError(f"storage must be 'memory', 'disk' or 'file', got {storage!r}")
-    if threads not in (Threads.SINGLE, Threads.SERIALIZED):
-        raise ElementError(f"threads must be 'single' or 'serialized', got {threads!r}")
+    if not isinstance(storage, str) or storage not in set(Storage):
+        raise ElementError(f"storage must be 'memory', 'disk' or 'file', got {shown(storage)}")
+    if not isinstance(threads, str) or threads not in set(Threads):
+        raise ElementError(f"threads must be 'single' or 'serialized', got {shown(threads)}")
     return LoggerOptions(
         name=name,
         frequency_hz=real("frequency", frequency, 0, 1e6, "Hz", include_low=False),
         max_time_s=real("max_time", max_time, 0, 1e9, "s (0: no limit)"),
         prefix=_prefix(prefix),
-        script=str(path("script", script).absolute()),
-        folder=str(path("folder", folder).absolute()),
+        script=_absolute("script", script),
+        folder=_absolute("folder", folder),
         storage=Storage(storage),
         size_tiers=whole("size_tiers", size_tiers, 1, 1000),
         memory_limit_mb=whole("memory_limit_mb", memory_limit_mb, 1, 10**9),
@@ -54,59 +60,130 @@ def logger_options(
     )
 
 
-def _prefix(given: str) -> str:
-    stripped = text("prefix", given, 'prefix="/log"').strip("/")
+def _absolute(argument: str, given: object) -> str:
+    return text(argument, str(path(argument, given).absolute()), f"{argument}='some/path'")
+
+
+def _prefix(given: object) -> str:
+    stripped = line("prefix", given, 'prefix="/log"').strip("/")
     return join_name("", "", stripped) if stripped else ""
 
 
-def nanosecond_clock(clock: Callable[[], int | float] | None) -> Callable[[], int]:
-    """Return a clock of int nanoseconds, whichever unit it was given in. Raises ElementError for anything else."""
-    if clock is None:
-        return time.time_ns
-    if not callable(clock):
-        raise ElementError(f"clock must be a function without arguments, got {clock!r}; write clock=lambda: ...")
-    try:
-        now = clock()
-    except Exception as error:
+def element_name(source: object, name: object, attr: object) -> str:
+    """Return the name of an element, told by its attribute or function where none is given. Raises ElementError."""
+    if isinstance(source, str) and name is not None and not isinstance(name, str):
         raise ElementError(
-            f"clock failed when it was asked for the first time ({type(error).__name__}: {error}): it must return "
-            "int nanoseconds or float seconds from now on"
-        ) from error
-    if isinstance(now, float | np.floating):
-        if not math.isfinite(now):
-            raise ElementError(f"clock must return int nanoseconds or float seconds, got {now!r}")
-        return lambda: int(clock() * 1e9)
-    if isinstance(now, int | np.integer) and not isinstance(now, bool):
-        return functools.partial(_whole_nanoseconds, clock)
-    raise ElementError(f"clock must return int nanoseconds or float seconds, got {now!r}")
-
-
-def _whole_nanoseconds(clock: Callable[[], int | float]) -> int:
-    now = clock()
-    if isinstance(now, float):
-        raise StateError(
-            f"clock returned the float {now!r}, but an int (nanoseconds) when the logger was made; "
-            "a clock of seconds must return floats from the start: 0.0, not 0"
+            f"log.add takes the variable first and its name second, got {shown(source)} and a {type(name).__name__}; "
+            f'write log.add({source if source.isidentifier() else "variable"}, "{source}")'
         )
-    return now
-
-
-def name_of(source: object, attr: str | None) -> str:
-    """Return the name of an element that was given none. Raises ElementError where none can be told."""
-    name = attr.rsplit(".", 1)[-1] if attr else getattr(source, "__name__", "")
-    if not name or name == "<lambda>":
+    if name is not None:
+        given = text("the element's name", name, f'log.add({type(source).__name__.lower()}, "name")')
+        if given and not given.strip(" /"):
+            raise ElementError(f"element name {shown(given)}: write a name of more than blanks and '/'")
+        if given:
+            return given
+    found = str(attr).rsplit(".", 1)[-1] if attr else getattr(source, "__name__", "")
+    if not isinstance(found, str) or not found or found == "<lambda>":
         raise ElementError(f'give the element a name: log.add({type(source).__name__.lower()}, "name")')
-    return str(name)
+    return found
 
 
-def file_type(given: FileType | str) -> FileType:
+def string_room(given: int | None) -> int | None:
+    """The bytes to keep for a string, None for as many as it has now, 64 at least. Raises ElementError."""
+    return None if given is None else whole("string_bytes", given, 1, MAX_STRING_BYTES)
+
+
+def array_layout(shape: object, dtype: object) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """The lengths and the type of an array that `log.array` is to make.
+
+    Raises ElementError for a shape that none has, SourceError for a type without a fixed size in memory.
+    """
+    example = 'write log.array("q", 12), log.array("R", (3, 3)) or log.array("n", dtype=int)'
+    if isinstance(shape, str | bytes | type | np.dtype) or not isinstance(shape, numbers.Integral | Iterable):
+        raise ElementError(f"shape must be a whole number or several of them, got {shown(shape)}; {example}")
+    sizes = tuple(shape) if isinstance(shape, Iterable) else (shape,)
+    try:
+        lengths = tuple(whole("each length of shape", size, 0, MAX_ENTRIES) for size in sizes)
+    except ElementError as error:
+        raise ElementError(f"{error}; {example}") from None
+    if len(lengths) > MAX_DIMENSIONS or math.prod(lengths) > MAX_ENTRIES:
+        raise ElementError(
+            f"shape must have at most {MAX_DIMENSIONS} dimensions and {MAX_ENTRIES} values together, got {shown(shape)}"
+        )
+    try:
+        kind = np.dtype(dtype)  # type: ignore[call-overload]  # whatever it was given
+    except (TypeError, ValueError, SyntaxError, OverflowError) as error:
+        raise SourceError(
+            f"dtype {shown(dtype)} is no type of NumPy ({error}); write dtype=float, 'f4', int, bool or 'S32'"
+        ) from None
+    if kind.hasobject or kind.itemsize == 0:
+        raise SourceError(f"dtype {kind} has no fixed size in memory; for text give a length: dtype='S32'")
+    if kind.kind in "mM" and np.datetime_data(kind)[0] == "generic":
+        raise SourceError(f"dtype {kind} is a time without a unit; write dtype='{kind.kind}8[ns]'")
+    return lengths, kind
+
+
+def edits_given(edits: object) -> list[Edit]:
+    """The edits of a transaction. Raises ElementError for anything else."""
+    if isinstance(edits, str | bytes | Mapping) or not isinstance(edits, Iterable):
+        raise ElementError(
+            f"edits must be a list of silo.model.Edit, got {shown(edits)}; log.set(name, ...) is simpler"
+        )
+    found = list(edits)
+    for one in found:
+        right = isinstance(one, Edit) and isinstance(one.name, str) and isinstance(one.options, ElementOptions)
+        if not right:
+            raise ElementError(
+                f"an edit must be silo.model.Edit(name, ElementOptions(...)), got {shown(one)}; nothing was changed"
+            )
+    return found
+
+
+def file_types(given: object) -> list[FileType]:
+    """The file types to save in. Raises ElementError."""
+    if isinstance(given, str | bytes | bool) or not isinstance(given, Iterable):
+        given = [given]
+    return [file_type(one) for one in given]
+
+
+def file_type(given: object) -> FileType:
     """Return a file type by its name. Raises ElementError."""
     if isinstance(given, FileType):
         return given
     # not before: the control program loads nothing of files until it saves
     from silo.files import formats
 
-    found = formats.file_type(given)
+    found = formats.file_type(given) if isinstance(given, str) else None
     if found is None:
-        raise ElementError(f"unknown file type {given!r}; there are {formats.savable()}")
+        near = get_close_matches(str(given).lower(), formats.SAVED_NAMES, 1) if isinstance(given, str) else []
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        raise ElementError(f"unknown file type {shown(given)}; there are {formats.savable()}{hint}")
     return found
+
+
+def serving_group(given: str | None) -> str | None:
+    """The system group that may come in. Raises ElementError for one that this system doesn't have."""
+    if given is None:
+        return None
+    name = line("group", given, 'group="robot"')
+    try:
+        grp.getgrnam(name)
+    except (KeyError, ValueError):
+        raise ElementError(
+            f"no group {shown(name)} on this system; make it with `groupadd {name or 'robot'}`; the logger isn't served"
+        ) from None
+    return name
+
+
+def serving_config(given: str | os.PathLike[str] | None) -> Path | None:
+    """The file with remote access settings. Raises ElementError for what can't be read."""
+    if given is None:
+        return None
+    file = path("config", given).absolute()
+    try:
+        file.open("rb").close() if file.is_file() else file.stat()
+    except OSError as error:
+        raise ElementError(f"config: can't read {file} ({error.strerror}); the logger isn't served") from None
+    if not file.is_file():
+        raise ElementError(f"config must be a file, {file} is none; the logger isn't served; see config/ for examples")
+    return file

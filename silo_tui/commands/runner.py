@@ -1,5 +1,6 @@
 """What the words of the `:` line do where they take arguments, or mean something else than the command's key."""
 
+import os
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any
 
 from textual.app import App
 
+from silo.arguments import path as file_path
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.settings.words import completions, read_settings
@@ -153,7 +155,9 @@ class CommandRunner:
 
     def word_picture(self, spelled: command_line.Spelled) -> None:
         """Carry out `:picture [FILE]`."""
-        path = Path(spelled.arguments[0] if spelled.arguments else "silo-tui.svg").expanduser()
+        # os.path: a `~name` that nobody has stays as it is, and is told of as a folder that is not there
+        given = os.path.expanduser(spelled.arguments[0] if spelled.arguments else "silo-tui.svg")  # noqa: PTH111
+        path = file_path("the picture's path", given)
         self._context.app.call_after_refresh(self._write_picture, path)  # without this command on it
 
     def _write_picture(self, path: Path) -> None:

@@ -8,6 +8,7 @@ import os
 import random
 import re
 import resource
+import shutil
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -52,7 +53,7 @@ WORDS = [
     b"<M8[D]",
     b"O",
 ]
-TARGETS = ["silo", "csv", "mcap", "sidecar", "rows", "checked"]
+TARGETS = ["silo", "csv", "mcap", "sidecar", "rows", "checked", "bag"]
 
 
 def a_recording(rng: random.Random) -> Recording:
@@ -146,6 +147,8 @@ def make(target: str, number: int) -> Path:
     rng = random.Random(f"{target} {number}")
     recording = a_recording(rng)
     path = Path("x.csv" if target in ("csv", "rows", "sidecar") else "x.mcap" if target == "mcap" else "x.silo")
+    if target == "bag":
+        return a_damaged_bag(recording, rng)
     if target == "rows":
         from silo.files.csv_file import write_csv
 
@@ -158,6 +161,22 @@ def make(target: str, number: int) -> Path:
     if target in ("csv", "rows") and number % 2:
         Path("x.csv.json").unlink()
     return path
+
+
+def a_damaged_bag(recording: Recording, rng: random.Random) -> Path:
+    """A bag folder with one of its files damaged or gone."""
+    folder = Path("bag")
+    shutil.rmtree(folder, ignore_errors=True)
+    writer_for(folder)(recording, folder, None)
+    hurt = rng.choice(sorted(folder.iterdir()))
+    how = rng.randrange(8)
+    if how == 0:
+        hurt.unlink()
+    elif how == 1:
+        hurt.rename(hurt.with_name("other" + hurt.suffix))
+    else:
+        hurt.write_bytes(damaged(hurt.read_bytes(), rng))
+    return folder
 
 
 def look_at_all(path: Path) -> None:

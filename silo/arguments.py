@@ -1,0 +1,104 @@
+"""What kind of thing an argument must be: checked at the door, so that a mistake is told in the words of the caller.
+
+Each function returns the value as the type that it names, or raises ElementError with argument, value, range and what
+to write instead. Called by whatever a user can call, never by `collect()`.
+"""
+
+import math
+import numbers
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from silo.errors import ElementError
+
+MOST_SHOWN = 80  # characters of a value in a message
+MOST_NAME_BYTES, MOST_PATH_BYTES = 255, 4095  # of Linux
+
+INT64 = (-(2**63), 2**63 - 1)
+
+
+def shown(value: object) -> str:
+    """A value in a message: short, on one line, whatever its class does when it is asked."""
+    try:
+        words = " ".join(repr(value).split())
+    except Exception:  # noqa: BLE001  # the mistake that is told of is another one
+        words = f"a {type(value).__name__}"
+    words = words if len(words) <= MOST_SHOWN else f"{words[:MOST_SHOWN]}..."
+    return words.encode("utf-8", "backslashreplace").decode()
+
+
+def text(argument: str, value: object, example: str) -> str:
+    """A string that can be stored. `example` shows how the call is written."""
+    if not isinstance(value, str):
+        raise ElementError(f"{argument} must be a text, got {shown(value)} ({type(value).__name__}); write {example}")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise ElementError(
+            f"{argument} must be a text of whole characters, got {shown(value)}, which no file can hold; "
+            f"write {example}"
+        ) from None
+    return str(value)
+
+
+def line(argument: str, value: object, example: str) -> str:
+    """A string on one line, without control characters."""
+    given = text(argument, value, example)
+    if not given.isprintable():
+        raise ElementError(f"{argument} must be of printable characters, on one line, got {shown(given)}")
+    return given
+
+
+def texts(argument: str, value: object, example: str) -> list[str]:
+    """Several strings; one alone is a mistake, as it would count as its letters."""
+    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+        raise ElementError(f"{argument} must be a list of texts, got {shown(value)}; write {example}")
+    return [text(f"each of {argument}", one, example) for one in value]
+
+
+def path(argument: str, value: object) -> Path:
+    """A path, relative or absolute."""
+    if not isinstance(value, str | bytes | os.PathLike) or not os.fspath(value):
+        raise ElementError(f"{argument} must be a path, got {shown(value)}; write {argument}='some/path'")
+    try:
+        found = Path(os.fsdecode(value))
+        length = len(os.fsencode(found))
+        longest = max((len(os.fsencode(part)) for part in found.parts), default=0)
+    except UnicodeError:
+        raise ElementError(f"{argument} must be a path of whole characters, got {shown(value)}") from None
+    if "\0" in str(found):
+        raise ElementError(f"{argument} must be a path without NUL characters, got {shown(value)}")
+    if length > MOST_PATH_BYTES or longest > MOST_NAME_BYTES:
+        raise ElementError(
+            f"{argument} must be a path of at most {MOST_PATH_BYTES} bytes, {MOST_NAME_BYTES} in each name, got "
+            f"{shown(value)}"
+        )
+    return found
+
+
+def real(argument: str, value: object, low: float, high: float, unit: str, *, include_low: bool = True) -> float:
+    """A number from `low` to below `high`, which may be any kind of real number but no bool and no text."""
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if math.isfinite(number) and (low <= number if include_low else low < number) and number < high:
+            return number
+    begin = f"from {low:g}" if include_low else f"above {low:g}"
+    raise ElementError(f"{argument} must be {begin} and below {high:g} {unit}, got {shown(value)}")
+
+
+def whole(argument: str, value: object, low: int, high: int) -> int:
+    """A whole number from `low` to `high`; NumPy's are fine."""
+    if isinstance(value, numbers.Integral) and not isinstance(value, bool) and low <= int(value) <= high:
+        return int(value)
+    raise ElementError(f"{argument} must be a whole number from {low} to {high}, got {shown(value)}")
+
+
+def switch(argument: str, value: object) -> bool:
+    """True or False."""
+    if not isinstance(value, bool):
+        raise ElementError(f"{argument} must be True or False, got {shown(value)}")
+    return value

@@ -1,0 +1,396 @@
+"""Natural mistakes at every door of the Python API: each is told of by an error of silo that names what is wrong.
+
+A call with too many or unknown arguments, or an operator that signals lack, is Python's own TypeError.
+"""
+
+import datetime
+import enum
+import math
+
+import numpy as np
+import pytest
+
+import silo
+from silo.logger.null import NullLogger
+from silo.model import Edit
+
+Z, N = np.zeros(3), np.zeros(1, int)
+ODD = "\ud800"  # half a character: no file can hold it
+
+
+class Colour(enum.Enum):
+    RED = "red"
+
+
+class Thing:
+    x = 1.0
+    half = ODD
+
+    def __init__(self):
+        self.inside = {}
+        self.inside["itself"] = self.inside
+
+
+class Hostile:
+    """Fails wherever it is looked into."""
+
+    def __repr__(self):
+        raise RuntimeError("no")
+
+    def __bool__(self):
+        raise ValueError("no")
+
+    @property
+    def __array_interface__(self):
+        raise ValueError("no")
+
+
+ADD = {
+    "name and variable exchanged": (lambda log: log.add("tau", Z), 'write log.add(tau, "tau")'),
+    "a number for a name": (lambda log: log.add(Z, 5), "name must be a text, got 5 (int)"),
+    "bytes for a name": (lambda log: log.add(Z, b"z"), "name must be a text, got b'z' (bytes)"),
+    "an array for a name": (lambda log: log.add(Z, Z), "name must be a text, got array"),
+    "a blank name": (lambda log: log.add(Z, " "), "more than blanks"),
+    "half a character in a name": (lambda log: log.add(Z, ODD), "whole characters"),
+    "a number for a group": (lambda log: log.add(Z, "z", group=5), 'group must be a text, got 5 (int); write group="'),
+    "None for a group": (lambda log: log.add(Z, "z", group=None), "group must be a text, got None"),
+    "a number for a unit": (lambda log: log.add(Z, "z", unit=5), "unit must be a text, got 5"),
+    "units in a list": (lambda log: log.add(Z, "z", unit=["m"] * 3), "unit must be a text"),
+    "a unit of two lines": (lambda log: log.add(Z, "z", unit="m\n"), "unit must be of printable characters"),
+    "a number for a description": (lambda log: log.add(Z, "z", description=5), "description must be a text"),
+    "half a character in a description": (lambda log: log.add(Z, "z", description=ODD), "whole characters"),
+    "a number for a kind": (lambda log: log.add(Z, "z", kind=5), "kind must be a text"),
+    "a list for a kind": (lambda log: log.add(Z, "z", kind=["pose"]), "kind must be a text"),
+    "a number for labels": (lambda log: log.add(N, "n", labels=5), "labels must be an enumeration or a dict"),
+    "a list for labels": (lambda log: log.add(N, "n", labels=["a", "b"]), "labels={0: 'stand', 1: 'walk'}"),
+    "a member for labels": (lambda log: log.add(N, "n", labels=Colour.RED), "labels must be an enumeration"),
+    "labels the wrong way round": (lambda log: log.add(N, "n", labels={"a": 0}), "labels must be a whole number"),
+    "numbers as labels": (lambda log: log.add(N, "n", labels={0: 5}), "label of 0 must be a text"),
+    "labels beyond 64 bits": (
+        lambda log: log.add(N, "n", labels={10**30: "a"}),
+        "whole number from -9223372036854775808",
+    ),
+    "labels of floats": (lambda log: log.add(Z, "z", labels={0: "a"}), "labels name the values of integers"),
+    "a negative string_bytes": (lambda log: log.add(lambda: "a", "s", string_bytes=-1), "from 1 to 1000000, got -1"),
+    "text for string_bytes": (lambda log: log.add(lambda: "a", "s", string_bytes="64"), "got '64'"),
+    "a float for string_bytes": (lambda log: log.add(lambda: "a", "s", string_bytes=1.5), "got 1.5"),
+    "a huge string_bytes": (lambda log: log.add(lambda: "a", "s", string_bytes=10**12), "got 1000000000000"),
+    "a number for attr": (lambda log: log.add(Thing(), "x", attr=5), "an attribute must be a text"),
+    "bytes for attr": (lambda log: log.add(Thing(), "x", attr=b"x"), "an attribute must be a text"),
+    "attributes in a list": (lambda log: log.add(Thing(), "x", attr=["x"]), "an attribute must be a text"),
+    "a class": (lambda log: log.add(Thing, "thing"), "Thing is a class, not a variable"),
+    "what holds itself": (lambda log: log.add(Thing(), attr="inside"), "holds itself"),
+    "what fails when looked into": (lambda log: log.add(Hostile(), "h"), "looking into Hostile failed"),
+    "a hostile name": (lambda log: log.add(Z, Hostile()), "got a Hostile"),
+}
+ARRAY = {
+    "a negative length": (lambda log: log.array("a", -1), "each length of shape must be a whole number from 0"),
+    "a negative length in a tuple": (lambda log: log.array("a", (2, -3)), "got -3"),
+    "two negative lengths": (lambda log: log.array("a", (-2, -3)), "got -2"),
+    "a float": (lambda log: log.array("a", 1.5), "shape must be a whole number or several"),
+    "a float in a tuple": (lambda log: log.array("a", (1.5,)), "got 1.5"),
+    "text": (lambda log: log.array("a", "3"), 'write log.array("q", 12)'),
+    "None": (lambda log: log.array("a", None), "shape must be"),
+    "True": (lambda log: log.array("a", True), "got True"),
+    "the type in its place": (lambda log: log.array("a", float), "shape must be"),
+    "the type's name in its place": (lambda log: log.array("a", "f8"), 'log.array("n", dtype=int)'),
+    "too many values": (lambda log: log.array("a", 10**12), "got 1000000000000"),
+    "too many values together": (lambda log: log.array("a", (10**5, 10**5)), "1000000 values together"),
+    "more than 64 bits": (lambda log: log.array("a", 10**30), "from 0 to 1000000"),
+    "too many dimensions": (lambda log: log.array("a", (1,) * 70), "at most 32 dimensions"),
+    "name and shape exchanged": (lambda log: log.array(3, "a"), "name must be a text, got 3"),
+    "no such dtype": (lambda log: log.array("a", dtype="nonsense"), "dtype 'nonsense' is no type of NumPy"),
+    "a number for a dtype": (lambda log: log.array("a", dtype=5), "dtype 5 is no type"),
+    "a field twice": (lambda log: log.array("a", dtype=[("a", float), ("a", int)]), "occurs more than once"),
+    "objects": (lambda log: log.array("a", dtype=object), "no fixed size"),
+    "a time without unit": (lambda log: log.array("a", dtype="M8"), "dtype='M8[ns]'"),
+    "a number for a unit": (lambda log: log.array("a", 3, unit=5), "unit must be a text"),
+}
+TABLE = {
+    "set a number": (lambda log: log.set(5, divider=5), "name must be a text, got 5"),
+    "set None": (lambda log: log.set(None, divider=5), "name must be a text"),
+    "set a list": (lambda log: log.set(["x", "z"], divider=2), "one call for each"),
+    "enable a number": (lambda log: log.enable(5), "name must be a text"),
+    "disable None": (lambda log: log.disable(None), "name must be a text"),
+    "apply a number": (lambda log: log.apply(5), "edits must be a list"),
+    "apply numbers": (lambda log: log.apply([5]), "an edit must be silo.model.Edit"),
+    "apply texts": (lambda log: log.apply("x"), "edits must be a list"),
+    "apply options alone": (lambda log: log.apply([silo.ElementOptions()]), "an edit must be"),
+    "apply an edit of a number": (lambda log: log.apply([Edit(5, silo.ElementOptions())]), "an edit must be"),
+    "load a number": (lambda log: log.load_script(5), "path must be a path, got 5"),
+    "load a list": (lambda log: log.load_script(["a"]), "path must be a path"),
+    "load NUL": (lambda log: log.load_script("a\0b"), "without NUL"),
+    "load a long name": (lambda log: log.load_script("x" * 5000), "at most 4095 bytes"),
+    "save to a number": (lambda log: log.save_script(5), "path must be a path"),
+    "save to a long name": (lambda log: log.save_script("x" * 300), "255 in each name"),
+    "update with a number": (lambda log: log.update(read_script=5), "read_script must be True or False"),
+}
+DATA = {
+    "save a number": (lambda log: log.save(5), "unknown file type 5; there are"),
+    "save None": (lambda log: log.save(None), "unknown file type None"),
+    "save a wrong word": (lambda log: log.save(["cvs"]), "did you mean 'csv'?"),
+    "save bytes": (lambda log: log.save(b"csv"), "unknown file type b'csv'"),
+    "save an array": (lambda log: log.save(Z), "unknown file type"),
+    "save under a number": (lambda log: log.save("csv", 5), "name must be a text, got 5"),
+    "save in a number": (lambda log: log.save("csv", "x", 5), "folder must be a path, got 5"),
+    "save in NUL": (lambda log: log.save("csv", folder="a\0b"), "without NUL"),
+    "read a number": (lambda log: log.read_new_values(5), "name must be a text"),
+    "read None": (lambda log: log.read_new_values(None), "name must be a text"),
+    "serve a number": (lambda log: log.serve(group=5), "group must be a text"),
+    "serve no group": (lambda log: log.serve(group=""), "no group ''"),
+    "serve a strange group": (lambda log: log.serve(group="no-such-group"), "groupadd no-such-group"),
+    "serve by a number": (lambda log: log.serve(config=5), "config must be a path, got 5"),
+    "serve by no file": (lambda log: log.serve(config="nope.json5"), "nope.json5 (No such file or directory)"),
+    "serve by a folder": (lambda log: log.serve(config="."), "config must be a file"),
+}
+MADE = {
+    "a float overflows": (lambda: silo.Logger("a", frequency=10**400), "frequency must be above 0"),
+    "a list for storage": (lambda: silo.Logger("a", storage=["memory"]), "storage must be"),
+    "a dict for threads": (lambda: silo.Logger("a", threads={}), "threads must be"),
+    "a prefix of two lines": (lambda: silo.Logger("a", prefix="a\nb"), "prefix must be of printable"),
+    "a hostile folder": (lambda: silo.Logger("a", folder=Hostile()), "folder must be a path, got a Hostile"),
+    "a folder that can't be told": (lambda: silo.Logger("a", folder=b"\xff"), "whole characters"),
+    "a clock beyond 64 bits": (lambda: silo.Logger("a", clock=lambda: 10**30), "64 bits of nanoseconds"),
+    "a clock beyond all time": (lambda: silo.Logger("a", clock=lambda: 1e300), "64 bits of nanoseconds"),
+    "a clock of infinity": (lambda: silo.Logger("a", clock=lambda: math.inf), "clock must return int"),
+    "register a number": (lambda: silo.register(5), "takes a class first, got 5"),
+    "register an object": (lambda: silo.register(Thing(), "x"), "write silo.register(Thing"),
+    "register text": (lambda: silo.register("Thing", "x"), "takes a class first"),
+    "register a number as field": (lambda: silo.register(Thing, 5), "an attribute must be a text"),
+    "register a list of fields": (lambda: silo.register(Thing, ["x"]), "an attribute must be a text"),
+    "register twice": (lambda: silo.register(Thing, "x", "x"), "'x' is there twice"),
+    "register no function": (lambda: silo.register(Thing, "x", area=5), "area must be a function"),
+    "register no kinds": (lambda: silo.register(Thing, "x", kinds="pose"), "kinds must be a dict"),
+    "register an unknown kind": (lambda: silo.register(Thing, "x", kinds={"x": "no"}), "unknown kind 'no'"),
+    "register a kind of nothing": (lambda: silo.register(Thing, "x", kinds={"y": "pose"}), "none of x"),
+    "frames of numbers": (lambda: silo.vector_at_position(5, 5), "frame's name must be a text"),
+    "frames with commas": (lambda: silo.vector_at_position("a,b", "c"), "hold commas"),
+    "open None": (lambda: silo.open_log(None), "which log must be a path"),
+    "open a float": (lambda: silo.open_log(1.5), "which log must be"),
+    "open a list": (lambda: silo.open_log(["a"]), "which log must be"),
+    "open True": (lambda: silo.open_log(True), "a run number must be"),
+    "open a negative run": (lambda: silo.open_log(-1), "a run number must be"),
+    "open a long name": (lambda: silo.open_log("x" * 5000), "at most 4095 bytes"),
+    "open in a number": (lambda: silo.open_log("a", 5), "folder must be a path"),
+    "a log of a number": (lambda: silo.Log(5), "silo.open_log"),
+    "a log of a path": (lambda: silo.Log("x.silo"), "silo.open_log"),
+    "an array of a logger that does nothing": (lambda: NullLogger().array("a", -1), "from 0 to 1000000"),
+    "a script of a logger that does nothing": (lambda: NullLogger().save_script(5), "path must be a path"),
+}
+SIGNALS = {
+    "a number": (lambda log, x, z: log[5], "named by a text, got 5 (int)"),
+    "a list": (lambda log, x, z: log[["x"]], "named by a text"),
+    "a slice": (lambda log, x, z: log["x":"z"], "named by a text"),
+    "a pattern of a number": (lambda log, x, z: log.names(5), "pattern must be a text"),
+    "a table of a list": (lambda log, x, z: log.to_pandas(["x"]), "pattern must be a text"),
+    "a namespace of None": (lambda log, x, z: log.namespace(None), "name must be a text"),
+    "value at text": (lambda log, x, z: x.value("a"), "must be numbers, in seconds"),
+    "value at None": (lambda log, x, z: x.value(None), "must be numbers"),
+    "value at a complex": (lambda log, x, z: x.value(1j), "must be numbers"),
+    "clip at text": (lambda log, x, z: x.clip("a"), "must be numbers"),
+    "clip at two": (lambda log, x, z: x.clip([1, 2]), "start_s must be one time"),
+    "clip at NaN": (lambda log, x, z: x.clip(math.nan), "start_s must be one time"),
+    "average to text": (lambda log, x, z: x.average(0, "b"), "must be numbers"),
+    "resample at text": (lambda log, x, z: x.resample("a"), "must be numbers"),
+    "resample at None": (lambda log, x, z: x.resample(None), "must be numbers"),
+    "resample at infinity": (lambda log, x, z: x.resample(math.inf), "and finite"),
+    "resample too often": (lambda log, x, z: x.resample(1e30), "at most 100,000,000"),
+    "resample on a matrix": (lambda log, x, z: x.resample(np.zeros((2, 2))), "must have one dimension"),
+    "a unit of a number": (lambda log, x, z: x.in_unit(5), "unit must be a text"),
+    "another unit of None": (lambda log, x, z: x.with_unit(None), "unit must be a text"),
+    "plus text": (lambda log, x, z: x + "a", "take a signal, a number"),
+    "text plus": (lambda log, x, z: "a" + x, "take a signal, a number"),
+    "plus None": (lambda log, x, z: x + None, "take a signal, a number"),
+    "plus a huge number": (lambda log, x, z: x + 10**400, "at most 64 bits"),
+    "plus a time": (lambda log, x, z: x + datetime.timedelta(1), "take a signal, a number"),
+    "minus a log": (lambda log, x, z: x - log, "take a signal, a number"),
+    "times another length": (lambda log, x, z: z * np.zeros(5), "array of shape (5,): the values have shape"),
+    "power of text": (lambda log, x, z: x ** "a", "take a signal, a number"),
+    "rotate by a number": (lambda log, x, z: z.rotate(5), "a quaternion must be a signal"),
+    "an order of a number": (lambda log, x, z: z.quaternion(5), "order of Euler angles must be a text"),
+    "counted from text": (lambda log, x, z: x.counted_from("a"), "start (in nanoseconds"),
+}
+
+
+@pytest.fixture
+def log(new_logger, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return new_logger()
+
+
+@pytest.fixture
+def logged(log):
+    """A logger that holds something, and stands still."""
+    log.add(Z, "z")
+    log.add(Thing(), "x", attr="x")
+    log.update()
+    log.start()
+    log.collect()
+    log.stop()
+    return log
+
+
+@pytest.fixture(scope="module")
+def signals(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("log")
+    logger = silo.Logger("mistakes", folder=folder, script=folder / "no.yaml")
+    logger.add(Z, "z")
+    logger.add(Thing(), "x", attr="x")
+    logger.update()
+    logger.start()
+    for _ in range(7):
+        logger.collect()
+    (saved,) = logger.save()
+    logger.close()
+    found = silo.open_log(saved.path)
+    return found, found["x"], found["z"]
+
+
+def told(call, words):
+    with pytest.raises(silo.SiloError) as caught:
+        call()
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("mistake", ADD)
+def test_what_add_is_given_is_told_of_and_the_table_stays(mistake, log):
+    call, words = ADD[mistake]
+    told(lambda: call(log), words)
+    log.update()
+    assert log.elements == []
+
+
+@pytest.mark.parametrize("mistake", ARRAY)
+def test_what_array_is_given_is_told_of_and_the_table_stays(mistake, log):
+    call, words = ARRAY[mistake]
+    told(lambda: call(log), words)
+    log.update()
+    assert log.elements == []
+
+
+@pytest.mark.parametrize("mistake", TABLE)
+def test_what_changes_the_table_is_told_of_and_the_table_stays(mistake, logged):
+    call, words = TABLE[mistake]
+    before = logged.elements
+    told(lambda: call(logged), words)
+    assert logged.elements == before
+
+
+@pytest.mark.parametrize("mistake", DATA)
+def test_what_save_read_and_serve_are_given_is_told_of(mistake, logged):
+    call, words = DATA[mistake]
+    told(lambda: call(logged), words)
+    assert logged.has_unsaved
+
+
+@pytest.mark.parametrize("mistake", MADE)
+def test_what_functions_of_silo_are_given_is_told_of(mistake):
+    call, words = MADE[mistake]
+    told(call, words)
+
+
+@pytest.mark.parametrize("mistake", SIGNALS)
+def test_what_a_log_and_its_signals_are_asked_is_told_of(mistake, signals):
+    call, words = SIGNALS[mistake]
+    told(lambda: call(*signals), words)
+
+
+@pytest.mark.parametrize("call", ["update", "set", "enable", "save_script", "start", "snapshot", "save"])
+def test_a_closed_logger_says_so(call, logged):
+    logged.close()
+    told(getattr(logged, call), "is closed; make a new one")
+
+
+def test_a_wrong_name_asked_by_get_is_not_there_as_in_any_mapping(signals):
+    assert signals[0].get(5) is None
+
+
+def test_the_last_value_holds_on_to_the_end_of_time(signals):
+    _, x, _ = signals
+    assert x.value(1e300) == x.value(1e9) == 1.0
+
+
+def test_text_that_no_file_can_hold_is_logged_with_a_question_mark(log):
+    log.add(Thing(), attr="half")
+    log.update()
+    log.start()
+    log.collect()
+    (element,) = log.snapshot().elements
+    assert element.entries[0].values.tolist() == [b"?"]
+
+
+# ---------------------------------------------------------------------------------------------- clocks that fail later
+
+
+@pytest.mark.parametrize(
+    ("first", "later", "words"),
+    [
+        (5, None, "got None"),
+        (5, "noon", "got 'noon'"),
+        (5, 10**30, "within 64 bits"),
+        (0.5, None, "got None"),
+        (0.5, "noon", "got 'noon'"),
+        (0.5, math.nan, "got nan"),
+        (0.5, 1e300, "a time within 64 bits"),
+    ],
+)
+def test_a_clock_that_returns_nonsense_costs_the_tick_and_says_so_each_time(new_logger, first, later, words):
+    answers = [first, first, later, later, first]
+    log = new_logger(clock=lambda: answers.pop(0))
+    log.add(Z, "z")
+    log.update()
+    log.start()
+    log.collect()
+    for _ in range(2):
+        with pytest.raises(silo.StateError, match=r"this tick is not logged") as caught:
+            log.collect()
+        assert words in str(caught.value)
+    log.collect()
+    assert log.ticks == 2
+
+
+def test_a_clock_that_fails_costs_the_tick_and_says_why(new_logger):
+    answers = [5, 5, OSError("no device"), 7]
+
+    def clock():
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    log = new_logger(clock=clock)
+    log.add(Z, "z")
+    log.update()
+    log.start()
+    log.collect()
+    with pytest.raises(silo.StateError, match=r"clock failed \(OSError: no device\); this tick is not logged"):
+        log.collect()
+    log.collect()
+    assert log.snapshot().time_ns.tolist() == [5, 7]
+
+
+class Own(BaseException):
+    """A program's own way out."""
+
+
+@pytest.mark.parametrize("way_out", [KeyboardInterrupt, SystemExit, GeneratorExit, Own])
+def test_a_way_out_of_the_program_passes_through_a_source_and_the_tick_is_not_logged(log, way_out):
+    answers = [1.0]
+
+    def source():
+        if isinstance(answers[-1], BaseException):
+            raise answers[-1]
+        return answers[-1]
+
+    log.add(source, "s")
+    log.update()
+    log.start()
+    log.collect()
+    answers.append(way_out())
+    with pytest.raises(way_out):
+        log.collect()
+    answers.append(2.0)
+    log.collect()
+    (element,) = log.snapshot().elements
+    assert element.entries[0].values.tolist() == [1.0, 2.0]
