@@ -162,10 +162,12 @@ def file_type(given: object) -> FileType:
 
 
 def serving_group(given: str | None) -> str | None:
-    """The system group that may come in. Raises ElementError for one that this system doesn't have."""
+    """The system group that may come in, by name or number. Raises ElementError for a name that nobody has here."""
     if given is None:
         return None
     name = line("group", given, 'group="robot"')
+    if name.isdecimal():
+        return name
     try:
         grp.getgrnam(name)
     except (KeyError, ValueError):
