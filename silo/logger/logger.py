@@ -21,7 +21,7 @@ from silo.errors import StateError
 from silo.logger.configuration import Configuration
 from silo.logger.current_run import CurrentRun
 from silo.logger.new_values import NewValues, NewValuesReader
-from silo.logger.options import file_types, logger_options, serving_config, serving_group
+from silo.logger.options import file_types, logger_options, serving_config, serving_group, warn_if_not_durable
 from silo.logger.predecessors import look_back
 from silo.logger.unclosed import drop_journals, end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
 from silo.model import FileType, SavedFile, State, Storage, Threads
@@ -131,7 +131,7 @@ class Logger(Configuration):
                 self.update()
             self._present.settle(unsaved, self.options)
             self._warn_of_pending()
-            self._warn_of_durability()
+            warn_if_not_durable(self.options, served=self._serving is not None)
             if self._present.number == 0:
                 look_back(self.options, served=self._serving is not None and self._serving.is_up)
             self._present.number += 1
@@ -150,17 +150,9 @@ class Logger(Configuration):
         if self._serving is not None:
             self._serving.let_go()
 
-    def _warn_of_durability(self) -> None:
-        if self.options.storage is Storage.DISK and self._serving is None:
-            log.warning(
-                "%s: storage='disk' keeps its journal in the helper process, and this logger has none: nothing is "
-                "durable, a power cut loses what was not saved; call serve() before start()",
-                self.options.name,
-            )
-
     @property
     def saved_before_start(self) -> str:
-        """Where the run before the present one was saved if a start had to, in words; empty where it hadn't."""
+        """Where a start saved the run before it, in words; empty where it hadn't to."""
         return self._present.saved_before
 
     def stop(self) -> None:

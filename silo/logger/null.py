@@ -56,6 +56,7 @@ class NullLogger:
     lost = 0
     revision = 0
     stop_reason = ""
+    saved_before_start = ""
     segment_path = ""
     state = State.STOPPED
 

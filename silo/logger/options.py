@@ -1,6 +1,7 @@
 """What the arguments of `Logger` and of its methods may be, and what they become."""
 
 import grp
+import logging
 import math
 import numbers
 import os
@@ -17,6 +18,8 @@ from silo.arguments import line, path, real, shown, switch, text, whole
 from silo.collecting.traits import MAX_ENTRIES
 from silo.errors import ElementError, SourceError
 from silo.model import Edit, ElementOptions, FileType, LoggerOptions, Storage, Threads, join_name
+
+log = logging.getLogger("silo")
 
 NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,39}")
 MAX_STRING_BYTES = 1_000_000
@@ -189,3 +192,13 @@ def serving_config(given: str | os.PathLike[str] | None) -> Path | None:
     if not file.is_file():
         raise ElementError(f"config must be a file, {file} is none; the logger isn't served; see config/ for examples")
     return file
+
+
+def warn_if_not_durable(options: LoggerOptions, *, served: bool) -> None:
+    """Say at a start that a logger without helper process keeps no journal, whatever its storage was asked to be."""
+    if options.storage is Storage.DISK and not served:
+        log.warning(
+            "%s: storage='disk' keeps its journal in the helper process, and this logger has none: nothing is durable, "
+            "a power cut loses what was not saved; call serve() before start()",
+            options.name,
+        )

@@ -122,13 +122,16 @@ class FakeView:
     def __init__(self, client: "FakeClient", values: Sequence[str], plots: Sequence[str], column_ns: int) -> None:
         self.client, self.values, self.plots, self.column_ns = client, tuple(values), tuple(plots), column_ns
         self.seen_ns = -1
+        self.seen_revision = -1
         self.from_ns = client.now_ns
         self.closed = False
 
     def frame(self) -> Frame | None:
         client = self.client
-        if client.now_ns == self.seen_ns or not client.connected or self.closed:
+        unchanged = client.now_ns == self.seen_ns and client.revision == self.seen_revision
+        if unchanged or not client.connected or self.closed:
             return None
+        self.seen_revision = client.revision
         begin = max(self.from_ns, self.seen_ns)
         since_ns = begin if self.seen_ns < 0 else 0
         self.seen_ns = client.now_ns
