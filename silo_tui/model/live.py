@@ -22,6 +22,7 @@ class Reading:
     held: int
     lost: int
     time_ns: int  # when the frame was made
+    failed: int = 0  # ticks at which it could not be read
 
 
 @dataclass
@@ -43,7 +44,8 @@ class LiveValues:
             if name in frame.unpublished:
                 newest = np.full(entries, np.nan)
                 texts = {}
-            reading = Reading(newest, texts, int(frame.held[position]), int(frame.lost[position]), frame.time_ns)
+            held, lost = int(frame.held[position]), int(frame.lost[position])
+            reading = Reading(newest, texts, held, lost, frame.time_ns, frame.failed.get(position, 0))
             old = self.readings.get(name)
             if old is None or not _same(old, reading):
                 changed.append(name)
@@ -59,6 +61,7 @@ def _same(old: Reading, new: Reading) -> bool:
     return (
         old.held == new.held
         and old.lost == new.lost
+        and old.failed == new.failed
         and old.texts == new.texts
         and np.array_equal(old.newest, new.newest, equal_nan=True)
     )

@@ -175,7 +175,7 @@ def _fill(pane: LivePane, row: int) -> tuple[str, str]:
         return "", ""
     share = fill_share(reading.held, int(session.table.server[Field.BUFFER_SIZE, row]))
     stopped = share >= 1 and int(session.table.server[Field.BUFFER_TYPE, row]) == BufferType.FIXED
-    style = "live--lost" if reading.lost else ("live--full" if stopped else "live--quiet")
+    style = "live--lost" if reading.lost or reading.failed else ("live--full" if stopped else "live--quiet")
     return f"{100 * share:.0f}%", style
 
 
