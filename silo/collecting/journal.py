@@ -16,6 +16,7 @@ all rows up to one tick. Readers take whole records in order, as far as each one
 that a commit closes: what was synced is always taken, what was torn never.
 """
 
+import contextlib
 import enum
 import itertools
 import os
@@ -32,6 +33,7 @@ from silo.recording import Failures
 from silo.runtime import has_writer
 
 JOURNAL_SUFFIX = ".journal"
+GONE_SUFFIX = ".gone"  # added to the name of one that is being deleted
 SCHEMA_FILE = "schema"
 KEEP_FILE = "keep.rows"
 LOOP_FILES = "loop-*.rows"
@@ -98,8 +100,11 @@ def journals_of(schema: SegmentSchema, folder: str | os.PathLike[str] = "") -> l
 
 
 def remove_journal(path: Path) -> None:
-    """Delete a journal whose data is in a file, or no longer wanted. What can't be deleted stays."""
-    shutil.rmtree(path, ignore_errors=True)
+    """Delete a journal whose data is in a file, or no longer wanted; at once for all who look. It stays if it must."""
+    gone = path.with_name(f"{path.name}{GONE_SUFFIX}")
+    with contextlib.suppress(OSError):  # another process was quicker, or the folder can't be written
+        path.rename(gone)
+    shutil.rmtree(gone, ignore_errors=True)
 
 
 def remove_journals(schema: SegmentSchema, but: Path | None = None) -> None:

@@ -8,11 +8,22 @@ it, and while there is none its segment or its process is alive.
 import contextlib
 import fcntl
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 from silo.collecting.holdings import recording_holdings
-from silo.collecting.journal import ROWS, SCHEMA_FILE, Head, is_written, journals_of, list_journals, remove_journal
+from silo.collecting.journal import (
+    GONE_SUFFIX,
+    JOURNAL_SUFFIX,
+    ROWS,
+    SCHEMA_FILE,
+    Head,
+    is_written,
+    journals_of,
+    list_journals,
+    remove_journal,
+)
 from silo.collecting.journal_reader import JournalReader, read_head
 from silo.collecting.left_behind import BusyError, SavedMeanwhileError, StaleSegment
 from silo.collecting.segment_reader import SegmentReader
@@ -91,6 +102,8 @@ def sweep_journals(folder: str | os.PathLike[str]) -> list[Path]:
 
     Returns what was removed.
     """
+    for rest in Path(folder).glob(f".*{JOURNAL_SUFFIX}{GONE_SUFFIX}"):
+        shutil.rmtree(rest, ignore_errors=True)
     return [path for path in list_journals(folder) if _removed_if_empty(path)]
 
 
@@ -132,6 +145,8 @@ def claimed_journal(path: Path, *, wait: bool = False) -> Iterator[JournalReader
     """
     try:
         descriptor = os.open(path / SCHEMA_FILE, os.O_RDONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        raise _saved_meanwhile(path) from None
     except OSError as error:
         raise SegmentError(f"{path}: can't open the journal ({error.strerror})") from error
     try:
@@ -140,7 +155,7 @@ def claimed_journal(path: Path, *, wait: bool = False) -> Iterator[JournalReader
         except BlockingIOError:
             raise BusyError(f"{path}: another process is saving it right now") from None
         if not is_at(descriptor, path / SCHEMA_FILE):
-            raise SavedMeanwhileError(f"{path}: another process saved it meanwhile (look in {path.parent})")
+            raise _saved_meanwhile(path)
         head = read_head(path)
         if has_writer(descriptor) or in_use(head):
             raise StateError(
@@ -150,6 +165,10 @@ def claimed_journal(path: Path, *, wait: bool = False) -> Iterator[JournalReader
         yield JournalReader(path)
     finally:
         os.close(descriptor)
+
+
+def _saved_meanwhile(path: Path) -> SavedMeanwhileError:
+    return SavedMeanwhileError(f"{path}: another process saved it meanwhile (look in {path.parent})")
 
 
 def remove_proven(reader: JournalReader) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from silo.collecting.damage import damage
 from silo.collecting.holdings import Holdings, recording_holdings
+from silo.collecting.journal import JOURNAL_SUFFIX
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.left_behind import StaleSegment, claimed, discard, find_stale, has_unsaved, mark_saved
 from silo.collecting.left_journals import claimed_journal, find_stale_journals, is_journal, remove_proven
@@ -47,7 +48,7 @@ def recover(
     saved (it stays).
     """
     path = Path(path)
-    if is_journal(path):
+    if is_journal(path) or path.suffix == JOURNAL_SUFFIX:
         return _recover_journal(path, folder, types)
     reader = SegmentReader(path)
     try:

@@ -43,10 +43,11 @@ class Logger(Configuration):
     frequency: control ticks per second (Hz). max_time: how long fixed and growing logs may become (s), 0 for no limit.
     script: YAML file with the configuration; read by `update()` if it exists. prefix: start of all element names.
     clock: returns the time stamp of a tick, as int nanoseconds or float seconds; the system clock if not given.
-    folder: where saved files go. storage: `"memory"`; `"disk"`: the helper process of
-    `serve()` also keeps a journal in `folder` that survives a power cut; `"file"`: the buffers are a file in `folder`,
-    which saves memory but promises nothing for a power cut. size_tiers: rings per divider
-    and buffer type; more of them cost time in each tick, fewer cost memory. memory_limit_mb: what growing buffers may
+    folder: where saved files go. storage: `"memory"`: survives the end of the program and of its helper process, not a
+    power cut; `"disk"`: the helper process of `serve()` also keeps a journal in `folder`, which survives a power cut
+    but for the last moment (README: "The power went"); `"file"`: the buffers are a file in `folder`, which saves memory
+    and promises nothing for a power cut. size_tiers: rings per divider and buffer
+    type; more of them cost time in each tick, fewer cost memory. memory_limit_mb: what growing buffers may
     take together. checked: copy each variable by NumPy instead of by address, 10 times slower.
     threads: `"single"`: `collect()` belongs to the thread that calls it first after each start; `"serialized"`: any
     thread, one at a time.

@@ -23,6 +23,7 @@ class Reading:
     lost: int
     time_ns: int  # when the frame was made
     size: int | None = None  # of the recording's buffer, where the table says another by now; 0: it has none
+    failed: int = 0  # ticks at which it could not be read
 
 
 @dataclass
@@ -45,7 +46,8 @@ class LiveValues:
                 newest = np.full(entries, np.nan)
                 texts = {}
             held, lost, size = int(frame.held[position]), int(frame.lost[position]), frame.sizes.get(position)
-            reading = Reading(newest, texts, held, lost, frame.time_ns, size)
+            failed = frame.failed.get(position, 0)
+            reading = Reading(newest, texts, held, lost, frame.time_ns, size, failed)
             old = self.readings.get(name)
             if old is None or not _same(old, reading):
                 changed.append(name)
@@ -62,6 +64,7 @@ def _same(old: Reading, new: Reading) -> bool:
         old.held == new.held
         and old.size == new.size
         and old.lost == new.lost
+        and old.failed == new.failed
         and old.texts == new.texts
         and np.array_equal(old.newest, new.newest, equal_nan=True)
     )

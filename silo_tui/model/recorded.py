@@ -260,13 +260,13 @@ class RecordingSource:
         newest = np.full(len(element.entries), np.nan)
         texts: dict[int, str] = {}
         if at < 0:
-            return Reading(newest, texts, 0, element.lost, time_ns)
+            return Reading(newest, texts, 0, element.lost, time_ns, element.failures.count)
         for position, entry in enumerate(element.entries):
             floats, words = newest_values(entry.values[at : at + 1])
             newest[position] = floats[0]
             if words:
                 texts[position] = words[0]
-        return Reading(newest, texts, element.count, element.lost, time_ns)
+        return Reading(newest, texts, element.count, element.lost, time_ns, element.failures.count)
 
     def neighbour(self, name: str, time_ns: int, step: int) -> int:
         """Time of the next (`step` 1) or previous (-1) sample of an entry; the same time where there is none."""

@@ -106,6 +106,8 @@ class Inspector(Widget):
             pane.append(f" {share:.0%}\n")
             if reading.lost:
                 pane.append(f"{'lost':<12} {text.count(reading.lost)}\n", style=self._error)
+            if reading.failed:
+                pane.append(f"{'not read':<12} at {text.plural(reading.failed, 'tick')}\n", style=self._error)
 
     def _values(self, pane: Text, element: ElementInfo, row: int, reading: Reading | None) -> None:
         pane.append("\n")

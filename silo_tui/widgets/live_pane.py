@@ -176,7 +176,7 @@ def _fill(pane: LivePane, row: int) -> tuple[str, str]:
     size = reading.size or int(session.table.server[Field.BUFFER_SIZE, row])
     share = fill_share(reading.held, size)
     stopped = share >= 1 and int(session.table.server[Field.BUFFER_TYPE, row]) == BufferType.FIXED
-    style = "live--lost" if reading.lost else ("live--full" if stopped else "live--quiet")
+    style = "live--lost" if reading.lost or reading.failed else ("live--full" if stopped else "live--quiet")
     return f"{100 * share:.0f}%", style
 
 

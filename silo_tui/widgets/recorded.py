@@ -83,8 +83,10 @@ class RecordedInspector(Inspector):
             ("span s", span_words(report, wide=True)), ("rate", rate),
             ("buffer", report.buffer), ("lost", text.count(report.lost)),
         ]  # fmt: skip
+        if report.failures.count:
+            facts.append(("not read", f"at {text.plural(report.failures.count, 'tick')}"))
         for label, words in facts:
-            style = self._error if label == "lost" and report.lost else ""
+            style = self._error if label == "not read" or (label == "lost" and report.lost) else ""
             pane.append(f"{label:<9} ", style=self._quiet)
             pane.append(words + "\n", style=style)
         if report.labels:

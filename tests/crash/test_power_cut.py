@@ -70,7 +70,8 @@ class Durable:
         os.kill(helper, signal.SIGSTOP)
         self.kill()
         os.kill(helper, signal.SIGKILL)
-        until(lambda: not process_start(helper))
+        # a killed process holds its locks a moment longer
+        until(lambda: not process_start(helper) and not any(map(is_written, journals(self.folder))))
 
     def cut_power(self, until) -> None:
         self.kill_both(until)
@@ -295,6 +296,45 @@ def test_close_leaves_no_journal_of_a_helper_that_was_killed(robot, tmp_path, un
     os.kill(robot.helper_pid, signal.SIGKILL)
     robot.tell("close")
     assert journals(tmp_path) == []
+
+
+@pytest.fixture
+def durable(runtime, tmp_path):
+    """A served logger with `storage="disk"` in this process, and its array."""
+    log = silo.Logger("arm", folder=tmp_path, script="/none.yaml", storage="disk")
+    x = log.array("x")
+    log.serve()
+    log.start()
+    for tick in range(50):
+        x[...] = tick
+        log.collect()
+    yield log
+    log.close()
+
+
+def test_what_was_logged_before_serving_ended_is_all_durable_until_it_is_saved_or_closed(durable, tmp_path):
+    durable._serving.close()
+    (journal,) = journals(tmp_path)
+    (element,) = JournalReader(journal).snapshot().elements
+    assert element.entries[0].values.tolist() == list(range(50))
+    durable.close()
+    assert journals(tmp_path) == []
+
+
+def test_a_program_that_saves_at_its_end_by_itself_leaves_no_journal(durable, tmp_path):
+    durable._serving.close()
+    durable.abandon()
+    assert journals(tmp_path) == []
+    (path,) = tmp_path.glob("*.silo")
+    assert silo.open_log(path)["/log/x"].values.tolist() == list(range(50))
+
+
+def test_the_status_tells_durable_ticks_of_the_present_run_only(durable, until, capsys):
+    with Client.connect("arm") as client:
+        until(lambda: client.status().durable_ticks == 50)
+        assert run(["info", "arm"]) == 0
+        assert "durable     to tick 50; a power cut now would lose 0 ticks after it" in capsys.readouterr().out
+        assert client.restart().durable_ticks == 0
 
 
 def test_a_restart_leaves_no_journal_of_the_run_before(robot, tmp_path, until):

@@ -1,6 +1,7 @@
 """A saved log on the screen, driven by keys."""
 
 from contextlib import asynccontextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from silo.analysis.log import Log
 from silo.files.silo_writer import write_silo
 from silo.model import BufferType, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.recording import Failures, RecordedElement, RecordedEntry, Recording
 from silo_tui.actions import BY_ID, FILE_SCOPES, commands_for
 from silo_tui.app import SiloApp
 from silo_tui.model.fields import Field
@@ -117,6 +118,14 @@ async def test_a_wide_table_shows_values_and_the_inspector(path, on_file):
         await screen.shows("bob")
         await screen.press("G")
         await screen.shows("divider   40")
+
+
+async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read(tmp_path, on_file):
+    found = tmp_path / "robot_00008.silo"
+    mode = replace(element("mode", np.arange(TICKS)), failures=Failures(3, ((5, 6), (9, 9))))
+    write_silo(recording(elements=(mode,)), found)
+    async with on_file(found, (160, 50)) as screen:
+        await screen.shows("not read  at 3 ticks")
 
 
 async def test_the_filter_and_marks_work_as_on_a_logger(path, on_file):

@@ -51,3 +51,19 @@ async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger,
         await screen.shows("logging again")
         assert logger.elements[0].options.divider == 4
         assert logger.state.value == "running"
+
+
+async def test_an_element_that_could_not_be_read_says_so_in_the_inspector(tmp_path, runtime_folder, screen_of):
+    class Robot:
+        mode: object = 1
+
+    robot = Robot()
+    log = silo.Logger("arm", folder=tmp_path, script=tmp_path / "arm.yaml")
+    log.add(robot, attr="mode", action=silo.Action.SAVE_AND_PUBLISH)
+    with log, log.serve():
+        log.start()
+        for value in (1, None, None, 4):
+            robot.mode = value
+            log.collect()
+        async with screen_of(SiloApp(ClientFinder(), rate_hz=10), size=(160, 40)) as screen:
+            await screen.shows("not read     at 2 ticks")
