@@ -124,7 +124,17 @@ def test_a_stopped_logger_keeps_its_ticks_and_counts_no_more(side, client):
 def test_restart_counts_from_nothing(side, client):
     client.start()
     side.ticks(5)
-    assert (client.restart().state, client.status().ticks) == (State.RUNNING, 0)
+    assert (client.restart("discard").state, client.status().ticks) == (State.RUNNING, 0)
+
+
+def test_a_start_over_unsaved_data_is_refused_unless_it_is_told_what_becomes_of_it(side, client):
+    client.start()
+    side.ticks(5)
+    assert refusal(client.restart).why is RefusedWhy.UNSAVED
+    client.stop()
+    assert refusal(client.start).why is RefusedWhy.UNSAVED
+    assert (client.status().state, client.status().ticks) == (State.STOPPED, 5)
+    assert client.start("discard").ticks == 0
 
 
 # ----------------------------------------------------------------------------------------------------- events

@@ -67,8 +67,8 @@ from silo.model import Edit, ElementOptions, FileType, Problem, SavedFile, Table
 
 COUNT = int(os.environ.get("SILO_FUZZ", "2000"))
 NASTY: list[Any] = [
-    None, True, 0, -1, 1, 2**31, 2**62, 2**63 - 1, -(2**63), 2**64 - 1, 0.0, -0.0, 1e308, float("nan"), float("inf"), "",
-    "/", "..", "../../x", "/log/x", "/log/q_x", "\x00", "\x1b[2J", "x" * 5000, "é\U0001f916", "a-1", b"", b"\xff" * 9, [],
+    None, True, 0, -1, 1, 2**31, 2**62, 2**63 - 1, -(2**63), 2**64 - 1, 0.0, 1e308, float("nan"), float("inf"), "",
+    "/", "..", "../../x", "/log/x", "/log/q_x", "\x00", "\x1b[2J", "x" * 5000, "é\U0001f916", "a-1", b"", [],
     [None], ["/log/x"] * 70, [0, 1, 2], {}, {"a": 1}, {"name": "/log/x", "options": {}}, [{"name": "/log/x", "options":
     {"divider": 0}}], [[[[[]]]]],
 ]  # fmt: skip
