@@ -127,6 +127,16 @@ def test_restart_counts_from_nothing(side, client):
     assert (client.restart("discard").state, client.status().ticks) == (State.RUNNING, 0)
 
 
+def test_a_start_over_unsaved_data_is_refused_unless_it_is_told_what_becomes_of_it(side, client):
+    client.start()
+    side.ticks(5)
+    assert refusal(client.restart).why is RefusedWhy.UNSAVED
+    client.stop()
+    assert refusal(client.start).why is RefusedWhy.UNSAVED
+    assert (client.status().state, client.status().ticks) == (State.STOPPED, 5)
+    assert client.start("discard").ticks == 0
+
+
 # ----------------------------------------------------------------------------------------------------- events
 
 

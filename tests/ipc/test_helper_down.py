@@ -1,0 +1,128 @@
+"""Loggers whose helper process is down, or dead beside a living namesake; views that can't be fed."""
+
+import os
+import signal
+
+import pytest
+
+from silo.cli.main import EXIT_NO_LOGGER, run
+from silo.errors import ConnectionLostError
+from silo.helper.views import View
+from silo.ipc.client import Client
+from silo.ipc.discovery import Discovery, Found, discover
+from silo.ipc.messages import OpenView, Refused, ViewOpened
+from silo.logger import serving
+from silo.logger.down import DownMark
+from silo.runtime import down_mark, down_marks, sweep_unfinished
+from tests.fuzz.test_wire import Bench as Parts
+from tests.waiting import wait_until
+
+
+def no_process(_: object) -> None:
+    raise ConnectionLostError("no process can be started")
+
+
+@pytest.fixture
+def down(bench, monkeypatch):
+    """A logger whose helper process was killed, and that can't start another."""
+    monkeypatch.setattr(serving, "HelperProcess", no_process)
+    os.kill(bench.serving.helper_pid, signal.SIGKILL)
+    wait_until(lambda: discover().down)
+    return bench
+
+
+def test_silo_ls_has_a_row_for_a_logger_whose_helper_is_down(down, capsys) -> None:
+    assert run(["ls"]) == 0
+    shown = capsys.readouterr()
+    (row,) = [line for line in shown.out.splitlines() if line.startswith(f"bot.{os.getpid()}")]
+    assert "helper down" in row
+    assert "its helper process is down since" in shown.err
+    assert "logging goes on" in shown.err
+
+
+def test_who_asks_for_a_logger_that_is_down_is_told_so(down, capsys) -> None:
+    assert run(["info", "bot"]) == EXIT_NO_LOGGER
+    assert "nobody can reach it" in capsys.readouterr().err
+    with pytest.raises(ConnectionLostError, match="its helper process is down"):
+        Client.connect("bot")
+
+
+def test_the_row_is_gone_when_a_helper_is_there_again(bench, monkeypatch, runtime) -> None:
+    with monkeypatch.context() as broken:
+        broken.setattr(serving, "HelperProcess", no_process)
+        os.kill(bench.serving.helper_pid, signal.SIGKILL)
+        wait_until(lambda: discover().down)
+    wait_until(lambda: bench.serving.is_up and not down_marks())
+    assert discover().down == []
+    assert [found.name for found in discover().loggers] == ["bot"]
+    assert list(runtime.glob("*.down")) == []
+
+
+def test_a_closed_logger_is_not_down(down, runtime) -> None:
+    down.logger.close()
+    assert discover().down == []
+    assert list(runtime.glob("*.down")) == []
+
+
+def test_the_mark_of_a_dead_program_counts_for_nothing_and_is_swept(runtime) -> None:
+    down_mark("bot", 1).touch()
+    mine = DownMark("mine")
+    mine.set()
+    assert [path.name for path in down_marks()] == [f"mine.{os.getpid()}.down"]
+    assert [path.name for path in sweep_unfinished(runtime)] == ["bot.1.down"]
+    mine.clear()
+    assert list(runtime.iterdir()) == []
+
+
+# ------------------------------------------------------------------------------------- the dead beside the living
+
+
+def test_a_name_means_the_living_logger_and_not_a_dead_one_of_that_name() -> None:
+    dead = Found("bot", 1, "/run/bot.1.sock", "me", dead=True, since=100.0)
+    living = Found("bot", 2, "/run/bot.2.sock", "me", since=50.0)
+    both = Discovery([dead, living], [])
+    assert both.named("bot") == both.named("") == [living]
+    assert both.named("bot.1") == [dead]
+    assert Discovery([dead], []).named("bot") == [dead]
+
+
+def test_a_program_that_was_killed_and_started_again_is_opened_whatever_its_old_helper_does(robots) -> None:
+    first = robots("bot")
+    os.kill(first.helper_pid, signal.SIGSTOP)  # as slow as one that has gigabytes to save
+    first.kill()
+    again = robots("bot")
+    os.kill(first.helper_pid, signal.SIGCONT)
+    with Client.connect(f"bot.{first.pid}") as lingering:
+        wait_until(lambda: any(found.dead for found in discover().loggers))
+        assert lingering is not None
+        with Client.connect("bot") as client:
+            assert client.status().pid == again.pid
+
+
+# ------------------------------------------------------------------------------------------ views that can't be fed
+
+
+@pytest.mark.slow
+def test_a_view_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monkeypatch, caplog) -> None:
+    frame = View.frame
+
+    def failing(view, *words):
+        if view.request.view == "bad-1":
+            raise ValueError("shapes (1,) and (2,)")
+        return frame(view, *words)
+
+    monkeypatch.setattr(View, "frame", failing)
+    parts = Parts(tmp_path)
+    try:
+        wrong, right = (OpenView(view=name, values=["/log/x"], rate_hz=30.0) for name in ("bad-1", "good-1"))
+        assert isinstance(parts.publisher.open_view(wrong), ViewOpened)
+        parts.publisher.open_view(right)
+        refused = wait_until(lambda: isinstance(answer := parts.publisher.open_view(wrong), Refused) and answer)
+        assert "can't be fed any more: ValueError: shapes (1,) and (2,)" in refused.text
+        assert isinstance(parts.publisher.open_view(right), ViewOpened)
+        assert "view bad-1 failed" in caplog.text
+        assert parts.alive()
+        parts.publisher.close_view("bad-1")
+        assert isinstance(parts.publisher.open_view(wrong), ViewOpened)
+    finally:
+        parts.end()

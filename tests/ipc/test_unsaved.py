@@ -1,0 +1,157 @@
+"""What a client's start does with data that is in no file, what takes long, and what is too large."""
+
+from pathlib import Path
+
+import pytest
+
+import silo
+from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
+from silo.collecting.holdings import segment_holdings
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import GoesOnError, RefusedError
+from silo.ipc.client import Client
+from silo.ipc.exchange import encoded
+from silo.ipc.messages import ApplyEdits, EventKind, OpenView, RefusedWhy, Stop
+from silo.ipc.session import MAX_MESSAGE_BYTES, close, open_client
+from silo.model import Edit, ElementOptions, State
+
+
+def with_unsaved(bench, client: Client, ticks: int = 20) -> None:
+    client.start()
+    bench.ticks(ticks)
+
+
+# ---------------------------------------------------------------------------------------------- data in no file
+
+
+def test_a_start_over_unsaved_data_is_refused_with_what_is_held(bench, client) -> None:
+    with_unsaved(bench, client)
+    client.stop()
+    with pytest.raises(RefusedError, match=r"holds \d+ samples of 8 elements over 0\.19 s, of 20 ticks") as refused:
+        client.start()
+    assert refused.value.why is RefusedWhy.UNSAVED
+    assert "save or discard" in str(refused.value)
+    assert (client.status().state, client.status().ticks) == (State.STOPPED, 20)
+
+
+def test_a_restart_over_unsaved_data_is_refused_and_logging_goes_on(bench, client) -> None:
+    with_unsaved(bench, client)
+    with pytest.raises(RefusedError) as refused:
+        client.restart()
+    assert refused.value.why is RefusedWhy.UNSAVED
+    bench.ticks(5)
+    assert client.status().ticks == 25
+
+
+@pytest.mark.parametrize("restart", [False, True])
+def test_with_save_the_last_run_is_in_a_file_before_it_is_cleared_and_the_client_is_told_where(
+    bench, client, restart
+) -> None:
+    with_unsaved(bench, client)
+    told: list[str] = []
+    if restart:
+        status = client.restart("save", told.append)
+    else:
+        client.stop()
+        status = client.start("save", told.append)
+    assert (status.state, status.ticks) == (State.RUNNING, 0)
+    (file,) = Path(bench.logger.options.folder).glob("*.silo")
+    assert str(file) in told[0]
+    assert silo.open_log(file)["/log/x"].values.tolist() == list(range(1, 21))
+
+
+@pytest.mark.parametrize("word", ["discard", "save"])
+def test_saved_data_needs_no_decision(bench, client, heard, word) -> None:
+    with_unsaved(bench, client)
+    client.stop()
+    client.wait_saved(client.save())
+    heard.wait(EventKind.SAVED)
+    assert client.start().ticks == 0
+    client.stop()
+    assert client.start(word).ticks == 0  # nor does nothing at all
+
+
+def test_a_word_that_says_nothing_of_unsaved_data_is_refused(bench, client) -> None:
+    with pytest.raises(RefusedError, match="unsaved must be one of 'refuse', 'save', 'discard', got 'keep'"):
+        client.start("keep")
+
+
+def test_the_program_itself_clears_without_asking(bench, client) -> None:
+    with_unsaved(bench, client)
+    bench.logger.restart()
+    assert bench.logger.ticks == 0
+
+
+@pytest.mark.parametrize("command", ["start", "restart"])
+def test_the_commands_name_both_ways_out(bench, client, capsys, command) -> None:
+    with_unsaved(bench, client)
+    client.stop()
+    assert run([command, "bot"]) == EXIT_FAILED
+    shown = capsys.readouterr().err
+    assert "samples of 8 elements over 0.19 s" in shown
+    assert f"`silo {command} {client.found.label} --save` or `--discard`" in shown
+    assert run([command, "bot", "--save", "--discard"]) == EXIT_USAGE
+    assert bench.logger.ticks == 20
+    assert run([command, "bot", "--save"]) == 0
+    assert "was saved before it is cleared: " in capsys.readouterr().out
+
+
+def test_silo_set_restarts_over_unsaved_data_only_when_told(bench, client, capsys) -> None:
+    with_unsaved(bench, client)
+    assert run(["set", "bot", "/log/x", "divider=2", "--restart"]) == EXIT_FAILED
+    assert "add --save or --discard; nothing was changed" in capsys.readouterr().err
+    assert (bench.logger.is_running, bench.logger.ticks) == (True, 20)
+    assert run(["set", "bot", "/log/x", "divider=2", "--restart", "--discard"]) == 0
+    assert (bench.logger.is_running, bench.logger.ticks) == (True, 0)
+
+
+def test_the_status_says_what_the_buffers_hold_and_not_how_many_ticks_there_were(bench, client) -> None:
+    bench.logger.set("/log/x", buffer_type=silo.BufferType.LOOPING, buffer_size=7)
+    for element in bench.logger.elements[1:]:
+        bench.logger.set(element.name, enabled=False)
+    with_unsaved(bench, client, 1000)
+    status = client.status()
+    held = segment_holdings(SegmentReader(bench.logger.segment_path))
+    assert (status.ticks, status.held_samples, status.held_s) == (1000, 7, pytest.approx(0.06))
+    assert (held.samples, held.seconds) == (status.held_samples, status.held_s)
+
+
+# -------------------------------------------------------------------------------------------------- what takes long
+
+
+def test_what_takes_long_goes_on_and_an_event_tells_how_it_ended(bench, client, heard) -> None:
+    with bench.logger.lock, pytest.raises(GoesOnError, match="start goes on: the robot program has not answered"):
+        client.start()
+    ended = heard.wait(EventKind.ENDED)
+    assert ended.text == "the start that took long is done"
+    assert ended.status.state is State.RUNNING
+    assert client.status().state is State.RUNNING
+
+
+def test_what_takes_long_and_is_refused_then_is_told_as_such(bench, client, heard) -> None:
+    with_unsaved(bench, client)
+    with bench.logger.lock, pytest.raises(GoesOnError):
+        client.restart()
+    assert heard.wait(EventKind.ENDED).text.startswith("the restart that took long was refused: logger 'bot' holds")
+
+
+# ------------------------------------------------------------------------------------------------- what is too large
+
+
+def test_a_request_that_is_too_large_is_refused_before_it_is_sent(bench, client) -> None:
+    edits = [Edit("/log/" + "x" * 1000, ElementOptions())] * 9_000
+    with pytest.raises(RefusedError, match=rf"takes \d+ bytes, .* at most {ApplyEdits.max_bytes}.*nothing was sent"):
+        client.apply(edits, -1)
+    with pytest.raises(RefusedError, match=rf"at most {OpenView.max_bytes}"):
+        encoded(OpenView(view="a-1", values=["x" * 1000] * 3000))
+
+
+@pytest.mark.parametrize("kind", [ApplyEdits, OpenView])
+def test_what_is_just_as_large_as_allowed_is_read(bench, kind) -> None:
+    assert Stop.max_bytes < MAX_MESSAGE_BYTES
+    session = open_client(Path(bench.serving.socket_path))
+    try:
+        replies = list(session.get(f"silo/*/bot/{kind.key}", payload=b"\xc1" * kind.max_bytes, timeout=20.0))
+        assert b"can't be understood" in replies[0].ok.payload.to_bytes()
+    finally:
+        close(session)
