@@ -14,6 +14,11 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
     from silo.analysis.log import Log as Log, Signal as Signal, open_log as open_log
     from silo.collecting.traits import register as register
     from silo.errors import (
+        GoesOnError as GoesOnError,
+        LogNotFoundError as LogNotFoundError,
+        NoRoomError as NoRoomError,
+        UnsavedError as UnsavedError,
+        VersionError as VersionError,
         ConnectionLostError as ConnectionLostError,
         ElementError as ElementError,
         FileFormatError as FileFormatError,
@@ -50,6 +55,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         FileType as FileType,
         LoggerOptions as LoggerOptions,
         Storage as Storage,
+        Threads as Threads,
     )
     from silo.recording import Recording as Recording
 
@@ -58,12 +64,12 @@ __version__ = VERSION
 _HOMES = {
     "silo.logger.default": "add array cleanup close collect init restart save serve start stop update",
     "silo.errors": (
-        "ConnectionLostError ElementError FileFormatError RefusedError SaveError ScriptError SegmentError SiloError "
-        "SourceError StateError"
+        "ConnectionLostError ElementError FileFormatError GoesOnError LogNotFoundError NoRoomError RefusedError "
+        "SaveError ScriptError SegmentError SiloError SourceError StateError UnsavedError VersionError"
     ),
     "silo.analysis.log": "Log Signal open_log",
     "silo.logger.logger": "Logger",
-    "silo.model": "Action BufferType ElementInfo ElementOptions FileType LoggerOptions Storage",
+    "silo.model": "Action BufferType ElementInfo ElementOptions FileType LoggerOptions Storage Threads",
     "silo.logger.null": "NullLogger",
     "silo.recording": "Recording",
     "silo.collecting.traits": "register",

@@ -1,3 +1,3 @@
 """The version of this silo; `pyproject.toml` reads it from this text."""
 
-VERSION = "0.1.0"
+VERSION = "0.2.0"
