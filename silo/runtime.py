@@ -77,14 +77,25 @@ def list_segments(folder: Path | None = None) -> list[Path]:
         elif path.exists():
             found.append(path.readlink())
         else:
-            path.unlink(missing_ok=True)
+            _forget_announced(path)
     if folder is not None:
         found += sorted(folder.absolute().glob(f".*{SEGMENT_SUFFIX}"))
     return list(dict.fromkeys(found))
 
 
+def _forget_announced(link: Path) -> None:
+    """Remove a link to a segment that is gone, and what a start that died left of it; one that goes on keeps it."""
+    target = link.readlink()
+    sweep_unfinished(target.parent)
+    if not target.with_name(f".{target.name}.new").exists() and not target.exists():
+        link.unlink(missing_ok=True)
+
+
 def announce_segment(path: Path) -> None:
-    """Have a segment in a log folder found by commands that don't know the folder, until the computer starts anew."""
+    """Have a segment in a log folder found by commands that don't know the folder, until the computer starts anew.
+
+    Called before it is made, so that what is left of a start that died is found too, and after.
+    """
     link = runtime_dir() / path.name.lstrip(".")
     link.unlink(missing_ok=True)
     link.symlink_to(path.absolute())

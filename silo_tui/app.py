@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from textual.app import App
 from textual.command import CommandPalette
 
-from silo.ipc.messages import Event, EventKind
+from silo.ipc.published import Event, EventKind
 from silo_tui import terminal, theme
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener

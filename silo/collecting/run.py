@@ -58,20 +58,23 @@ class Run:
             plan = self._plan(options, elements, checked=True)
         self.plan = plan
         _warn_of_abandoned(elements)
+        path = self._path(options)
+        self._announced = options.storage is Storage.FILE
+        if self._announced:
+            announce_segment(path)
         self.segment = Segment(
-            self._path(options),
+            path,
             self._schema(options, plan),
             plan.first_rows,
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is not Storage.FILE,
         )
-        if options.storage is Storage.FILE:
+        if self._announced:
             announce_segment(self.segment.path)
         generated = generate(
             plan, self.segment, clock, on_stop, after_end, serialized=options.threads is Threads.SERIALIZED
         )
         self.collect, self._retire = generated.collect, generated.retire
-        self._announced = options.storage is Storage.FILE
         self._reader: SegmentReader | None = None
 
     @staticmethod

@@ -183,7 +183,7 @@ class Segment:
         return self._counted[0] if self._counted else self.words[self.ring_control(TIME_RING)]
 
     @property
-    def lost(self) -> int:
+    def lost_rows(self) -> int:
         """Rows that could not be kept, all rings together."""
         if self._counted:
             return self._counted[1]
@@ -293,7 +293,7 @@ class Segment:
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()  # it holds the chunk that it made last
         self._failed = self.failures
-        self._counted = self.ticks, self.lost
+        self._counted = self.ticks, self.lost_rows
         with contextlib.suppress(FileNotFoundError):
             self.path.unlink()
         with self._allocating:

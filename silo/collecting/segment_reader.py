@@ -243,11 +243,6 @@ class SegmentReader:
         return int(newest.time_ns[-1]) if len(newest) else 0
 
     @property
-    def lost(self) -> int:
-        """Rows that could not be kept, all rings together."""
-        return sum(self.ring_lost(ring.ring) for ring in self.schema.rings)
-
-    @property
     def size_bytes(self) -> int:
         """The size of the file."""
         return self._size_bytes if self._file.closed else os.fstat(self._file.fileno()).st_size

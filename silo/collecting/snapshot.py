@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.keeping import kept_rows
+from silo.collecting.losses import lost_samples
 from silo.collecting.reasons import LOST_TEXTS
 from silo.collecting.rows import Rows, RowSource
 from silo.collecting.schema import TIME_RING, ElementSchema
@@ -79,10 +80,10 @@ def _recorded(source: RowSource, element: ElementSchema, rows: Rows, due: int, f
 
 def _warnings(source: RowSource, elements: list[RecordedElement], ticks: int) -> tuple[str, ...]:
     warnings = []
-    lost = sum(source.ring_lost(ring.ring) for ring in source.schema.rings)
+    lost = lost_samples(source)
     if lost:
         texts = " and ".join(LOST_TEXTS[why] for why in source.lost_whys())
-        warnings.append(f"{lost} rows could not be kept: {texts}")
+        warnings.append(f"{lost} samples could not be kept: {texts}")
     failed = [element for element in elements if element.failures.count]
     warnings += [f"{element.name}: {failures_text(element.failures)}" for element in failed]
     sizes = {element.info.name: element.info.options.buffer_size for element in source.schema.elements}

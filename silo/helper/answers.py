@@ -26,7 +26,6 @@ from silo.ipc.messages import (
     DiffScript,
     Done,
     EditsApplied,
-    EventKind,
     GetHistory,
     GetStatus,
     GetTable,
@@ -53,6 +52,8 @@ from silo.ipc.messages import (
     Stop,
     ViewOpened,
 )
+from silo.ipc.published import EventKind
+from silo.ipc.refusals import refused_running
 from silo.ipc.versions import OLDEST, PROTOCOL
 from silo.model import Edit, State
 from silo.version import VERSION
@@ -233,9 +234,7 @@ def _must_live(now: LoggerSnapshot) -> Refused | None:
 
 
 def _must_stop(now: LoggerSnapshot) -> Refused | None:
-    if now.state is not State.RUNNING:
-        return None
-    return Refused(RefusedWhy.RUNNING, "the logger is running: stop it, then apply; nothing was changed")
+    return refused_running() if now.state is State.RUNNING else None
 
 
 def _signed(request: Signed) -> Signed:

@@ -12,7 +12,7 @@ from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.recovery import save_reader
 from silo.helper.saver import describe
-from silo.ipc.messages import EventKind
+from silo.ipc.published import EventKind
 from silo.model import SavedFile
 
 ENDING_S = 5.0  # how long a process may take from closing its files to its end

@@ -9,7 +9,7 @@ import zenoh
 
 from silo.helper.mirror import Mirror
 from silo.ipc.keys import Root
-from silo.ipc.messages import Event, EventKind
+from silo.ipc.published import Event, EventKind
 from silo.model import SavedFile
 
 MAX_BY = 120

@@ -29,7 +29,8 @@ from silo.helper.robot import Robot
 from silo.helper.saver import Saver
 from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
-from silo.ipc.messages import AnyReply, Done, EventKind, Refused, RefusedWhy, RobotRequest, Save, SaveStarted
+from silo.ipc.messages import AnyReply, Done, Refused, RefusedWhy, RobotRequest, Save, SaveStarted
+from silo.ipc.published import EventKind
 from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.handover import RunOffer
 from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState

@@ -16,7 +16,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
-from silo.ipc.messages import EventKind
+from silo.ipc.published import EventKind
 from silo.model import Storage
 
 PERIOD_S = 0.2

@@ -26,7 +26,7 @@ from silo.files.atomic import sweep_parts
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.saver import describe
-from silo.ipc.messages import EventKind
+from silo.ipc.published import EventKind
 from silo.model import FileType
 
 if TYPE_CHECKING:

@@ -19,7 +19,8 @@ from silo.helper.mirror import Mirror
 from silo.helper.topics import Topics, matching
 from silo.helper.views import LEASE_S, View, check_view, layout_of
 from silo.ipc import keys
-from silo.ipc.messages import EventKind, OpenView, Refused, RefusedWhy, ViewOpened
+from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewOpened
+from silo.ipc.published import EventKind
 from silo.model import State
 
 IDLE_S = 0.1

@@ -7,6 +7,7 @@ import msgspec
 
 from silo.helper.mirror import LoggerSnapshot
 from silo.ipc.messages import AnyAsk, AnyDo, ApplyEdits, Ask, Do, Hello, Refused, RefusedWhy, Request
+from silo.ipc.refusals import refused_conflict
 from silo.ipc.versions import client_problem
 from silo.model import Edit, Problem
 from silo.settings.rules import MAX_NAME, MAX_PROBLEMS, edit_problems, raw_problems, refusal, shorten
@@ -99,11 +100,8 @@ def _refused_edits(problems: list[Problem]) -> Refused:
 
 def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> Refused | None:
     """Return why edits of the present table can't be applied; what can be told here never reaches the robot process."""
-    if request.revision not in (-1, now.table.revision):
-        return Refused(
-            RefusedWhy.CONFLICT,
-            f"somebody changed the table meanwhile (it is at revision {now.table.revision}, the edits are based on "
-            f"{request.revision}): read it again; nothing was changed",
-        )
+    conflict = refused_conflict(request, now.table.revision)
+    if conflict is not None:
+        return conflict
     problems = edit_problems(request.edits, now.places)
     return _refused_edits(problems) if problems else None

@@ -12,7 +12,8 @@ from silo.helper.events import Events
 from silo.helper.heap import trim_heap
 from silo.helper.mirror import Mirror
 from silo.helper.robot import Robot
-from silo.ipc.messages import EventKind, Refused, RefusedWhy, Save, SaveStarted
+from silo.ipc.messages import Refused, RefusedWhy, Save, SaveStarted
+from silo.ipc.published import EventKind
 from silo.link.messages import LinkSaved
 from silo.model import SavedFile
 

@@ -18,7 +18,8 @@ from silo.columns import MAX_COLUMNS, ColumnGrid, bins_of
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.newest import NewestValues
 from silo.ipc.keys import VIEW_ID
-from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewFrame, ViewOpened
+from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewOpened
+from silo.ipc.published import ViewFrame
 
 LEASE_S = 6.0
 MIN_RATE_HZ, MAX_RATE_HZ = 0.1, 30.0

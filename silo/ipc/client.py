@@ -23,8 +23,6 @@ from silo.ipc.messages import (
     CloseView,
     DiffScript,
     EditsApplied,
-    Event,
-    EventKind,
     GetHistory,
     GetStatus,
     GetTable,
@@ -50,6 +48,7 @@ from silo.ipc.messages import (
     ViewOpened,
     unsaved_of,
 )
+from silo.ipc.published import Event, EventKind
 from silo.model import Edit, FileType, SavedFile, Status, Table
 from silo.version import VERSION
 

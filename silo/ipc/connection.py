@@ -20,7 +20,8 @@ from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
 from silo.ipc.discovery import Found, discover
 from silo.ipc.exchange import encoded, exchange, key_of
-from silo.ipc.messages import AnyReply, Event, Hello, HelloReply, Request
+from silo.ipc.messages import AnyReply, Hello, HelloReply, Request
+from silo.ipc.published import Event
 from silo.ipc.session import close, open_client, owner_is_gone
 from silo.model import State
 from silo.version import VERSION

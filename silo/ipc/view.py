@@ -11,7 +11,8 @@ from silo.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
 from silo.errors import ConnectionLostError
 from silo.ipc.frames import Frame
 from silo.ipc.keys import Root
-from silo.ipc.messages import Columns, OpenView, ViewFrame, ViewOpened
+from silo.ipc.messages import Columns, OpenView, ViewOpened
+from silo.ipc.published import ViewFrame
 
 RING = 64  # 6 s at 10 Hz: who reads less often gets the newest and a gap
 

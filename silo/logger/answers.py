@@ -27,6 +27,7 @@ from silo.ipc.messages import (
     Stop,
     Unsaved,
 )
+from silo.ipc.refusals import refused_conflict, refused_running
 from silo.link.messages import RobotState
 from silo.model import Edit, ElementInfo, LoggerOptions, Problem, State, Table
 from silo.settings.rules import refusal
@@ -113,13 +114,10 @@ def answer(logger: Served, request: Request[Any]) -> AnyReply:
 def _edit(logger: Served, request: ApplyEdits) -> EditsApplied | Refused:
     with logger.lock:
         if logger.is_running:
-            return Refused(RefusedWhy.RUNNING, "the logger is running: stop it, then apply; nothing was changed")
-        if request.revision not in (-1, logger.revision):
-            text = (
-                f"somebody changed the table meanwhile (revision {logger.revision}, the edits are based on "
-                f"{request.revision}): read it again; nothing was changed"
-            )
-            return Refused(RefusedWhy.CONFLICT, text)
+            return refused_running()
+        conflict = refused_conflict(request, logger.revision)
+        if conflict is not None:
+            return conflict
         problems = logger.problems(request.edits)
         if problems:
             return Refused(RefusedWhy.INVALID, refusal(problems), problems)

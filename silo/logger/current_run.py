@@ -79,7 +79,7 @@ class CurrentRun:
     @property
     def lost(self) -> int:
         """Samples that could not be kept since the last start, also of a run that was dropped."""
-        if self.run is None or not self.run.segment.lost:
+        if self.run is None or not self.run.segment.lost_rows:
             return 0
         return lost_samples(self.run.reader) if self.run.segment.size_bytes else self._lost_at_end
 

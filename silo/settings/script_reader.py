@@ -18,7 +18,7 @@ from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, line_of
 
 _ELEMENT_KEYS = ("name", "enabled", "divider", "buffer", "action")
 _BUFFER_KEYS = ("type", "size")
-_WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]*)")
+_WHOLE = re.compile(r"-?(0|[1-9][0-9]*)")
 _OCTAL = re.compile(r"[-+]?0[0-9]+")  # to YAML 010 is 8
 
 

@@ -12,7 +12,7 @@ from textual.widgets import Button, Input, ProgressBar, Static
 
 from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
-from silo.ipc.messages import Event, EventKind
+from silo.ipc.published import Event, EventKind
 from silo.model import FileType, SavedFile
 from silo_tui.context import Context
 from silo_tui.model import text

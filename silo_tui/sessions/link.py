@@ -16,7 +16,7 @@ from textual.message import Message
 
 from silo.errors import ConnectionLostError
 from silo.ipc.frames import Frame
-from silo.ipc.messages import Event
+from silo.ipc.published import Event
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client

@@ -13,7 +13,8 @@ import numpy as np
 from silo.columns import MAX_COLUMNS, HistoryColumns
 from silo.errors import RefusedError
 from silo.ipc.frames import Frame
-from silo.ipc.messages import Event, EventKind, RefusedWhy, Unsaved
+from silo.ipc.messages import RefusedWhy, Unsaved
+from silo.ipc.published import Event, EventKind
 from silo.model import ElementInfo, State, Status
 from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore

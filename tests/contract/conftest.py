@@ -13,7 +13,7 @@ import pytest
 
 import silo
 from silo.ipc.client import Client
-from silo.ipc.messages import Event, EventKind
+from silo.ipc.published import Event, EventKind
 from silo.model import Edit, ElementInfo
 from tests.stand_ins.fake_logger import HZ, START_NS, FakeClient
 from tests.waiting import DEADLINE_S

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from silo.errors import ConnectionLostError, RefusedError
-from silo.ipc.messages import EventKind, RefusedWhy
+from silo.ipc.messages import RefusedWhy
+from silo.ipc.published import EventKind
 from silo.model import Edit, ElementOptions, FileType, State
 from tests.stand_ins.fake_logger import HZ, START_NS
 from tests.waiting import DEADLINE_S

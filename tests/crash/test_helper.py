@@ -15,7 +15,8 @@ import silo
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError
 from silo.ipc.client import Client
 from silo.ipc.discovery import discover, survey
-from silo.ipc.messages import Event, EventKind, RefusedWhy
+from silo.ipc.messages import RefusedWhy
+from silo.ipc.published import Event, EventKind
 from silo.model import FileType, State
 
 

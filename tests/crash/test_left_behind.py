@@ -25,7 +25,7 @@ from silo.errors import SegmentError
 from silo.files.atomic import atomic_file, atomic_folder, sweep_parts
 from silo.helper.recovery import recover
 from silo.ipc.client import Client
-from silo.ipc.messages import EventKind
+from silo.ipc.published import EventKind
 from silo.ipc.session import owner_is_gone, sweep
 from silo.runtime import open_unfinished, sweep_unfinished
 

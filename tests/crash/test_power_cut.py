@@ -25,7 +25,7 @@ from silo.collecting.left_journals import find_stale_journals, is_written
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.ipc.client import Client
-from silo.ipc.messages import EventKind
+from silo.ipc.published import EventKind
 from silo.runtime import process_start
 from tests.crash.durable_robot import OPTIONS
 from tests.power_cuts import check

@@ -17,7 +17,7 @@ import pytest
 import silo
 from silo.errors import SegmentError, StateError
 from silo.ipc.client import Client
-from silo.ipc.messages import EventKind
+from silo.ipc.published import EventKind
 
 PROGRAM = """
 import os, signal, sys

@@ -33,8 +33,6 @@ from silo.ipc.messages import (
     CloseView,
     Columns,
     DiffScript,
-    Event,
-    EventKind,
     GetHistory,
     GetStatus,
     GetTable,
@@ -58,6 +56,7 @@ from silo.ipc.messages import (
     ViewOpened,
     leaves,
 )
+from silo.ipc.published import Event, EventKind
 from silo.ipc.session import close, open_server
 from silo.link.channel import LinkChannel
 from silo.link.handover import handover_pair

@@ -17,7 +17,7 @@ from silo.errors import ConnectionLostError
 from silo.ipc import discovery
 from silo.ipc.client import Client
 from silo.ipc.discovery import discover, survey
-from silo.ipc.messages import EventKind
+from silo.ipc.published import EventKind
 from tests.waiting import DEADLINE_S
 
 

@@ -6,7 +6,8 @@ import pytest
 import silo
 from silo.errors import RefusedError, SaveError
 from silo.ipc.client import Client
-from silo.ipc.messages import EventKind, OpenView, Refused, RefusedWhy, ViewOpened
+from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewOpened
+from silo.ipc.published import EventKind
 from silo.model import BufferType, Edit, ElementOptions, FileType, State
 
 COLUMN_NS = 100_000_000

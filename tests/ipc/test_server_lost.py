@@ -8,7 +8,7 @@ import pytest
 
 import silo
 from silo.ipc.client import Client
-from silo.ipc.messages import EventKind
+from silo.ipc.published import EventKind
 
 pytestmark = pytest.mark.slow
 

@@ -14,7 +14,8 @@ import silo
 from silo.errors import RefusedError
 from silo.ipc.client import Client
 from silo.ipc.exchange import encoded
-from silo.ipc.messages import ApplyEdits, EventKind, GetHistory, OpenView, RefusedWhy, Save
+from silo.ipc.messages import ApplyEdits, GetHistory, OpenView, RefusedWhy, Save
+from silo.ipc.published import EventKind
 from silo.ipc.session import close, open_client
 from silo.model import Edit, ElementOptions, FileType, State
 from tests.examples import examples

@@ -5,7 +5,8 @@ import os
 import pytest
 
 from silo.errors import RefusedError
-from silo.ipc.messages import EventKind, RefusedWhy
+from silo.ipc.messages import RefusedWhy
+from silo.ipc.published import EventKind
 
 SCRIPT = "log_elements:\n  - name: /log/x\n    enabled: true\n    divider: 7\n"
 

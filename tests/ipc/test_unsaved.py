@@ -11,7 +11,8 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import GoesOnError, RefusedError
 from silo.ipc.client import Client
 from silo.ipc.exchange import encoded
-from silo.ipc.messages import ApplyEdits, EventKind, OpenView, RefusedWhy, Stop
+from silo.ipc.messages import ApplyEdits, OpenView, RefusedWhy, Stop
+from silo.ipc.published import EventKind
 from silo.ipc.session import MAX_MESSAGE_BYTES, close, open_client
 from silo.model import Edit, ElementOptions, State
 

@@ -16,20 +16,8 @@ from silo.helper.requests import decode_ask, decode_do
 from silo.ipc.client import Client
 from silo.ipc.discovery import discover, survey
 from silo.ipc.exchange import checked_reply, decode_reply, encoded
-from silo.ipc.messages import (
-    Done,
-    Event,
-    EventKind,
-    GetStatus,
-    Hello,
-    Refused,
-    RefusedWhy,
-    Request,
-    Start,
-    Unsaved,
-    ViewFrame,
-    leaves,
-)
+from silo.ipc.messages import Done, GetStatus, Hello, Refused, RefusedWhy, Request, Start, Unsaved, leaves
+from silo.ipc.published import Event, EventKind, ViewFrame
 from silo.ipc.session import close, open_client
 from silo.ipc.versions import PROTOCOL, client_problem, robot_problem
 from tests.waiting import DEADLINE_S, wait_until

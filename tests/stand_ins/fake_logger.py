@@ -14,18 +14,9 @@ from silo.columns import HistoryColumns
 from silo.errors import ConnectionLostError, ScriptError
 from silo.ipc.exchange import RequestRefusedError
 from silo.ipc.frames import Frame
-from silo.ipc.messages import (
-    EditsApplied,
-    Event,
-    EventKind,
-    HelloReply,
-    Refused,
-    RefusedWhy,
-    ScriptDiff,
-    Scripts,
-    ScriptText,
-    Unsaved,
-)
+from silo.ipc.messages import EditsApplied, HelloReply, Refused, RefusedWhy, ScriptDiff, Scripts, ScriptText, Unsaved
+from silo.ipc.published import Event, EventKind
+from silo.ipc.versions import PROTOCOL
 from silo.model import (
     Action,
     BufferType,
@@ -42,6 +33,7 @@ from silo.model import (
 )
 from silo.settings.rules import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
+from silo.version import VERSION
 from silo_tui.sessions.finder import Found, FoundLogger
 
 START_NS = 1_790_000_000_000_000_000
@@ -262,7 +254,7 @@ class FakeClient:
 
     def hello(self) -> HelloReply:
         self._ask()
-        return HelloReply(protocol=1, version="0.1.0", user="ann", may_edit=self.may_edit, status=self.status())
+        return HelloReply(protocol=PROTOCOL, version=VERSION, user="ann", may_edit=self.may_edit, status=self.status())
 
     def status(self) -> Status:
         self._ask()

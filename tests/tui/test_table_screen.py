@@ -6,7 +6,7 @@ import pytest
 from rich.cells import cell_len
 from textual import events
 
-from silo.ipc.messages import EventKind
+from silo.ipc.published import EventKind
 from silo.model import State
 from silo_tui.model.fields import Field
 

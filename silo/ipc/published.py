@@ -1,0 +1,87 @@
+"""What a helper process publishes without being asked for each: frames of views, and events.
+
+msgspec structs in msgpack, as the messages are. A frame goes to the one client that opened its view, an event to all.
+"""
+
+import enum
+
+import msgspec
+
+from silo.model import SavedFile, State, Status
+
+
+class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One refresh of one view: put on `.../view/<id>`.
+
+    `number` counts frames, so that gaps are seen. `generation` is that of the `ViewOpened` that explains the frame:
+    it changes with a restart or an edit, and the client opens the view again. `lost_total` counts samples. `held`
+    and `lost` have one int64 per element of `values`; `newest` one float64 per entry (NaN where there is none);
+    `texts` holds by its position each newest value that a float64 can't tell: strings, dates, NaT, complex numbers,
+    the digits of integers from 2**53 on; `low`/`high` float64 of shape `(len(plots), count)`: columns
+    `first ... first + count - 1`, the last of them perhaps not complete yet (it comes again), with `marks` and
+    `bases` as in `Columns`. They hold every sample since the frame
+    before; where some were skipped `since_ns` is the time from which on they are whole, else 0. `sizes` are the buffer
+    sizes of the held recording by position in `values`, where they aren't the table's: it was edited since, or the
+    recording lacks the element (0).
+    `failed` has by its position in `values` at how many ticks an element could not be read, of those that ever failed.
+    """
+
+    number: int
+    generation: int
+    time_ns: int
+    tick: int
+    state: State
+    measured_hz: float
+    lost_total: int
+    held: bytes
+    lost: bytes
+    newest: bytes
+    texts: dict[int, str]
+    first: int
+    count: int
+    low: bytes
+    high: bytes
+    marks: bytes = b""
+    bases: dict[int, int] = {}
+    since_ns: int = 0
+    sizes: dict[int, int] = {}
+    failed: dict[int, int] = {}
+
+
+class EventKind(str, enum.Enum):
+    """What happened. A kind that only a newer silo knows is read as OTHER."""
+
+    STARTED = "started"
+    STOPPED = "stopped"
+    EDITED = "edited"
+    SAVING = "saving"  # progress
+    SAVED = "saved"
+    SAVE_FAILED = "save failed"
+    LOST = "lost"
+    CRASHED = "crashed"
+    RECOVERED = "recovered"
+    CLOSED = "closed"
+    SCRIPT_SAVED = "script saved"
+    SCRIPT_LOADED = "script loaded"
+    FILES_DELETED = "files deleted"
+    DURABLE = "durable"  # the journal stopped or goes on
+    ENDED = "ended"  # a request that went on came to its end, well or not
+    OTHER = "other"
+
+    @classmethod
+    def _missing_(cls, _: object) -> "EventKind":
+        return cls.OTHER
+
+
+class Event(msgspec.Struct, frozen=True):
+    """Put on `.../event`; `text` is fit to show as it stands. `number` counts all events of a helper."""
+
+    number: int
+    time_ns: int
+    kind: EventKind
+    text: str
+    by: str = ""
+    status: Status | None = None
+    job: int = 0
+    progress: float = 0.0
+    files: list[SavedFile] = []
