@@ -91,7 +91,12 @@ def _show(stale: "Sequence[StaleSegment]", as_json: bool) -> None:
         return
     _say(stale)
     if not stale:
-        click.echo("nothing to recover")
+        _say_nothing()
+
+
+def _say_nothing() -> None:
+    click.echo("nothing to recover")
+    click.echo("journals (storage='disk') after a power cut: silo recover --look-in LOGFOLDER", err=True)
 
 
 def _say(stale: "Sequence[StaleSegment]") -> None:
@@ -149,6 +154,6 @@ def _recover(
     if as_json:
         show_json(files)
     elif not paths:
-        click.echo("nothing to recover")
+        _say_nothing()
     if failed:
         raise SaveError(f"{failed} of {many(len(paths), 'segment')} could not be recovered; they stay as they are")

@@ -68,6 +68,8 @@ class Slot:
         if isinstance(self.source, Reference):
             return self.source.view
         value = self.source.read()
+        if value is None:
+            raise TypeError("the value is None")
         return value if self.source.convert is None else self.source.convert(value)
 
     def _say(self, error: Exception) -> None:
@@ -100,8 +102,18 @@ def fitting(value: Any, dtype: np.dtype[Any]) -> Any:
         info = np.iinfo(dtype)
         if given.size and not (info.min <= int(given.min()) and int(given.max()) <= info.max):
             raise OverflowError(f"{value!r} doesn't fit into {dtype.name} ({info.min} to {info.max})")
-    elif not np.can_cast(given.dtype, dtype, "same_kind"):
+    elif dtype.kind == "b" and given.dtype.kind in "iuf":
+        if not np.isin(given, (0, 1)).all():
+            raise TypeError(f"{value!r} is neither true nor false, which it was when it was added")
+        return given.astype(bool)
+    elif (dtype.kind in "SU" and given.dtype.kind not in "SU") or not np.can_cast(given.dtype, dtype, "same_kind"):
         raise TypeError(f"{value!r} is no {dtype.name}, which it was when it was added")
+    elif dtype.kind in "fc" and given.dtype.itemsize > dtype.itemsize:
+        with np.errstate(over="ignore"):
+            made = given.astype(dtype)
+        if (np.isinf(made) & np.isfinite(given)).any():
+            raise OverflowError(f"{value!r} doesn't fit into {dtype.name}")
+        return made
     return value
 
 

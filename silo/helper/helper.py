@@ -176,6 +176,7 @@ class Helper:
         taken = self._robot.taken_runs()
         for offer, descriptor in taken:
             _take_run(mirror, offer, descriptor)
+            self._deleted = "" if offer.named else offer.run
         return bool(taken)
 
     def _files_deleted(self, mirror: Mirror, events: Events, saver: Saver, path: Path) -> bool:

@@ -18,10 +18,14 @@ _encoder = msgspec.msgpack.Encoder()
 
 
 class RunOffer(msgspec.Struct, frozen=True):
-    """A run that is about to begin, or, to a new helper process, that goes on: its id and its segment's path."""
+    """A run that is about to begin, or, to a new helper process, that goes on: its id and its segment's path.
+
+    `named` is False where that path was deleted under the running program, which the helper before this one has told.
+    """
 
     run: str
     segment: str
+    named: bool = True
 
 
 _decoder = msgspec.msgpack.Decoder(RunOffer)

@@ -15,6 +15,7 @@ from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply
 
 READY_TIMEOUT_S = 15.0
+ENDING_S = 2.0  # how long one may take from closing its channel to its end
 HELPER_ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
@@ -72,6 +73,14 @@ class HelperProcess:
         """Close both channels, by which it learns that the robot program is done with it."""
         self.link.close()
         self.runs.close()
+
+    def end(self) -> int:
+        """Let one that ended, or is about to, do so; kill it if it doesn't. Return its exit code."""
+        self.let_go()
+        try:
+            return self._process.wait(ENDING_S)
+        except subprocess.TimeoutExpired:
+            return self.kill()
 
     def kill(self) -> int:
         """End it at once, if it hasn't; return its exit code."""

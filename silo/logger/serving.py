@@ -158,7 +158,7 @@ class Serving:
             return  # it ended because the logger is being closed
         self.is_up = False
         self._down.set()
-        code = self._helper.kill()
+        code = self._helper.end()
         self._fail_pending("the helper process died while it saved; a new one is being started: save again")
         if time.monotonic() - self._started_s > LONG_LIFE_S:
             self._tries = 0
@@ -222,7 +222,7 @@ class Serving:
             return
         descriptor = run.segment.open_read_only()
         try:
-            if not offer_run(self._helper.runs, RunOffer(run.id, str(run.segment.path)), descriptor):
+            if not offer_run(self._helper.runs, RunOffer(run.id, str(run.segment.path), run.segment.named), descriptor):
                 log.info("%s: the helper process takes no run over now, its successor will", self._name)
         finally:
             os.close(descriptor)

@@ -334,7 +334,7 @@ def test_the_status_tells_durable_ticks_of_the_present_run_only(durable, until, 
         until(lambda: client.status().durable_ticks == 50)
         assert run(["info", "arm"]) == 0
         assert "durable     to tick 50; a power cut now would lose 0 ticks after it" in capsys.readouterr().out
-        assert client.restart().durable_ticks == 0
+        assert client.restart("discard").durable_ticks == 0
 
 
 def test_a_restart_leaves_no_journal_of_the_run_before(robot, tmp_path, until):

@@ -110,6 +110,68 @@ def test_an_array_of_integers_holds_what_it_was(new_logger, dtype):
     assert found == [[1, 2, 3]] * 4 + [[7, 8, 9]] * 2
 
 
+@pytest.mark.parametrize(
+    ("first", "then", "logged"),
+    [
+        (np.zeros(3, bool), np.array([0, 1, 1]), [0, 1, 1]),
+        (np.zeros(3, bool), [1, 0, 1.0], [1, 0, 1]),
+        (np.zeros(3, bool), np.array([0, 1, 2]), [0, 0, 0]),
+        (np.zeros(3, "i4"), np.array([1, 2, 3], "i8"), [1, 2, 3]),
+        (np.zeros(3, "i4"), np.array([1, 2, 2**40]), [0, 0, 0]),
+        (np.zeros(3, "u1"), [1, 2, 255], [1, 2, 255]),
+        (np.zeros(3, "f4"), np.array([1.5, 2.5, 3.5]), [1.5, 2.5, 3.5]),
+        (np.zeros(3, "f4"), np.array([1.5, np.inf, -np.inf]), [1.5, np.inf, -np.inf]),
+    ],
+)
+def test_an_array_of_another_type_is_logged_where_its_values_fit(new_logger, first, then, logged):
+    robot = Robot()
+    robot.x, robot.y = first, 1.0
+    logger = new_logger()
+    logger.add(robot, attr="x")
+    logger.add(robot, attr="y")
+    logger.start()
+    robot.x = then
+    logger.collect()
+    x, y = logger.snapshot().elements
+    assert [entry.values[-1] for entry in x.entries] == logged
+    assert x.failures.count == (logged == [0, 0, 0])
+    assert y.entries[0].values.tolist() == [1.0]
+
+
+def test_a_float_that_is_beyond_its_type_is_nan_and_not_infinite(new_logger):
+    robot = Robot()
+    robot.x, robot.y = np.float32(1), np.zeros(2, "f4")
+    logger = new_logger()
+    logger.add(robot, attr="x")
+    logger.add(robot, attr="y")
+    logger.start()
+    robot.x, robot.y = 1e300, np.array([0.0, 1e300])
+    logger.collect()
+    for element in logger.snapshot().elements:
+        assert all(np.isnan(entry.values[-1]) for entry in element.entries)
+        assert element.failures.count == 1
+
+
+@pytest.mark.parametrize("strange", [7, 2.0, True, None, ["a"]])
+def test_texts_in_an_array_hold_what_they_were(new_logger, strange):
+    robot = Robot()
+    robot.x = np.array(["ab", "cd"])
+    logger = new_logger()
+    logger.add(robot, attr="x")
+    logger.start()
+    logger.collect()
+    robot.x = strange if strange == ["a"] else [strange, strange]
+    logger.collect()
+    (element,) = logger.snapshot().elements
+    found = [entry.values[-1] for entry in element.entries]
+    assert found == (["a", "a"] if strange == ["a"] else ["ab", "cd"])  # NumPy spreads one over both
+
+
+def test_what_could_not_be_read_is_told_in_words_of_the_program(logged, caplog):
+    logged([5, None])
+    assert "reading Robot.x failed (TypeError: the value is None); it is logged as its last value" in caplog.text
+
+
 def test_the_other_parts_of_a_struct_go_on(new_logger):
     @dataclass
     class State:
