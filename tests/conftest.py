@@ -24,9 +24,12 @@ load_profile()
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """A worker per processor; none where tests are named by their file, as they begin sooner without."""
+    """Two workers per processor, as the slow tests wait for processes half of their time.
+
+    None where tests are named by their file, as they begin sooner without.
+    """
     named = any(".py" in argument for argument in config.args)
-    return 0 if named else len(os.sched_getaffinity(0))
+    return 0 if named else 2 * len(os.sched_getaffinity(0))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -18,6 +18,7 @@ import silo
 from silo.collecting.damage import damage
 from silo.collecting.holdings import segment_holdings
 from silo.collecting.left_behind import find_stale
+from silo.collecting.losses import lost_samples
 from silo.collecting.schema import LINE_WORDS, Header
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SegmentError
@@ -190,7 +191,7 @@ def attempt(path: Path, folder: Path, *, save: bool) -> bool:
             segment_holdings(reader)
             reader.snapshot()
             damage(reader)
-            _ = reader.last_time_ns, reader.lost, reader.stop_reason, reader.size_bytes
+            _ = reader.last_time_ns, lost_samples(reader), reader.stop_reason, reader.size_bytes
             for ring in reader.schema.rings:
                 reader.rows(ring.ring, 0)
         finally:
