@@ -114,6 +114,7 @@ def outcome(folder, monkeypatch, capsys):
     return run_line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", BAD_FILES, ids=ascii)
 @pytest.mark.parametrize("command", [["info", "?"], ["stats", "?"], ["plot", "?", "x"], ["convert", "?", "out.csv"]])
 def test_a_bad_file_is_told_of(command, file, outcome):
@@ -121,6 +122,7 @@ def test_a_bad_file_is_told_of(command, file, outcome):
     assert code or file == "latin.csv"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", BAD_FILES, ids=ascii)
 def test_a_bad_file_is_told_of_on_either_side_of_a_comparison(file, outcome):
     assert outcome("diff", "good.silo", file)[0]

@@ -1,9 +1,13 @@
 """Choosing a logger, scripts, saving data, the command line, help, and the palette."""
 
+import pytest
+
 from silo.model import FileType
 from silo_tui.actions import COMMANDS, FILE_SCOPES, bindings_for, footer_for
 from silo_tui.model.fields import Field
 from silo_tui.screens.table import TableScreen
+
+pytestmark = pytest.mark.slow  # each walks through the whole app
 
 FIRST = "/log/base/orientation"
 EATEN = {"ctrl+h", "ctrl+i", "ctrl+j", "ctrl+m", "ctrl+enter"}

@@ -17,6 +17,8 @@ from silo_tui.screens.file_detail import FileDetailScreen
 from silo_tui.screens.file_table import FileTableScreen
 from silo_tui.sessions.recorded import FileSession, open_file
 
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
 START_NS = 1_790_000_000_000_000_000
 STEP_NS = 2_500_000
 TICKS = 8000

@@ -7,6 +7,8 @@ from textual import events
 from silo.model import FileType, State
 from silo_tui.model.fields import Field
 
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
 FIRST = "/log/base/orientation"
 
 

@@ -245,6 +245,7 @@ async def test_one_view_is_about_what_is_on_the_screen(fake, opened):
         assert fake.views[0].closed
 
 
+@pytest.mark.slow
 async def test_ten_thousand_elements_are_there_and_the_last_is_a_key_away(new_fake, wide_table, opened):
     async with opened(new_fake(wide_table(10_000))) as screen:
         await screen.press("G")
