@@ -122,9 +122,12 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
             job = await context.link.call(lambda client: client.save(types, name))
         except SiloError as error:
             self._saving = False
-            self._result(str(error), failed=True)
+            if self in self.app.screen_stack:
+                self._result(str(error), failed=True)
+            else:  # it was left while the logger was asked
+                context.fail(str(error))
             return
-        while self._saving:
+        while self._saving and self in self.app.screen_stack:
             self._follow(context.session.saves.get(job), lost=not context.session.connected)
             await asyncio.sleep(FOLLOW_S)
 

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 from textual import events
+from textual.keys import _character_to_key
+from textual.screen import ModalScreen
 
 from silo.model import Action, ElementInfo
 from silo_tui.app import SiloApp
@@ -90,7 +92,24 @@ class Screen:
         await self.until(lambda: words in self.text, f"{words!r} on the screen")
 
     async def press(self, *keys: str) -> None:
-        await self.pilot.press(*keys)
+        """Press keys one after the other; each is carried out, with what it set off, before the next.
+
+        `Pilot.press` waits besides until the process uses no processor time, at least 40 ms a key and up to seconds
+        in a program that draws live values.
+        """
+        for key in keys:
+            name = _character_to_key(key) if len(key) == 1 and not key.isalnum() else key
+            self.app.post_message(events.Key(name, key if len(key) == 1 else None))
+            for _ in range(3):  # the key, what its command posted, and what that opened
+                await self.pilot._wait_for_screen()
+        await self.pilot.pause(0)
+
+    async def leave(self) -> None:
+        """Press Esc until nothing is open, and once more."""
+        await self.press("escape", "escape")
+        while isinstance(self.app.screen, ModalScreen):
+            assert self.app.is_running
+            await self.press("escape")
 
     async def type(self, words: str) -> None:
         """All at once, as a slow link or a paste brings it."""

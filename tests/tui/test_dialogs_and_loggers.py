@@ -228,6 +228,7 @@ async def test_another_logger_is_opened_from_the_list(new_fake, opened):
         await screen.shows("legs")
         await screen.press("down", "enter")
         await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
+        await screen.until(lambda: screen.session.connected)
 
 
 async def test_leaving_a_logger_with_pending_edits_asks(new_fake, opened):

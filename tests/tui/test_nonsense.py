@@ -29,8 +29,7 @@ async def test_strange_lines_are_told_of_and_the_program_goes_on(fake, opened):
     async with opened(fake) as screen:
         for line in LINES:
             CommandRunner(screen.app.context).run(line)
-            await screen.pilot.pause()
-            await screen.press("escape", "escape")
+            await screen.leave()
             assert screen.app.is_running, line
         CommandRunner(screen.app.context).run("filter")
         CommandRunner(screen.app.context).run("set div=7")
@@ -43,7 +42,8 @@ async def test_strange_words_in_a_cell_are_told_of_and_the_program_goes_on(key, 
         for typed in TYPED:
             await screen.press(key)
             await screen.type(typed)
-            await screen.press("enter", "escape", "escape")
+            await screen.press("enter")
+            await screen.leave()
         await screen.press("d", "7", "enter")
         await screen.until(lambda: screen.value(FIRST, Field.DIVIDER) == "7")
 
@@ -55,5 +55,6 @@ async def test_strange_words_in_a_dialog_are_told_of_and_the_program_goes_on(key
         for typed in TYPED:
             await screen.press(key)
             await screen.type(typed)
-            await screen.press("enter", "escape", "escape", "escape")
+            await screen.press("enter")
+            await screen.leave()
         assert screen.app.is_running
