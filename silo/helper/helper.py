@@ -157,6 +157,8 @@ class Helper:
             # a run first: what comes after it on the link may be about it, and it outlives the robot process
             if not self._take_runs(mirror) and runs in readable:
                 waited = [link, self._wake]  # that channel is closed
+            if not readable and mirror.files_deleted() and _ready(waited):
+                continue  # the robot process says first what it deletes itself
             if not readable and self._files_deleted(mirror, events, saver, path):
                 return _Ended.FILES_DELETED
             if link not in readable:
@@ -236,6 +238,10 @@ class Helper:
         self._term_s = time.monotonic()
         with contextlib.suppress(BlockingIOError):
             os.eventfd_write(self._wake, 1)
+
+
+def _ready(descriptors: list[int]) -> bool:
+    return bool(select.select(descriptors, [], [], 0)[0])
 
 
 def _take_run(mirror: Mirror, offer: RunOffer, descriptor: int) -> None:

@@ -44,11 +44,20 @@ class CurrentRun:
         self.saved_before = ""  # where the run before this one was saved, if that was done at the start of this one
         self._lost_at_end = 0
 
-    def replace(self, make: Callable[[], Run], options: LoggerOptions, let_go: Callable[[], None]) -> Run:
+    def replace(
+        self,
+        make: Callable[[], Run],
+        options: LoggerOptions,
+        let_go: Callable[[], None],
+        hand_over: Callable[[], None],
+    ) -> Run:
         """Make a new run in the place of the present one, which stays if that fails.
 
-        Where both don't fit into the memory, the present one is saved if it must be, and freed before the new one is
-        made; `let_go` has other processes free it too. Raises SegmentError, SaveError: the present run stays.
+        `hand_over` makes the new one known before the old one's files go: else these look as if somebody else had
+        deleted them. Where both don't fit into the memory, the present one is saved if it must be, and freed before
+        the new one is made; `let_go` has other processes free it too.
+
+        Raises SegmentError, SaveError: the present run stays.
         """
         try:
             made = make()
@@ -61,8 +70,10 @@ class CurrentRun:
             self.drop()
             self.run = None
             made = _patiently(make)
-        self.drop()
-        self.run, self.saved_ticks = made, 0
+        old, self.run, self.saved_ticks = self.run, made, 0
+        hand_over()
+        if old is not None:
+            old.drop()
         return made
 
     def drop(self) -> None:

@@ -138,14 +138,16 @@ class Logger(Configuration):
             self._present.number += 1
             stopped = functools.partial(self._stop_by_itself, self._present.number)
             make = functools.partial(Run, self.options, self._table.elements, self._clock, stopped, self._collect_now)
-            run = self._present.replace(make, self.options, self._let_go)
+            run = self._present.replace(make, self.options, self._let_go, self._hand_over)
             self._new_values = NewValuesReader()
             self._reason = ""
             self._running = True
-            if self._serving is not None:
-                self._serving.hand_over()  # before its first tick: whatever happens next, the helper process knows it
             self._set_collect(run.collect)
             self._tell()
+
+    def _hand_over(self) -> None:
+        if self._serving is not None:
+            self._serving.hand_over()  # before its first tick: whatever happens next, the helper process knows it
 
     def _let_go(self) -> None:
         if self._serving is not None:

@@ -18,6 +18,7 @@ import silo
 from silo.errors import SegmentError, StateError
 from silo.ipc.client import Client
 from silo.ipc.published import EventKind
+from silo.link.handover import offer_run
 
 PROGRAM = """
 import os, signal, sys
@@ -348,3 +349,22 @@ def test_a_forked_child_says_once_that_it_logs_nothing(served, capfd):
     error = capfd.readouterr().err
     assert error.count("does nothing in process") == 1
     assert "make a logger of its own there" in error
+
+
+def test_a_new_run_is_known_before_the_files_of_the_last_one_go(served, monkeypatch):
+    log = served()
+    log.array("x")
+    log.serve()
+    log.start()
+    log.collect()
+    last = Path(log.segment_path)
+    there = []
+
+    def offering(channel, offer, descriptor):
+        there.append(last.exists())
+        return offer_run(channel, offer, descriptor)
+
+    monkeypatch.setattr("silo.logger.serving.offer_run", offering)
+    log.restart()
+    assert there == [True]
+    assert not last.exists()
