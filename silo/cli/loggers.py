@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -54,7 +54,7 @@ def ls(as_json: bool) -> None:
     answers = survey(discovery.loggers)
     answers += [Answer(found, None, down_text(found), "helper down") for found in discovery.down]
     if not configuration():
-        _sweep_logs(answers)
+        _sweep_parts(_log_folders(answers))
     if as_json:
         show_json([answer.status or _no_status(answer) for answer in answers])
         return
@@ -96,14 +96,23 @@ def _sweep() -> None:
         sweep(folder)
     sweep_unfinished(runtime_dir())
     if orphaned_segments():
-        from silo.collecting.left_behind import sweep_segments  # needs NumPy, which `ls` does without as a rule
+        from silo.collecting.left_behind import find_stale, sweep_segments  # need NumPy, without which `ls` is quicker
 
+        _sweep_parts(one.schema.folder for one in find_stale() if one.schema)  # of programs that nobody served, too
         sweep_segments()
 
 
-def _sweep_logs(answers: "list[Answer]") -> None:
-    """What killed saves left in the folders of the loggers."""
-    for folder in dict.fromkeys(answer.status.folder for answer in answers if answer.status):
+def _log_folders(answers: "list[Answer]") -> list[str]:
+    """Where loggers save, or kept journals, as far as it is known; and this folder."""
+    from silo.collecting.journal_folders import remembered_folders
+
+    served = [answer.status.folder for answer in answers if answer.status]
+    return list(dict.fromkeys([str(Path.cwd()), *served, *map(str, remembered_folders())]))
+
+
+def _sweep_parts(folders: Iterable[str]) -> None:
+    """What killed saves left."""
+    for folder in dict.fromkeys(folders):
         if any(Path(folder).glob(".silo-*.part")):
             from silo.files.atomic import sweep_parts  # needs NumPy, which `ls` does without as a rule
 
@@ -119,7 +128,7 @@ def _tell_orphans(answers: "list[Answer]") -> None:
         click.echo(
             f"{many(count, 'recording')} of programs that died may be in no file: `silo recover --list`", err=True
         )
-    for folder in dict.fromkeys([str(Path.cwd()), *(answer.status.folder for answer in answers if answer.status)]):
+    for folder in _log_folders(answers):
         if any(Path(folder).glob(".*.journal")):
             _tell_journals(folder)
 
@@ -132,7 +141,7 @@ def _tell_journals(folder: str) -> None:
     if count:
         click.echo(
             f"{many(count, 'journal')} in {folder} may hold what a power cut took from memory: "
-            f"`silo recover --list --look-in {folder}`",
+            f"`silo recover --list {folder}`",
             err=True,
         )
 
