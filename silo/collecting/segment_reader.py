@@ -267,6 +267,10 @@ class SegmentReader:
         whole_ticks = self._ring_word(TIME_RING, RingControl.LIVE)
         return min(head, -(-whole_ticks // self.schema.rings[ring].divider))
 
+    def first(self, _ring: int) -> int:
+        """The oldest row that can have been kept: any, in a segment."""
+        return 0
+
     def ring_lost(self, ring: int) -> int:
         """Rows of a ring that could not be kept."""
         return self._ring_word(ring, RingControl.LOST)
