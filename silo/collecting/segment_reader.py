@@ -205,9 +205,11 @@ class SegmentReader:
     # ------------------------------------------------------------------------------------------------ state
 
     def _control_word(self, word: Control) -> int:
+        self._check_size()
         return int(self._words[self._control + word])
 
     def _ring_word(self, ring: int, word: RingControl) -> int:
+        self._check_size()
         return int(self._words[self._control + LINE_WORDS * (1 + ring) + word])
 
     @property
@@ -279,6 +281,7 @@ class SegmentReader:
         """At which ticks an element could not be read."""
         if element.failures < 0:
             return NO_FAILURES
+        self._check_size()
         return read_failures(self._words[element.failures : element.failures + BLOCK_WORDS].tolist())
 
     @functools.cached_property
@@ -290,6 +293,7 @@ class SegmentReader:
     def failure_counts(self) -> dict[str, int]:
         """At how many ticks each element could not be read; only those that ever failed."""
         names, places = self._failing
+        self._check_size()
         counts = self._words[places]
         return {names[at]: int(counts[at]) for at in np.flatnonzero(counts).tolist()}
 
@@ -318,13 +322,16 @@ class SegmentReader:
         return Rows(layout, begin, words)
 
     def _check_size(self) -> None:
-        """Raise SegmentError if the file was cut under the mapping.
+        """Raise SegmentError if the file was cut under the mapping; costs 0.5 us.
 
         To read memory beyond the end of a file ends the process (SIGBUS). A file that is cut in the midst of a copy
         still does that: nobody who keeps to silo's ways cuts one.
         """
         if not self._file.closed and (size := os.fstat(self._file.fileno()).st_size) < self._size_bytes:
-            raise SegmentError(f"{self.path}: cut short while it was read, {size} of {self._size_bytes} bytes are left")
+            raise SegmentError(
+                f"{self.path}: somebody cut the segment short while it was in use, {size} of {self._size_bytes} bytes "
+                "are left: what it held is gone; start the logger anew, which makes another one"
+            )
 
     def _copy(self, ring: RingSchema, begin: int, end: int) -> NDArray[np.uint64]:
         if ring.buffer_type is BufferType.GROWING and end > begin:
