@@ -155,7 +155,7 @@ def _ls_row(answer: "Answer") -> tuple[str, ...]:
         found.name,
         status.state.value,
         _since(status),
-        f"{status.measured_hz or status.frequency_hz:.4g}",
+        f"{status.measured_hz or status.frequency_hz:.4g}" if status.state.value == "running" else "-",
         str(status.ticks),
         str(status.lost),
         f"{status.enabled}/{status.elements}",
@@ -187,7 +187,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
         print_file_info(Path(words[0]), as_json)
         return
     logger, patterns = split_logger(words)
-    with connect(logger) as client:
+    with _telling_what_was_left(logger), connect(logger) as client:
         status = client.status()
         elements = client.table().elements if patterns or all_elements or as_json else []
     if patterns:
@@ -203,12 +203,33 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
         _show_elements(elements)
 
 
+@contextmanager
+def _telling_what_was_left(logger: str | None) -> Iterator[None]:
+    """Where no logger is found, say which recordings dead ones left in memory, and how they are saved."""
+    try:
+        yield
+    except ConnectionLostError as error:
+        from silo.runtime import orphaned_segments
+
+        if configuration() or not orphaned_segments():
+            raise
+        from silo.collecting.left_behind import find_stale
+
+        left = [
+            f"logger '{one.schema.logger}' died: {one.reason}; it held {one.holdings.text}: `silo recover` saves it"
+            for one in find_stale()
+            if one.schema and one.holdings and logger in (None, one.schema.logger)
+        ]
+        raise ConnectionLostError("\n".join([str(error), *left])) from error
+
+
 def _show_status(status: "Status") -> None:
     limit = f"{status.max_time_s:g} s" if status.max_time_s else "none"
     unsaved = "" if status.saved or not status.ticks else f", not saved ({_held(status)})"
     rows = [
         ("logger", f"{status.logger} on {status.host}, user {status.user}"),
         ("state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}"),
+        *_recording(status),
         ("frequency", f"{status.frequency_hz:g} Hz, measured {status.measured_hz:.4g} Hz"),
         ("logged", f"{status.ticks} ticks{f' in {_since(status)}' if _since(status) != '-' else ''}{unsaved}"),
         ("lost", f"{status.lost} samples"),
@@ -223,6 +244,17 @@ def _show_status(status: "Status") -> None:
         ("revision", str(status.revision)),
     ]
     show_rows(rows)
+
+
+def _recording(status: "Status") -> list[tuple[str, str]]:
+    """A line of a dead logger: where its recording is."""
+    if status.state.value != "dead":
+        return []
+    if not status.ticks:
+        return [("recording", "none: it had logged nothing, or what it logged can't be read")]
+    if status.saved:
+        return [("recording", f"all {many(status.ticks, 'tick')} stand in files in {status.folder}")]
+    return [("recording", f"{_held(status)}, and not all of it is in a file: `silo recover` saves it")]
 
 
 def _held(status: "Status") -> str:
