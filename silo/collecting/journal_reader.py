@@ -35,7 +35,7 @@ from silo.collecting.journal import (
 )
 from silo.collecting.reasons import LostWhy
 from silo.collecting.rows import Rows
-from silo.collecting.schema import STAMP_WORDS, ElementSchema, RingSchema
+from silo.collecting.schema import STAMP_WORDS, ElementSchema, RingSchema, decode_description
 from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
 from silo.model import BufferType
@@ -242,7 +242,7 @@ def read_head(path: Path) -> Head:
     if len(data) < 16 or len(body) != size or zlib.crc32(body) != check:
         raise SegmentError(f"{path}: the description of the journal is torn; no tick of it was durable yet")
     try:
-        head = msgspec.json.decode(body, type=Head)
+        head = decode_description(body, Head)
     except msgspec.MsgspecError as error:
         raise SegmentError(f"{path}: the journal's description is damaged ({error})") from error
     if any(ring.row_words < STAMP_WORDS or ring.divider < 1 for ring in head.schema.rings):

@@ -34,6 +34,7 @@ from silo.collecting.schema import (
     RingSchema,
     SegmentSchema,
     SegmentState,
+    decode_description,
 )
 from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
@@ -66,7 +67,7 @@ def decoded_schema(text: bytes) -> SegmentSchema:
     key = hashlib.blake2b(text).digest()
     schema = _decoded.get(key)
     if schema is None:
-        schema = _decoded[key] = msgspec.json.decode(text, type=SegmentSchema)
+        schema = _decoded[key] = decode_description(text, SegmentSchema)
     return schema
 
 
