@@ -185,9 +185,7 @@ class JournalReader:
             until = min(end, first + count)
             part = words[row - begin : until - begin]
             try:
-                _read_into(
-                    self._files[number], memoryview(part).cast("B"), offset + 8 * layout.row_words * (row - first)
-                )
+                _read_into(self._files[number], part.data.cast("B"), offset + 8 * layout.row_words * (row - first))
             except (OSError, ValueError) as error:
                 raise SegmentError(f"{self.path}: can't be read any more ({error})") from error
             row, place = until, place + 1

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from silo.analysis.log import open_log
-from silo.cli.main import EXIT_FAILED, run
+from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, run
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow
@@ -94,6 +94,6 @@ def test_ls_sweeps_the_rests_of_saves_of_a_dead_program_that_nobody_served(stora
     with (tmp_path / ".silo-2-0a0b0c0d.part").open("wb") as living:
         fcntl.flock(living, fcntl.LOCK_EX)
         monkeypatch.chdir("/")
-        assert run(["ls"]) == EXIT_NOBODY  # no logger runs
+        assert run(["ls"]) == EXIT_NO_LOGGER  # no logger runs
         assert [path.name for path in tmp_path.glob(".silo-*")] == [Path(living.name).name]
     assert "1 recording of programs that died may be in no file" in capsys.readouterr().err

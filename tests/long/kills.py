@@ -10,9 +10,9 @@ is still kept, `silo recover`.
 - lost: kills after which a committed tick stands in no file.
 - not announced: those of them, and recordings kept, of which no output said a word.
 - false: kills after which a file lacks samples that its buffers had.
-- left over: kills after which the runtime folder or the log folder holds more than files after that command. A recording
-  that the command announced, in memory or in a journal, is kept on purpose until `silo recover`; the journal of a kept
-  segment too. After `silo recover` nothing of either may be there.
+- left over: kills after which the runtime folder or the log folder holds more than files after that command. A
+  recording that the command announced, in memory or in a journal, is kept on purpose until `silo recover`; the journal
+  of a kept segment too. After `silo recover` nothing of either may be there.
 
 Each kill is told by its number: `--seed S --only N` does one again. Exits with 1 if any figure is not 0.
 """

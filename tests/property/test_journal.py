@@ -91,7 +91,8 @@ def test_what_is_told_of_a_journal_is_what_its_snapshot_holds(tmp_path):
 
 
 def test_of_rows_any_part_is_read(tmp_path):
-    reader = JournalReader(logged_to_journal(tmp_path, [(1, BufferType.GROWING, 10)], [7] * 30, RecordingDisk(), (), 99))
+    options = [(1, BufferType.GROWING, 10)]
+    reader = JournalReader(logged_to_journal(tmp_path, options, [7] * 30, RecordingDisk(), (), 99))
     for since, limit in ((0, None), (13, 20), (205, 50), (-5, 3), (300, None), (209, 1), (5, 0)):
         rows = reader.rows(1, since, limit)
         begin = min(max(since, 0), 210)
@@ -100,7 +101,7 @@ def test_of_rows_any_part_is_read(tmp_path):
 
 
 def test_a_journal_is_read_in_blocks(tmp_path):
-    """Of 48 MB neither what tells of it nor what saves it holds more than a quarter; mapped files are no such memory."""
+    """Of 48 MB not a tenth is held to tell of it, not a quarter to save it; a mapped file is no such memory."""
     log = Logger("big", folder=tmp_path, script=tmp_path / "none.yaml", max_time=0, clock=iter(range(10**9)).__next__)
     x = log.array("x", 4000, buffer_type="growing")
     with contextlib.closing(log):

@@ -52,7 +52,8 @@ def test_the_next_run_may_belong_to_another_thread(running):
     running.collect()
     running.restart()
     call_in_thread(running.collect)
-    with pytest.raises(StateError, match=r"first after start\(\), 'other_0', which has ended, and was called by 'MainThread'"):
+    said = r"first after start\(\), 'other_0', which has ended, and was called by 'MainThread'"
+    with pytest.raises(StateError, match=said):
         running.collect()
     assert running.ticks == 1
 
@@ -81,7 +82,9 @@ def test_a_thread_with_the_id_of_the_owner_that_ended_is_refused(running):
 
     ids_of(collect, first)
     assert said
-    assert all("first after start(), 'Thread-" in text and ", which has ended, and was called by" in text for text in said)
+    assert all(
+        "first after start(), 'Thread-" in text and "', which has ended, and was called" in text for text in said
+    )
     assert running.ticks == 1
 
 
