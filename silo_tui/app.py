@@ -120,6 +120,8 @@ class SiloApp(App[None]):
         session = self._live_session
         if session is not None and session.lost_since is not None and session.link and session.link.connected:
             self.run_worker(self._regain(session), group="regain")  # it came back, but didn't answer at once
+        elif session is not None and session.running and session.connected and session.status.durable_ticks >= 0:
+            self.run_worker(self._refresh_status(), group="status", exclusive=True)  # no frame tells what is durable
 
     async def _refresh_status(self) -> None:
         await self.context.quietly(self.context.session.refresh_status())

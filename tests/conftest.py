@@ -66,8 +66,11 @@ def runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A private folder for segments and sockets; its path is short, as sockets need it."""
     folder = Path(tempfile.mkdtemp(prefix="silo-test-", dir=shared_memory_root()))
     monkeypatch.setenv("SILO_RUNTIME_DIR", str(folder))
+    state = folder.with_name(f"{folder.name}-state")  # made by the first journal, as a user's own
+    monkeypatch.setenv("XDG_STATE_HOME", str(state))
     yield folder
     shutil.rmtree(folder, ignore_errors=True)
+    shutil.rmtree(state, ignore_errors=True)
 
 
 @pytest.fixture

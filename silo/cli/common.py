@@ -72,6 +72,18 @@ def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str
     return words[0], list(words[1:])
 
 
+def no_pattern(logger: str | None, usage: str) -> click.UsageError:
+    """Return the error for words without a pattern: one may have been taken for a logger, as several run."""
+    from silo.ipc.discovery import discover
+
+    if logger is not None:
+        found = discover(config=configuration()).loggers
+        if len(found) > 1 and logger not in {name for one in found for name in (one.name, one.label)}:
+            labels = ", ".join(one.label for one in found)
+            return click.UsageError(f"no logger is called '{logger}', and several run: say which before it: {labels}")
+    return click.UsageError(usage)
+
+
 # --------------------------------------------------------------------------------------------------------- completion
 
 
@@ -163,16 +175,19 @@ def say_saved(text: str) -> None:
 
 @contextmanager
 def naming_ways_out(command: str, client: "Client") -> Iterator[None]:
-    """Add to a refusal over unsaved data the options by which it is decided."""
+    """Say in commands how to go on after a refusal: over unsaved data, or of a start while it runs."""
     from silo.ipc.exchange import RequestRefusedError
     from silo.ipc.messages import RefusedWhy
 
+    name = client.found.label
     try:
         yield
     except RequestRefusedError as refused:
+        if refused.why is RefusedWhy.RUNNING and command == "start":
+            text = f"logger '{name}' runs already: `silo restart {name}`, or `silo stop {name}` first"
+            raise RefusedError(f"{text}; nothing was changed") from refused
         if refused.why is not RefusedWhy.UNSAVED:
             raise
-        name = client.found.label
         raise RefusedError(f"{refused}: `silo {command} {name} --save` or `--discard`") from refused
 
 

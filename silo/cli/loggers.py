@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -54,7 +54,7 @@ def ls(as_json: bool) -> None:
     answers = survey(discovery.loggers)
     answers += [Answer(found, None, down_text(found), "helper down") for found in discovery.down]
     if not configuration():
-        _sweep_logs(answers)
+        _sweep_parts(_log_folders(answers))
     if as_json:
         show_json([answer.status or _no_status(answer) for answer in answers])
         return
@@ -96,14 +96,23 @@ def _sweep() -> None:
         sweep(folder)
     sweep_unfinished(runtime_dir())
     if orphaned_segments():
-        from silo.collecting.left_behind import sweep_segments  # needs NumPy, which `ls` does without as a rule
+        from silo.collecting.left_behind import find_stale, sweep_segments  # need NumPy, without which `ls` is quicker
 
+        _sweep_parts(one.schema.folder for one in find_stale() if one.schema)  # of programs that nobody served, too
         sweep_segments()
 
 
-def _sweep_logs(answers: "list[Answer]") -> None:
-    """What killed saves left in the folders of the loggers."""
-    for folder in dict.fromkeys(answer.status.folder for answer in answers if answer.status):
+def _log_folders(answers: "list[Answer]") -> list[str]:
+    """Where loggers save, or kept journals, as far as it is known; and this folder."""
+    from silo.collecting.journal_folders import remembered_folders
+
+    served = [answer.status.folder for answer in answers if answer.status]
+    return list(dict.fromkeys([str(Path.cwd()), *served, *map(str, remembered_folders())]))
+
+
+def _sweep_parts(folders: Iterable[str]) -> None:
+    """What killed saves left."""
+    for folder in dict.fromkeys(folders):
         if any(Path(folder).glob(".silo-*.part")):
             from silo.files.atomic import sweep_parts  # needs NumPy, which `ls` does without as a rule
 
@@ -119,7 +128,7 @@ def _tell_orphans(answers: "list[Answer]") -> None:
         click.echo(
             f"{many(count, 'recording')} of programs that died may be in no file: `silo recover --list`", err=True
         )
-    for folder in dict.fromkeys([str(Path.cwd()), *(answer.status.folder for answer in answers if answer.status)]):
+    for folder in _log_folders(answers):
         if any(Path(folder).glob(".*.journal")):
             _tell_journals(folder)
 
@@ -132,7 +141,7 @@ def _tell_journals(folder: str) -> None:
     if count:
         click.echo(
             f"{many(count, 'journal')} in {folder} may hold what a power cut took from memory: "
-            f"`silo recover --list --look-in {folder}`",
+            f"`silo recover --list {folder}`",
             err=True,
         )
 
@@ -146,7 +155,7 @@ def _ls_row(answer: "Answer") -> tuple[str, ...]:
         found.name,
         status.state.value,
         _since(status),
-        f"{status.measured_hz or status.frequency_hz:.4g}",
+        f"{status.measured_hz or status.frequency_hz:.4g}" if status.state.value == "running" else "-",
         str(status.ticks),
         str(status.lost),
         f"{status.enabled}/{status.elements}",
@@ -178,7 +187,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
         print_file_info(Path(words[0]), as_json)
         return
     logger, patterns = split_logger(words)
-    with connect(logger) as client:
+    with _telling_what_was_left(logger), connect(logger) as client:
         status = client.status()
         elements = client.table().elements if patterns or all_elements or as_json else []
     if patterns:
@@ -194,12 +203,33 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
         _show_elements(elements)
 
 
+@contextmanager
+def _telling_what_was_left(logger: str | None) -> Iterator[None]:
+    """Where no logger is found, say which recordings dead ones left in memory, and how they are saved."""
+    try:
+        yield
+    except ConnectionLostError as error:
+        from silo.runtime import orphaned_segments
+
+        if configuration() or not orphaned_segments():
+            raise
+        from silo.collecting.left_behind import find_stale
+
+        left = [
+            f"logger '{one.schema.logger}' died: {one.reason}; it held {one.holdings.text}: `silo recover` saves it"
+            for one in find_stale()
+            if one.schema and one.holdings and logger in (None, one.schema.logger)
+        ]
+        raise ConnectionLostError("\n".join([str(error), *left])) from error
+
+
 def _show_status(status: "Status") -> None:
     limit = f"{status.max_time_s:g} s" if status.max_time_s else "none"
     unsaved = "" if status.saved or not status.ticks else f", not saved ({_held(status)})"
     rows = [
         ("logger", f"{status.logger} on {status.host}, user {status.user}"),
         ("state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}"),
+        *_recording(status),
         ("frequency", f"{status.frequency_hz:g} Hz, measured {status.measured_hz:.4g} Hz"),
         ("logged", f"{status.ticks} ticks{f' in {_since(status)}' if _since(status) != '-' else ''}{unsaved}"),
         ("lost", f"{status.lost} samples"),
@@ -214,6 +244,17 @@ def _show_status(status: "Status") -> None:
         ("revision", str(status.revision)),
     ]
     show_rows(rows)
+
+
+def _recording(status: "Status") -> list[tuple[str, str]]:
+    """A line of a dead logger: where its recording is."""
+    if status.state.value != "dead":
+        return []
+    if not status.ticks:
+        return [("recording", "none: it had logged nothing, or what it logged can't be read")]
+    if status.saved:
+        return [("recording", f"all {many(status.ticks, 'tick')} stand in files in {status.folder}")]
+    return [("recording", f"{_held(status)}, and not all of it is in a file: `silo recover` saves it")]
 
 
 def _held(status: "Status") -> str:

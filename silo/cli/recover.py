@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("segments", nargs=-1, type=click.Path(path_type=Path), metavar="[SEGMENT]...")
+@click.argument("paths", nargs=-1, type=click.Path(path_type=Path), metavar="[FOLDER|SEGMENT]...")
 @click.option("-l", "--list", "only_list", is_flag=True, help="Only show what can be recovered.")
 @click.option("--folder", type=click.Path(path_type=Path, file_okay=False), help="Instead of the logger's own folder.")
 @click.option(
     "--look-in",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
     default=Path(),
-    help="Log folder of loggers with storage='disk' or 'file'; this folder if not given.",
+    help="A log folder to look in as well; this folder if not given.",
 )
 @types_option
 @json_option
 def recover(
-    segments: tuple[Path, ...],
+    paths: tuple[Path, ...],
     only_list: bool,
     folder: Path | None,
     look_in: Path,
@@ -36,7 +36,8 @@ def recover(
 ) -> None:
     """Save what programs left behind that died without saving, and free its memory.
 
-    After a power cut that is what journals in the log folder prove (storage='disk', see --look-in).
+    After a power cut that is what journals prove (storage='disk'): they are looked for in this folder, and in the log
+    folders in which loggers of this user kept them. FOLDER: only what is in that log folder, or was to be saved there.
 
     The helper process of a logger does this by itself, also when the program is started again; this command is for when
     nobody does. Rests that hold no data are removed on the way.
@@ -44,26 +45,55 @@ def recover(
     \b
     Examples:
       silo recover --list
+      silo recover /data/logs
       silo recover --folder /tmp/logs -t silo -t csv
     """
-    from silo.helper.recovery import find_all
     from silo.runtime import list_segments
 
     chosen = file_types(types)
-    stale = [] if segments else find_all(look_in.resolve())
+    single, stale = _meant(paths, look_in)
+    if only_list and single:
+        raise click.UsageError(f"--list shows what is found in folders; {single[0]} is none")
     if only_list:
         _show(stale, as_json)
-    elif segments:
-        _recover(segments, folder, chosen, as_json, listed=False)
     else:
-        _sweep([look_in, *(Path(one.schema.folder) for one in stale if one.schema)])
-        _recover([one.path for one in stale if one.holdings], folder, chosen, as_json, listed=True)
+        if not paths:
+            _sweep([look_in, *_known_folders(), *(Path(one.schema.folder) for one in stale if one.schema)])
+        elif folders := [path for path in paths if path not in single]:
+            _sweep(folders)
+        _recover([*single, *(one.path for one in stale if one.holdings)], folder, chosen, as_json, single)
         list_segments()  # removes the links to those that are gone now
     damaged = [one for one in stale if one.holdings is None]
     if damaged:
         if not only_list:
             _say(damaged)
         raise SegmentError(f"{many(len(damaged), 'segment')} can't be read; nothing of them was changed")
+
+
+def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[StaleSegment]]":
+    """What is named by itself, and what is found: everywhere, or in the folders that are named."""
+    from silo.collecting.journal import JOURNAL_SUFFIX
+    from silo.collecting.left_journals import is_journal
+    from silo.helper.recovery import find_all
+
+    if not paths:
+        return [], find_all([look_in, *_known_folders()])
+    folders = [path for path in paths if path.is_dir() and path.suffix != JOURNAL_SUFFIX and not is_journal(path)]
+    inside = {path.resolve() for path in folders}
+    found = find_all(folders) if folders else []
+    stale = [
+        one
+        for one in found
+        if one.path.parent.resolve() in inside or (one.schema is not None and Path(one.schema.folder) in inside)
+    ]
+    return [path for path in paths if path not in folders], stale
+
+
+def _known_folders() -> list[Path]:
+    """Log folders in which loggers of this user kept journals."""
+    from silo.collecting.journal_folders import remembered_folders
+
+    return [folder for folder in remembered_folders() if folder.is_dir()]
 
 
 def _sweep(folders: Sequence[Path]) -> None:
@@ -95,8 +125,16 @@ def _show(stale: "Sequence[StaleSegment]", as_json: bool) -> None:
 
 
 def _say_nothing() -> None:
+    from silo.collecting.journal_folders import remembered_folders
+
     click.echo("nothing to recover")
-    click.echo("journals (storage='disk') after a power cut: silo recover --look-in LOGFOLDER", err=True)
+    for folder in remembered_folders():
+        if not folder.is_dir():
+            click.echo(
+                f"{folder}: a logger kept a journal there (storage='disk'), and the folder isn't there now: "
+                "if its disk isn't mounted, mount it and try again",
+                err=True,
+            )
 
 
 def _say(stale: "Sequence[StaleSegment]") -> None:
@@ -120,11 +158,11 @@ def _facts(one: "StaleSegment") -> dict[str, object]:
 
 
 def _recover(
-    paths: Sequence[Path], folder: Path | None, types: Sequence[FileType], as_json: bool, *, listed: bool
+    paths: Sequence[Path], folder: Path | None, types: Sequence[FileType], as_json: bool, named: Sequence[Path]
 ) -> None:
     """Each segment by itself: one that fails doesn't keep the others. Raises SaveError at the end if any did.
 
-    `listed`: the paths were found here, so that one that is gone now was there a moment ago.
+    `named` are those that the user wrote; all others were found, so that one that is gone now was there a moment ago.
     """
     from silo.collecting.left_behind import SavedMeanwhileError
     from silo.helper.recovery import recover as recover_segment
@@ -139,7 +177,7 @@ def _recover(
             click.echo(str(error), err=as_json)
             continue
         except SiloError as error:
-            if listed and not path.exists():
+            if path not in named and not path.exists():
                 click.echo(f"{path}: is gone: another process saved or removed it meanwhile", err=as_json)
                 continue
             text = str(error)

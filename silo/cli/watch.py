@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import complete_words, connect, json_option, show_json, split_logger
+from silo.cli.common import complete_words, connect, json_option, many, no_pattern, show_json, split_logger
 from silo.cli.edits import select
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.model import State
@@ -92,7 +92,7 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
     """
     logger, patterns = split_logger(words, or_pattern=True)
     if not patterns:
-        raise click.UsageError("give at least one pattern: silo watch demo /log/base   (`silo info -e` lists all)")
+        raise no_pattern(logger, "give at least one pattern: silo watch demo /log/base   (`silo info -e` lists all)")
     try:
         with connect(logger) as client:
             _watch(client, patterns, rate, count, as_json=as_json)
@@ -150,22 +150,31 @@ def _frames(client: "Client", view: "View") -> "Iterator[Frame]":
 def _show_lines(lines: Sequence[Line], frame: "Frame") -> None:
     newest = frame.newest.tolist()
     clock = show_clock(frame.time_ns)
-    for line, held in zip(lines, frame.held.tolist(), strict=True):
+    for place, (line, held) in enumerate(zip(lines, frame.held.tolist(), strict=True)):
         values = line.texts(newest, frame.texts) if held else ["-"]
         more = f" ... ({len(values)} values)" if len(values) > MOST_VALUES else ""
         unit = "" if line.info.unit == "-" or not held else f" {line.info.unit}"
-        click.echo(f"{clock}  {line.info.name}  {' '.join(values[:MOST_VALUES])}{more}{unit}")
+        failed = f"  ! not read at {many(frame.failed[place], 'tick')}" if place in frame.failed else ""
+        click.echo(f"{clock}  {line.info.name}  {' '.join(values[:MOST_VALUES])}{more}{unit}{failed}")
 
 
 def _show_json(lines: Sequence[Line], frame: "Frame") -> None:
     newest = frame.newest.tolist()
-    values: dict[str, float | int | str] = {}
-    for line in lines:
-        for place, entry in enumerate(line.info.entries, start=line.first):
-            word = frame.texts.get(place)
-            # the digits of an integer that a float can't hold are a number in JSON
-            exact = int(word) if word is not None and entry.dtype[1:2] in "iu" else word
-            values[line.info.name + entry.suffix] = newest[place] if exact is None else exact
-    show_json(
-        {"time_ns": frame.time_ns, "tick": frame.tick, "state": frame.state, "lost": frame.lost_total, "values": values}
-    )
+    values = {
+        line.info.name + entry.suffix: _exact(newest[place], frame.texts.get(place), entry.dtype)
+        for line in lines
+        for place, entry in enumerate(line.info.entries, start=line.first)
+    }
+    shown = {"time_ns": frame.time_ns, "tick": frame.tick, "state": frame.state, "lost": frame.lost_total}
+    failed = {lines[place].info.name: count for place, count in frame.failed.items()}
+    show_json({**shown, "values": values, **({"failed": failed} if failed else {})})
+
+
+def _exact(value: float, word: str | None, dtype: str) -> float | int | str | bool:
+    """Return a value of an entry as JSON has it: integers and truth values as such, whatever a frame carries."""
+    kind = dtype.lstrip("<|>=")[0]
+    if kind in "iu" and word is not None:
+        return int(word)  # the digits of an integer that a float can't hold
+    if word is not None or not math.isfinite(value) or kind not in "iub":
+        return value if word is None else word
+    return bool(value) if kind == "b" else int(value)

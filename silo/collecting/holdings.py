@@ -7,6 +7,7 @@ segment of gigabytes while it is written.
 from collections import Counter
 from dataclasses import dataclass
 
+from silo.collecting.journal_reader import JournalReader
 from silo.collecting.keeping import kept_rows
 from silo.collecting.schema import TIME_RING, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
@@ -62,14 +63,15 @@ def kept_alike(schema: SegmentSchema) -> list[Kept]:
     return [Kept(*how, count) for how, count in counts.items()]
 
 
-def segment_holdings(reader: SegmentReader, kept: list[Kept] | None = None) -> Holdings:
-    """What a snapshot of this segment would hold now. Raises SegmentError where it is damaged.
+def segment_holdings(reader: SegmentReader | JournalReader, kept: list[Kept] | None = None) -> Holdings:
+    """What a snapshot of this segment, or journal, would hold now. Raises SegmentError where it is damaged.
 
     `kept` is what `kept_alike` returned for it, where this is asked again and again.
     """
     schema = reader.schema
     ticks = reader.ticks
     first_tick = max(0, ticks - schema.time_buffer_size) if schema.time_buffer_type is BufferType.LOOPING else 0
+    first_tick = max(first_tick, reader.first(TIME_RING))
     alike = kept_alike(schema) if kept is None else kept
     spans = [(_samples(reader, one, ticks, first_tick), one) for one in alike]
     held = [(span, one) for span, one in spans if len(span)]
@@ -82,13 +84,13 @@ def segment_holdings(reader: SegmentReader, kept: list[Kept] | None = None) -> H
     return Holdings(ticks, elements, samples, seconds)
 
 
-def _samples(reader: SegmentReader, kept: Kept, ticks: int, first_tick: int) -> range:
+def _samples(reader: SegmentReader | JournalReader, kept: Kept, ticks: int, first_tick: int) -> range:
     """Numbers of the samples that are kept: as in a snapshot, none without its time stamp."""
-    begin, end = kept_rows(kept, 0, min(-(-ticks // kept.divider), reader.head(kept.ring)))
+    begin, end = kept_rows(kept, reader.first(kept.ring), min(-(-ticks // kept.divider), reader.head(kept.ring)))
     return range(max(begin, -(-first_tick // kept.divider)), end)
 
 
-def _stamp(reader: SegmentReader, tick: int) -> int:
+def _stamp(reader: SegmentReader | JournalReader, tick: int) -> int:
     rows = reader.rows(TIME_RING, tick, 1)
     return int(rows.time_ns[0]) if len(rows) else 0
 

@@ -63,7 +63,10 @@ class Kind(enum.IntEnum):
 
 
 class Commit(msgspec.Struct, frozen=True):
-    """All rows up to `ticks` stand before it: `heads` of each ring, and what was lost and failed until then."""
+    """All rows up to `ticks` stand before it: `heads` of each ring, and what was lost and failed until then.
+
+    `ended`: the run had stopped, no tick follows.
+    """
 
     ticks: int
     heads: tuple[int, ...]
@@ -71,6 +74,7 @@ class Commit(msgspec.Struct, frozen=True):
     whys: tuple[int, ...]
     failures: dict[str, Failures]
     saved_ticks: int = 0
+    ended: bool = False
 
 
 class Head(msgspec.Struct, frozen=True):
@@ -133,9 +137,14 @@ def seed_of(run: str) -> int:
 
 def checksum(seed: int, header: NDArray[np.int64], payload: bytes | memoryview) -> int:
     """The checksum of a record; the header's own word for it counts as 0."""
+    return zlib.crc32(payload, bare_checksum(seed, header))
+
+
+def bare_checksum(seed: int, header: NDArray[np.int64]) -> int:
+    """The checksum of a record up to its payload."""
     bare = header.copy()
     bare[Word.CHECKSUM] = 0
-    return zlib.crc32(payload, zlib.crc32(bare.tobytes(), seed))
+    return zlib.crc32(bare.tobytes(), seed)
 
 
 def loop_file(generation: int) -> str:

@@ -66,6 +66,7 @@ class JournalWriter:
         self.path = path
         self.durable_ticks = 0
         self._saved_ticks = 0
+        self._ended = False
         self._schema, self._disk = schema, disk
         self._seed = seed_of(schema.run)
         self._next_rows = {ring.ring: 0 for ring in schema.rings}
@@ -119,10 +120,11 @@ class JournalWriter:
 
         After an OSError nothing is lost: the next call writes the same rows again, at the same places.
         """
+        ended = not source.running  # first: a run that has stopped has no further tick
         ticks, saved = source.ticks, source.saved_ticks
-        if (ticks, saved) == (self.durable_ticks, self._saved_ticks):
+        if (ticks, saved, ended) == (self.durable_ticks, self._saved_ticks, self._ended):
             return ticks
-        commit = self._commit(source, ticks, saved)
+        commit = self._commit(source, ticks, saved, ended=ended)
         streams = [stream for stream in (self._loop, self._keep) if stream is not None]
         batches = [self._write_batch(stream, source, commit) for stream in streams]
         for stream in streams:
@@ -131,11 +133,11 @@ class JournalWriter:
             stream.offset, stream.number, stream.torn = batch.offset, batch.number, False
             self._next_rows |= batch.next_rows
             self._unbroken |= batch.unbroken
-        self.durable_ticks, self._saved_ticks = ticks, saved
+        self.durable_ticks, self._saved_ticks, self._ended = ticks, saved, ended
         self._rotate()
         return ticks
 
-    def _commit(self, source: SegmentReader, ticks: int, saved: int) -> Commit:
+    def _commit(self, source: SegmentReader, ticks: int, saved: int, *, ended: bool) -> Commit:
         rings = self._schema.rings
         return Commit(
             ticks=ticks,
@@ -148,6 +150,7 @@ class JournalWriter:
                 if element.failures >= 0 and (found := source.failures(element)).count
             },
             saved_ticks=saved,
+            ended=ended,
         )
 
     def _write_batch(self, stream: _Stream, source: SegmentReader, commit: Commit) -> _Batch:

@@ -17,7 +17,7 @@ from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, StateError
 from silo.model import LoggerOptions, Storage
-from silo.runtime import is_at, list_segments, runtime_dir, sweep_unfinished
+from silo.runtime import is_at, list_segments, runtime_dir, sweep_unfinished, withdraw_segment
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,8 @@ def discard(reader: SegmentReader) -> None:
     """Delete a segment whose data is in a file, or that holds none, and its journals; these first."""
     remove_journals(reader.schema)
     reader.path.unlink(missing_ok=True)
+    if reader.path.name.startswith("."):  # in a log folder: found by a link
+        withdraw_segment(reader.path)
 
 
 def has_unsaved(reader: SegmentReader) -> bool:

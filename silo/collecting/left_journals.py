@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from silo.collecting.holdings import recording_holdings
+from silo.collecting.holdings import segment_holdings
 from silo.collecting.journal import (
     GONE_SUFFIX,
     JOURNAL_SUFFIX,
@@ -64,10 +64,10 @@ def _look(path: Path) -> StaleSegment | None:
         head = read_head(path)
         if in_use(head):
             return None
-        reader = JournalReader(path)
-        schema = reader.schema
-        reason = f"process {schema.pid} of user {schema.user} and its memory are gone; {reader.proven_text}"
-        return StaleSegment(path, schema, recording_holdings(reader.snapshot()), reason)
+        with contextlib.closing(JournalReader(path)) as reader:
+            schema = reader.schema
+            reason = f"process {schema.pid} of user {schema.user} and its memory are gone; {reader.proven_text}"
+            return StaleSegment(path, schema, segment_holdings(reader), reason)
     except SegmentError as error:
         if not _has_rows(path):
             return None  # saved and removed by another process just now, or swept by the next sweep
@@ -162,7 +162,8 @@ def claimed_journal(path: Path, *, wait: bool = False) -> Iterator[JournalReader
                 f"{path}: process {head.schema.pid} still logs, or left its memory, which holds more: "
                 f"{head.segment}; nothing was changed"
             )
-        yield JournalReader(path)
+        with contextlib.closing(JournalReader(path)) as reader:
+            yield reader
     finally:
         os.close(descriptor)
 
@@ -175,7 +176,9 @@ def remove_proven(reader: JournalReader) -> None:
     """Delete a journal whose data is in a file, and others of its run that prove no more."""
     for path in journals_of(reader.schema, reader.path.parent):
         with contextlib.suppress(SegmentError):
-            if path != reader.path and JournalReader(path).ticks > reader.ticks:
-                continue
+            if path != reader.path:
+                with contextlib.closing(JournalReader(path)) as other:
+                    if other.ticks > reader.ticks:
+                        continue
         remove_journal(path)
     remove_journal(reader.path)  # whatever somebody renamed it to

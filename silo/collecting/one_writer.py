@@ -2,6 +2,8 @@
 
 import sys
 import threading
+import weakref
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from silo.errors import StateError
@@ -25,15 +27,18 @@ def guard_lines(*, serialized: bool) -> Guard:
 
     To ask for the thread costs 30 ns a tick. Under the GIL a plain flag keeps ticks apart, 60 ns cheaper than a lock:
     between its test and its store the interpreter never switches threads (it does so at calls and at taken jumps).
+
+    Linux gives the id of a thread that ended to the next one. So the end of the owner takes its id out of `owner`: that
+    costs a tick nothing.
     """
     state, changed = ["busy = False", "retired = False"], ["busy"]
     objects: dict[str, object] = {"overlap": _overlap}
     other, claim = "", []
     if not serialized:
-        state.append("owner = None")
+        state += ["owner = None", "def disown():", "    nonlocal owner", "    owner = None"]
         changed.append("owner")
         objects |= {"ident": threading.get_ident, "claim": _Owner().claim}
-        other, claim = "ident() != owner", ["owner = claim()"]
+        other, claim = "ident() != owner", ["owner = claim(disown)"]
     if getattr(sys, "_is_gil_enabled", lambda: True)():
         condition = f"if busy or {other}:" if other else "if busy:"
         check = [*_ENDED, "if busy: overlap()", *claim]
@@ -58,15 +63,48 @@ class _Owner:
 
     def __init__(self) -> None:
         self._owners: dict[str, tuple[int, str]] = {}
+        self._disown: Callable[[], None] | None = None
+        self._ended = False
 
-    def claim(self) -> int:
-        """Take the run for the calling thread, if nobody has it; raise StateError otherwise."""
-        mine = threading.get_ident(), threading.current_thread().name
+    def claim(self, disown: Callable[[], None]) -> int:
+        """Take the run for the calling thread, if nobody has it; raise StateError otherwise.
+
+        `disown` is called when that thread ends.
+        """
+        thread = threading.current_thread()
+        mine = threading.get_ident(), thread.name
         owner = self._owners.setdefault("owner", mine)  # one step: of two first ticks one wins
-        if owner[0] != mine[0]:
+        if owner[0] != mine[0] or self._ended:
             raise StateError(
-                f"collect() belongs to the thread that called it first after start(), '{owner[1]}', and was called by "
+                f"collect() belongs to the thread that called it first after start(), '{owner[1]}'"
+                f"{', which has ended' if self._ended else ''}, and was called by "
                 f"'{mine[1]}': give each thread a logger of its own, or make this one with threads='serialized' "
                 "if the calls never overlap (executors that change threads)"
             )
+        # what Python knows of a thread that C code began ends with each call from there, not with the thread
+        if self._disown is None and not isinstance(thread, threading._DummyThread):
+            self._disown = disown
+            if not hasattr(_present, "end"):
+                _present.end = _ThreadEnd()
+            _present.end.owners.add(self)
         return owner[0]
+
+    def thread_ended(self) -> None:
+        """Let no thread go on with the run: the next one may have the id of the one that ended."""
+        self._ended = True
+        if self._disown is not None:
+            self._disown()
+
+
+class _ThreadEnd:
+    """Stands in the memory of a thread, and goes with it: before its id is free."""
+
+    def __init__(self) -> None:
+        self.owners: weakref.WeakSet[_Owner] = weakref.WeakSet()
+
+    def __del__(self) -> None:
+        for owner in self.owners:
+            owner.thread_ended()
+
+
+_present = threading.local()

@@ -16,10 +16,11 @@ and of the schema they ignore what they don't know, so that a field with a defau
 
 import enum
 import platform
+from typing import TypeVar
 
 import msgspec
 
-from silo.model import BufferType, ElementInfo, Entry
+from silo.model import BufferType, ElementInfo, ElementOptions, Entry
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")
 LAYOUT_VERSION = 2
@@ -144,3 +145,34 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
 def page_up(size_bytes: int) -> int:
     """The next multiple of a page."""
     return -(-size_bytes // PAGE) * PAGE
+
+
+_Described = TypeVar("_Described")
+
+
+def decode_description(text: bytes, kind: type[_Described]) -> _Described:
+    """Decode the description of a segment or journal; fields that a newer silo added are passed over.
+
+    The options of elements are strict where people write them; here a field that this silo doesn't know is dropped from
+    them. Raises MsgspecError for what is damaged.
+    """
+    try:
+        return msgspec.json.decode(text, type=kind)
+    except msgspec.ValidationError as error:
+        if "unknown field" not in str(error):
+            raise
+        raw = msgspec.json.decode(text)
+        _drop_unknown_options(raw)
+        return msgspec.json.decode(msgspec.json.encode(raw), type=kind)
+
+
+def _drop_unknown_options(part: object) -> None:
+    if isinstance(part, list):
+        for one in part:
+            _drop_unknown_options(one)
+    elif isinstance(part, dict):
+        options = part.get("options")
+        if isinstance(options, dict):
+            part["options"] = {name: options[name] for name in ElementOptions.__struct_fields__ if name in options}
+        for one in part.values():
+            _drop_unknown_options(one)

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from silo.errors import SaveError, ScriptError
+from silo.errors import SaveError, ScriptError, SegmentError
 from silo.helper import script_folder
 from silo.helper.events import Events, plain
 from silo.helper.history import check_history, history
@@ -98,6 +98,8 @@ class Answers:
             reply = error.refused
         except (ScriptError, SaveError) as error:
             reply = Refused(RefusedWhy.INVALID, str(error))
+        except SegmentError as error:
+            reply = Refused(RefusedWhy.FAILED, str(error))
         return reply if isinstance(reply, bytes) else _encoder.encode(reply)
 
     # ------------------------------------------------------------------------------------------------------ reading

@@ -6,6 +6,7 @@ Three, so that a robot process that doesn't answer holds up no status, and a his
 import logging
 import queue
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -13,19 +14,20 @@ import msgspec
 import zenoh
 
 from silo.helper.answers import Answers
-from silo.helper.history import answer_bytes
 from silo.helper.requests import decode_ask, decode_do
 from silo.ipc.keys import Root
-from silo.ipc.messages import GetHistory, Refused, RefusedWhy, Request, SlowAsk
+from silo.ipc.messages import Refused, RefusedWhy, Request, SlowAsk
 
 MAX_WAITING = 64
-MAX_SLOW = 16
-MAX_SLOW_BYTES = 16 * 2**20  # of the answers of those that wait; one history of 64 names takes at most 4.5 MB
+# Slow requests wait for their turn: their answers, of which one of 64 names takes 4.5 MB, are made one after the other.
+# Here are only their questions, at most so many and of so many bytes.
+MAX_SLOW = 256
+MAX_SLOW_BYTES = 4 * 2**20
 
 log = logging.getLogger("silo.helper")
 _encoder = msgspec.msgpack.Encoder()
 
-Slow = tuple[zenoh.Query, Request[Any], int]  # with the bytes of its answer
+Slow = tuple[zenoh.Query, SlowAsk[Any], int, float]  # with its bytes, and until when its client waits
 
 
 class Control:
@@ -79,31 +81,25 @@ class Control:
             return None
 
     def _ask(self, query: zenoh.Query) -> None:
-        request = decode_ask(_payload(query))
+        payload = _payload(query)
+        request = decode_ask(payload)
         if not isinstance(request, SlowAsk):
             self._reply(query, "ask", lambda: self._answer(request))
             return
-        size = answer_bytes(request) if isinstance(request, GetHistory) else 0
-        busy = self._too_busy(size)
+        busy = self._too_busy(len(payload))
         if busy is not None:
             self._reply(query, "ask", lambda: _encoder.encode(busy))
             return
         with self._counting:
-            self._slow_bytes += size
-        self._slow.put((query, request, size))
+            self._slow_bytes += len(payload)
+        self._slow.put((query, request, len(payload), time.monotonic() + request.timeout_s))
 
     def _too_busy(self, size: int) -> Refused | None:
         """Why a slow request can't wait for its turn; alone it always can."""
-        if self._slow.qsize() >= MAX_SLOW:
-            text = f"{MAX_SLOW} such requests are waiting already; try again in a moment"
-        elif self._slow_bytes and self._slow_bytes + size > MAX_SLOW_BYTES:
-            text = (
-                f"histories of {self._slow_bytes / 1e6:.1f} MB are being read already, with this one of "
-                f"{size / 1e6:.1f} MB more than {MAX_SLOW_BYTES / 1e6:.1f} MB; try again in a moment, or ask for "
-                "fewer names or wider columns"
-            )
-        else:
+        waiting = self._slow.qsize()
+        if waiting < MAX_SLOW and (not self._slow_bytes or self._slow_bytes + size <= MAX_SLOW_BYTES):
             return None
+        text = f"{waiting} requests for histories and scripts are waiting already; try again in a moment"
         return Refused(RefusedWhy.FAILED, text)
 
     def _do(self, query: zenoh.Query) -> None:
@@ -120,8 +116,12 @@ class Control:
     def _read_one(self, slow: Slow | None) -> bool:
         if slow is None:
             return False
-        query, request, size = slow
-        self._reply(query, "ask", lambda: self._answer(request))
+        query, request, size, until_s = slow
+        if time.monotonic() < until_s:
+            self._reply(query, "ask", lambda: self._answer(request))
+        else:
+            # its client has given up, and the next one needs the time
+            query.drop()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
         with self._counting:
             self._slow_bytes -= size
         return True

@@ -25,8 +25,18 @@ def after_crash(mirror: Mirror, events: Events) -> bool:
 
     Returns whether there was anything to save, which people may want to read about later.
     """
-    robot = mirror.now.robot
-    who = f"the robot program (process {robot.pid})"
+    who = f"the robot program (process {mirror.now.robot.pid})"
+    try:
+        return _after_crash(mirror, events, who)
+    except SegmentError as error:
+        text = f"{who} ended without close(), and what it had logged can't be read: {error}"
+        log.error("%s", text)  # noqa: TRY400  # the words say it all
+        mirror.mark_dead(text)
+        events.publish(EventKind.CRASHED, text)
+        return True
+
+
+def _after_crash(mirror: Mirror, events: Events, who: str) -> bool:
     reader = mirror.open_reader()
     if reader is None or not reader.ticks or mirror.is_saved():
         kept = "all that it logged was saved before" if reader and reader.ticks else "it had logged nothing"

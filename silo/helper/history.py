@@ -26,11 +26,6 @@ def check_history(request: GetHistory) -> Refused | None:
     return Refused(RefusedWhy.INVALID, f"no history: {problem}") if problem else None
 
 
-def answer_bytes(request: GetHistory) -> int:
-    """Return about how large the answer is, 0 where it will be refused."""
-    return 0 if check_history(request) else len(request.names) * _count(request) * (8 + 8 + 1)
-
-
 def _count(request: GetHistory) -> int:
     return -(-request.end_ns // request.column_ns) - request.start_ns // request.column_ns
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from silo.collecting.disk import Disk
 from silo.collecting.journal import Head, free_name, is_written, list_journals, remove_journal, remove_journals
+from silo.collecting.journal_folders import remember_folder
 from silo.collecting.journal_writer import JournalWriter
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
@@ -95,7 +96,18 @@ class Journaling:
         folder = Path(schema.folder)
         folder.mkdir(parents=True, exist_ok=True)
         _remove_earlier_runs(schema)
-        return JournalWriter(free_name(folder, schema), Head(str(reader.path), schema), Disk())
+        writer = JournalWriter(free_name(folder, schema), Head(str(reader.path), schema), Disk())
+        try:
+            remember_folder(folder)  # once a journal is there: links to folders without are removed by others
+        except (OSError, RuntimeError) as error:
+            log.warning(
+                "the folder %s can't be remembered for `silo recover` (%s): after a power cut, say it: "
+                "`silo recover %s`; set XDG_STATE_HOME to a folder on the disk that this user may write",
+                folder,
+                getattr(error, "strerror", None) or error,
+                folder,
+            )
+        return writer
 
     def _tell(self, problem: str) -> None:
         if problem == self._told:

@@ -4,6 +4,7 @@
 anybody.
 """
 
+import contextlib
 import functools
 import os
 import socket
@@ -188,9 +189,10 @@ class Mirror:
                 self._saved = (segment, ticks)
 
     def is_saved(self) -> bool:
-        """Return whether every tick of the present segment stands in a file."""
-        with self._lock:
+        """Return whether every tick of the present segment stands in a file; not of one that somebody cut short."""
+        with self._lock, contextlib.suppress(SegmentError):
             return self._reader is None or self._reader.ticks <= self._saved_ticks(self._reader)
+        return False
 
     def durable_ticks(self, run: str) -> int:
         """Return how many ticks of a run would survive a power cut now."""
@@ -206,16 +208,12 @@ class Mirror:
         now = self.now
         robot, options = now.robot, now.options
         with self._lock:
-            reader = self._reader
-            ticks = reader.ticks if reader else 0
-            last_tick_ns = reader.last_time_ns if reader else 0
-            lost = lost_samples(reader) if reader else 0
-            size = reader.size_bytes if reader else 0
-            saved = reader is None or ticks <= self._saved_ticks(reader)
-            started_ns = reader.schema.started_ns if reader else 0
-            held = _holdings(reader, self._kept)
-            failed = reader.failure_counts() if reader else {}
-            durable = self.durable_ticks(self.run)
+            reader, durable, problem = self._reader, self.durable_ticks(self.run), ""
+            try:
+                read = _read(reader, self._kept)
+                saved = reader is None or read.ticks <= self._saved_ticks(reader)
+            except SegmentError as error:  # somebody cut it short
+                read, saved, problem = _read(None, []), False, str(error)
         return Status(
             logger=robot.logger,
             host=self.host,
@@ -226,10 +224,10 @@ class Mirror:
             revision=now.table.revision,
             frequency_hz=options.frequency_hz,
             measured_hz=self.measured_hz if now.state is State.RUNNING else 0.0,
-            ticks=ticks,
-            started_ns=started_ns,
-            last_tick_ns=last_tick_ns,
-            lost=lost,
+            ticks=read.ticks,
+            started_ns=reader.schema.started_ns if reader else 0,
+            last_tick_ns=read.last_tick_ns,
+            lost=read.lost,
             elements=len(now.table.elements),
             enabled=sum(info.options.enabled for info in now.table.elements),
             entries=now.entries,
@@ -237,15 +235,34 @@ class Mirror:
             prefix=options.prefix,
             folder=robot.folder,
             script=robot.script,
-            reason=now.died or robot.reason,
-            segment_bytes=size,
+            reason="; ".join(filter(None, (now.died or robot.reason, problem))),
+            segment_bytes=reader.size_bytes if reader else 0,
             saved=saved,
-            held_samples=held.samples,
-            held_s=held.seconds,
+            held_samples=read.held.samples,
+            held_s=read.held.seconds,
             durable_ticks=durable if options.storage is Storage.DISK else -1,
-            failed=sum(failed.values()),
-            failed_most=dict(sorted(failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
+            failed=sum(read.failed.values()),
+            failed_most=dict(sorted(read.failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
         )
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What the status says of the segment."""
+
+    ticks: int
+    last_tick_ns: int
+    lost: int
+    held: Holdings
+    failed: dict[str, int]
+
+
+def _read(reader: SegmentReader | None, kept: list[Kept]) -> _Read:
+    """Raises SegmentError for a segment that was cut short."""
+    held = _holdings(reader, kept)
+    if reader is None:
+        return _Read(0, 0, 0, held, {})
+    return _Read(reader.ticks, reader.last_time_ns, lost_samples(reader), held, reader.failure_counts())
 
 
 def _holdings(reader: SegmentReader | None, kept: list[Kept]) -> Holdings:

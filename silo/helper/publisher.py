@@ -58,6 +58,7 @@ class Publisher:
         self._ending = False
         self._reader: SegmentReader | None = None
         self._reader_path = ""
+        self._told = ""
         self._ticks: deque[tuple[float, int]] = deque()
         self._lost_seen, self._lost_due_s = 0, 0.0
         self._topics_due_s = 0.0
@@ -125,9 +126,15 @@ class Publisher:
             began_s = time.monotonic()
             try:
                 due_s = self._round(began_s)
-            except (zenoh.ZError, SegmentError):
-                # a segment that was replaced while we read it, or a session that closes: the next round sees why
-                log.exception("publishing failed, trying again")
+            except SegmentError as error:
+                # replaced while we read it, and the next round sees by what; or somebody cut it short
+                if str(error) != self._told:
+                    self._told = str(error)
+                    log.warning("publishing failed, trying again: %s", error)
+                self._reader_path = ""
+                due_s = began_s + 1.0
+            except zenoh.ZError:
+                log.exception("publishing failed, trying again")  # the session closes: the next round sees why
                 self._reader_path = ""
                 due_s = began_s + 1.0
             except Exception:

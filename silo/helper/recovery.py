@@ -5,7 +5,7 @@ Of a run whose segment is still in memory that is saved, else (after a power cut
 
 import dataclasses
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,9 +22,15 @@ from silo.model import FileType, SavedFile
 __all__ = ["Recovered", "find_all", "find_stale", "recover", "save_reader"]
 
 
-def find_all(folder: Path) -> list[StaleSegment]:
-    """What processes left that ended without saving: segments, and journals in `folder` whose segments are gone."""
-    return [*find_stale(folder), *find_stale_journals(folder)]
+def find_all(folders: Iterable[Path]) -> list[StaleSegment]:
+    """What processes left that ended without saving: segments, and journals in `folders` whose segments are gone.
+
+    Segments are looked for in the runtime folder too.
+    """
+    places = list(dict.fromkeys(folder.resolve() for folder in folders))
+    segments = [one for folder in places for one in find_stale(folder)]
+    journals = [one for folder in places for one in find_stale_journals(folder)]
+    return list({one.path: one for one in [*segments, *journals]}.values())
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass
 
 from silo.collecting.segment_reader import SegmentReader
-from silo.errors import SiloError
+from silo.errors import SegmentError, SiloError
 from silo.helper.events import Events
 from silo.helper.heap import trim_heap
 from silo.helper.mirror import Mirror
@@ -63,7 +63,11 @@ class Saver:
 
     def prepare(self, request: Save, *, for_robot: bool = False) -> "_Job | Refused":
         """Return a job for `submit`, or why it can't be done, which all clients are told."""
-        job = self._prepared(request, for_robot)
+        job: _Job | Refused
+        try:
+            job = self._prepared(request, for_robot)
+        except SegmentError as error:
+            job = Refused(RefusedWhy.FAILED, f"can't save: {error}")
         if isinstance(job, Refused):
             self._events.publish(EventKind.SAVE_FAILED, job.text, by=request.client)
         return job

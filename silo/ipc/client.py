@@ -70,6 +70,7 @@ class Client:
     def __init__(self, found: Found, timeout_s: float = Ask.timeout_s) -> None:
         """Use `connect`. Raises ConnectionLostError."""
         self._timeout_s = timeout_s
+        self._elements: frozenset[str] = frozenset()  # names that the table had when a topic was asked for
         self._name = client_name()
         self._views: dict[View, float] = {}
         self._renewals: dict[View, Pending] = {}
@@ -315,10 +316,19 @@ class Client:
         return view
 
     def topic(self, element: str) -> "Topic":
-        """Subscribe to every sample of a published element."""
+        """Subscribe to every sample of a published element. Raises ElementError for one that the table lacks."""
         from silo.ipc.topic import Topic
 
-        topic = Topic(text("element", element, "client.topic('/log/joints/q')"), self._connection.forget)
+        name = text("element", element, "client.topic('/log/joints/q')")
+        if name not in self._elements:
+            self._elements = frozenset(info.name for info in self.table().elements)
+        if name not in self._elements:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name, self._elements, 3, cutoff=0.4)
+            hint = f"did you mean {' or '.join(map(repr, near))}?" if near else "client.table() lists them"
+            raise ElementError(f"no element is called {shown(name)}: {hint}; nothing was subscribed to")
+        topic = Topic(name, self._connection.forget)
         self._connection.attach(topic)
         return topic
 

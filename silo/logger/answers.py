@@ -125,8 +125,10 @@ def _edit(logger: Served, request: ApplyEdits) -> EditsApplied | Refused:
         return EditsApplied(logger.revision, changed)
 
 
-def _start(logger: Served, request: Start) -> Done:
+def _start(logger: Served, request: Start) -> Done | Refused:
     with logger.lock:
+        if logger.is_running:
+            return Refused(RefusedWhy.RUNNING, "the logger runs already: restart it, or stop it first")
         logger.start(unsaved=_UNSAVED[request.unsaved])
         return Done(logger.saved_before_start)
 

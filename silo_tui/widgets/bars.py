@@ -64,6 +64,10 @@ class StatusBar(Widget):
         line.append(f"  lost {text.count(lost)}", style=f"bold {color(variables, 'error')}" if lost else "")
         if not session.may_edit or self._read_only:
             line.append("  read-only", style=color(variables, "warning"))
+        if status.durable_ticks >= 0:  # storage="disk"
+            durable = f"  durable to tick {text.count(status.durable_ticks)}"
+            if line.cell_len + len(durable) <= self.size.width:
+                line.append(durable)
         return line
 
 

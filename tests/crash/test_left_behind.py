@@ -452,7 +452,7 @@ def test_a_file_that_is_cut_while_it_is_read_is_a_segment_error(tmp_path):
     path = die(tmp_path, "arm", 5000, 5000)
     with closing(SegmentReader(path)) as reader:
         os.truncate(path, 8192)
-        with pytest.raises(SegmentError, match="cut short while it was read, 8192 of"):
+        with pytest.raises(SegmentError, match="cut the segment short while it was in use, 8192 of"):
             reader.rows(1, 0)
 
 

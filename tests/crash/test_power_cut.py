@@ -110,13 +110,50 @@ def test_after_a_power_cut_all_that_was_told_as_durable_is_recovered(robot, tmp_
     robot.cut_power(until)
     assert run(["recover", "--look-in", str(tmp_path)]) == 0
     text = capsys.readouterr().out
-    proven = int(re.search(r"durable to tick (\d+): what was logged after it was lost with the power", text)[1])
+    proven = int(re.search(r"durable to tick (\d+); .* in memory alone, which is gone \(it was deleted\)", text)[1])
     assert proven >= told
     log = saved(tmp_path)
     check(log.recording, told, OPTIONS)
     assert log.recording.offset == proven
     assert any(f"durable to tick {proven}" in warning for warning in log.warnings)
     assert journals(tmp_path) == []
+
+
+@pytest.mark.parametrize("words", [[], ["FOLDER"]])
+def test_a_journal_is_found_from_anywhere_after_a_power_cut(words, robot, tmp_path, until, capsys, monkeypatch):
+    told = grown(robot, until)
+    robot.cut_power(until)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    if words:  # the link to the folder is gone: the user knows it
+        monkeypatch.setenv("XDG_STATE_HOME", str(elsewhere))
+    assert run(["recover", *(word.replace("FOLDER", str(tmp_path)) for word in words)]) == 0
+    check(saved(tmp_path).recording, told, OPTIONS)
+    assert "nothing to recover" not in capsys.readouterr().out
+    assert run(["recover"]) == 0
+    assert capsys.readouterr() == ("nothing to recover\n", "")
+
+
+def test_a_journal_on_a_disk_that_is_not_mounted_is_told_of(robot, tmp_path, until, capsys, monkeypatch):
+    grown(robot, until)
+    robot.cut_power(until)
+    monkeypatch.chdir("/")
+    away = tmp_path.rename(tmp_path.with_name("away"))
+    assert run(["recover"]) == 0
+    assert f"{tmp_path}: a logger kept a journal there" in capsys.readouterr().err
+    away.rename(tmp_path)
+    assert run(["recover"]) == 0
+    assert len(list(tmp_path.glob("*.silo"))) == 1
+
+
+def test_another_folder_than_the_one_named_is_left_alone(robot, tmp_path, until, capsys):
+    grown(robot, until)
+    robot.cut_power(until)
+    (tmp_path / "other").mkdir()
+    assert run(["recover", str(tmp_path / "other")]) == 0
+    assert "nothing to recover" in capsys.readouterr().out
+    assert len(journals(tmp_path)) == 1
 
 
 def test_what_a_power_cut_left_is_listed_and_not_touched(robot, tmp_path, until, capsys):

@@ -1,5 +1,6 @@
 """`silo recover` after a program that was killed."""
 
+import fcntl
 import json
 import signal
 import subprocess
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from silo.analysis.log import open_log
-from silo.cli.main import EXIT_FAILED, run
+from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, run
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow
@@ -83,3 +84,16 @@ def test_a_file_that_is_no_segment_is_refused_and_stays(tmp_path: Path, capsys: 
     assert run(["recover", str(path)]) == EXIT_FAILED
     assert f"{path}: " in capsys.readouterr().err
     assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize("storage", ["memory", "file"])
+def test_ls_sweeps_the_rests_of_saves_of_a_dead_program_that_nobody_served(storage, tmp_path, monkeypatch, capsys):
+    die(tmp_path, storage)
+    rest = tmp_path / ".silo-1-0a0b0c0d.part"
+    rest.write_bytes(b"half a file")
+    with (tmp_path / ".silo-2-0a0b0c0d.part").open("wb") as living:
+        fcntl.flock(living, fcntl.LOCK_EX)
+        monkeypatch.chdir("/")
+        assert run(["ls"]) == EXIT_NO_LOGGER  # no logger runs
+        assert [path.name for path in tmp_path.glob(".silo-*")] == [Path(living.name).name]
+    assert "1 recording of programs that died may be in no file" in capsys.readouterr().err

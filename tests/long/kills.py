@@ -10,12 +10,15 @@ is still kept, `silo recover`.
 - lost: kills after which a committed tick stands in no file.
 - not announced: those of them, and recordings kept, of which no output said a word.
 - false: kills after which a file lacks samples that its buffers had.
-- left over: kills after which the runtime folder or the log folder holds more than files after that command.
+- left over: kills after which the runtime folder or the log folder holds more than files after that command. A
+  recording that the command announced, in memory or in a journal, is kept on purpose until `silo recover`; the journal
+  of a kept segment too. After `silo recover` nothing of either may be there.
 
 Each kill is told by its number: `--seed S --only N` does one again. Exits with 1 if any figure is not 0.
 """
 
 import argparse
+import contextlib
 import random
 import re
 import signal
@@ -47,6 +50,10 @@ from truth import (
     look,
     new_page,
 )
+
+from silo.collecting.journal import journals_of
+from silo.collecting.left_journals import find_stale_journals
+from silo.collecting.segment_reader import SegmentReader
 
 VICTIMS = ("robot", "both", "early")
 MOMENTS = {"running": RUNNING, "starting": STARTING, "restarting": RESTARTING, "saving": SAVING}
@@ -248,14 +255,26 @@ def _holds_data(page: Page) -> bool:
 
 
 def _segments(folder: Path) -> list[Path]:
-    """Recordings that are kept, in memory and on disk."""
+    """Recordings that are kept: segments in memory and on disk, and journals whose segment is gone."""
     found = [*folder.glob("run/*.segment"), *folder.glob("logs/.*.segment")]
-    return [path for path in found if not path.name.endswith(".new")]
+    orphans = {one.path for one in find_stale_journals(folder / "logs") if one.holdings and one.ticks}
+    there = [path for path in found if not path.name.endswith(".new") and path.exists()]  # no link to one that is gone
+    return [*there, *sorted(orphans)]
+
+
+def _needed_journals(folder: Path) -> set[Path]:
+    """The journals of segments that are kept: a power cut would take these."""
+    needed = set()
+    for path in _segments(folder):
+        if not path.is_dir():
+            with contextlib.closing(SegmentReader(path)) as reader:
+                needed.update(journals_of(reader.schema, folder / "logs"))
+    return needed
 
 
 def _litter(folder: Path) -> list[str]:
     """What is neither a file that was saved nor a recording."""
-    kept = set(_segments(folder))
+    kept = {*_segments(folder), *_needed_journals(folder)}
     counter = re.compile(r"\.\w+_fileNumber$")  # the number of the next file, kept between programs
     hidden = [path for path in (folder / "logs").iterdir() if path.name.startswith(".") or ".part" in path.name]
     hidden = [path for path in hidden if not counter.match(path.name)]

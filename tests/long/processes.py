@@ -32,7 +32,7 @@ def workplace() -> Iterator[tuple[Path, dict[str, str]]]:
     runtime.mkdir(mode=0o700)
     (folder / "logs").mkdir()
     try:
-        yield folder, dict(os.environ, SILO_RUNTIME_DIR=str(runtime))
+        yield folder, dict(os.environ, SILO_RUNTIME_DIR=str(runtime), XDG_STATE_HOME=str(folder / "state"))
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 

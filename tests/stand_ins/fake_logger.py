@@ -163,6 +163,7 @@ class FakeClient:
         self.name, self.pid, self.revision = name, 4711, 1
         self._state, self.now_ns, self.started_ns, self.lost = State.STOPPED, START_NS, 0, 0
         self.saved, self.may_edit, self.connected, self.reason = True, True, True, ""
+        self.durable_ticks = -1  # as without storage="disk"
         self.calls: list[tuple[Any, ...]] = []
         self.files: dict[str, str] = {"robot.yaml": format_script(self.elements), "quiet.yaml": QUIET_SCRIPT}
         self.save_error = ""
@@ -265,7 +266,7 @@ class FakeClient:
             lost=self.lost, elements=len(self.elements), enabled=sum(info.options.enabled for info in self.elements),
             entries=sum(len(info.entries) for info in self.elements), max_time_s=10.0, prefix="/log",
             folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
-            held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
+            durable_ticks=self.durable_ticks, held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
         )  # fmt: skip
 
     def table(self) -> Table:

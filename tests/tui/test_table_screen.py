@@ -20,6 +20,22 @@ async def test_a_single_logger_opens_by_itself(fake, opened):
         assert "/base/position" in screen.text
 
 
+async def test_how_far_a_logger_is_durable_stands_in_the_header_and_moves_on(fake, opened):
+    fake.durable_ticks = 12
+    fake.run()
+    async with opened(fake, size=(120, 30)) as screen:
+        await screen.shows("durable to tick 12")
+        fake.durable_ticks = 98
+        await screen.shows("durable to tick 98")
+
+
+async def test_a_logger_without_journal_says_nothing_of_durable_ticks(fake, opened):
+    fake.run()
+    async with opened(fake, size=(120, 30)) as screen:
+        assert "RUNNING" in screen.text
+        assert "durable" not in screen.text
+
+
 async def test_live_values_come_to_the_screen(fake, opened):
     fake.run()
     async with opened(fake) as screen:

@@ -1,12 +1,17 @@
 """Segments of older silos stay readable. `tests/data/layout_1.segment.gz` is of by one that was killed at tick 50."""
 
 import gzip
+import zlib
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
+from silo.collecting.disk import Disk
+from silo.collecting.journal import Head
+from silo.collecting.journal_reader import JournalReader
+from silo.collecting.journal_writer import JournalWriter
 from silo.collecting.schema import LAYOUT_VERSION, Header
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
@@ -54,6 +59,39 @@ def test_a_layout_of_the_future_is_refused_with_what_to_do(layout_1):
         SegmentReader(layout_1)
 
 
+def add_beside_every_field(part) -> int:
+    """Give every map of a description a field that this silo doesn't know; returns how many got one."""
+    if isinstance(part, list):
+        return sum(map(add_beside_every_field, part))
+    if not isinstance(part, dict):
+        return 0
+    count = sum(map(add_beside_every_field, part.values()))
+    if all(not key.lstrip("-").isdecimal() for key in part):  # not the labels of an enumeration
+        part["triggers"] = {"when": "x > 2", "pre_s": 1.5, "marks": [None, {"tick": 7}]}
+        count += 1
+    return count
+
+
+def test_a_journal_passes_over_fields_that_a_newer_silo_adds(new_logger, tmp_path):
+    logger = new_logger()
+    x = logger.array("x", 2)
+    logger.start()
+    reader = SegmentReader(logger.segment_path)
+    journal = tmp_path / "run.journal"
+    writer = JournalWriter(journal, Head(logger.segment_path, reader.schema), Disk())
+    head = msgspec.json.decode(msgspec.json.encode(Head(logger.segment_path, reader.schema)))
+    assert add_beside_every_field(head) >= 12
+    body = msgspec.json.encode(head)
+    facts = len(body).to_bytes(8, "little") + zlib.crc32(body).to_bytes(8, "little")
+    (journal / "schema").write_bytes(facts + body)
+    x[:] = 3, 4
+    logger.collect()
+    writer.append(reader)
+    writer.close()
+    (element,) = JournalReader(journal).snapshot().elements
+    assert [entry.values.tolist() for entry in element.entries] == [[3.0], [4.0]]
+
+
 def test_fields_that_a_newer_silo_adds_to_the_description_are_passed_over(new_logger):
     logger = new_logger()
     x = logger.array("x", 2)
@@ -65,9 +103,10 @@ def test_fields_that_a_newer_silo_adds_to_the_description_are_passed_over(new_lo
     words = np.frombuffer(data, np.int64)
     begin, size = int(words[Header.SCHEMA_OFFSET]), int(words[Header.SCHEMA_BYTES])
     schema = {**msgspec.json.decode(bytes(data[begin : begin + size])), "limits": [{"of": "x"}]}
+    assert add_beside_every_field(schema) >= 11
     body = msgspec.json.encode(schema)
-    data[begin : begin + len(body)] = body
-    words[Header.SCHEMA_BYTES] = len(body)
+    words[Header.SCHEMA_OFFSET], words[Header.SCHEMA_BYTES] = len(data), len(body)  # there it has room
+    data = bytes(data) + body
     copy = path.with_name("newer.segment")
     copy.write_bytes(data)
     (element,) = SegmentReader(copy).snapshot().elements

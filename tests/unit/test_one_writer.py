@@ -1,5 +1,6 @@
 """Who may call collect(): one thread per run, or, where it is asked for, one at a time."""
 
+import ctypes
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -51,9 +52,85 @@ def test_the_next_run_may_belong_to_another_thread(running):
     running.collect()
     running.restart()
     call_in_thread(running.collect)
-    with pytest.raises(StateError, match=r"first after start\(\), 'other_0', and was called by 'MainThread'"):
+    said = r"first after start\(\), 'other_0', which has ended, and was called by 'MainThread'"
+    with pytest.raises(StateError, match=said):
         running.collect()
     assert running.ticks == 1
+
+
+def ids_of(function, wanted=None):
+    """Call a function in new threads, one after the other, until one has the wanted id; returns that id."""
+    for _ in range(1000):
+        found = []
+        thread = threading.Thread(target=lambda found=found: found.extend([threading.get_ident(), function()]))
+        thread.start()
+        thread.join()
+        if wanted in (None, found[0]):
+            return found[0]
+    raise AssertionError("Linux gave no thread the id of one that had ended")
+
+
+def test_a_thread_with_the_id_of_the_owner_that_ended_is_refused(running):
+    first = ids_of(running.collect)
+    said = []
+
+    def collect():
+        try:
+            running.collect()
+        except StateError as error:
+            said.append(str(error))
+
+    ids_of(collect, first)
+    assert said
+    assert all(
+        "first after start(), 'Thread-" in text and "', which has ended, and was called" in text for text in said
+    )
+    assert running.ticks == 1
+
+
+def test_a_run_of_another_logger_in_the_thread_that_ended_ends_too_and_the_next_start_is_free(running, new_logger):
+    other = new_logger("other")
+    other.array("y")
+    other.start()
+    ids_of(lambda: (running.collect(), other.collect()))
+    for logger in (running, other):
+        with pytest.raises(StateError, match="which has ended"):
+            logger.collect()
+        logger.restart()
+        logger.collect()
+        assert logger.ticks == 1
+
+
+def test_a_thread_that_c_code_began_keeps_its_run_from_call_to_call(running):
+    """What Python knows of it ends with each call. The calls after the first are those of destructors at its end."""
+    library, raised, known = ctypes.CDLL(None), [], []
+
+    def tick():
+        known.append(threading.current_thread().ident)
+        try:
+            running.collect()
+        except StateError as error:
+            raised.append(error)
+
+    destructor = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(lambda _: tick())
+    keys = [ctypes.c_uint() for _ in range(3)]
+    for key in keys:
+        assert library.pthread_key_create(ctypes.byref(key), destructor) == 0
+
+    @ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)
+    def loop(_):
+        tick()
+        for key in keys:
+            library.pthread_setspecific(key, ctypes.c_void_p(1))
+
+    thread = ctypes.c_ulong()
+    assert library.pthread_create(ctypes.byref(thread), None, loop, None) == 0
+    assert library.pthread_join(thread, None) == 0
+    for key in keys:
+        library.pthread_key_delete(key)
+    assert raised == []
+    assert len(set(known)) == 1
+    assert running.ticks == 4
 
 
 def test_of_two_first_ticks_one_wins_and_no_row_is_torn(new_logger):

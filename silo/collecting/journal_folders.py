@@ -1,0 +1,62 @@
+"""The log folders in which this user's loggers keep journals (`storage="disk"`), for who looks after a power cut.
+
+Then `/dev/shm` and `/run` are empty, and nobody knows where a robot program logged. So the helper process that makes a
+journal leaves a link to its folder in `$XDG_STATE_HOME/silo/journals` (`~/.local/state/...` if that isn't set), on the
+disk before the first tick is called durable. `silo recover` and `silo ls` follow these links, and remove those behind
+which no journal is any more. Needs no NumPy: `silo ls` looks here each time.
+"""
+
+import contextlib
+import hashlib
+import os
+import time
+from pathlib import Path
+
+KEPT_S = 30 * 86400.0  # of a link to a folder that isn't there: its disk may be mounted again
+
+
+def _links() -> Path:
+    state = os.environ.get("XDG_STATE_HOME", "")
+    root = Path(state) if os.path.isabs(state) else Path.home() / ".local" / "state"  # noqa: PTH117  # of a text
+    return root / "silo" / "journals"
+
+
+def remember_folder(folder: Path) -> None:
+    """Have a folder that holds a journal found after a power cut; durable when this returns.
+
+    Raises OSError where the state folder can't be written, RuntimeError where this user has no home.
+    """
+    target = folder.absolute()
+    links = _links()
+    links.mkdir(mode=0o700, parents=True, exist_ok=True)
+    link = links / hashlib.blake2b(os.fsencode(target), digest_size=8).hexdigest()
+    with contextlib.suppress(FileNotFoundError):
+        os.utime(link, follow_symlinks=False)
+        return
+    with contextlib.suppress(FileExistsError):  # two loggers of one folder
+        link.symlink_to(target)
+    # the link, and the folders that may have been made for it
+    for place in (links, links.parent, links.parent.parent):
+        descriptor = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def remembered_folders() -> list[Path]:
+    """Return the folders that hold journals; those that aren't there, for their disk isn't mounted, too.
+
+    Links to folders without a journal are removed, and after a month those to folders that aren't there.
+    """
+    found = []
+    with contextlib.suppress(OSError, RuntimeError):  # nothing was ever remembered
+        for link in sorted(_links().iterdir()):
+            with contextlib.suppress(OSError):  # no link, or another process removes it just now
+                folder = link.readlink()
+                there = os.path.lexists(folder)
+                if any(folder.glob(".*.journal")) or not (there or time.time() - link.lstat().st_mtime > KEPT_S):
+                    found.append(folder)
+                else:
+                    link.unlink()
+    return found

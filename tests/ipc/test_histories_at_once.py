@@ -1,0 +1,52 @@
+"""Many histories at once: each has its turn, and the helper process holds one answer at a time."""
+
+import re
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from silo.columns import MAX_COLUMNS
+from silo.ipc.exchange import decode_reply, encoded
+from silo.ipc.messages import Columns, GetHistory
+from silo.ipc.session import close, open_client
+
+pytestmark = pytest.mark.slow
+
+AT_ONCE = 64
+COLUMN_NS = 1_000_000
+
+
+def private_mb(pid: int) -> float:
+    text = Path(f"/proc/{pid}/smaps_rollup").read_text()
+    return int(re.search(r"Pss_Anon:\s+(\d+)", text)[1]) / 1e3
+
+
+def test_of_64_large_histories_at_once_all_are_answered_and_memory_stays_bounded(bench, client, until):
+    client.start()
+    bench.ticks(500)
+    pid = client.status().helper_pid
+    names = ["/log/x"] * 64
+    client.history(names, bench.begin_ns, bench.begin_ns + MAX_COLUMNS * COLUMN_NS, COLUMN_NS)
+    before, peak = private_mb(pid), 0.0
+    request = GetHistory(
+        names=names, start_ns=bench.begin_ns, end_ns=bench.begin_ns + MAX_COLUMNS * COLUMN_NS, column_ns=COLUMN_NS
+    )
+    session = open_client(Path(bench.serving.socket_path))
+    try:
+        key = f"silo/*/bot/{GetHistory.key}"
+        asked = [
+            session.get(key, zenoh.handlers.FifoChannel(1), payload=encoded(request), timeout=60.0)
+            for _ in range(AT_ONCE)
+        ]
+        sizes = []
+        for handler in asked:
+            for reply in handler:
+                answer = decode_reply(reply.ok.payload.to_bytes(), "bot")
+                sizes.append(len(answer.low) if isinstance(answer, Columns) else str(answer))
+                peak = max(peak, private_mb(pid))
+    finally:
+        close(session)
+    assert sizes == [8 * 64 * MAX_COLUMNS] * AT_ONCE
+    print(f"private memory {before:.0f} -> {peak:.0f} MB")
+    assert peak < before + 48  # all 64 answers together take 285
