@@ -148,8 +148,6 @@ COMMANDS: tuple[Command, ...] = (
     Command("scale", "y", "Y scale", "hold the y scale, or let it follow", "Plots", _MONITORS, 5),
     Command("detail", "enter,d", "Detail", "one large plot with axes", "Plots", _MONITORS, 6),
     Command("drop_plot", "x", "Remove", "take the plot off the screen", "Plots", _MONITORS, 10),
-    Command("publish", "P", "Publish", "prepare the edit that publishes a save-only element", "Plots", _MONITOR,
-            writes=True),
     Command("mode", "tab,v", "Mode", "over time, x-y, spectrum", "Detail plot", _DETAILS, 1),
     Command("detail_closer", "plus,equals_sign", "Shorter", "shorter time span", "Detail plot", _DETAILS, 2,
             shown_key="+"),

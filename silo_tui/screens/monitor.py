@@ -14,12 +14,10 @@ from textual.timer import Timer
 
 from silo.errors import SiloError
 from silo.ipc.frames import Frame
-from silo.model import Action
 from silo_tui.actions import bindings_for
 from silo_tui.context import SiloScreen
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.fields import Field
 from silo_tui.model.plots import PlotWindow, plots_of
 from silo_tui.model.source import PlotSource
 from silo_tui.sessions.link import ViewRequest
@@ -41,7 +39,7 @@ class MonitorScreen(SiloScreen):
         super().__init__()
         self.session = session
         self.source = source
-        self._waiting: list[str] = []  # save-only elements, left out until they are published
+        self._waiting: list[str] = []  # elements that are off, left out until they are on
         if any(source.is_live(name) for name in names):
             self._waiting = [name for name in names if not source.is_live(name)]
         shown = [name for name in names if name not in set(self._waiting)]
@@ -150,7 +148,7 @@ class MonitorScreen(SiloScreen):
             self.fill_soon()  # it was started again
 
     def table_changed(self) -> None:
-        """Follow somebody who published or enabled what is plotted."""
+        """Follow somebody who enabled what is plotted."""
         elements = dict.fromkeys(plotted.element.name for plotted in self.stack.plots)
         published = [name for name in self._waiting if self.source.is_live(name)]
         self._waiting = [name for name in self._waiting if name not in published]
@@ -184,7 +182,7 @@ class MonitorScreen(SiloScreen):
         if missing := self.stack.missing():
             words.append(missing)
         if self._waiting and not self._said:
-            words.append(f"{len(self._waiting)} saved only: P prepares to publish")
+            words.append(f"{text.plural(len(self._waiting), 'element')} off")
         if self._said:
             words.append(self._said)
         return " │ ".join(words)
@@ -274,19 +272,6 @@ class MonitorScreen(SiloScreen):
         else:
             self.command_back()
 
-    def command_publish(self) -> None:
-        """Prepare edits of all that were marked and are not published; applying them is for the table."""
-        names = dict.fromkeys([*(plotted.element.name for plotted in self.stack.plots), *self._waiting])
-        table = self.session.table
-        rows = [row for name in names if (row := table.row(name)) is not None and not self.source.is_live(name)]
-        if not rows:
-            self.say("all of these are published already")
-            return
-        table.edit([row for row in rows if not Action(int(table.values[Field.ACTION, row])).publishes], Field.ACTION, 0)
-        table.edit(rows, Field.ENABLED, 1)
-        self.say(f"prepared for {text.plural(len(rows), 'element')}: Esc, then a applies it")
-        self.context.table_changed()
-
     def command_detail(self) -> None:
         from silo_tui.screens.detail import DetailScreen
 
@@ -296,7 +281,7 @@ class MonitorScreen(SiloScreen):
         plots = [chosen, *(plotted for plotted in self.stack.plots if plotted is not chosen)]
         plots = [plotted for plotted in plots if plotted.numeric and self.source.is_live(plotted.element.name)]
         if not plots:
-            self.say("nothing published to plot")
+            self.say("nothing that is on to plot")
             return
         end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
         self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s))

@@ -289,7 +289,7 @@ class LiveSource:
         return int(1e9 * divider / (self._session.status.frequency_hz or 1.0))
 
     def is_live(self, element: str) -> bool:
-        """Return whether the logger publishes the element."""
+        """Return whether the element is on."""
         row = self._session.table.row(element)
         return row is not None and self._session.table.is_live(row)
 

@@ -105,7 +105,7 @@ class Banner(Widget):
         if session.dead:
             return f"{session.name} died: {session.status.reason or 'nothing is known of why'}"
         if len(session.table) and not session.table.live.any() and session.running:
-            return "Nothing is published, so there are no live values: mark elements, press p, then a to apply."
+            return "Nothing is logged, every element is off: mark elements, press t, then a to apply."
         return ""
 
 

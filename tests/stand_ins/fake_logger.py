@@ -15,7 +15,7 @@ from silo.errors import ConnectionLostError, ScriptError
 from silo.ipc.exchange import RequestRefusedError
 from silo.ipc.frames import Frame
 from silo.ipc.messages import EditsApplied, HelloReply, Refused, RefusedWhy, ScriptDiff, Scripts, ScriptText, Unsaved
-from silo.ipc.published import Event, EventKind
+from silo.ipc.published import Event, EventKind, NotLive
 from silo.ipc.versions import PROTOCOL
 from silo.model import (
     Action,
@@ -129,7 +129,7 @@ class FakeView:
         self.seen_ns = client.now_ns
         known = {info.name: info for info in client.elements}
         infos = [known[name] for name in self.values if name in known]
-        unpublished = {info.name for info in infos if not info.options.action.publishes or not info.options.enabled}
+        unpublished = {info.name for info in infos if not info.options.enabled}
         newest, texts = [], {}
         for info in infos:
             for entry in info.entries:
@@ -147,6 +147,7 @@ class FakeView:
             held=np.array(held, np.int64), lost=np.zeros(len(held), np.int64), newest=np.array(newest, float),
             texts=texts, column_ns=self.column_ns, first=column.first, low=column.low, high=column.high,
             marks=None, bases={}, since_ns=since_ns, sizes=client.other_sizes(self.values), missed=0,
+            not_live={place: NotLive.FULL for place, name in enumerate(self.values) if client.is_full(name)},
         )  # fmt: skip
 
     def close(self) -> None:
@@ -198,6 +199,13 @@ class FakeClient:
         """Options of an element in the held recording."""
         known = next(info.options for info in self.elements if info.name == name)
         return self._recorded.get(name, known)
+
+    def is_full(self, name: str) -> bool:
+        """Whether an element's FIXED buffer, in which alone it is, ended."""
+        info = next((info for info in self.elements if info.name == name), None)
+        if info is None or info.options.action.publishes or info.options.buffer_type is not BufferType.FIXED:
+            return False
+        return self.ticks > info.options.buffer_size * info.options.divider
 
     def other_sizes(self, names: Sequence[str]) -> dict[int, int]:
         """Buffer sizes of the held recording where the table says another by now."""
@@ -412,7 +420,7 @@ class FakeClient:
         low, high = np.full((len(names), count), np.nan), np.full((len(names), count), np.nan)
         for position, name in enumerate(names):
             element = next((info for info in self.elements if name.startswith(info.name)), None)
-            if element is None or not element.options.action.publishes:
+            if element is None or not element.options.enabled:
                 continue
             ticks = np.arange(math.ceil((start_ns - self.started_ns) / 1e9 * HZ), self.ticks + 1)
             columns = (self.started_ns + np.round(ticks / HZ * 1e9).astype(np.int64)) // column_ns - first
