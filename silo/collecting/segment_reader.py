@@ -335,7 +335,10 @@ class SegmentReader:
             block, slot = self._block(ring, begin + done)
             count = min(len(out) - done, len(block) - slot)
             rows = block[slot : slot + count]
-            out[done : done + count] = rows if some is None else rows[:, some]
+            if some is None:
+                out[done : done + count] = rows
+            else:
+                np.take(rows, some, axis=1, out=out[done : done + count], mode="clip")
             done += count
         return out
 

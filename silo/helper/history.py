@@ -93,7 +93,7 @@ def _fill(
     ring: int,
     signals: list[tuple[int, EntrySchema]],
     request: GetHistory,
-    pinned: PinnedRows | None,
+    pinned: PinnedRows | None = None,
 ) -> None:
     words = np.array(sorted({*STAMPS.tolist(), *(word for _, entry in signals for word in words_of(entry))}), np.intp)
     if pinned is not None and not pinned.holds(ring, words.tolist()):

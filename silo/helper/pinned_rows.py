@@ -46,4 +46,5 @@ class PinnedRows:
         some = rows.part(begin, max(begin, end))
         if words is None:
             return some
-        return Rows(some.ring, some.first, some.words[:, np.searchsorted(held, words)])
+        # not by fancy indexing, which turns the rows into columns: rows are read by strides
+        return Rows(some.ring, some.first, np.take(some.words, np.searchsorted(held, words), axis=1))

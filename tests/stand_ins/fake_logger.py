@@ -10,12 +10,23 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from silo.columns import HistoryColumns
+from silo.columns import ColumnGrid, HistoryColumns, bins_of
 from silo.errors import ConnectionLostError, ScriptError
 from silo.ipc.exchange import RequestRefusedError
 from silo.ipc.frames import Frame
-from silo.ipc.messages import EditsApplied, HelloReply, Refused, RefusedWhy, ScriptDiff, Scripts, ScriptText, Unsaved
+from silo.ipc.messages import (
+    EditsApplied,
+    HelloReply,
+    PinOpened,
+    Refused,
+    RefusedWhy,
+    ScriptDiff,
+    Scripts,
+    ScriptText,
+    Unsaved,
+)
 from silo.ipc.published import Event, EventKind, NotLive
+from silo.ipc.samples import Samples
 from silo.ipc.versions import PROTOCOL
 from silo.model import (
     Action,
@@ -154,6 +165,28 @@ class FakeView:
         self.closed = True
 
 
+NOTHING = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+
+class FakePin:
+    """What was held when it was pinned."""
+
+    refused = ""
+
+    def __init__(self, client: "FakeClient", held: dict[str, Samples]) -> None:
+        self.client, self.held, self.id = client, held, f"pin-{len(client.pins)}"
+        self.names = tuple(held)
+        stamps = np.concatenate([some.time_ns for some in held.values()] or [NOTHING[0]])
+        begin, end = (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
+        size = sum(8 * (2 + some.values[:1].size) * len(some) for some in held.values())
+        missing = {name: some.why for name, some in held.items() if some.why}
+        self.opened = PinOpened(self.id, f"run-{client.started_ns}" if len(stamps) else "", begin, end, size, missing)
+
+    def close(self) -> None:
+        if self in self.client.pins:
+            self.client.pins.remove(self)
+
+
 class FakeClient:
     """One logger. `calls` holds what was asked to change it; `advance` moves its clock."""
 
@@ -168,6 +201,7 @@ class FakeClient:
         self.files: dict[str, str] = {"robot.yaml": format_script(self.elements), "quiet.yaml": QUIET_SCRIPT}
         self.save_error = ""
         self.views: list[FakeView] = []
+        self.pins: list[FakePin] = []
         self._recorded: dict[str, ElementOptions] = {}  # what the held recording was made with
         self._event: Callable[[Event], None] = lambda event: None
         self._link: Callable[[bool], None] = lambda connected: None
@@ -412,8 +446,67 @@ class FakeClient:
             self.publish(EventKind.SAVED, f"saved {files[0].path}", by=OWN_NAME, **told)
         return self._jobs
 
-    def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+    def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()
+        held = FakePin(self, self.samples(names, start_ns, end_ns + 1))
+        self.pins.append(held)
+        return held
+
+    def samples(
+        self, names: Sequence[str], start: int = -(2**62), end: int = 2**62, by: str = "time",
+        pin: FakePin | None = None, reply_bytes: int = 2**20, told: Callable[[float], None] | None = None,
+    ) -> dict[str, Samples]:  # fmt: skip
+        self._ask()
+        found = {}
+        for name in names:
+            whole = self._held_samples(name) if pin is None else self._of_pin(pin, name)
+            key = {"time": whole.time_ns, "tick": whole.ticks, "row": whole.ticks // max(1, whole.divider)}[by]
+            some = (key >= start) & (key < end)
+            found[name] = Samples(
+                whole.ticks[some], whole.time_ns[some], whole.values[some], whole.divider, why=whole.why
+            )
+        if told is not None:
+            told(1.0)
+        return found
+
+    def _of_pin(self, pin: FakePin, name: str) -> Samples:
+        if pin not in self.pins:
+            raise refused(RefusedWhy.NOT_FOUND, f"the pin '{pin.id}' is no more: pin again")
+        return pin.held.get(name, Samples(*NOTHING, why="it is not in this pin"))
+
+    def _held_samples(self, name: str) -> Samples:
+        """All samples of an element or entry that its buffer holds."""
+        places = {info.name: (info, info.entries) for info in self.elements}
+        for info in self.elements:
+            for entry in info.entries:
+                places.setdefault(info.name + entry.suffix, (info, (entry,)))
+        if name not in places:
+            raise refused(RefusedWhy.NOT_FOUND, f"no element or entry is called '{name}'")
+        info, entries = places[name]
+        options = self.recorded(info.name)
+        if not options.enabled or not self.started_ns:
+            return Samples(*NOTHING, why="nothing was logged yet" if options.enabled else "it is off")
+        ticks = np.arange(0, self.ticks, options.divider)
+        if options.buffer_type is BufferType.LOOPING:
+            ticks = ticks[-options.buffer_size :]
+        elif options.buffer_type is BufferType.FIXED and not options.action.publishes:
+            ticks = ticks[: options.buffer_size]
+        columns = [
+            np.full(len(ticks), b"hans", entry.dtype)
+            if entry.dtype[1:2] == "S"
+            else signal(info.name + entry.suffix, ticks / HZ).astype(entry.dtype)
+            for entry in entries
+        ]
+        values = columns[0] if len(entries) == 1 else np.stack(columns, axis=1)
+        time_ns = self.started_ns + np.round(ticks / HZ * 1e9).astype(np.int64)
+        return Samples(ticks, time_ns, values, options.divider)
+
+    def history(
+        self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, pin: FakePin | None = None
+    ) -> HistoryColumns:
+        self._ask()
+        if pin is not None:
+            return self._pinned_columns(pin, names, start_ns, end_ns, column_ns)
         start_ns = max(start_ns, self.started_ns or end_ns)
         first, last = start_ns // column_ns, end_ns // column_ns
         count = max(0, last - first + 1) if self.started_ns else 0
@@ -429,6 +522,17 @@ class FakeClient:
             np.fmin.at(low[position], columns[good], values)
             np.fmax.at(high[position], columns[good], values)
         return HistoryColumns(tuple(names), int(first), column_ns, low, high, until_ns=self.now_ns)
+
+    def _pinned_columns(
+        self, pin: FakePin, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int
+    ) -> HistoryColumns:
+        first = start_ns // column_ns
+        grid = ColumnGrid(len(names), first, -(-end_ns // column_ns) - first)
+        for row, name in enumerate(names):
+            some = self._of_pin(pin, name)
+            grid.add(row, bins_of(some.time_ns, column_ns), some.values)
+        bases = dict(enumerate(grid.bases))
+        return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases, pin.opened.end_ns)
 
     def view(self, values: Sequence[str], plots: Sequence[str], rate_hz: float, column_ns: int) -> FakeView:
         self._ask()

@@ -31,7 +31,7 @@ async def test_an_element_that_is_only_saved_has_its_value_too(fake, opened):
     fake.run()
     async with opened(fake) as screen:
         await screen.type("/solver_cost")
-        await screen.until(lambda: fake.views[-1].values == ("/log/state/solver_cost",))
+        await screen.until(lambda: fake.views and fake.views[-1].values == ("/log/state/solver_cost",))
         value = float(signal("/log/state/solver_cost", np.array([fake.seconds]))[0])
         await screen.shows(f"{value:.2f}")
 
