@@ -285,13 +285,12 @@ class MonitorScreen(SiloScreen):
         """Move the window, in what is held or in the logger's buffers; beyond the newest it goes on by itself."""
         oldest_ns, newest_ns = self.pause.held_ns(self.stack.plots)
         end = max(end_ns, min(oldest_ns + self.window.span_ns, newest_ns))
-        if end >= newest_ns and self.pause.source is None:
-            if self.window.paused:
-                self._go_on()
-            return
-        self.window.paused_end_ns = min(end, newest_ns)
         self._said = "that is the oldest that is held" if end > end_ns else ""
-        self.request_view()
+        if end < newest_ns or self.pause.source is not None:
+            self.window.paused_end_ns = min(end, newest_ns)
+            self.request_view()
+        elif self.window.paused:
+            self._go_on()
         self.line.refresh()
 
     def command_closer(self) -> None:
