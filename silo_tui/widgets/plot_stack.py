@@ -123,7 +123,7 @@ class PlotStack(Widget):
         if not plotted.numeric:
             return self._text(plotted) if line == 1 else []
         if not self.source.is_live(plotted.element.name):
-            words = " " * AXIS + " saved only, not published: P prepares the edit, apply it in the table"
+            words = " " * AXIS + " off: t in the table switches it on"
             return [Segment(words if line == 1 else "", self._style("plot--quiet"))]
         return self._curve(index, line - 1)
 
