@@ -272,6 +272,7 @@ def _facts(recording: Recording, channels: Sequence[Channel]) -> RecordingFacts:
         started_ns=recording.started_ns,
         time_looping=recording.time_looping,
         warnings=recording.warnings,
+        why=recording.why,
     )
 
 
@@ -318,6 +319,7 @@ def _metadata_yaml(
         f"    message_count: {total}",
         "custom_data:",
         f"  silo_logger: {json.dumps(recording.logger)}",
+        f"  silo_why: {json.dumps(recording.why)}",
         "ros_distro: silo",
     ]
     return "\n".join(lines) + "\n"

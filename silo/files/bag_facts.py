@@ -64,6 +64,7 @@ class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     started_ns: int = 0
     time_looping: bool = False
     warnings: tuple[str, ...] = ()
+    why: str = ""
 
 
 def pack_facts(facts: RecordingFacts) -> bytes:

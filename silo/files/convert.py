@@ -16,6 +16,8 @@ from silo.errors import SaveError
 from silo.files.formats import format_of, is_bag_folder, read_recording, writer_for
 from silo.recording import Progress, Recording
 
+CONVERTED = "converted"  # why such a file is there, instead of why its source was saved
+
 
 def convert(
     source: str | os.PathLike[str],
@@ -33,7 +35,7 @@ def convert(
     write = writer_for(final)
     if final.exists() and not force:
         raise SaveError(f"'{final}' exists already; add --force to replace it, or choose another name")
-    recording = _with_what_is_not_known(read_recording(source), Path(source))
+    recording = replace(_with_what_is_not_known(read_recording(source), Path(source)), why=CONVERTED)
     if final.is_dir():
         with _set_aside(final):
             write(recording, final, progress)

@@ -6,6 +6,7 @@ so that saving `.silo` costs no import of what bags need.
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -32,12 +33,14 @@ def write(
     types: Iterable[FileType | str],
     name: str | None = None,
     progress: Progress | None = None,
+    why: str = "",
 ) -> list[SavedFile]:
     """Save a recording in each of the `types` (`"silo"`, `"csv"`, `"bag"`), in a folder that is made if missing.
 
     Files are called `<logger>_<date>_<time>_<run number>`, or `name`, which must not be taken yet. If a format fails,
     the others are written all the same, and a `PartlySavedError` (a `SaveError`) says what failed and what was saved.
-    `progress` is called with the fraction of the whole, from 0 to 1.
+    `progress` is called with the fraction of the whole, from 0 to 1. `why` it is saved, in a few words, is kept in the
+    files for those who look through them.
     """
     chosen = _file_types(types)
     try:
@@ -47,6 +50,7 @@ def write(
             f"can't make the folder '{folder}': {reason(error)}; choose another one; the log is still in memory"
         ) from error
     paths = _paths(Path(folder), logger, chosen, name)
+    recording = replace(recording, why=why) if why else recording
     saved: list[SavedFile] = []
     failed: list[str] = []
     for index, (kind, path) in enumerate(paths.items()):

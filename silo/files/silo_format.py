@@ -97,7 +97,7 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What the header can't say of the log as a whole."""
+    """What the header can't say of the log as a whole; `span` are the first and the last time stamp, ns."""
 
     logger: str
     version: int = 1
@@ -105,6 +105,8 @@ class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     frequency_hz: float | None = None
     started_ns: int = 0
     warnings: tuple[str, ...] = ()
+    why: str = ""
+    span: tuple[int, int] = (0, 0)
 
 
 def file_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
@@ -225,6 +227,8 @@ def log_facts(recording: Recording) -> LogFacts:
         frequency_hz=recording.frequency_hz,
         started_ns=recording.started_ns,
         warnings=tuple(plain_text(warning) for warning in recording.warnings),
+        why=plain_text(recording.why),
+        span=(int(recording.time_ns[0]), int(recording.time_ns[-1])) if len(recording.time_ns) else (0, 0),
     )
 
 

@@ -16,7 +16,7 @@ def presentable(recording: Recording) -> Recording:
     """The recording with all texts in proper Unicode, lone surrogates escaped: mostly it is the same object."""
     elements = [_element(element) for element in recording.elements]
     same = all(new is old for new, old in zip(elements, recording.elements, strict=True))
-    texts = (recording.logger, recording.prefix, *recording.warnings)
+    texts = (recording.logger, recording.prefix, recording.why, *recording.warnings)
     if same and all(map(_is_proper, texts)):
         return recording
     return replace(
@@ -24,6 +24,7 @@ def presentable(recording: Recording) -> Recording:
         logger=plain_text(recording.logger),
         prefix=plain_text(recording.prefix),
         warnings=tuple(map(plain_text, recording.warnings)),
+        why=plain_text(recording.why),
         elements=elements,
     )
 

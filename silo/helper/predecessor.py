@@ -25,6 +25,7 @@ from silo.errors import SiloError, StateError
 from silo.files.atomic import sweep_parts
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
+from silo.helper.recovery import RECOVERED
 from silo.helper.saver import describe
 from silo.ipc.published import EventKind
 from silo.model import FileType
@@ -114,7 +115,9 @@ class PredecessorRecovery:
         assert stale.schema is not None
         journal = "" if reader is not None else str(stale.path)
         folder = stale.schema.folder if reader is not None else str(stale.path.parent)
-        order = WriteOrder(folder, stale.schema.logger, [FileType.SILO], "", of_dead=True, journal=journal)
+        order = WriteOrder(
+            folder, stale.schema.logger, [FileType.SILO], "", of_dead=True, journal=journal, why=RECOVERED
+        )
         return write_apart(reader, order, _unheard)
 
     def _tell_failed(self, stale: StaleSegment, who: str, problem: str) -> None:

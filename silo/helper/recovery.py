@@ -19,6 +19,9 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import StateError
 from silo.model import FileType, SavedFile
 
+DIED = "program died"  # why its log was saved
+RECOVERED = "program died, recovered later"
+
 __all__ = ["Recovered", "find_all", "find_stale", "recover", "save_reader"]
 
 
@@ -64,7 +67,7 @@ def recover(
             if reader.ticks and not has_unsaved(reader):
                 discard(reader)
                 return _saved_before(reader, "memory was freed")
-            files, held = save_reader(reader, folder or reader.schema.folder, types)
+            files, held = save_reader(reader, folder or reader.schema.folder, types, why=RECOVERED)
             mark_saved(reader)
             discard(reader)
             nothing = f"held {held.text}" if held.ticks else "held no tick"
@@ -79,7 +82,7 @@ def _recover_journal(path: Path, folder: str | os.PathLike[str] | None, types: S
         if reader.ticks and reader.saved_ticks >= reader.ticks:
             remove_proven(reader)
             return _saved_before(reader, "journal was removed")
-        files, held = save_reader(reader, folder or path.parent, types)
+        files, held = save_reader(reader, folder or path.parent, types, why=RECOVERED)
         remove_proven(reader)
         nothing = f"held {held.text}" if held.ticks else "proves no tick"
         return Recovered(files, held, f"saved {held.text}; {reader.proven_text}" if files else f"{nothing}; removed")
@@ -95,6 +98,7 @@ def save_reader(
     folder: str | os.PathLike[str],
     types: Sequence[FileType] = (FileType.SILO,),
     progress: Callable[[float], None] | None = None,
+    why: str = DIED,
 ) -> tuple[list[SavedFile], Holdings]:
     """Save all that is held, and tell how much that is; no file if it is nothing. Raises SaveError."""
     from silo.files import write
@@ -104,7 +108,7 @@ def save_reader(
     if not held.samples:
         return [], held
     recording = dataclasses.replace(recording, warnings=(*missing(reader), *recording.warnings))
-    return write(recording, folder, reader.schema.logger, types, progress=progress), held
+    return write(recording, folder, reader.schema.logger, types, progress=progress, why=why), held
 
 
 def missing(reader: SegmentReader | JournalReader) -> tuple[str, ...]:

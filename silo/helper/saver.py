@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, SiloError
-from silo.helper.events import Events
+from silo.helper.events import Events, plain
 from silo.helper.heap import trim_heap
 from silo.helper.mirror import Mirror
 from silo.helper.robot import Robot
@@ -19,6 +19,7 @@ from silo.model import SavedFile
 
 MAX_WAITING = 4
 PROGRESS_PERIOD_S = 0.1
+MAX_WHY = 80
 
 log = logging.getLogger("silo.helper")
 
@@ -92,7 +93,7 @@ class Saver:
         with self._lock:
             self._number += 1
             number = self._number
-        checked = Save(types=types, name=request.name, client=request.client)
+        checked = Save(types=types, name=request.name, client=request.client, why=request.why)
         folder = request.folder if for_robot and request.folder else robot.folder
         return _Job(number, checked, reader, folder, robot.logger, str(reader.path), for_robot)
 
@@ -146,7 +147,7 @@ class Saver:
                 text = f"saving {names}: {share:.0%}"
                 self._events.publish(EventKind.SAVING, text, by=by, job=job.number, progress=share)
 
-        order = WriteOrder(job.folder, job.logger, job.request.types, job.request.name)
+        order = WriteOrder(job.folder, job.logger, job.request.types, job.request.name, why=_why(job.request))
         report = write_log(job.reader, order, progress)
         files = report.files
         if report.error:
@@ -162,6 +163,13 @@ class Saver:
         self._events.publish(EventKind.SAVE_FAILED, text, by=job.request.client, job=job.number, files=files)
         if job.for_robot:
             self._robot.send(LinkSaved(job.number, files, text))
+
+
+def _why(request: Save) -> str:
+    """Return why it is saved, as lists of recordings show it: the person is enough, not the person's process."""
+    user, _, program = request.client.partition(" ")
+    who = user if "@" in user and program else request.client
+    return plain(request.why, MAX_WHY) or plain(f"saved by {who}" if who else "saved", MAX_WHY)
 
 
 def describe(files: list[SavedFile]) -> str:

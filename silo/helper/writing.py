@@ -27,7 +27,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     """What to write, and where; the arguments of `silo.files.write`.
 
     `of_dead`: the writer of the segment is gone, so that rows that aren't what it committed are damaged.
-    `journal`: write what this journal proves instead of a segment.
+    `journal`: write what this journal proves instead of a segment. `why` it is saved, in a few words.
     """
 
     folder: str
@@ -36,6 +36,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     name: str
     of_dead: bool = False
     journal: str = ""
+    why: str = ""
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -61,7 +62,7 @@ def _write(reader: SegmentReader | JournalReader, order: WriteOrder, progress: C
         recording = reader.snapshot()
         damaged = missing(reader) if order.of_dead else ()
         recording = dataclasses.replace(recording, warnings=(*damaged, *recording.warnings))
-        files = write(recording, order.folder, order.logger, order.types, order.name or None, progress)
+        files = write(recording, order.folder, order.logger, order.types, order.name or None, progress, order.why)
     except SiloError as error:
         saved = list(error.saved) if isinstance(error, PartlySavedError) else []
         return WriteReport(1.0, True, 0, saved, str(error))

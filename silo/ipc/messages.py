@@ -447,7 +447,7 @@ class Save(Do[SaveStarted], frozen=True):
     """Save the data in the helper process. The reply comes at once; progress and result come as events.
 
     `name` replaces the usual file name (a plain name: no `/`, no leading dot). `folder` (absolute) replaces the
-    logger's own; only the robot program may choose it.
+    logger's own; only the robot program may choose it. `why` is kept in the files; without it, who asked.
     """
 
     timeout_s: ClassVar[float] = 2.0
@@ -455,6 +455,7 @@ class Save(Do[SaveStarted], frozen=True):
     types: list[FileType]
     name: str = ""
     folder: str = ""
+    why: str = ""
 
 
 class LoadScript(Do[EditsApplied], frozen=True):

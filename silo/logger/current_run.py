@@ -119,7 +119,7 @@ class CurrentRun:
         """Save in this process: the link thread, which an answer of the helper comes by, may wait for the caller."""
         assert self.run is not None
         run, ticks = self.run, self.run.segment.ticks
-        paths = ", ".join(file.path for file in write_run(run, options))
+        paths = ", ".join(file.path for file in write_run(run, options, "saved before the next start"))
         self.mark_saved(run, ticks)
         self.saved_before = f"the last run was saved before it is cleared: {paths}"
         log.warning("%s: %s", options.name, self.saved_before)

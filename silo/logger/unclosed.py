@@ -63,18 +63,18 @@ def _forked() -> None:
 os.register_at_fork(after_in_child=_forked)
 
 
-def write_run(run: Run, options: LoggerOptions) -> list[SavedFile]:
+def write_run(run: Run, options: LoggerOptions, why: str) -> list[SavedFile]:
     """Save a run as `.silo` in this process. Raises SaveError."""
     from silo.files import write
 
-    return write(run.reader.snapshot(), options.folder, options.name, [FileType.SILO])
+    return write(run.reader.snapshot(), options.folder, options.name, [FileType.SILO], why=why)
 
 
 def save_at_end(run: Run, options: LoggerOptions) -> bool:
     """Save a run as `.silo`, and say where; False, and said where it stays, if that failed."""
     try:
         held = segment_holdings(run.reader).text
-        saved = write_run(run, options)
+        saved = write_run(run, options, "program ended without saving")
     except SiloError as failure:
         say_where_it_is(run, options, f": {failure}")
         return False
