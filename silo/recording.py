@@ -92,7 +92,8 @@ class Recording:
 
     `time_ns` has shape `(n,)`: int64 nanoseconds since 1970 (or of the logger's own clock), one per kept tick, oldest
     first; the last one is tick `offset - 1`. `offset` counts the ticks since start (the original's "time
-    synchronization offset"). `started_ns` is the wall clock at start, 0 where unknown. `why` says in a few words why it was saved.
+    synchronization offset"). `started_ns` is the wall clock at start, 0 where unknown. `why` says in a few
+    words why it was saved.
     """
 
     logger: str

@@ -76,6 +76,12 @@ def check_name(name: str) -> str:
     return name
 
 
+def logger_of(stem: str) -> str:
+    """The logger that a log of this name (without ending) is of, empty for a name that somebody chose."""
+    match = _STEM.fullmatch(stem)
+    return match["logger"] if match else ""
+
+
 def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> Path:
     """The log that is meant by a path, by the start of a file name (the newest), or by a run number.
 

@@ -16,6 +16,7 @@ from silo.helper.history import check_history, history
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.pins import Pins, no_pin
 from silo.helper.publisher import Publisher
+from silo.helper.recordings import RecordingFolder, RecordingRefusedError
 from silo.helper.requests import check_edits
 from silo.helper.robot import Robot
 from silo.helper.samples import check_samples, samples
@@ -27,10 +28,13 @@ from silo.ipc.messages import (
     CloseStream,
     CloseView,
     Columns,
+    DeleteRecording,
     DiffScript,
     Done,
     EditsApplied,
     GetHistory,
+    GetParts,
+    GetPiece,
     GetSamples,
     GetStatus,
     GetTable,
@@ -38,13 +42,17 @@ from silo.ipc.messages import (
     Hello,
     HelloReply,
     KeepPin,
+    ListRecordings,
     ListScripts,
     LoadScript,
     OpenPin,
     OpenStream,
     OpenView,
+    Piece,
     PinOpened,
     ReadScript,
+    RecordingParts,
+    Recordings,
     Refused,
     RefusedWhy,
     ReplyT,
@@ -100,13 +108,14 @@ class Answers:
         self._saver = saver
         self._robot = robot
         self._pins = Pins()
+        self._recordings = RecordingFolder()
 
     def answer(self, request: Request[Any]) -> bytes:
         """Return the encoded answer; waits for the robot process where it must."""
         reply: AnyReply | bytes
         try:
             reply = HANDLERS[type(request)](self, request)
-        except script_folder.ScriptRefusedError as error:
+        except (script_folder.ScriptRefusedError, RecordingRefusedError) as error:
             reply = error.refused
         except (ScriptError, SaveError) as error:
             reply = Refused(RefusedWhy.INVALID, str(error))
@@ -203,7 +212,27 @@ class Answers:
         unknown = [str(unknown.name) for unknown in plan.unknown]
         return ScriptDiff(str(path), diff_options(table, plan.options), unknown, script.warnings)
 
+    @answers_to(ListRecordings)
+    def _list_recordings(self, request: ListRecordings) -> Recordings:
+        robot = self._mirror.now.robot
+        return self._recordings.listing(robot.folder, robot.logger, request.most)
+
+    @answers_to(GetParts)
+    def _parts(self, request: GetParts) -> RecordingParts:
+        return self._recordings.parts(self._mirror.now.robot.folder, request.name)
+
+    @answers_to(GetPiece)
+    def _piece(self, request: GetPiece) -> Piece:
+        return self._recordings.piece(self._mirror.now.robot.folder, request)
+
     # ----------------------------------------------------------------------------------------------------- changing
+
+    @answers_to(DeleteRecording)
+    def _delete_recording(self, request: DeleteRecording) -> Done:
+        robot = self._mirror.now.robot
+        text = self._recordings.delete(robot.folder, robot.logger, request.name)
+        self._events.publish(EventKind.DELETED, text, by=request.client)
+        return Done(text)
 
     @answers_to(Save)
     def _save(self, request: Save) -> SaveStarted | Refused:

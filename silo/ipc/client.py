@@ -25,22 +25,29 @@ from silo.ipc.messages import (
     ClosePin,
     CloseStream,
     CloseView,
+    DeleteRecording,
     DiffScript,
     Done,
     EditsApplied,
     GetHistory,
+    GetParts,
+    GetPiece,
     GetSamples,
     GetStatus,
     GetTable,
     Hello,
     HelloReply,
     KeepPin,
+    ListRecordings,
     ListScripts,
     LoadScript,
     OpenPin,
     OpenStream,
     OpenView,
+    Piece,
     ReadScript,
+    RecordingParts,
+    Recordings,
     Refused,
     ReplyT,
     Request,
@@ -64,6 +71,9 @@ from silo.model import Edit, FileType, SavedFile, Status, Table
 from silo.version import VERSION
 
 if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
     from silo.columns import HistoryColumns
     from silo.ipc.samples import Pin, Samples, Stream
     from silo.ipc.topic import Topic
@@ -191,6 +201,46 @@ class Client:
         """Return what loading a script would change; without a path the logger's own script."""
         return self._call(DiffScript(path=path, client=self._name))
 
+    def recordings(self, most: int = 1000) -> Recordings:
+        """Return the recordings in the logger's own folder on the robot, the newest first.
+
+        Of thousands some may be `unread` yet: ask again.
+        """
+        return self._call(ListRecordings(most=whole("most", most, 1, 10_000), client=self._name))
+
+    def fetch(
+        self,
+        name: str,
+        folder: "str | os.PathLike[str]" = ".",
+        progress: Callable[[int, int], None] | None = None,
+        *,
+        replace: bool = False,
+        patience_s: float = 30.0,
+    ) -> "Path":
+        """Copy a recording of the logger's folder (a file, or a bag folder) into a folder of this machine.
+
+        In pieces, each with a checksum; `progress` is called with the bytes that are here, and of how many, and may
+        raise to give up. When the link is cut it goes on as soon as the link is back within `patience_s`; later, the
+        same call goes on from where it was. Returns the path. Raises SaveError for a full disk, or a file that is there
+        already (without `replace`), ConnectionLostError, RefusedError.
+        """
+        from silo.arguments import path
+        from silo.ipc.fetching import Fetch
+
+        wait_s = real("patience_s", patience_s, 0, LONGEST_S, "s")
+        ask = Fetch(self._parts_of, self._piece_of, lambda: self.connected, wait_s)
+        return ask.run(
+            text("name", name, "client.fetch('robot_..._00007.silo')"), path("folder", folder), progress, replace
+        )
+
+    def _parts_of(self, name: str) -> RecordingParts:
+        return self._call(GetParts(name=name, client=self._name))
+
+    def _piece_of(self, path: str, mark: str, offset: int, count: int, sum_only: bool) -> Piece:
+        return self._call(
+            GetPiece(path=path, mark=mark, offset=offset, count=count, sum_only=sum_only, client=self._name)
+        )
+
     def history(
         self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, pin: "Pin | None" = None
     ) -> "HistoryColumns":
@@ -280,6 +330,14 @@ class Client:
         """Write the configuration to a script on the robot's side; returns what was done, in words."""
         request = SaveScript(path=path, overwrite=overwrite, client=self._name)
         return self._call(request).text
+
+    def delete_recording(self, name: str) -> str:
+        """Delete a recording that this logger wrote: a file or bag, or by its stem all files of a save.
+
+        Returns what was deleted, in words. Raises RefusedError, and then nothing was deleted.
+        """
+        named = text("name", name, "client.delete_recording('robot_..._00007')")
+        return self._call(DeleteRecording(name=named, client=self._name)).text
 
     # ------------------------------------------------------------------------------------------------------ saving
 

@@ -90,6 +90,7 @@ class EventKind(str, enum.Enum):
     SCRIPT_LOADED = "script loaded"
     FILES_DELETED = "files deleted"
     DURABLE = "durable"  # the journal stopped or goes on
+    DELETED = "deleted"  # somebody deleted a recording
     ENDED = "ended"  # a request that went on came to its end, well or not
     OTHER = "other"
 

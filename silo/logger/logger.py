@@ -271,7 +271,9 @@ class Logger(Configuration):
         else:
             from silo.files import write
 
-            saved = write(self.snapshot(), where, self.options.name, chosen, name or None, why="saved by the robot program")
+            saved = write(
+                self.snapshot(), where, self.options.name, chosen, name or None, why="saved by the robot program"
+            )
         with self._lock:
             self._present.mark_saved(run, ticks)
         return saved

@@ -1,0 +1,128 @@
+"""What a list of recordings shows of a file: which logger wrote it, why, from when to when. Read of its first bytes.
+
+For the helper process, which reads thousands of them beside its work, on behalf of clients that may ask for any name:
+files are opened by plain names below an open folder, no link is followed, and no format's reader is loaded.
+"""
+
+import json
+import os
+import re
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import msgspec
+
+from silo.files import silo_format as form
+from silo.files.csv_facts import SIDECAR
+
+_FIRST = 64 << 10  # in it stand the facts of logs of up to about 1,000 entries
+_MOST = 16 << 20  # and of 300,000
+_BAG_FACTS = 16 << 10
+_LOG_DECODER = msgspec.json.Decoder(form.LogFacts)
+_TEXT = re.compile(rb"^    (silo_logger|silo_why): (\".*\")$", re.MULTILINE)
+_BEGIN = re.compile(
+    rb"^  starting_time:\n    nanoseconds_since_epoch: (\d{1,19})\n  duration:\n    nanoseconds: (\d{1,19})$", re.M
+)
+_CSV_FACTS_END = b',\n "elements":'
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a file says of itself; `logger` is empty for one of the original, the times are 0 where it says none."""
+
+    logger: str = ""
+    why: str = ""
+    begin_ns: int = 0
+    end_ns: int = 0
+
+
+def read_summary(folder: int, name: str) -> Summary | None:
+    """Return what a recording in an open folder says of itself, None if it is none that silo wrote.
+
+    A CSV file is one by the file beside it. Raises OSError.
+    """
+    if name.endswith(".silo"):
+        return _of_silo(folder, name)
+    if name.endswith(".csv"):
+        return _of_csv(folder, name)
+    return _of_bag(folder, name)
+
+
+@contextmanager
+def opened_file(folder: int, name: str) -> Iterator[int]:
+    """Open a regular file in an open folder for reading; a link or a pipe is refused as OSError."""
+    # without O_NONBLOCK, opening a named pipe would wait forever
+    descriptor = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, dir_fd=folder)
+    try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise FileNotFoundError(f"{name} is not a file")
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def opened_folder(folder: int, name: str) -> Iterator[int]:
+    """Open a folder in an open folder; a link is refused as OSError."""
+    descriptor = os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
+    try:
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _of_silo(folder: int, name: str) -> Summary | None:
+    with opened_file(folder, name) as file:
+        text = os.pread(file, _FIRST, 0)
+        if not text.startswith(form.BANNER):
+            return None
+        mark = b"\n" + form.LOG_FACTS
+        while (begin := text.find(mark)) < 0 or text.find(b"\n", begin + 1) < 0:
+            if b"\n" + form.DATA_LINE in text or len(text) >= _MOST:
+                return Summary()  # of the original, which says no more
+            more = os.pread(file, 3 * len(text), len(text))
+            if not more:
+                return Summary()
+            text += more
+    return _of_facts(text[begin + len(mark) : text.find(b"\n", begin + 1)])
+
+
+def _of_csv(folder: int, name: str) -> Summary | None:
+    try:
+        with opened_file(folder, name + SIDECAR) as file, opened_file(folder, name):
+            text = os.pread(file, _FIRST, 0)
+    except FileNotFoundError:
+        return None
+    # {"version": 1, "log": {...}, "elements": [...]}; within a text a line break is escaped
+    begin, end = text.find(b'"log": '), text.find(_CSV_FACTS_END)
+    return _of_facts(text[begin + len(b'"log": ') : end]) if 0 <= begin < end else None
+
+
+def _of_facts(text: bytes) -> Summary | None:
+    try:
+        facts = _LOG_DECODER.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return None
+    return Summary(facts.logger, facts.why, *facts.span)
+
+
+def _of_bag(folder: int, name: str) -> Summary | None:
+    with opened_folder(folder, name) as bag, opened_file(bag, "metadata.yaml") as file:
+        head = os.pread(file, _BAG_FACTS, 0)
+        size = os.fstat(file).st_size
+        tail = os.pread(file, _BAG_FACTS, max(0, size - _BAG_FACTS))
+    said = {key.decode(): json.loads(value) for key, value in _TEXT.findall(tail) if _is_text(value)}
+    begin = _BEGIN.search(head)
+    if "silo_logger" not in said or begin is None:
+        return None  # of other tools
+    first = int(begin[1])
+    return Summary(said["silo_logger"], said.get("silo_why", ""), first, first + int(begin[2]))
+
+
+def _is_text(value: bytes) -> bool:
+    try:
+        return isinstance(json.loads(value), str)
+    except ValueError:
+        return False

@@ -1,0 +1,373 @@
+"""The recordings in the logger's own folder: listed, read in pieces, deleted on behalf of clients.
+
+A client's name of a file is never more than a plain name below that folder, opened without following links, of a
+format that silo saves, and recognised by what stands in it. Deleted is only what this logger wrote. Runs in the slow
+thread, deleting in that of changes.
+"""
+
+import errno
+import fcntl
+import os
+import secrets
+import threading
+import time
+import zlib
+from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from silo.files.atomic import PART_ENDING, reason
+from silo.files.convert import CONVERTED
+from silo.files.csv_facts import SIDECAR
+from silo.files.formats import SAVED
+from silo.files.naming import logger_of
+from silo.files.summaries import Summary, opened_file, opened_folder, read_summary
+from silo.ipc.fetching import mark_of
+from silo.ipc.messages import (
+    GetPiece,
+    PartOfRecording,
+    Piece,
+    RecordingFile,
+    RecordingParts,
+    Recordings,
+    Refused,
+    RefusedWhy,
+    SavedRecording,
+)
+from silo.model import FileType
+
+MAX_LISTED = 10_000
+MAX_VISITED = 100_000
+MAX_PIECE = 4 << 20
+MAX_SUMMED = 64 << 20
+READ_S = 1.0  # for which files are looked into per request; those that are left come with the next ones
+BLOCK = 1 << 20
+ENDINGS = {ending: kind for kind, one in SAVED.items() for ending in one.endings}
+LISTED = ", ".join(one.ending for one in SAVED.values())
+
+
+class RecordingRefusedError(Exception):
+    """What clients may not have or do; `refused` is the answer to give."""
+
+    def __init__(self, why: RefusedWhy, text: str) -> None:
+        super().__init__(text)
+        self.refused = Refused(why, text)
+
+
+class RecordingFolder:
+    """Remembers what stands in the files of one folder, as long as they don't change. Any thread may ask."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._known: OrderedDict[tuple[str, str], Summary | None] = OrderedDict()
+
+    def listing(self, place: str, logger: str, most: int) -> Recordings:
+        """Return what is there. Raises RecordingRefusedError where it can't be read."""
+        with _opened(place) as folder:
+            found = _found(folder)
+            stems: dict[str, list[_File]] = {}
+            for file in found:
+                stems.setdefault(file.stem, []).append(file)
+            newest = sorted(stems.items(), key=lambda item: (max(file.changed_ns for file in item[1]), item[0]))[::-1]
+            shown = newest[: max(0, min(most, MAX_LISTED))]
+            until_s = time.monotonic() + READ_S
+            looked = [self._recording(folder, logger, stem, files, until_s) for stem, files in shown]
+            disk = os.fstatvfs(folder)
+        rows = [row for row in looked if row is not None]
+        count = len(newest) - (len(shown) - len(rows))  # without those that turned out to be others' files
+        free, size = disk.f_bavail * disk.f_frsize, disk.f_blocks * disk.f_frsize
+        return Recordings(place, rows, count, size, free)
+
+    def parts(self, place: str, name: str) -> RecordingParts:
+        """Return the plain files of a recording. Raises RecordingRefusedError."""
+        with _opened(place) as folder, _told(name):
+            self._recognised(folder, name)
+            if _kind(name) is not FileType.BAG:
+                names = [name, name + SIDECAR] if _kind(name) is FileType.CSV else [name]
+                return RecordingParts(name, False, [_part(folder, each, each) for each in names])
+            with opened_folder(folder, name) as bag:
+                return RecordingParts(name, True, [_part(bag, each, f"{name}/{each}") for each in _inner(bag)])
+
+    def piece(self, place: str, request: GetPiece) -> Piece:
+        """Return a piece of a part. Raises RecordingRefusedError."""
+        limit = MAX_SUMMED if request.sum_only else MAX_PIECE
+        if not 0 < request.count <= limit or request.offset < 0:
+            text = f"a piece has 1 to {limit} bytes from 0 on, asked for are {request.count} from {request.offset} on"
+            raise RecordingRefusedError(RefusedWhy.INVALID, text)
+        name, _, inner = request.path.partition("/")
+        owner = name.removesuffix(SIDECAR) if not inner and name.endswith(f".csv{SIDECAR}") else name
+        with _opened(place) as folder, _told(request.path):
+            self._recognised(folder, owner)
+            if not inner:
+                with opened_file(folder, name) as file:
+                    return _piece(file, request)
+            _check_plain(inner)
+            with opened_folder(folder, name) as bag, opened_file(bag, inner) as file:
+                return _piece(file, request)
+
+    def delete(self, place: str, logger: str, name: str) -> str:
+        """Delete a recording, or nothing; return what was deleted, in words. Raises RecordingRefusedError."""
+        with _opened(place) as folder, _told(name):
+            _check_plain(name)
+            names = [name]
+            if _kind(name) is None:
+                names = [file.name for file in _found(folder) if file.stem == name and not file.unfinished]
+            if not names:
+                raise RecordingRefusedError(RefusedWhy.NOT_FOUND, f"there is no recording {name!r} in {place}")
+            for each in names:
+                self._check_own(folder, logger, each)
+            size = sum(_delete(folder, each) for each in names)
+        return f"deleted {', '.join(names)} ({size / 1e6:.1f} MB)"
+
+    # ------------------------------------------------------------------------------------------------- looking into
+
+    def _recording(
+        self, folder: int, logger: str, stem: str, files: "list[_File]", until_s: float
+    ) -> SavedRecording | None:
+        """Return a row of the list, None for files of others that only end as ours do."""
+        kept: list[_File] = []
+        summaries: list[Summary] = []
+        unread = False
+        for file in files:
+            if file.unfinished:
+                return SavedRecording(stem, [file.told], begun_ns=file.changed_ns, unfinished=True)
+            try:
+                summary = self._summary(folder, file.name, file.mark, until_s)
+            except TimeoutError:
+                unread = True
+                kept.append(file)
+                continue
+            except (OSError, ValueError):
+                continue  # it vanished, or may not be read
+            if summary is not None:
+                summaries.append(summary)
+                kept.append(file)
+        if not kept:
+            return None
+        told = [file.told for file in sorted(kept, key=lambda file: file.kind)]
+        best = max(summaries, key=lambda one: (bool(one.logger), one.end_ns - one.begin_ns), default=Summary())
+        return SavedRecording(
+            stem=stem,
+            files=told,
+            begun_ns=best.begin_ns,
+            span_s=(best.end_ns - best.begin_ns) / 1e9,
+            why=best.why,
+            logger=best.logger,
+            own=bool(summaries) and not unread and all(not _foreign(stem, one, logger) for one in summaries),
+            unread=unread,
+        )
+
+    def _summary(self, folder: int, name: str, mark: str, until_s: float = 0.0) -> Summary | None:
+        key = (name, mark)
+        with self._lock:
+            if key in self._known:
+                self._known.move_to_end(key)
+                return self._known[key]
+        if until_s and time.monotonic() > until_s:
+            raise TimeoutError
+        summary = read_summary(folder, name)
+        with self._lock:
+            self._known[key] = summary
+            if len(self._known) > 2 * MAX_LISTED:
+                self._known.popitem(last=False)
+        return summary
+
+    def _recognised(self, folder: int, name: str) -> Summary:
+        """Return what a recording says of itself. Raises RecordingRefusedError for what is no recording."""
+        _check_plain(name)
+        if _kind(name) is None:
+            text = f"{name} is no recording: those end in {LISTED}; nothing was read or changed"
+            raise RecordingRefusedError(RefusedWhy.INVALID, text)
+        summary = self._summary(folder, name, _mark(folder, name))
+        if summary is None:
+            text = f"{name} was not written by silo, or its beginning is damaged; nothing was read or changed"
+            raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text)
+        return summary
+
+    def _check_own(self, folder: int, logger: str, name: str) -> None:
+        summary = self._recognised(folder, name)
+        why = _foreign(_stem(name), summary, logger)
+        if why:
+            text = f"{name} is not deleted: {why}; delete it on the robot, if it may go"
+            raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text)
+
+
+class _File:
+    """A file or bag folder whose name ends as ours do, or a temporary one."""
+
+    def __init__(self, name: str, kind: FileType, size: int, changed_ns: int, mark: str, unfinished: bool) -> None:
+        self.name, self.kind, self.size, self.changed_ns, self.mark = name, kind, size, changed_ns, mark
+        self.unfinished = unfinished
+
+    @property
+    def stem(self) -> str:
+        return self.name if self.unfinished else _stem(self.name)
+
+    @property
+    def told(self) -> RecordingFile:
+        return RecordingFile(self.name, self.kind, self.size, self.changed_ns)
+
+
+def _found(folder: int) -> list[_File]:
+    found = []
+    with os.scandir(folder) as entries:
+        for number, entry in enumerate(entries):
+            if number >= MAX_VISITED:
+                break
+            with suppress(OSError):  # it vanished
+                file = _looked_at(folder, entry)
+                found += [file] if file else []
+    return found
+
+
+def _looked_at(folder: int, entry: "os.DirEntry[str]") -> _File | None:
+    name = entry.name
+    unfinished = name.startswith(".silo-") and name.endswith(PART_ENDING)
+    kind = FileType.SILO if unfinished else _kind(name)
+    if kind is None or (name.startswith(".") and not unfinished) or not name.isprintable():
+        return None
+    is_folder = entry.is_dir(follow_symlinks=False)
+    if not is_folder and not entry.is_file(follow_symlinks=False):
+        return None
+    if not unfinished and is_folder != (kind is FileType.BAG):
+        return None
+    about = entry.stat(follow_symlinks=False)
+    if not is_folder:
+        return _File(name, kind, about.st_size, about.st_mtime_ns, mark_of([about]), unfinished)
+    with opened_folder(folder, name) as inside:
+        inner = [os.stat(each, dir_fd=inside, follow_symlinks=False) for each in _names(inside)]
+    newest = max((each.st_mtime_ns for each in inner), default=about.st_mtime_ns)
+    return _File(name, FileType.BAG, sum(each.st_size for each in inner), newest, mark_of(inner), unfinished)
+
+
+def _mark(folder: int, name: str) -> str:
+    if _kind(name) is not FileType.BAG:
+        return mark_of([os.stat(name, dir_fd=folder, follow_symlinks=False)])
+    with opened_folder(folder, name) as bag:
+        return mark_of([os.stat(each, dir_fd=bag, follow_symlinks=False) for each in _names(bag)])
+
+
+def _foreign(stem: str, summary: Summary, logger: str) -> str:
+    """Return why a recording is not surely one that this logger wrote, empty if it is."""
+    if summary.logger != logger:
+        return f"it is of the logger {summary.logger!r}, not of {logger!r}" if summary.logger else "it names no logger"
+    if summary.why == CONVERTED:
+        return "somebody converted it from another file"
+    named = logger_of(stem)
+    if named and named != logger:
+        return f"its name is one of the logger {named!r}"
+    if not named and not summary.why:
+        return "neither its name nor what stands in it says that a logger saved it"
+    return ""
+
+
+def _kind(name: str) -> FileType | None:
+    return next((kind for ending, kind in ENDINGS.items() if name.endswith(ending) and name != ending), None)
+
+
+def _stem(name: str) -> str:
+    return next((name.removesuffix(ending) for ending in ENDINGS if name.endswith(ending)), name)
+
+
+# ------------------------------------------------------------------------------------------------ names and folders
+
+
+def _check_plain(name: str) -> None:
+    """Raise RecordingRefusedError for what is no plain name of a file that isn't hidden."""
+    if not name or "/" in name or name.startswith(".") or not name.isprintable() or len(os.fsencode(name)) > 255:
+        text = f"{name[:80]!r} is not the name of a recording in the logger's folder; nothing was read or changed"
+        raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text)
+
+
+@contextmanager
+def _opened(place: str) -> Iterator[int]:
+    try:
+        folder = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        text = f"{place}: there is no such folder yet; the first save makes it"
+        raise RecordingRefusedError(RefusedWhy.NOT_FOUND, text) from None
+    except OSError as error:
+        text = f"{place}: can't be read: {reason(error)}"
+        raise RecordingRefusedError(RefusedWhy.FAILED, text) from error
+    try:
+        yield folder
+    finally:
+        os.close(folder)
+
+
+@contextmanager
+def _told(name: str) -> Iterator[None]:
+    """Have what the system refuses told in words."""
+    try:
+        yield
+    except FileNotFoundError:
+        text = f"there is no recording {name[:255]!r} in the logger's folder"
+        raise RecordingRefusedError(RefusedWhy.NOT_FOUND, text) from None
+    except NotADirectoryError:
+        text = f"{name[:255]!r} is not a bag: a link, or no folder; nothing was read or changed"
+        raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text) from None
+    except (OSError, ValueError) as error:
+        link = isinstance(error, OSError) and error.errno == errno.ELOOP
+        text = f"{name[:255]!r} is a link" if link else f"{name[:255]!r}: {error}"
+        why = RefusedWhy.FORBIDDEN if link else RefusedWhy.FAILED
+        raise RecordingRefusedError(why, f"{text}; nothing was read or changed") from error
+
+
+# --------------------------------------------------------------------------------------------- reading and deleting
+
+
+def _names(folder: int) -> list[str]:
+    return sorted(os.listdir(folder))  # noqa: PTH208  # an open folder, which no path knows
+
+
+def _inner(bag: int) -> list[str]:
+    return [name for name in _names(bag) if name == "metadata.yaml" or name.endswith(".mcap")]
+
+
+def _part(folder: int, name: str, path: str) -> PartOfRecording:
+    with opened_file(folder, name) as file:
+        about = os.fstat(file)
+    return PartOfRecording(path, about.st_size, mark_of([about]), about.st_mtime_ns)
+
+
+def _piece(file: int, request: GetPiece) -> Piece:
+    if mark_of([os.fstat(file)]) != request.mark:
+        text = f"{request.path} is not the file any more that it was: it was written anew; fetch it again"
+        raise RecordingRefusedError(RefusedWhy.CONFLICT, text)
+    if not request.sum_only:
+        data = os.pread(file, request.count, request.offset)
+        return Piece(len(data), zlib.crc32(data), data)
+    total, crc32 = 0, 0
+    while total < request.count:
+        block = os.pread(file, min(BLOCK, request.count - total), request.offset + total)
+        if not block:
+            break
+        crc32 = zlib.crc32(block, crc32)
+        total += len(block)
+    return Piece(total, crc32)
+
+
+def _delete(folder: int, name: str) -> int:
+    """Delete a file, or a bag with its folder; return its bytes. Raises OSError, RecordingRefusedError."""
+    if _kind(name) is not FileType.BAG:
+        size = os.stat(name, dir_fd=folder, follow_symlinks=False).st_size
+        os.unlink(name, dir_fd=folder)
+        if _kind(name) is FileType.CSV:
+            size += os.stat(name + SIDECAR, dir_fd=folder, follow_symlinks=False).st_size
+            os.unlink(name + SIDECAR, dir_fd=folder)
+        return size
+    with opened_folder(folder, name) as bag:
+        inner = _inner(bag)
+        others = sorted(set(_names(bag)) - set(inner))
+        if others:
+            text = f"{name} is not deleted: it holds {others[0]!r}, which no logger writes; nothing was changed"
+            raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text)
+        # out of the way at once, and whole: should this process die now, the next sweep removes the rest
+        fcntl.flock(bag, fcntl.LOCK_EX)
+        gone = f".silo-{os.getpid()}-{secrets.token_hex(4)}{PART_ENDING}"
+        os.rename(name, gone, src_dir_fd=folder, dst_dir_fd=folder)
+        size = sum(os.stat(each, dir_fd=bag, follow_symlinks=False).st_size for each in inner)
+        for each in inner:
+            os.unlink(each, dir_fd=bag)
+    os.rmdir(gone, dir_fd=folder)
+    return size
