@@ -96,6 +96,7 @@ class Client:
         self._connection = Connection(found, timeout_s, self._name, self._renew_views)
         self._connection.on_event(self._note_save)
         self._connection.on_link(self._note_link)
+        self._connection.watch()
 
     @classmethod
     def connect(cls, logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> "Client":
