@@ -6,6 +6,7 @@ reads the code (type checkers, editors) and for who runs it; a test holds both t
 """
 
 import importlib
+import os
 from typing import TYPE_CHECKING
 
 from silo.version import VERSION
@@ -14,6 +15,8 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
     from silo.analysis.log import Log as Log, Signal as Signal, open_log as open_log
     from silo.collecting.traits import register as register
     from silo.errors import (
+        ArgumentError as ArgumentError,
+        UnknownNameError as UnknownNameError,
         GoesOnError as GoesOnError,
         LogNotFoundError as LogNotFoundError,
         NoRoomError as NoRoomError,
@@ -37,6 +40,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         cleanup as cleanup,
         close as close,
         collect as collect,
+        get_logger as get_logger,
         init as init,
         restart as restart,
         save as save,
@@ -62,10 +66,11 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
 __version__ = VERSION
 
 _HOMES = {
-    "silo.logger.default": "add array cleanup close collect init restart save serve start stop update",
+    "silo.logger.default": "add array cleanup close collect get_logger init restart save serve start stop update",
     "silo.errors": (
-        "ConnectionLostError ElementError FileFormatError GoesOnError LogNotFoundError NoRoomError RefusedError "
-        "SaveError ScriptError SegmentError SiloError SourceError StateError UnsavedError VersionError"
+        "ArgumentError ConnectionLostError ElementError FileFormatError GoesOnError LogNotFoundError NoRoomError "
+        "RefusedError SaveError ScriptError SegmentError SiloError SourceError StateError UnknownNameError "
+        "UnsavedError VersionError"
     ),
     "silo.analysis.log": "Log Signal open_log",
     "silo.logger.logger": "Logger",
@@ -82,10 +87,29 @@ __all__ = list(_HOME_OF)
 
 def __getattr__(name: str) -> object:
     if name not in _HOME_OF:
-        raise AttributeError(f"module 'silo' has no attribute {name!r}")
+        raise _no_such_name(name)
     value = getattr(importlib.import_module(_HOME_OF[name]), name)
     globals()[name] = value
     return value
+
+
+_OF_A_LOGGER = {"set", "enable", "disable", "remove", "apply", "element", "elements", "snapshot", "read_new_values"}
+
+
+def _no_such_name(name: str) -> AttributeError:
+    if name.startswith("_") or any(os.path.exists(f"{__path__[0]}/{name}{end}") for end in ("", ".py")):  # noqa: PTH110
+        # a module of silo that is imported now: nobody reads this
+        return AttributeError(f"module 'silo' has no attribute {name!r}", name=name)
+    from difflib import get_close_matches
+
+    from silo.errors import UnknownNameError
+
+    if name in _OF_A_LOGGER:
+        return UnknownNameError(f"module 'silo' has no attribute '{name}'; write silo.get_logger().{name}", name=name)
+    others = {"open": "open_log", "load": "open_log", "read": "open_log", "log": "get_logger", "Null": "NullLogger"}
+    near = [others[name]] if name in others else get_close_matches(name, __all__, 1, 0.7)
+    hint = f", did you mean 'silo.{near[0]}'?" if near else "; help(silo) lists what there is"
+    return UnknownNameError(f"module 'silo' has no attribute '{name}'{hint}", name=name)
 
 
 def __dir__() -> list[str]:

@@ -24,6 +24,7 @@ from silo.analysis.shapes import assembled, component_names
 from silo.analysis.signals import Signal
 from silo.arguments import path as file_path
 from silo.arguments import shown, text, whole
+from silo.calls import told
 from silo.errors import ElementError
 from silo.files.formats import read_recording
 from silo.files.naming import find_log
@@ -47,6 +48,7 @@ class UnknownSignalError(ElementError, KeyError):
         return str(self.args[0])
 
 
+@told("silo.open_log")
 def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> "Log":
     """Open a log by path, by the start of its file name (the newest such in `folder`), or by run number.
 
@@ -64,7 +66,7 @@ def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str]
     path = find_log(which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder))
     recording = read_recording(path)
     for warning in recording.warnings:
-        warnings.warn(f"{path}: {warning}", LogWarning, stacklevel=2)
+        warnings.warn(f"{path}: {warning}", LogWarning, stacklevel=3)
     return Log(recording, os.fspath(path))
 
 

@@ -8,20 +8,29 @@ import functools
 import logging
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 from silo.arguments import path, text
+from silo.calls import told_class
 from silo.collecting.clocks import nanosecond_clock
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
 from silo.errors import StateError
 from silo.logger.configuration import Configuration
 from silo.logger.current_run import CurrentRun
+from silo.logger.keywords import AnyStorage, AnyThreads, FileTypes, UnsavedWord
 from silo.logger.new_values import NewValues, NewValuesReader
-from silo.logger.options import file_types, logger_options, serving_config, serving_group, warn_if_not_durable
+from silo.logger.options import (
+    file_types,
+    logger_options,
+    no_such_name,
+    serving_config,
+    serving_group,
+    warn_if_not_durable,
+)
 from silo.logger.predecessors import look_back
 from silo.logger.unclosed import drop_journals, end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
 from silo.model import FileType, SavedFile, State, Storage, Threads
@@ -37,6 +46,7 @@ def _idle() -> None:
     """`collect()` of a logger that isn't running."""
 
 
+@told_class("log", make="silo.Logger", leave=("collect",))
 class Logger(Configuration):
     """Logs variables of a control program, by reference, once per control tick.
 
@@ -63,11 +73,11 @@ class Logger(Configuration):
         prefix: str = "/log",
         clock: Callable[[], int | float] | None = None,
         folder: str | os.PathLike[str] = ".",
-        storage: str | Storage = Storage.MEMORY,
+        storage: AnyStorage = Storage.MEMORY,
         size_tiers: int = 3,
         memory_limit_mb: int = 1024,
         checked: bool = False,
-        threads: str | Threads = Threads.SINGLE,
+        threads: AnyThreads = Threads.SINGLE,
     ) -> None:
         options = logger_options(
             name=name,
@@ -111,7 +121,7 @@ class Logger(Configuration):
         if collect is _idle:
             vars(self).pop("collect", None)
 
-    def start(self, *, unsaved: str = "clear") -> None:
+    def start(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Clear all buffers and begin to log; calls `update()` first if that was never done.
 
         unsaved: what becomes of data of the last run that is in no file: `"clear"` drops it, `"save"` saves it first,
@@ -131,7 +141,7 @@ class Logger(Configuration):
             if not self._updated:
                 self.update()
             self._present.settle(unsaved, self.options)
-            self._warn_of_pending()
+            self._adopt_late()
             warn_if_not_durable(self.options, served=self._serving is not None)
             if self._present.number == 0:
                 look_back(self.options, served=self._serving is not None and self._serving.is_up)
@@ -166,7 +176,7 @@ class Logger(Configuration):
                 self._reason = STOP_TEXTS[StopReason.ASKED]
                 self._tell()
 
-    def restart(self, *, unsaved: str = "clear") -> None:
+    def restart(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Stop and start: the buffers are cleared, `unsaved` as for `start`. After an error the logger is stopped."""
         with self._lock:
             self._check_open()
@@ -185,6 +195,11 @@ class Logger(Configuration):
         if self._present.run is not None:
             self._present.run.end(reason)
         self._tell()
+
+    if not TYPE_CHECKING:  # type checkers know which names there are
+
+        def __getattr__(self, name: str) -> object:
+            raise no_such_name(type(self), name)
 
     # ----------------------------------------------------------------------------------------------- the state
 
@@ -245,7 +260,7 @@ class Logger(Configuration):
 
     def save(
         self,
-        types: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        types: FileTypes = (FileType.SILO,),
         name: str | None = None,
         folder: str | os.PathLike[str] | None = None,
     ) -> list[SavedFile]:
