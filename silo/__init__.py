@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING
 from silo.version import VERSION
 
 if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itself is public
-    from silo.analysis.log import Log as Log, Signal as Signal, open_log as open_log
+    from silo.analysis.log import (
+        Log as Log,
+        LogWarning as LogWarning,
+        Signal as Signal,
+        UnknownSignalError as UnknownSignalError,
+        open_log as open_log,
+    )
+    from silo.ipc.client import Client as Client, connect as connect
     from silo.collecting.traits import register as register
     from silo.errors import (
         ArgumentError as ArgumentError,
@@ -49,15 +56,20 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         stop as stop,
         update as update,
     )
+    from silo.logger.elements import LoggedElement as LoggedElement
     from silo.logger.logger import Logger as Logger
+    from silo.logger.new_values import NewValues as NewValues
+    from silo.logger.serving import Serving as Serving
     from silo.logger.null import NullLogger as NullLogger
     from silo.model import (
         Action as Action,
         BufferType as BufferType,
+        Edit as Edit,
         ElementInfo as ElementInfo,
         ElementOptions as ElementOptions,
         FileType as FileType,
         LoggerOptions as LoggerOptions,
+        SavedFile as SavedFile,
         Storage as Storage,
         Threads as Threads,
     )
@@ -72,9 +84,15 @@ _HOMES = {
         "RefusedError SaveError ScriptError SegmentError SiloError SourceError StateError UnknownNameError "
         "UnsavedError VersionError"
     ),
-    "silo.analysis.log": "Log Signal open_log",
+    "silo.analysis.log": "Log LogWarning Signal UnknownSignalError open_log",
+    "silo.ipc.client": "Client connect",
+    "silo.logger.elements": "LoggedElement",
     "silo.logger.logger": "Logger",
-    "silo.model": "Action BufferType ElementInfo ElementOptions FileType LoggerOptions Storage Threads",
+    "silo.logger.new_values": "NewValues",
+    "silo.logger.serving": "Serving",
+    "silo.model": (
+        "Action BufferType Edit ElementInfo ElementOptions FileType LoggerOptions SavedFile Storage Threads"
+    ),
     "silo.logger.null": "NullLogger",
     "silo.recording": "Recording",
     "silo.collecting.traits": "register",

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from silo.model import ElementInfo, Entry
 
 MOST_VALUES = 16  # per line; a matrix of a hundred values is nothing to read
+MOST_LINES = 20  # per refresh where no pattern was given
 GONE_AFTER_S = 5.0
 POLL_S = 0.01
 
@@ -75,7 +76,7 @@ def lay_out(elements: "Sequence[ElementInfo]") -> list[Line]:
 
 
 @click.command()
-@click.argument("words", nargs=-1, metavar="[LOGGER] PATTERN...", shell_complete=complete_words)
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATTERN]...", shell_complete=complete_words)
 @click.option("--rate", type=click.FloatRange(0.1, 30), default=2.0, show_default=True, help="Lines per second.")
 @click.option("-n", "--count", type=click.IntRange(1), help="End after so many.")
 @json_option
@@ -83,7 +84,7 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
     """Print live values until Ctrl-C: one line per element and refresh, or one JSON object per refresh.
 
     Only elements whose action publishes have live values: `silo set PATTERN action=both` makes them so. PATTERN is an
-    element, a namespace or a glob.
+    element, a namespace or a glob; without one, everything that is published is shown.
 
     \b
     Examples:
@@ -91,8 +92,6 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
       silo watch demo /log/battery --rate 1 --json | jq .values
     """
     logger, patterns = split_logger(words, or_pattern=True)
-    if not patterns:
-        raise click.UsageError("give at least one pattern: silo watch demo /log/base   (`silo info -e` lists all)")
     try:
         with connect(logger) as client:
             _watch(client, patterns, rate, count, as_json=as_json)
@@ -102,14 +101,18 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
 
 def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | None, *, as_json: bool) -> None:
     table = client.table().elements
-    chosen = [table[place] for place in select([e.name for e in table], patterns)]
+    chosen = [table[place] for place in select([e.name for e in table], patterns)] if patterns else table
     silent = [e.name for e in chosen if not (e.options.enabled and e.options.action.publishes)]
     chosen = [e for e in chosen if e.name not in set(silent)]
+    if not table:
+        raise ElementError("the logger has no elements yet: nothing to watch")
     if not chosen:
         raise ElementError(
             f"{silent[0]}{f' and {len(silent) - 1} more' if len(silent) > 1 else ''}: off, or saved but not published; "
             "`silo set PATTERN on action=both` makes values live"
         )
+    if not patterns:
+        silent, chosen = [], _first(chosen, as_json)
     for name in silent[:10]:
         click.echo(f"{name}: off, or saved but not published", err=True)
     if len(silent) > 10:
@@ -123,6 +126,14 @@ def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | 
                 return
     finally:
         view.close()
+
+
+def _first(chosen: "list[ElementInfo]", as_json: bool) -> "list[ElementInfo]":
+    """What is shown where nobody said what: all for machines, a screenful for people."""
+    if as_json or len(chosen) <= MOST_LINES:
+        return chosen
+    click.echo(f"the first {MOST_LINES} of {len(chosen)} published elements; say which: `silo watch PATTERN`", err=True)
+    return chosen[:MOST_LINES]
 
 
 def _frames(client: "Client", view: "View") -> "Iterator[Frame]":

@@ -8,7 +8,7 @@ import dataclasses
 import logging
 import os
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
@@ -99,6 +99,25 @@ class Configuration:
     def elements(self) -> list[ElementInfo]:
         """The element table, in the order of registration."""
         return self._table.infos
+
+    @property
+    def name(self) -> str:
+        """The logger's name."""
+        return self.options.name
+
+    def __len__(self) -> int:
+        """How many elements the table has."""
+        return len(self._table.elements)
+
+    def __bool__(self) -> bool:
+        return True  # also without elements
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the elements."""
+        return iter([info.name for info in self._table.infos])
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and self._table.has(name)
 
     @property
     def revision(self) -> int:

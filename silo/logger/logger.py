@@ -18,9 +18,11 @@ from silo.calls import told_class
 from silo.collecting.clocks import nanosecond_clock
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
+from silo.display import MOST_ROWS, html_table
 from silo.errors import StateError
 from silo.logger.configuration import Configuration
 from silo.logger.current_run import CurrentRun
+from silo.logger.elements import LoggedElement, look_at, newest_text
 from silo.logger.keywords import AnyStorage, AnyThreads, FileTypes, UnsavedWord
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import (
@@ -244,6 +246,41 @@ class Logger(Configuration):
             if self._present.run is None:
                 raise StateError("nothing was logged yet: call start() and collect() first")
             return self._present.run.reader.snapshot()
+
+    def element(self, name: str) -> LoggedElement:
+        """Return one element: its options, the newest value, how many samples its buffer holds. Also `log[name]`.
+
+        name: the full name, or the name after the prefix. Raises ElementError for an unknown one.
+        """
+        text("the element's name", name, 'log["joints/q"]')
+        with self._lock:
+            info = self._table.elements[self._table.place(name)].info
+            run = None if self._closed else self._present.run
+            return look_at(info, run.reader if run is not None else None)
+
+    def __getitem__(self, name: str) -> LoggedElement:
+        return self.element(name)
+
+    def __repr__(self) -> str:
+        return f"<Logger {self._about()}>"
+
+    def _about(self) -> str:
+        state = "closed" if self._closed else self.state.value
+        reason = f" ({self._reason})" if self._reason and not self._running else ""
+        held = f", {self.ticks} ticks{', not saved' if self.has_unsaved else ''}" if self._present.number else ""
+        pending = f", {len(self._table.pending)} added since" if self._table.pending else ""
+        return f"{self.name}: {len(self)} elements{pending}, {self.options.frequency_hz:g} Hz, {state}{reason}{held}"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (one.name, one.unit, "on" if one.options.enabled else "off", one.options.divider,
+             one.options.action.name.lower(), f"{one.options.buffer_type.name.lower()} {one.options.buffer_size}",
+             one.held, newest_text(one))
+            for one in (self.element(name) for name in list(self)[: MOST_ROWS + 1])
+        ]  # fmt: skip
+        heads = ("element", "unit", "log", "divider", "action", "buffer", "held", "newest")
+        more = f"{len(self)} elements in all" if len(self) > MOST_ROWS else ""
+        return html_table(f"Logger {self._about()}", heads, rows[:MOST_ROWS], more)
 
     def read_new_values(self, name: str) -> NewValues:
         """Return all samples of an element since the last such call, oldest first.

@@ -1,7 +1,7 @@
 """A logger that does nothing, with the interface of `Logger`: code that logs need not care whether anybody does."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, SupportsIndex
@@ -11,6 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from silo.arguments import path as file_path
 from silo.calls import told_class
+from silo.logger.elements import LoggedElement
 from silo.logger.keywords import (
     AnyAction,
     AnyBuffer,
@@ -171,6 +172,36 @@ class NullLogger:
     def snapshot(self) -> Recording:
         """Return an empty recording."""
         return Recording(self.options.name, np.empty(0, np.int64), 0, ())
+
+    @property
+    def name(self) -> str:
+        """The logger's name."""
+        return self.options.name
+
+    def element(self, name: str) -> LoggedElement:
+        """Return an element without options and values of its own."""
+        return LoggedElement(ElementInfo(name, "-", "scalar", (), (), DEFAULT_OPTIONS))
+
+    def __getitem__(self, name: str) -> LoggedElement:
+        return self.element(name)
+
+    def __len__(self) -> int:
+        return 0
+
+    def __bool__(self) -> bool:
+        return True  # as any logger
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __contains__(self, name: object) -> bool:
+        return False
+
+    def __repr__(self) -> str:
+        return f"<NullLogger {self.name}: logs nothing>"
+
+    def _repr_html_(self) -> str:
+        return "<p><b>NullLogger</b>: logs nothing; silo.init() or silo.Logger() make one that does</p>"
 
     def read_new_values(self, name: str) -> NewValues:
         """Return no values."""

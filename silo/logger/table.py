@@ -87,6 +87,10 @@ class Table:
         """The rows of the table."""
         return [element.info for element in self.elements]
 
+    def has(self, name: str) -> bool:
+        """Whether an element has this name, with or without the prefix."""
+        return any(candidate in self._places for candidate in (name, join_name(self.prefix, "", name)))
+
     def place(self, name: str) -> int:
         """Return where an element stands, by its full name or the name after the prefix. Raises ElementError."""
         for candidate in (name, join_name(self.prefix, "", name)):
