@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING
 from silo.version import VERSION
 
 if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itself is public
+    from silo.analysis.comparing import Comparison as Comparison, compare as compare
     from silo.analysis.log import (
         Log as Log,
         LogWarning as LogWarning,
         Signal as Signal,
         UnknownSignalError as UnknownSignalError,
         open_log as open_log,
+        open_logs as open_logs,
     )
     from silo.ipc.client import Client as Client, connect as connect
     from silo.collecting.traits import register as register
@@ -84,7 +86,8 @@ _HOMES = {
         "RefusedError SaveError ScriptError SegmentError SiloError SourceError StateError UnknownNameError "
         "UnsavedError VersionError"
     ),
-    "silo.analysis.log": "Log LogWarning Signal UnknownSignalError open_log",
+    "silo.analysis.log": "Log LogWarning Signal UnknownSignalError open_log open_logs",
+    "silo.analysis.comparing": "Comparison compare",
     "silo.ipc.client": "Client connect",
     "silo.logger.elements": "LoggedElement",
     "silo.logger.logger": "Logger",
