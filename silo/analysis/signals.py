@@ -19,13 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from silo.analysis import calculus, exports, frames, functions, indexing, units
 from silo.analysis.arithmetic import combined, compared, wide
-from silo.analysis.samples import Samples
+from silo.analysis.samples import Samples, new_times
 from silo.arguments import shown, text
 from silo.calls import told_class
 from silo.display import html_table
 from silo.errors import ElementError, UnknownNameError
-
-MOST_SAMPLES = 100_000_000  # of a resampled signal
 
 Operand: TypeAlias = Union["Signal", float, int, NDArray[Any]]
 
@@ -90,7 +88,7 @@ class Signal(Samples):
         """
         if method not in ("hold", "linear"):
             raise ElementError(f"unknown method {method!r} to resample '{self.name}': choose 'hold' or 'linear'")
-        mine, time_ns = self, self._new_times(times)
+        mine, time_ns = self, new_times(self, times)
         if isinstance(times, Signal):
             mine = self.as_if_started(times.start_ns)
             if len(times):
@@ -421,31 +419,6 @@ class Signal(Samples):
         return exports.signal_to_xarray(self)
 
     # ------------------------------------------------------------------------------------------------------- internals
-
-    def _new_times(self, times: Union["Signal", ArrayLike, float]) -> NDArray[np.int64]:
-        if isinstance(times, Signal):
-            return times.time_ns
-        given = self.seconds(times)
-        if given.ndim == 0:
-            rate = float(given)
-            if not 0 < rate < np.inf:
-                raise ElementError(
-                    f"can't resample '{self.name}' at {rate:g} Hz: the rate must be more than 0, and finite"
-                )
-            if not len(self):
-                return np.empty(0, np.int64)
-            steps = (self.time_ns[-1] - self.time_ns[0]) * 1e-9 * rate
-            if steps > MOST_SAMPLES:
-                raise ElementError(
-                    f"can't resample '{self.name}' at {rate:g} Hz: that is {steps:.3g} samples, at most "
-                    f"{MOST_SAMPLES:,} are made; it {self.span}"
-                )
-            count = int(steps + 1e-9) + 1
-            # not in whole nanoseconds each: the rate is to be met over the whole signal
-            return np.asarray(self.time_ns[0] + np.round(np.arange(count) * (1e9 / rate)).astype(np.int64), np.int64)
-        if given.ndim > 1:
-            raise ElementError(f"times to resample '{self.name}' at must have one dimension, got shape {given.shape}")
-        return self.stamps(given)
 
     def _window(self, start_s: float | None, stop_s: float | None) -> slice:
         start = 0 if start_s is None else np.searchsorted(self.time_ns, self._bound("start_s", start_s), side="left")

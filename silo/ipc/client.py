@@ -10,8 +10,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING
 
 from silo.arguments import real, shown, text, texts, whole
 from silo.calls import told_class
@@ -52,7 +51,8 @@ from silo.ipc.messages import (
     unsaved_of,
 )
 from silo.ipc.published import Event, EventKind
-from silo.model import Edit, FileType, SavedFile, State, Status, Table, join_name
+from silo.ipc.words import FileTypes, file_types, full_name, why_silent
+from silo.model import Edit, FileType, SavedFile, Status, Table
 from silo.version import VERSION
 
 if TYPE_CHECKING:
@@ -61,8 +61,6 @@ if TYPE_CHECKING:
     from silo.ipc.view import View
 
 RENEW_S = 2.0  # a third of a view's lease
-FileTypeWord: TypeAlias = Literal["silo", "csv", "bag"]
-FileTypes: TypeAlias = Sequence[FileType | FileTypeWord] | FileType | FileTypeWord
 MAX_SAVES = 64
 LONGEST_S = 1e6  # that anybody waits
 
@@ -244,7 +242,7 @@ class Client:
 
     def save(self, types: FileTypes = (FileType.SILO,), name: str = "") -> int:
         """Begin to save in the helper process; returns the number of the job for `wait_saved`."""
-        return self._call(Save(types=_file_types(types), name=name, client=self._name)).job
+        return self._call(Save(types=file_types(types), name=name, client=self._name)).job
 
     def wait_saved(
         self, job: int, timeout_s: float = 600.0, progress: Callable[[float], None] | None = None
@@ -335,35 +333,11 @@ class Client:
         """
         from silo.ipc.topic import Topic
 
-        name = self._topic_name(text("element", element, "client.topic('/log/joints/q')"))
-        topic = Topic(name, self._connection.forget, lambda: self._why_silent(name))
+        text("element", element, "client.topic('/log/joints/q')")
+        name = full_name(element, self.status(), self.table())
+        topic = Topic(name, self._connection.forget, lambda: why_silent(name, self.status(), self.table()))
         self._connection.attach(topic)
         return topic
-
-    def _topic_name(self, name: str) -> str:
-        status, names = self.status(), [info.name for info in self.table().elements]
-        for candidate in (name, join_name(status.prefix, "", name)):
-            if candidate in names:
-                return candidate
-        bare = {one.removeprefix(f"{status.prefix}/"): one for one in names}
-        near = get_close_matches(name.removeprefix(f"{status.prefix}/").strip("/"), bare, 1, 0.6)
-        hint = f"; did you mean '{bare[near[0]]}'?" if near else f"; it has {len(names)} elements, see client.table()"
-        raise ElementError(f"logger '{self.found.name}' has no element {shown(name)}{hint}")
-
-    def _why_silent(self, name: str) -> str:
-        """Why no sample of an element comes and none will; empty where one may. Raises ConnectionLostError."""
-        info = next((one for one in self.table().elements if one.name == name), None)
-        if info is None:
-            return f"logger '{self.found.name}' has no element '{name}' any more"
-        if not info.options.enabled or not info.options.action.publishes:
-            off = "is off" if not info.options.enabled else "is saved but not published"
-            return (
-                f"'{name}' {off}, so nothing comes: stop the logger, `silo set {self.found.name} {name} on "
-                "action=both`, and start it again"
-            )
-        if self.status().state is State.DEAD:
-            raise ConnectionLostError(self.status().reason)
-        return ""
 
     def _forget_view(self, view: "View") -> None:
         self._connection.forget(view)
@@ -418,29 +392,6 @@ class Client:
 def connect(logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> Client:
     """Return `Client.connect`: a client of the logger of that name, or of the only one that runs."""
     return Client.connect(logger, timeout_s, config)
-
-
-def _file_types(given: object) -> list[FileType]:
-    asked = [given] if isinstance(given, str | FileType) else given
-    if isinstance(asked, bytes) or not isinstance(asked, Sequence):
-        raise ElementError(f"types must be a list of {_type_names()}, got {shown(given)}; nothing is saved")
-    return [_file_type(one) for one in asked]
-
-
-def _file_type(given: object) -> FileType:
-    if isinstance(given, FileType):
-        return given
-    words = {kind.name.lower(): kind for kind in FileType}
-    asked = given.strip().lower().lstrip(".") if isinstance(given, str) else ""
-    if asked in words:
-        return words[asked]
-    near = get_close_matches(asked, words, 1) if asked else []
-    hint = f"; did you mean '{near[0]}'?" if near else ""
-    raise ElementError(f"types must be a list of {_type_names()}, got {shown(given)}{hint}; nothing is saved")
-
-
-def _type_names() -> str:
-    return ", ".join(f"FileType.{one.name} ('{one.name.lower()}')" for one in FileType)
 
 
 def _status(reply: StatusReply, told: Callable[[str], None] | None) -> Status:

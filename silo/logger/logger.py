@@ -28,7 +28,6 @@ from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import (
     file_types,
     logger_options,
-    no_such_name,
     serving_config,
     serving_group,
     warn_if_not_durable,
@@ -197,11 +196,6 @@ class Logger(Configuration):
         if self._present.run is not None:
             self._present.run.end(reason)
         self._tell()
-
-    if not TYPE_CHECKING:  # type checkers know which names there are
-
-        def __getattr__(self, name: str) -> object:
-            raise no_such_name(type(self), name)
 
     # ----------------------------------------------------------------------------------------------- the state
 

@@ -26,7 +26,7 @@ from silo.logger.keywords import (
     UnsavedWord,
 )
 from silo.logger.new_values import NewValues
-from silo.logger.options import array_layout, no_such_name
+from silo.logger.options import array_layout
 from silo.model import (
     DEFAULT_OPTIONS,
     Edit,
@@ -224,11 +224,6 @@ class NullLogger:
         """Do nothing."""
 
     cleanup = close
-
-    if not TYPE_CHECKING:  # type checkers know which names there are
-
-        def __getattr__(self, name: str) -> object:
-            raise no_such_name(type(self), name)
 
     def abandon(self) -> None:
         """Do nothing."""

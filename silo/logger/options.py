@@ -16,7 +16,7 @@ import numpy as np
 
 from silo.arguments import line, path, real, shown, switch, text, whole, word
 from silo.collecting.traits import MAX_ENTRIES
-from silo.errors import ElementError, SourceError, UnknownNameError
+from silo.errors import ElementError, SourceError
 from silo.model import Edit, ElementOptions, FileType, LoggerOptions, Storage, Threads, join_name
 
 log = logging.getLogger("silo")
@@ -225,52 +225,3 @@ def warn_if_not_durable(options: LoggerOptions, *, served: bool) -> None:
             "a power cut loses what was not saved; call serve() before start()",
             options.name,
         )
-
-
-# what programs for the original, or for other loggers, call
-OTHER_NAMES = {
-    "publish": "the helper process of log.serve() publishes by itself what has action='publish' or 'both'",
-    "flush": "nothing waits to be written: log.save() saves what the buffers hold",
-    "log": "register variables once by log.add(variable, 'name'), then call log.collect() in each tick",
-    "record": "register variables once by log.add(variable, 'name'), then call log.collect() in each tick",
-    "init": "a logger is ready when it is made: silo.Logger('robot', frequency=500)",
-    "frequency": "it is log.options.frequency_hz",
-    "freq": "it is log.options.frequency_hz",
-    "prefix": "it is log.options.prefix",
-    "folder": "it is log.options.folder",
-    "running": "it is log.is_running",
-    "clear": "log.start() clears the buffers; log.restart() while the logger runs",
-    "names": "it is list(log)",
-    "signals": "log.elements is the table, log['name'] one of its elements",
-    "connect": "silo.connect('name') makes a client of a logger that serves",
-    "collectLoggerData": "it is log.collect()",
-    "startLogger": "it is log.start()",
-    "stopLogger": "it is log.stop()",
-    "restartLogger": "it is log.restart()",
-    "updateLogger": "it is log.update()",
-    "saveLoggerData": "it is log.save(['silo', 'csv'])",
-    "saveLoggerScript": "it is log.save_script()",
-    "readDataCollectScript": "it is log.load_script()",
-    "initLogger": "a logger is ready when it is made: silo.Logger('robot', frequency=500)",
-    "isRunning": "it is log.is_running",
-    "hasElement": "it is 'name' in log",
-    "getElement": "it is log['name']",
-    "setDivider": "it is log.set('name', divider=2)",
-    "setAction": "it is log.set('name', action='publish')",
-    "setBufferSize": "it is log.set('name', buffer_size=1000)",
-    "setBufferType": "it is log.set('name', buffer_type='looping')",
-    "enableElement": "it is log.enable('name')",
-    "disableElement": "it is log.disable('name')",
-    "enableNamespace": "it is log.enable('namespace')",
-    "disableNamespace": "it is log.disable('namespace')",
-    "publishData": "the helper process of log.serve() publishes by itself what has action='publish' or 'both'",
-}
-
-
-def no_such_name(owner: type, name: str) -> UnknownNameError:
-    """The error for an attribute that loggers lack, with what does it here."""
-    near = [] if name.startswith("_") else get_close_matches(name, [n for n in dir(owner) if n[0] != "_"], 1, 0.7)
-    way_out = OTHER_NAMES.get(name) or (
-        f"did you mean '{near[0]}'?" if near else "help(silo.Logger) lists what there is"
-    )
-    return UnknownNameError(f"a logger has no '{name}': {way_out}", name=name)

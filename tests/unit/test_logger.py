@@ -944,3 +944,8 @@ def test_what_was_saved_is_no_longer_unsaved(counting):
 def test_an_unknown_file_type_is_refused_with_those_that_there_are(counting):
     with pytest.raises(ElementError, match="unknown file type 'xls'; there are silo, csv and bag"):
         counting().save("xls")
+
+
+def test_a_logger_has_no_hook_for_missing_names():
+    # with one, Python looks `log.collect` up 8 ns slower in each tick
+    assert not hasattr(silo.Logger, "__getattr__")

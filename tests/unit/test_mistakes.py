@@ -156,10 +156,6 @@ CALLS = {
         "log.enable() takes 1 argument by place (name), got 2",
     ),
     "close with an argument": (lambda log: log.close(True), "log.close() takes no arguments by place, got 1"),
-    "publish": (lambda log: log.publish(), "the helper process of log.serve() publishes by itself"),
-    "a method of the original": (lambda log: log.collectLoggerData(), "it is log.collect()"),
-    "a method misspelt": (lambda log: log.colect(), "did you mean 'collect'?"),
-    "frequency": (lambda log: log.frequency, "it is log.options.frequency_hz"),
     "remove nothing": (lambda log: log.remove("/"), "name an element or a namespace"),
     "remove what isn't there": (lambda log: log.remove("nope"), "no element or namespace 'nope'"),
 }
