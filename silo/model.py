@@ -14,7 +14,15 @@ MAX_DIVIDER = 2**31 - 1
 MAX_BUFFER_SIZE = 2**31 - 1
 
 
-class Action(enum.IntEnum):
+class _Named(enum.IntEnum):
+    """Numbers that are also found by their names: `Action("publish")`."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> "_Named | None":
+        return cls.__members__.get(value.strip().upper().replace(" ", "_")) if isinstance(value, str) else None
+
+
+class Action(_Named):
     """What becomes of the samples of an element. The numbers are those of the script."""
 
     SAVE_AND_PUBLISH = 0
@@ -32,7 +40,7 @@ class Action(enum.IntEnum):
         return self is not Action.SAVE
 
 
-class BufferType(enum.IntEnum):
+class BufferType(_Named):
     """Which samples a buffer keeps. The numbers are those of the script.
 
     FIXED keeps the first `buffer_size` samples, LOOPING the newest ones, GROWING all of them.
@@ -45,7 +53,7 @@ class BufferType(enum.IntEnum):
     EXPONENTIALLY_GROWING = 2
 
 
-class FileType(enum.IntEnum):
+class FileType(_Named):
     """What `save` writes. The numbers are those of the original's save service."""
 
     SILO = 0
