@@ -18,6 +18,7 @@ from silo.helper.publisher import Publisher
 from silo.helper.requests import check_edits
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
+from silo.helper.statistics import Surveyor
 from silo.ipc.messages import (
     AnyReply,
     ApplyEdits,
@@ -28,6 +29,7 @@ from silo.ipc.messages import (
     EditsApplied,
     GetHistory,
     GetStatus,
+    GetSurvey,
     GetTable,
     GoesOn,
     Hello,
@@ -50,6 +52,7 @@ from silo.ipc.messages import (
     Start,
     StatusReply,
     Stop,
+    Survey,
     ViewOpened,
 )
 from silo.ipc.published import EventKind
@@ -88,6 +91,11 @@ class Answers:
         self._publisher = publisher
         self._saver = saver
         self._robot = robot
+        self._surveyor = Surveyor(mirror)
+
+    def stop(self) -> None:
+        """End what goes on by itself."""
+        self._surveyor.stop()
 
     def answer(self, request: Request[Any]) -> bytes:
         """Return the encoded answer; waits for the robot process where it must."""
@@ -127,6 +135,10 @@ class Answers:
     @answers_to(GetHistory)
     def _history(self, request: GetHistory) -> Columns | Refused:
         return check_history(request) or history(request, self._mirror.now, self._mirror.open_reader())
+
+    @answers_to(GetSurvey)
+    def _survey(self, request: GetSurvey) -> Survey | Refused:
+        return self._surveyor.answer(_signed(request))
 
     @answers_to(ListScripts)
     def _list_scripts(self, _: ListScripts) -> Scripts:

@@ -25,6 +25,7 @@ from silo.ipc.messages import (
     EditsApplied,
     GetHistory,
     GetStatus,
+    GetSurvey,
     GetTable,
     Hello,
     HelloReply,
@@ -44,6 +45,7 @@ from silo.ipc.messages import (
     Start,
     StatusReply,
     Stop,
+    Survey,
     Unsaved,
     ViewOpened,
     unsaved_of,
@@ -188,6 +190,16 @@ class Client:
             client=self._name,
         )
         return history_columns(self._call(request))
+
+    def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
+        """Return quantities (see `silo.ipc.surveys`) of elements or entries; of all elements without `names`."""
+        request = GetSurvey(
+            quantities=texts("quantities", quantities, "['mean', 'std']"),
+            names=texts("names", names, "['/log/joints/q']"),
+            reset=reset,
+            client=self._name,
+        )
+        return self._call(request)
 
     # ---------------------------------------------------------------------------------------------------- changing
 

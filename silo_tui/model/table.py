@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.model import Action, Edit, ElementInfo, Table
+from silo_tui.model.facts import NOTHING
 from silo_tui.model.fields import Field, Ints, options_of, phrase_for, rows_of
 
 Mask = NDArray[np.bool_]
@@ -56,6 +57,8 @@ class TableState:
         self.elements: list[ElementInfo] = []
         self.names: list[str] = []
         self.folded: list[str] = []
+        self.prefix = ""  # that all names share, without a slash at its end; not shown
+        self.facts = NOTHING  # the newest survey
         self.revision = -1
         self.version = 0  # grows with every change, so that caches can tell
         self._row_of: dict[str, int] = {}

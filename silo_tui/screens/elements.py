@@ -21,6 +21,9 @@ from silo_tui.widgets.live_pane import LivePane
 
 WIDE = 110
 DEBOUNCE_S = 0.15
+FILTER_HINTS = """words in any order   a|b either   -not   ~regex   "with blank"   /glob/*
+unit:Nm on:no div>1 size>=1k kind:vector   value>60 |value|>60 std>1 rate<95%
+changed<1s   marked pending conflict alarm nan frozen slow off"""
 FILTER_KEYS = "Enter keeps the filter  Tab completes  Esc clears it"
 
 
@@ -67,7 +70,10 @@ class ElementsScreen(SiloScreen):
             yield self.inspector
         yield Static("", id="empty", markup=False)
         yield self.info
-        yield Line(self._complete_filter, self.filter_hint, "filter-line")
+        yield Static("", id="filter-notes", markup=False)
+        with Horizontal(id="filter-row"):
+            yield Line(self._complete_filter, self.filter_hint, "filter-line")
+            yield Static("", id="filter-count", markup=False)
         yield from self.lines()
         yield KeyBar(self.scope, read_only=self._read_only)
 
@@ -144,7 +150,8 @@ class ElementsScreen(SiloScreen):
         nothing = not len(self.session.rows.shown) and bool(len(self.session.table))
         empty.display = nothing
         if nothing:
-            empty.update(f"No element passes the filter {self.session.rows.filter.text!r}. Esc clears it.")
+            why = self._why_none()
+            empty.update(f"No element passes the filter {self.session.rows.filter.text!r} ({why}). Esc clears it.")
 
     # ------------------------------------------------------------------------------------------------ the view
 
@@ -192,7 +199,9 @@ class ElementsScreen(SiloScreen):
     def command_filter(self) -> None:
         self.query_one(KeyBar).show_instead(FILTER_KEYS)
         self.query_one("#filter-line", Line).begin(self.session.rows.filter.text)
+        self.query_one("#filter-count").display = True
         self.info.display = False
+        self._show_filter()
 
     def command_mark(self) -> None:
         self.session.rows.toggle_mark()
@@ -265,8 +274,39 @@ class ElementsScreen(SiloScreen):
     def _filter_by(self, words: str) -> None:
         self.session.rows.set_filter(words)
         self.table_changed()
+        self._show_filter()
+
+    def _show_filter(self) -> None:
+        """Show what passes the filter while it is typed, and what is the matter with it."""
+        line, notes = self.query_one("#filter-line", Line), self.query_one("#filter-notes", Static)
+        count = self.query_one("#filter-count", Static)
+        notes.display = count.display = line.display
+        if not line.display:
+            return
+        rows, found = self.session.rows, self.session.rows.filter
+        hidden = f" │ {rows.hidden_marked} marked are hidden" if rows.hidden_marked else ""
+        count.update(f"{len(rows.shown)} of {len(self.session.table)}{hidden}")
+        words = FILTER_HINTS if not line.value else ""
+        if found.problems:
+            begin, end = found.places[0]
+            words = f"{' ' * begin}{'^' * (end - begin)} {found.problems[0]}; left out meanwhile"
+            if len(words) > self.app.size.width - 2:  # the reason whole, where both have no room on one line
+                words = f"{found.problems[0]}\n{' ' * begin}{'^' * (end - begin)}"
+        elif not len(rows.shown) and len(self.session.table):
+            words = self._why_none()
+        notes.update(words)
+        notes.display = bool(words)
+
+    def _why_none(self) -> str:
+        """Return which term takes everything away."""
+        blocked = self.session.rows.filter.blocked_by(self.session.table, self.session.rows.marked)
+        if blocked is None:
+            return f"0 of {len(self.session.table)}: each of two terms takes all away"
+        term, count = blocked
+        return f"0 of {len(self.session.table)}; without {term}: {count}"
 
     def _back_to_table(self) -> None:
+        self.query_one("#filter-notes").display = self.query_one("#filter-count").display = False
         self.query_one(KeyBar).show_instead("")
         self.info.ask("")
         self.info.display = True

@@ -36,7 +36,7 @@ class TableScreen(ElementsScreen):
     """Elements, their options, their newest values."""
 
     scope = "table"
-    filter_hint = "words, globs, unit:Nm on:no div>1 dirty"
+    filter_hint = ""
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("table")
 
     def __init__(

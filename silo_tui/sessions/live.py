@@ -211,6 +211,7 @@ class Session:
             self.live.forget()
             self.columns = ColumnStore(self.columns.names, self.columns.count, self.columns.column_ns)
         self.status = status
+        self.table.prefix = status.prefix.rstrip("/")
         self.measured_hz, self.ticks, self.lost_total = status.measured_hz, status.ticks, status.lost
 
     async def take_event(self, event: Event) -> None:

@@ -19,6 +19,7 @@ from textual.strip import Strip
 
 from silo_tui.model import text
 from silo_tui.model.fields import Field, Ints
+from silo_tui.model.names import fitting_names
 from silo_tui.model.rows import RowList
 from silo_tui.model.table_columns import LiveRow, TableColumn, shown_columns
 from silo_tui.sessions.live import Session
@@ -61,6 +62,8 @@ class ElementTable(ScrollView, can_focus=True):
         self._styles: dict[str, Style] = {}
         self._masks_of = (-1, -1)
         self._drawn: tuple[int, int] = (-1, -1)
+        self._names: list[str] = []
+        self._names_of: tuple[int, int, int, str] | None = None
 
     @property
     def rows(self) -> RowList:
@@ -239,7 +242,7 @@ class ElementTable(ScrollView, can_focus=True):
         yield Segment(flag, self._style(*base, flag_style))
         yield Segment(">" if marked else " ", self._style(*base, "table--marked"))
         width = self.name_width
-        name = self._fitted(text.shorten_left(self.session.short_name(self.session.table.names[row]), width), width)
+        name = self._fitted(self._name_in(row, width), width)
         yield Segment(name, self._style(*base, *(["table--marked"] if marked else [])))
         quiet = [] if is_cursor else ["table--quiet"]  # grey on the cursor's line is hard to read in 16 colours
         facts = self._facts(row, values)
@@ -258,6 +261,15 @@ class ElementTable(ScrollView, can_focus=True):
                 styles.append("table--cell")
             yield Segment(" ", self._style(*base))
             yield from self._cell(word, styles, bool(pending[column.field]))
+
+    def _name_in(self, row: int, width: int) -> str:
+        """Return a name as this table at this width has it: made once for all, so that scrolling changes nothing."""
+        names = self.session.table.names
+        made_for = (id(names), len(names), width, self.session.table.prefix)
+        if self._names_of != made_for:
+            self._names = fitting_names([self.session.short_name(name) for name in names], width)
+            self._names_of = made_for
+        return self._names[row]
 
     def _cell(self, word: str, styles: list[str], underlined: bool) -> Iterator[Segment]:
         """Underline the word alone, not the room around it."""

@@ -294,3 +294,28 @@ async def test_tab_doesn_t_leave_an_editor_behind(fake, opened):
         await screen.press("d", "tab", "9", "enter")
         assert screen.value(FIRST, Field.DIVIDER) == "9"
         assert not screen.app.screen.query_one("#cell-editor").display
+
+
+async def test_the_filter_says_how_many_pass_and_what_its_terms_may_be(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("slash")
+        await screen.shows("changed<1s   marked pending")
+        await screen.type("torque LF")
+        await screen.shows("3 of 72")
+        assert "changed<1s" not in screen.text
+
+
+async def test_a_term_that_can_t_be_read_is_underlined_where_it_stands(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque div>x LF")
+        await screen.shows("^^^^^")
+        lines = screen.text.splitlines()
+        under = next(at for at, line in enumerate(lines) if "^^^^^" in line)
+        assert lines[under].index("^^^^^") == lines[under + 1].index("div>x")
+        assert len(screen.session.rows.shown) == 3
+
+
+async def test_a_filter_that_leaves_nothing_says_which_term_takes_it(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque LF unit:V")
+        await screen.shows("0 of 72; without unit:V: 3")
