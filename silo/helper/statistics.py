@@ -226,6 +226,12 @@ class Tally:
                 ring.moved_s = now_s
             _measure(ring, now_s, self.reader.schema.frequency_hz)
 
+    @property
+    def jitter_s(self) -> float:
+        """Standard deviation of the time between ticks, 0 where it isn't known: that of the ring with most rows."""
+        fastest = max(self._rings, key=lambda ring: ring.cursor, default=None)
+        return 0.0 if fastest is None or np.isnan(fastest.jitter) else fastest.jitter
+
     def _take(self, ring: _Ring, rows: Rows, all_sums: Sequence[Sums]) -> None:
         stamps = rows.time_ns
         ring.stamps = np.concatenate([ring.stamps, stamps])[-STAMPS:]
@@ -368,7 +374,12 @@ class Surveyor:
             found, per_slot = tally.quantity(quantity, sums, running=running)
             values[place] = np.append(found, np.nan)[slots if per_slot else numbers]
         return Survey(
-            now.table.revision, tally.reader.last_time_ns, sums.since_ns, values.tobytes(), tally.skipped
+            now.table.revision,
+            tally.reader.last_time_ns,
+            sums.since_ns,
+            values.tobytes(),
+            tally.skipped,
+            tally.jitter_s,
         )
 
     def _begin(self, now_s: float) -> None:

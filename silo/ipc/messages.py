@@ -94,7 +94,8 @@ class Survey(Reply, frozen=True):
     """`values`: float64 of shape `(quantities, names)`, NaN where a quantity isn't known.
 
     Without names they are those of the table of `revision`, in its order. Statistics begin at `since_ns`; `skipped`
-    rows were overwritten before they could be read, because their buffer is very small.
+    rows were overwritten before they could be read, because their buffer is very small. `jitter_s` is that of the loop:
+    the standard deviation of the time between its ticks, 0 where it isn't known.
     """
 
     revision: int
@@ -102,6 +103,7 @@ class Survey(Reply, frozen=True):
     since_ns: int
     values: bytes
     skipped: int = 0
+    jitter_s: float = 0.0
 
 
 class ViewOpened(Reply, frozen=True):

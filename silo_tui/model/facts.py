@@ -6,6 +6,7 @@ isn't known is NaN. Filter terms, orders and columns read them by the names of t
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,21 +27,24 @@ class Facts:
     quantities: Mapping[str, Floats] = field(default_factory=dict)
     since_ns: int = 0
     time_ns: int = 0
+    details: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # of elements and entries on the screen
 
     def of(self, quantity: str, count: int) -> Floats | None:
         """Return a quantity of all rows; None where it wasn't surveyed, or of another table."""
         found = self.quantities.get(quantity)
         return found if found is not None and len(found) == count else None
 
-    def at(self, quantity: str, row: int) -> float:
-        """Return a quantity of one row, NaN where it isn't known."""
-        found = self.quantities.get(quantity)
-        return float(found[row]) if found is not None and row < len(found) else float("nan")
+    def detail(self, name: str, quantity: str) -> float:
+        """Return a quantity of an element or entry that is on the screen, NaN where it isn't known."""
+        return self.details.get(name, {}).get(quantity, float("nan"))
 
     def signs(self, count: int) -> NDArray[np.int64]:
         """Return the bits of what is the matter with each row, 0 where nothing is known."""
-        found = self.of("signs", count)
-        return np.zeros(count, np.int64) if found is None else np.nan_to_num(found).astype(np.int64)
+        return self._signs if len(self._signs) == count else np.zeros(count, np.int64)
+
+    @cached_property
+    def _signs(self) -> NDArray[np.int64]:
+        return np.nan_to_num(self.quantities.get("signs", np.zeros(0))).astype(np.int64)
 
 
 def worst(bits: int) -> str:

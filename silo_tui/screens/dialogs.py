@@ -64,8 +64,10 @@ class ListDialog(ModalScreen[str | None]):
 class Question(ListDialog):
     """Asks; answers with the value of a choice. The first choice has the focus."""
 
-    def __init__(self, title: str, body: Text | str, choices: Sequence[Choice]) -> None:
+    def __init__(self, title: str, body: Text | str, choices: Sequence[Choice], begin: str = "") -> None:
+        """`begin` is the choice that has the focus at first, else the first one: the harmless one."""
         super().__init__()
+        self._begin = next((at for at, choice in enumerate(choices) if choice.value == begin), 0)
         self._title = title
         self._body = body
         self._choices = list(choices)
@@ -87,7 +89,7 @@ class Question(ListDialog):
     def on_mount(self) -> None:
         """Give the focus to the first choice."""
         self.query_one(OptionList).focus()
-        self.query_one(OptionList).highlighted = 0
+        self.query_one(OptionList).highlighted = self._begin
 
     def on_resize(self, event: events.Resize) -> None:
         """Let a long body scroll: the choices are always on the screen."""
@@ -110,9 +112,16 @@ class Prompt(ModalScreen[str | None]):
         Binding("escape", "leave", "Back", show=False)
     ]
 
+    AUTO_FOCUS = ""
+
     def __init__(self, title: str, body: str, value: str = "", placeholder: str = "") -> None:
         super().__init__()
         self._title, self._body, self._value, self._placeholder = title, body, value, placeholder
+        self._early: list[events.Key] = []
+
+    def take_early(self, keys: Sequence[events.Key]) -> None:
+        """Take over what was typed before this was there."""
+        self._early = list(keys)
 
     def compose(self) -> ComposeResult:
         """Yield title, body, input."""
@@ -122,8 +131,36 @@ class Prompt(ModalScreen[str | None]):
             yield Input(self._value, placeholder=self._placeholder, compact=True)
 
     def on_mount(self) -> None:
-        """Give the focus to the line."""
-        self.query_one(Input).focus()
+        """Put what was typed early into the line, in place of what it suggests; then give it the focus."""
+        early, self._early = self._early, []
+        if early:
+            self.query_one(Input).value = ""
+        for event in early:
+            self._type(event)
+        self.call_later(self._take_keys)
+
+    def _take_keys(self) -> None:
+        if self.is_current:
+            self.set_focus(self.query_one(Input))
+
+    def on_key(self, event: events.Key) -> None:
+        """Take what is typed before the line has the focus."""
+        if self.focused is None:
+            event.stop()
+            event.prevent_default()
+            if event.is_printable and self.query_one(Input).value == self._value:
+                self.query_one(Input).value = ""  # what is suggested stands selected
+            self._type(event)
+
+    def _type(self, event: events.Key) -> None:
+        line = self.query_one(Input)
+        if event.key == "enter":
+            self.dismiss(line.value.strip())
+        elif event.key == "backspace":
+            line.value = line.value[:-1]
+        elif event.is_printable and event.character:
+            line.value += event.character
+        line.cursor_position = len(line.value)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Answer with the line."""

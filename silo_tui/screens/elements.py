@@ -20,6 +20,7 @@ from silo_tui.widgets.inspector import Inspector
 from silo_tui.widgets.live_pane import LivePane
 
 WIDE = 110
+INSPECTOR_FROM = 170  # cells from which the inspector opens by itself
 DEBOUNCE_S = 0.15
 FILTER_HINTS = """words in any order   a|b either   -not   ~regex   "with blank"   /glob/*
 unit:Nm on:no div>1 size>=1k kind:vector   value>60 |value|>60 std>1 rate<95%
@@ -52,7 +53,7 @@ class ElementsScreen(SiloScreen):
         self.live_head = Static("", id="live-head", markup=False)
         self.table_head = TableHead(table)
         self._read_only = read_only
-        self._inspector_wanted = True
+        self._inspector_wanted: bool | None = None
         self._view_timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
@@ -91,7 +92,8 @@ class ElementsScreen(SiloScreen):
         self._lay_out(event.size.width)
 
     def _lay_out(self, width: int) -> None:
-        self.inspector.display = self._inspector_wanted and width >= WIDE
+        wanted = width >= INSPECTOR_FROM if self._inspector_wanted is None else self._inspector_wanted
+        self.inspector.display = wanted and width >= WIDE
         inspector_width = self.inspector_width(width)
         self.inspector.styles.width = inspector_width
         self.lay_out_pane(width, width - (inspector_width if self.inspector.display else 0))
@@ -145,6 +147,11 @@ class ElementsScreen(SiloScreen):
         """Show the result of something."""
         self.info.say(words)
 
+    def say_whole(self, words: str) -> bool:
+        """Show a long message over the keys, in as many lines as it takes: it covers no value."""
+        self.info.say(words, whole=True)
+        return True
+
     def _show_emptiness(self) -> None:
         empty = self.query_one("#empty", Static)
         nothing = not len(self.session.rows.shown) and bool(len(self.session.table))
@@ -186,7 +193,7 @@ class ElementsScreen(SiloScreen):
         self._move(0)
 
     def command_bottom(self) -> None:
-        self._move(len(self.session.rows.shown) - 1)
+        self._move(len(self.session.rows.tree.lines) - 1)
 
     def command_half_down(self) -> None:
         self._move(self.session.rows.position + max(1, self.table.size.height // 2))
@@ -225,11 +232,32 @@ class ElementsScreen(SiloScreen):
         self.info.refresh()
 
     def command_sort(self) -> None:
-        self.say(f"sorted by {self.session.rows.next_sort()}")
+        from silo_tui.screens.order import OrderDialog
+
+        rows = self.session.rows
+        self.app.push_screen(OrderDialog(rows.sorts, rows.sort, rows.arrow), self._order_by)
+
+    def _order_by(self, order: str | None) -> None:
+        if order is None:
+            return
+        self.session.rows.order_by(order)
+        self.order_changed()
+        self.table_changed()
+
+    def order_changed(self) -> None:
+        """Follow another order: heads, and what has to be known for it."""
+        self.live_head.update(self.pane.head)
+
+    def command_fold(self) -> None:
+        self.say(self.session.rows.fold())
+        self.table_changed()
+
+    def command_component(self) -> None:
+        self.say(self.session.rows.next_component())
         self.table_changed()
 
     def command_inspector(self) -> None:
-        self._inspector_wanted = not self._inspector_wanted
+        self._inspector_wanted = not self.inspector.display
         if self.app.size.width < WIDE:
             self.say(f"the inspector needs {WIDE} columns; this terminal has {self.app.size.width}")
         self._lay_out(self.app.size.width)

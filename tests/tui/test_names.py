@@ -57,5 +57,7 @@ def test_the_order_of_names_doesn_t_change_how_they_look():
 
 
 def test_ten_thousand_names_look_different():
-    names = [f"/robot/limb{each // 100:03}/measured_temperature_of_winding_{each % 100:02}/raw" for each in range(10_000)]
+    names = [
+        f"/robot/limb{each // 100:03}/measured_temperature_of_winding_{each % 100:02}/raw" for each in range(10_000)
+    ]
     assert len(set(fitting_names(names, 24))) == len(names)
