@@ -50,6 +50,7 @@ class SiloApp(App[None]):
         self.theme = theme.chosen() if theme.chosen() in self.available_themes else theme.DARK.name
         self.animation_level = "none"
         self.context = Context(self, Holding, read_only=read_only)
+        self.context.take_up = lambda: self.context.run_flow(flows.take_up_edits(self.context))
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz)
         self._rate_hz = rate_hz
@@ -89,6 +90,7 @@ class SiloApp(App[None]):
         if self._opener.demo is not None:
             self._opener.demo.stop()
         if self.context.has_session:
+            self.context.keep_edits()
             self.context.session.close()
 
     # ---------------------------------------------------------------------------------------------------- timers

@@ -14,6 +14,8 @@ from textual.screen import ModalScreen, Screen
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo_tui.actions import BY_ID, Command
+from silo_tui.model.table import KeptEdit
+from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.inputs import Fleeting
@@ -33,6 +35,8 @@ class Context:
         self.app = app
         self.holding = holding  # makes what owns the keys while a flow is under way
         self.read_only = read_only
+        self.take_up: Callable[[], None] = lambda: None  # asks what becomes of edits that were kept
+        self.earlier_edits: list[KeptEdit] = []
         self.script_names: tuple[str, ...] = ()
         self._session: Session | None = None
         self._flow_running = False
@@ -87,6 +91,24 @@ class Context:
             return True
         self.say(f"{label}: no link to {self.session.name}; it is tried again by itself")
         return False
+
+    def offer_edits(self) -> None:
+        """Offer what an earlier start kept, where there is any."""
+        session = self.session
+        found = kept.read(kept.path_of(session.status.host, session.name))
+        self.earlier_edits = found.edits if found is not None else []  # until it is said what becomes of them
+        if self.earlier_edits:
+            self.take_up()
+
+    def keep_edits(self) -> None:
+        """Write what is pending where the next start finds it; a lost terminal must not take it along."""
+        session = self._session
+        if session is None or self.read_only or not len(session.table) or session.link is None:
+            return
+        try:
+            kept.keep(kept.path_of(session.status.host, session.name), [*self.earlier_edits, *session.table.kept()])
+        except OSError as error:
+            self.say(f"pending edits can't be kept for a lost terminal: {error}")
 
     # ------------------------------------------------------------------------------------------ telling the screens
 

@@ -13,9 +13,12 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
+from silo_tui.model import text
+from silo_tui.model.changes import Change, Cost, groups_of
 from silo_tui.model.table import PendingChange
 
 MAX_LINES = 400
+MAX_GROUPS = 60
 BORDER_AND_TITLE_ROWS = 5
 
 
@@ -171,18 +174,44 @@ class Prompt(ModalScreen[str | None]):
         self.dismiss(None)
 
 
-def diff_text(changes: Sequence[PendingChange], width: int = 64) -> Text:
-    """Return pending edits as old → new, an element a paragraph."""
-    lines = Text()
-    previous = ""
-    for change in changes[:MAX_LINES]:
-        if change.name != previous:
-            lines.append(f"{change.name}\n", style="bold")
-            previous = change.name
-        lines.append(f"  {change.field:<12} {change.old} → {change.new}")
-        if change.theirs is not None:
-            lines.append(f"   ! theirs now: {change.theirs}")
-        lines.append("\n")
-    if len(changes) > MAX_LINES:
-        lines.append(f"and {len(changes) - MAX_LINES} more\n", style="dim")
+def diff_text(changes: Sequence[PendingChange], prefix: str = "") -> Text:
+    """Return pending edits as old → new, equal ones together; then what somebody else has changed meanwhile."""
+    lines = groups_text(changes, prefix)
+    for change in [change for change in changes if change.theirs is not None][:MAX_LINES]:
+        lines.append(f"! {change.name}: {change.field} is {change.theirs} now, by somebody else\n", style="bold")
     return lines
+
+
+def groups_text(changes: Sequence[Change], prefix: str = "") -> Text:
+    """Return changes in groups, the largest first."""
+    lines = Text()
+    groups = groups_of(changes, prefix)
+    counted = len(str(groups[0].count)) if groups else 1
+    for group in groups[:MAX_GROUPS]:
+        lines.append(f"{group.count:>{counted}} × {group.pattern}", style="bold")
+        lines.append(f"  {group.words}\n")
+    rest = sum(group.count for group in groups[MAX_GROUPS:])
+    if rest:
+        lines.append(f"and {rest} more\n")
+    return lines
+
+
+def cost_text(now: Cost, after: Cost, short_name: str) -> Text:
+    """Return what a table takes now and will take, with a sign at what gets worse."""
+    lines = Text()
+    lines.append(f"{'':<10}{'now':>16}{'after':>16}\n", style="dim")
+    held = [f"{each.shortest_s:.3g} … {each.longest_s:.3g} s" for each in (now, after)]
+    memory = [text.size(each.memory_bytes) for each in (now, after)]
+    _cost(lines, "memory", memory, after.memory_bytes > now.memory_bytes)
+    disk = [text.size(each.disk_bytes_s) + "/s" for each in (now, after)]
+    _cost(lines, "to a file", disk, after.disk_bytes_s > now.disk_bytes_s)
+    topics = [text.size(each.topic_bytes_s) + "/s" for each in (now, after)]
+    _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
+    _cost(lines, "held", held, after.shortest_s < now.shortest_s, f"shortest: {short_name}" if short_name else "")
+    return lines
+
+
+def _cost(lines: Text, title: str, amounts: Sequence[str], worse: bool, note: str = "") -> None:
+    old, new = amounts
+    lines.append(f"{title:<10}{old:>16}{new:>16} {'▲' if worse else ' '} ")
+    lines.append(note + "\n", style="dim")

@@ -241,6 +241,7 @@ class ElementsScreen(SiloScreen):
         if order is None:
             return
         self.session.rows.order_by(order)
+        self.session.rows.move_to(0)  # who orders wants to see what is on top
         self.order_changed()
         self.table_changed()
 

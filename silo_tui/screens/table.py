@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding
+from textual.timer import Timer
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
@@ -31,6 +32,7 @@ from silo_tui.widgets.live_pane import TREND, VALUE, LivePane
 COLUMN_NS = 200_000_000
 COLUMNS = 120
 SURVEY_S, JUDGE_S = 1.0, 0.5
+KEEP_S = 0.3  # after an edit, until it is kept
 QUIET_S = 3.0  # so long after a key no row moves by itself
 WIDE_SET = 150  # cells from which settings and statistics stand side by side
 NAME_ROOM = 20  # a trend is shown only where names keep this
@@ -60,6 +62,9 @@ class TableScreen(ElementsScreen):
         table = ElementTable(session, LIVE_COLUMNS)
         self.column_set = ColumnSet()
         self._key_s = 0.0  # monotonic, of the last key
+        self._offered = False
+        self._kept_version = -1
+        self._keep_timer: Timer | None = None
         self._field_chosen = False  # by ← →: until then `e` asks which, for a toggle is no harmless guess
         self._surveying = False
         self._reset_wanted = False
@@ -135,8 +140,11 @@ class TableScreen(ElementsScreen):
         """Draw what was measured; a live order moves rows only while nobody is at the keys."""
         rows = self.session.rows
         if rows.filter.measured or (rows.live and now_s - self._key_s >= QUIET_S):
+            before = self.table.rows_on_screen()
             rows.refresh(now_s if rows.filter.measured else None)
             self.table.rows_changed()
+            if set(self.table.rows_on_screen()) - set(before):
+                self._survey_s = 0.0  # nothing was measured of these yet
             self._show_filter()
             self.request_view_soon()
         elif rows.sort == TREE:
@@ -171,6 +179,21 @@ class TableScreen(ElementsScreen):
 
     # ------------------------------------------------------------------------------------ what the app tells us
 
+    def table_changed(self) -> None:
+        """Follow a change; keep what is pending, and offer once what an earlier start kept."""
+        super().table_changed()
+        table = self.session.table
+        if not len(table) or self.session.link is None or self._read_only:
+            return
+        if not self._offered:
+            self._offered = True
+            self.context.offer_edits()
+        elif table.version != self._kept_version:
+            self._kept_version = table.version
+            if self._keep_timer is not None:
+                self._keep_timer.stop()
+            self._keep_timer = self.set_timer(KEEP_S, self.context.keep_edits)
+
     def live_changed(self, frame: Frame) -> None:
         """Show new values; ask once for what was in frames that got lost: the logger still has it."""
         super().live_changed(frame)
@@ -197,6 +220,7 @@ class TableScreen(ElementsScreen):
         if row is not None and table.names[row] not in names and table.server[Field.ENABLED, row]:
             names.append(table.names[row])
         self.session.watch(ViewRequest(tuple(names), tuple(plots), COLUMN_NS))
+        self._survey_s = 0.0
         self._plan_columns(plots)
 
     def _plan_columns(self, plots: list[str]) -> None:

@@ -63,7 +63,11 @@ class StatusBar(Widget):
         slow = session.running and session.connected and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
         line.append(f"  {rate:.4g} Hz", style=f"bold {color(variables, 'warning')}" if slow else "")
         if slow:
-            jitter = f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}" if session.jitter_s else ""
+            jitter = (
+                f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}"
+                if session.jitter_s and self.size.width >= 100
+                else ""
+            )
             words = f" << of {status.frequency_hz:.4g}{jitter}"
             line.append(words, style=f"bold {color(variables, 'warning')}")
         if self.size.width >= 100:

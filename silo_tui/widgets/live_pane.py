@@ -216,8 +216,9 @@ def _value(pane: LivePane, row: int) -> tuple[str, str]:
         waiting = "…" if session.running and session.fresh else "-"
         return waiting, "live--quiet"
     style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"
-    chosen = session.rows.components.get(element.name, 0)
-    if chosen:
+    # an order by value is one of norms
+    chosen = session.rows.components.get(element.name, 1 if session.rows.sort in {"value", "|value|"} else 0)
+    if chosen and len(element.entries) > 1 and all(entry.dtype[1:2] in "biuf" for entry in element.entries):
         return component_text(element, reading, chosen, pane.value_width), style
     return value_text(element, reading, pane.value_width), style
 
