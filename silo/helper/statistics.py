@@ -2,7 +2,7 @@
 
 Nothing is done until a client asks; then one thread reads each new row of each ring once, ten times a second, and adds
 it up with NumPy, until nobody has asked for a minute. Each client has statistics of its own, so that a reset of one
-doesn't touch those of another. Measured: 10,000 elements at 400 Hz cost 9 % of a core of the helper process.
+doesn't touch those of another. Measured: 10,000 elements at 400 Hz cost 5 % of a core of the helper process.
 """
 
 import logging

@@ -121,10 +121,13 @@ class Prompt(ModalScreen[str | None]):
         super().__init__()
         self._title, self._body, self._value, self._placeholder = title, body, value, placeholder
         self._early: list[events.Key] = []
+        self._there = self._typed = False
 
     def take_early(self, keys: Sequence[events.Key]) -> None:
         """Take over what was typed before this was there."""
         self._early = list(keys)
+        if self._there:
+            self._put_early()
 
     def compose(self) -> ComposeResult:
         """Yield title, body, input."""
@@ -135,12 +138,22 @@ class Prompt(ModalScreen[str | None]):
 
     def on_mount(self) -> None:
         """Put what was typed early into the line, in place of what it suggests; then give it the focus."""
-        early, self._early = self._early, []
-        if early:
-            self.query_one(Input).value = ""
-        for event in early:
-            self._type(event)
+        self._there = True
+        self._put_early()
         self.call_later(self._take_keys)
+
+    def _put_early(self) -> None:
+        """Put what was typed early before what was typed since."""
+        keys, self._early = self._early, []
+        line = self.query_one(Input)
+        since = line.value if self._typed else ""
+        for at, event in enumerate(keys):
+            if at == 0:
+                self._typed, line.value = True, ""
+            self._type(event)
+        if keys:
+            line.value += since
+            line.cursor_position = len(line.value)
 
     def _take_keys(self) -> None:
         if self.is_current:
@@ -148,11 +161,11 @@ class Prompt(ModalScreen[str | None]):
 
     def on_key(self, event: events.Key) -> None:
         """Take what is typed before the line has the focus."""
-        if self.focused is None:
+        if self.focused is None and event.key != "escape":
             event.stop()
             event.prevent_default()
-            if event.is_printable and self.query_one(Input).value == self._value:
-                self.query_one(Input).value = ""  # what is suggested stands selected
+            if not self._typed:
+                self._typed, self.query_one(Input).value = True, ""  # what is suggested stands selected
             self._type(event)
 
     def _type(self, event: events.Key) -> None:

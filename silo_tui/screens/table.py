@@ -62,6 +62,7 @@ class TableScreen(ElementsScreen):
         table = ElementTable(session, LIVE_COLUMNS)
         self.column_set = ColumnSet()
         self._key_s = 0.0  # monotonic, of the last key
+        self._top_wanted = False
         self._offered = False
         self._kept_version = -1
         self._keep_timer: Timer | None = None
@@ -139,6 +140,10 @@ class TableScreen(ElementsScreen):
     def _survey_came(self, now_s: float) -> None:
         """Draw what was measured; a live order moves rows only while nobody is at the keys."""
         rows = self.session.rows
+        if self._top_wanted and rows.live and rows.wanted() <= set(self.session.table.facts.quantities):
+            rows.refresh()
+            rows.move_to(0)
+            self._top_wanted = False
         if rows.filter.measured or (rows.live and now_s - self._key_s >= QUIET_S):
             before = self.table.rows_on_screen()
             rows.refresh(now_s if rows.filter.measured else None)
@@ -155,12 +160,14 @@ class TableScreen(ElementsScreen):
     def action_command(self, command_id: str) -> None:
         """Do what a key asks for; rows don't move under it."""
         self._key_s = time.monotonic()
+        self._top_wanted = False
         super().action_command(command_id)
 
     def order_changed(self) -> None:
         """Show the order at once, with what is known; and measure what it needs."""
         super().order_changed()
         self._survey_s = self._key_s = 0.0
+        self._top_wanted = self.session.rows.live  # until what it is by was measured
         self._judge()
 
     def command_columns(self) -> None:
