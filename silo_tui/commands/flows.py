@@ -166,8 +166,8 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     keep, discard = Choice("keep", "Keep them pending"), Choice("discard", "Discard all edits")
     body = Text()
     if context.session.running:
-        body.append(f"The logger runs, and a running logger takes no edits. {SPLIT}\n\n", style="bold")
         body.append_text(_what_changes(context, changes))
+        body.append(f"\nThe logger runs, and a running logger takes no edits. {SPLIT}", style="bold")
         return await _ask_around(context, title, body, keep, "stop, apply, start again", "a", [discard])
     body.append_text(_what_changes(context, changes))
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
@@ -179,8 +179,7 @@ def _what_changes(context: Context, changes: Sequence[PendingChange]) -> Text:
     frequency_hz = session.status.frequency_hz
     now = cost_of(table.elements, table.server, frequency_hz)
     after = cost_of(table.elements, table.values, frequency_hz)
-    body = diff_text(changes, table.prefix)
-    return body.append("\n").append_text(cost_text(now, after, session.short_name(after.shortest)))
+    return diff_text(changes, table.prefix, cost_text(now, after, session.short_name(after.shortest)))
 
 
 async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> bool:

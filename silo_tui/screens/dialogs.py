@@ -19,6 +19,7 @@ from silo_tui.model.table import PendingChange
 
 MAX_LINES = 400
 MAX_GROUPS = 60
+LARGEST = 4  # groups
 BORDER_AND_TITLE_ROWS = 5
 
 
@@ -156,7 +157,7 @@ class Prompt(ModalScreen[str | None]):
             line.cursor_position = len(line.value)
 
     def _take_keys(self) -> None:
-        if self.is_current:
+        if self.app.screen is self:
             self.set_focus(self.query_one(Input))
 
     def on_key(self, event: events.Key) -> None:
@@ -187,23 +188,29 @@ class Prompt(ModalScreen[str | None]):
         self.dismiss(None)
 
 
-def diff_text(changes: Sequence[PendingChange], prefix: str = "") -> Text:
-    """Return pending edits as old → new, equal ones together; then what somebody else has changed meanwhile."""
-    lines = groups_text(changes, prefix)
+def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | None = None) -> Text:
+    """Return pending edits as old → new, equal ones together; then what somebody else has changed meanwhile.
+
+    `cost` stands behind the largest groups, where it is seen on a small terminal too.
+    """
+    lines = groups_text(changes, prefix, 0, None if cost is None else LARGEST)
+    if cost is not None:
+        lines.append_text(cost).append_text(groups_text(changes, prefix, LARGEST))
     for change in [change for change in changes if change.theirs is not None][:MAX_LINES]:
         lines.append(f"! {change.name}: {change.field} is {change.theirs} now, by somebody else\n", style="bold")
     return lines
 
 
-def groups_text(changes: Sequence[Change], prefix: str = "") -> Text:
-    """Return changes in groups, the largest first."""
+def groups_text(changes: Sequence[Change], prefix: str = "", begin: int = 0, end: int | None = None) -> Text:
+    """Return changes in groups, the largest first: those from `begin` to `end`, and how many come after."""
     lines = Text()
     groups = groups_of(changes, prefix)
+    end = min(len(groups), MAX_GROUPS if end is None else end)
     counted = len(str(groups[0].count)) if groups else 1
-    for group in groups[:MAX_GROUPS]:
+    for group in groups[begin:end]:
         lines.append(f"{group.count:>{counted}} × {group.pattern}", style="bold")
         lines.append(f"  {group.words}\n")
-    rest = sum(group.count for group in groups[MAX_GROUPS:])
+    rest = sum(group.count for group in groups[end:])
     if rest:
         lines.append(f"and {rest} more\n")
     return lines

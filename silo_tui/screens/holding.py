@@ -39,7 +39,7 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
 
     def _tell(self) -> None:
         waited = time.monotonic() - self._began
-        if waited >= TELLS_AFTER_S and self.is_current:
+        if waited >= TELLS_AFTER_S and self.app.screen is self:
             line = self.query_one("#waiting", Static)
             line.display = True
             line.update(f"waiting for {self._what} {text.span(float(f'{waited:.1f}'))}   Esc lets it go on")
@@ -60,7 +60,7 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
     def end(self) -> None:
         """Go, at once or as soon as what lies above is gone."""
         self.ended = True
-        if self.is_current:
+        if self.app.screen is self:
             self.dismiss()
 
     def on_key(self, event: events.Key) -> None:
