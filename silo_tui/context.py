@@ -14,7 +14,6 @@ from textual.screen import ModalScreen, Screen
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo_tui.actions import BY_ID, Command
-from silo_tui.model.table import KeptEdit
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
@@ -36,7 +35,6 @@ class Context:
         self.holding = holding  # makes what owns the keys while a flow is under way
         self.read_only = read_only
         self.take_up: Callable[[], None] = lambda: None  # asks what becomes of edits that were kept
-        self.earlier_edits: list[KeptEdit] = []
         self.script_names: tuple[str, ...] = ()
         self._session: Session | None = None
         self._flow_running = False
@@ -94,10 +92,7 @@ class Context:
 
     def offer_edits(self) -> None:
         """Offer what an earlier start kept, where there is any."""
-        session = self.session
-        found = kept.read(kept.path_of(session.status.host, session.name))
-        self.earlier_edits = found.edits if found is not None else []  # until it is said what becomes of them
-        if self.earlier_edits:
+        if kept.left_behind(self.session.status.host, self.session.name):
             self.take_up()
 
     def keep_edits(self) -> None:
@@ -106,7 +101,7 @@ class Context:
         if session is None or self.read_only or not len(session.table) or session.link is None:
             return
         try:
-            kept.keep(kept.path_of(session.status.host, session.name), [*self.earlier_edits, *session.table.kept()])
+            kept.keep(kept.path_of(session.status.host, session.name), session.table.kept())
         except OSError as error:
             self.say(f"pending edits can't be kept for a lost terminal: {error}")
 

@@ -351,9 +351,11 @@ async def take_up_edits(context: Context) -> None:
     """Offer edits that a lost terminal, or a kill, left behind."""
     from silo_tui.sessions import kept
 
-    session, edits = context.session, context.earlier_edits
-    found = kept.read(kept.path_of(session.status.host, session.name))
-    when = time.strftime("%d %b %H:%M", time.localtime(found.time_s)) if found is not None else "before"
+    session = context.session
+    files = kept.left_behind(session.status.host, session.name)
+    edits = [edit for found in files.values() for edit in found.edits]
+    newest_s = max((found.time_s for found in files.values()), default=0.0)
+    when = time.strftime("%d %b %H:%M", time.localtime(newest_s))
     body = Text(f"They were pending when silo-tui ended, {when}. The logger has none of them.\n\n")
     changes = []
     for edit in edits:
@@ -368,7 +370,8 @@ async def take_up_edits(context: Context) -> None:
     answer = await context.app.push_screen_wait(question)
     if answer not in {"take", "drop"}:
         return
-    context.earlier_edits = []
+    for path in files:
+        path.unlink(missing_ok=True)
     if answer == "take":
         taken = session.table.take_up(edits)
         context.table_changed()

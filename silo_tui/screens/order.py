@@ -37,7 +37,7 @@ class OrderDialog(ModalScreen[str | None]):
                 lines.append(LETTERS[order], style="bold")
                 lines.append(f" {words:<{COLUMN - 2}}")
             lines.append("\n")
-        lines.append("\nthe same letter again: the other way round     Esc leaves it as it is")
+        lines.append("\nthe same letter again: the other way round")
         return lines
 
     def on_key(self, event: events.Key) -> None:

@@ -1,5 +1,6 @@
 """Edits reach what they are meant for: hidden marks, slow dialogs, equal changes, lost terminals."""
 
+import os
 import threading
 
 import numpy as np
@@ -139,6 +140,16 @@ async def test_edits_that_a_lost_terminal_left_are_offered_at_the_next_start(fak
         assert screen.value(FIRST, Field.DIVIDER) == "7"
         await screen.press("u")
         await screen.until(lambda: not path.exists(), "nothing is kept")
+
+
+async def test_a_second_terminal_without_edits_leaves_those_of_the_first_alone(fake, new_fake, opened):
+    path = kept.path_of("anymal", "robot")
+    first = path.with_name(path.name.replace(str(os.getpid()), "1"))  # a process that lives
+    kept.keep(first, [kept.KeptEdit(FIRST, int(Field.DIVIDER), 1, 7)])
+    async with opened(fake) as screen:
+        assert "were not applied" not in screen.text
+        await screen.press("d", "7", "enter", "u")
+    assert first.exists()
 
 
 async def test_edits_that_were_dropped_at_the_end_are_not_offered_again(fake, opened):
