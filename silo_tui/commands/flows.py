@@ -366,7 +366,7 @@ async def take_up_edits(context: Context) -> None:
     body.append_text(diff_text(changes, session.table.prefix))
     choices = [Choice("take", "Take them up again, pending", "t"), Choice("later", "Ask again next time"),
                Choice("drop", "Drop them", "d")]  # fmt: skip
-    question = Question(f"{text.plural(len(edits), 'edit')} of {session.name} were not applied", body, choices)
+    question = Question(f"Not applied: {text.plural(len(edits), 'edit')} of {session.name}", body, choices)
     answer = await context.app.push_screen_wait(question)
     if answer not in {"take", "drop"}:
         return

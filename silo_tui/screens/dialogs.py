@@ -157,7 +157,7 @@ class Prompt(ModalScreen[str | None]):
             line.cursor_position = len(line.value)
 
     def _take_keys(self) -> None:
-        if self.app.screen is self:
+        if self.is_active:
             self.set_focus(self.query_one(Input))
 
     def on_key(self, event: events.Key) -> None:

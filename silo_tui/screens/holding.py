@@ -28,18 +28,22 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
         self._began = time.monotonic()
         self._keys: list[events.Key] = []
         self.ended = False
+        self._there = False
 
     def compose(self) -> ComposeResult:
         """Yield the line."""
         yield Static("", id="waiting", markup=False)
 
     def on_mount(self) -> None:
-        """Begin to count the seconds."""
+        """Begin to count the seconds; go, where what was asked for came sooner than this."""
+        self._there = True
         self.set_interval(0.1, self._tell)
+        if self.ended:
+            self.call_later(self.end)
 
     def _tell(self) -> None:
         waited = time.monotonic() - self._began
-        if waited >= TELLS_AFTER_S and self.app.screen is self:
+        if waited >= TELLS_AFTER_S and self.is_active:
             line = self.query_one("#waiting", Static)
             line.display = True
             line.update(f"waiting for {self._what} {text.span(float(f'{waited:.1f}'))}   Esc lets it go on")
@@ -55,12 +59,12 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
         """Wait for the next step."""
         self._began = time.monotonic()
         if self.ended:
-            self.dismiss()
+            self.end()
 
     def end(self) -> None:
         """Go, at once or as soon as what lies above is gone."""
         self.ended = True
-        if self.app.screen is self:
+        if self._there and self.is_active:  # one that is still being made can't be taken away
             self.dismiss()
 
     def on_key(self, event: events.Key) -> None:
