@@ -158,6 +158,7 @@ class Prompt(ModalScreen[str | None]):
 
     def _take_keys(self) -> None:
         if self.is_active:
+            self.query_one(Input).select_on_focus = not self._typed  # the next letter would replace what is selected
             self.set_focus(self.query_one(Input))
 
     def on_key(self, event: events.Key) -> None:

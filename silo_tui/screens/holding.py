@@ -50,7 +50,8 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
 
     def on_screen_suspend(self) -> None:
         """Hand over what was typed, where the dialog that came is a line to type in; an answer must not be guessed."""
-        self.query_one("#waiting").display = False
+        for line in self.query("#waiting"):
+            line.display = False
         keys, self._keys = self._keys, []
         if isinstance(self.app.screen, Prompt):
             self.app.screen.take_early(keys)

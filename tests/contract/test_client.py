@@ -368,7 +368,8 @@ def test_a_survey_tells_elements_entries_and_what_is_saved_only(side, client):
     client.start()
     client.survey(["max"])
     side.ticks(50)
-    wanted = [X, Q, Q + "_1", KEPT]
+    entry = next(element for element in client.table().elements if element.name == Q).entries[1]
+    wanted = [X, Q, Q + entry.suffix, KEPT]
     deadline = time.monotonic() + DEADLINE_S
     found = np.full(4, np.nan)
     while not np.isfinite(found).all():
