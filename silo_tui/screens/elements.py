@@ -72,9 +72,8 @@ class ElementsScreen(SiloScreen):
         yield Static("", id="empty", markup=False)
         yield self.info
         yield Static("", id="filter-notes", markup=False)
-        with Horizontal(id="filter-row"):
-            yield Line(self._complete_filter, self.filter_hint, "filter-line")
-            yield Static("", id="filter-count", markup=False)
+        # right below the screen: what it tells would come later than the next key by another level
+        yield Line(self._complete_filter, self.filter_hint, "filter-line")
         yield from self.lines()
         yield KeyBar(self.scope, read_only=self._read_only)
 
@@ -206,7 +205,6 @@ class ElementsScreen(SiloScreen):
     def command_filter(self) -> None:
         self.query_one(KeyBar).show_instead(FILTER_KEYS)
         self.query_one("#filter-line", Line).begin(self.session.rows.filter.text)
-        self.query_one("#filter-count").display = True
         self.info.display = False
         self._show_filter()
 
@@ -308,23 +306,24 @@ class ElementsScreen(SiloScreen):
     def _show_filter(self) -> None:
         """Show what passes the filter while it is typed, and what is the matter with it."""
         line, notes = self.query_one("#filter-line", Line), self.query_one("#filter-notes", Static)
-        count = self.query_one("#filter-count", Static)
-        notes.display = count.display = line.display
+        notes.display = line.display
         if not line.display:
             return
         rows, found = self.session.rows, self.session.rows.filter
         hidden = f" │ {rows.hidden_marked} marked are hidden" if rows.hidden_marked else ""
-        count.update(f"{len(rows.shown)} of {len(self.session.table)}{hidden}")
+        count = f"{len(rows.shown)} of {len(self.session.table)}{hidden}"
+        room = self.app.size.width - 2 - len(count)
         words = FILTER_HINTS if not line.value else ""
         if found.problems:
             begin, end = found.places[0]
             words = f"{' ' * begin}{'^' * (end - begin)} {found.problems[0]}; left out meanwhile"
-            if len(words) > self.app.size.width - 2:  # the reason whole, where both have no room on one line
+            if len(words) >= room:  # the reason whole, where both have no room on one line
                 words = f"{found.problems[0]}\n{' ' * begin}{'^' * (end - begin)}"
         elif not len(rows.shown) and len(self.session.table):
             words = self._why_none()
-        notes.update(words)
-        notes.display = bool(words)
+        *above, last = words.split("\n")
+        above += [last] if len(last) >= room else []
+        notes.update("\n".join([*above, f"{'' if len(last) >= room else last:<{max(0, room)}}{count}"]))
 
     def _why_none(self) -> str:
         """Return which term takes everything away."""
@@ -335,7 +334,7 @@ class ElementsScreen(SiloScreen):
         return f"0 of {len(self.session.table)}; without {term}: {count}"
 
     def _back_to_table(self) -> None:
-        self.query_one("#filter-notes").display = self.query_one("#filter-count").display = False
+        self.query_one("#filter-notes").display = False
         self.query_one(KeyBar).show_instead("")
         self.info.ask("")
         self.info.display = True
