@@ -13,6 +13,7 @@ from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
 from silo_tui.context import Context, SiloScreen
+from silo_tui.screens.holding import Holding
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
 from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
@@ -48,7 +49,8 @@ class SiloApp(App[None]):
         self.theme = "textual-dark"
         self.theme = theme.chosen() if theme.chosen() in self.available_themes else theme.DARK.name
         self.animation_level = "none"
-        self.context = Context(self, read_only=read_only)
+        self.context = Context(self, Holding, read_only=read_only)
+        self.context.take_up = lambda: self.context.run_flow(flows.take_up_edits(self.context))
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz)
         self._rate_hz = rate_hz
@@ -88,6 +90,7 @@ class SiloApp(App[None]):
         if self._opener.demo is not None:
             self._opener.demo.stop()
         if self.context.has_session:
+            self.context.keep_edits()
             self.context.session.close()
 
     # ---------------------------------------------------------------------------------------------------- timers

@@ -20,6 +20,7 @@ from silo.helper.requests import check_edits
 from silo.helper.robot import Robot
 from silo.helper.samples import check_samples, samples
 from silo.helper.saver import Saver
+from silo.helper.statistics import Surveyor
 from silo.ipc.messages import (
     AnyReply,
     ApplyEdits,
@@ -33,6 +34,7 @@ from silo.ipc.messages import (
     GetHistory,
     GetSamples,
     GetStatus,
+    GetSurvey,
     GetTable,
     GoesOn,
     Hello,
@@ -61,6 +63,7 @@ from silo.ipc.messages import (
     StatusReply,
     Stop,
     StreamOpened,
+    Survey,
     ViewOpened,
 )
 from silo.ipc.published import EventKind
@@ -100,6 +103,11 @@ class Answers:
         self._saver = saver
         self._robot = robot
         self._pins = Pins()
+        self._surveyor = Surveyor(mirror)
+
+    def stop(self) -> None:
+        """End what goes on by itself."""
+        self._surveyor.stop()
 
     def answer(self, request: Request[Any]) -> bytes:
         """Return the encoded answer; waits for the robot process where it must."""
@@ -173,6 +181,10 @@ class Answers:
     def _close_pin(self, request: ClosePin) -> Done:
         self._pins.close(request.pin)
         return Done("the pin is closed")
+
+    @answers_to(GetSurvey)
+    def _survey(self, request: GetSurvey) -> Survey | Refused:
+        return self._surveyor.answer(_signed(request))
 
     @answers_to(ListScripts)
     def _list_scripts(self, _: ListScripts) -> Scripts:

@@ -33,6 +33,7 @@ from silo.ipc.messages import (
     GetHistory,
     GetSamples,
     GetStatus,
+    GetSurvey,
     GetTable,
     Hello,
     HelloReply,
@@ -56,6 +57,7 @@ from silo.ipc.messages import (
     StatusReply,
     Stop,
     StreamOpened,
+    Survey,
     Unsaved,
     ViewOpened,
     by_of,
@@ -261,6 +263,16 @@ class Client:
                 names=request.names, by=request.by, reply_bytes=reply_bytes, pin=request.pin, run=reply.run,
                 resume=reply.resume, client=self._name,
             )  # fmt: skip
+
+    def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
+        """Return quantities (see `silo.ipc.surveys`) of elements or entries; of all elements without `names`."""
+        request = GetSurvey(
+            quantities=texts("quantities", quantities, "['mean', 'std']"),
+            names=texts("names", names, "['/log/joints/q']"),
+            reset=reset,
+            client=self._name,
+        )
+        return self._call(request)
 
     # ---------------------------------------------------------------------------------------------------- changing
 

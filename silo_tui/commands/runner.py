@@ -128,7 +128,7 @@ class CommandRunner:
         """Carry out `:sort COLUMN`."""
         if len(spelled.arguments) != 1 or spelled.arguments[0] not in self._context.session.rows.sorts:
             raise ValueError(f"sort by one of {', '.join(self._context.session.rows.sorts)}")
-        self._context.session.rows.sort = spelled.arguments[0]
+        self._context.session.rows.order_by(spelled.arguments[0])
         self._context.table_changed()
 
     def word_mark(self, spelled: command_line.Spelled) -> None:

@@ -7,12 +7,15 @@ from rich.text import Text
 from textual.app import RenderResult
 from textual.widget import Widget
 
+from silo.ipc.surveys import SLOW_SHARE
 from silo.model import State
 from silo_tui.actions import Command, footer_for
 from silo_tui.model import text
+from silo_tui.model.orders import STEADY
 from silo_tui.model.plots import PlotWindow
 from silo_tui.sessions.live import Session
 
+STATISTICS = ("max", "min", "mean", "std")
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
 
@@ -62,7 +65,16 @@ class StatusBar(Widget):
         if self.size.width >= 100:
             line.append(" elements")
         rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz
-        line.append(f"  {rate:.4g} Hz")
+        slow = session.running and session.connected and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
+        line.append(f"  {rate:.4g} Hz", style=f"bold {color(variables, 'warning')}" if slow else "")
+        if slow:
+            jitter = (
+                f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}"
+                if session.jitter_s and self.size.width >= 100
+                else ""
+            )
+            words = f" << of {status.frequency_hz:.4g}{jitter}"
+            line.append(words, style=f"bold {color(variables, 'warning')}")
         if self.size.width >= 100:
             line.append(f"  {text.count(session.ticks)} ticks")
         lost = session.lost_total
@@ -121,18 +133,20 @@ class Banner(Widget):
 class InfoLine(Widget):
     """Marks, pending edits, filter, and what was done last."""
 
-    DEFAULT_CSS = "InfoLine { height: 1; padding: 0 1; }"
+    DEFAULT_CSS = "InfoLine { height: auto; min-height: 1; max-height: 6; padding: 0 1; }"
 
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
         self._said = ""
         self._prompt = ""
+        self._whole = False
 
-    def say(self, words: str) -> None:
-        """Show a result until the next one."""
+    def say(self, words: str, *, whole: bool = False) -> None:
+        """Show a result until the next one; `whole`: in as many lines as it takes, marked as a failure."""
+        had, self._whole = self._whole, whole
         self._said = words
-        self.refresh()
+        self.refresh(layout=had or whole)
 
     def ask(self, words: str) -> None:
         """Show what is to be typed, alone, whatever happens meanwhile; empty: no more."""
@@ -143,6 +157,8 @@ class InfoLine(Widget):
         """Return the line."""
         if self._prompt:
             return Text(self._prompt, no_wrap=True, overflow="ellipsis")
+        if self._whole:
+            return Text(self._said, style=f"bold {color(self.app.theme_variables, 'error')}")
         session, rows = self.session, self.session.rows
         parts: list[str] = []
         if rows.anchor is not None:
@@ -160,10 +176,18 @@ class InfoLine(Widget):
         if rows.filter.text:
             parts.append(f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}")
             parts += [f"? {problem}" for problem in rows.filter.problems[:1]]
+        if rows.sort not in STEADY:
+            since = f" since {text.clock(session.table.facts.since_ns)}" if rows.sort in STATISTICS else ""
+            parts.append(f"by {rows.sort} {rows.arrow}{since}")
         if self._said:
             parts.append(self._said)
-        if not parts and len(rows.shown):
-            parts.append(f"{rows.position + 1} of {len(rows.shown)}")
+        if not parts and len(rows.tree.lines):
+            branches = len(rows.tree.branches)
+            parts.append(
+                f"{len(rows.shown)} in {text.plural(branches, 'name space')}"
+                if branches
+                else f"{rows.position + 1} of {len(rows.tree.lines)}"
+            )
         while self._said and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
             parts.pop(0)  # what was said last is read whole
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")

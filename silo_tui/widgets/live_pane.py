@@ -19,8 +19,10 @@ from silo.ipc.published import NotLive
 from silo.model import BufferType, State
 from silo_tui.model.columns import hold_piece
 from silo_tui.model.fields import Field
-from silo_tui.model.live import fill_share, value_text
+from silo_tui.model.live import component_text, fill_share, value_text
 from silo_tui.model.plots import trend
+from silo_tui.model.table import Rows
+from silo_tui.model.tree import entry_of, row_of
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.element_table import ElementTable
 
@@ -38,6 +40,8 @@ class PaneColumn:
     width: "Callable[[LivePane], int]"
     draw: "Callable[[LivePane, int], tuple[str, str]]"
     right: bool = False
+    branch: "Callable[[LivePane, Rows], tuple[str, str]] | None" = None  # of the elements below a branch
+    entry: "Callable[[LivePane, int, int], tuple[str, str]] | None" = None  # of one entry of an element
 
 
 class LivePane(Widget):
@@ -45,7 +49,7 @@ class LivePane(Widget):
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "live--row", "live--cursor", "live--quiet", "live--value", "live--stale", "live--lost", "live--trend",
-        "live--full", "live--rail",
+        "live--full", "live--rail", "live--caution",
     }  # fmt: skip
     DEFAULT_CSS = "LivePane { height: 1fr; width: 18; }"
 
@@ -131,28 +135,47 @@ class LivePane(Widget):
         top = self._table.scroll_offset.y
         position = top + line
         rows = self.session.rows
-        if position >= len(rows.shown):
+        if position >= len(rows.tree.lines):
             return False, (), " "
         is_cursor = position == rows.position
-        pieces = self._pieces(int(rows.shown[position]))
+        pieces = self._pieces(int(rows.tree.lines[position]))
         if is_cursor:  # grey on the cursor's line is hard to read in 16 colours
             pieces = [(words, "" if style == "live--quiet" else style) for words, style in pieces]
         return is_cursor, tuple(pieces), self._rail(line, top)
 
     def _rail(self, line: int, top: int) -> str:
-        total, height = len(self.session.rows.shown), max(1, self.size.height)
+        total, height = len(self.session.rows.tree.lines), max(1, self.size.height)
         if total <= height:
             return " "
         length = max(1, height * height // total)
         start = round((height - length) * top / (total - height))
         return "▐" if start <= line < start + length else " "
 
-    def _pieces(self, row: int) -> list[tuple[str, str]]:
+    def _pieces(self, line: int) -> list[tuple[str, str]]:
+        row, entry = row_of(line), entry_of(line)
         pieces = [(" ", "")]
         for place, (column, width) in enumerate(self.shown):
-            words, style = column.draw(self, row)
+            words, style = "", ""
+            if row is None:
+                if column.branch is not None:
+                    words, style = column.branch(self, self.session.rows.tree.branches[-1 - line].rows)
+            elif entry is None:
+                words, style = column.draw(self, row)
+            elif column.entry is not None:
+                words, style = column.entry(self, row, entry)
             pieces.append((" " * (place > 0) + _fitted(words, width, column), style))
         return pieces
+
+    def entry_name(self, row: int, entry: int) -> str:
+        """Return the full name of an entry."""
+        element = self.session.table.elements[row]
+        return element.name + element.entries[entry].suffix
+
+    def shown_name(self, row: int) -> str:
+        """Return of what the row tells: the element, or the entry of it that was chosen."""
+        name = self.session.table.names[row]
+        chosen = self.session.rows.components.get(name, 0)
+        return self.entry_name(row, chosen - 2) if chosen >= 2 else name
 
     def trend(self, row: int) -> str:
         """Return the newest columns of the first entry, drawn."""
@@ -199,12 +222,25 @@ def _value(pane: LivePane, row: int) -> tuple[str, str]:
     if session.running and reading.why in WHY_NOT_LIVE:  # what it kept last isn't its value
         return WHY_NOT_LIVE[reading.why], "live--quiet"
     style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"
+    # an order by value is one of norms
+    chosen = session.rows.components.get(element.name, 1 if session.rows.sort in {"value", "|value|"} else 0)
+    if chosen and len(element.entries) > 1 and all(entry.dtype[1:2] in "biuf" for entry in element.entries):
+        return component_text(element, reading, chosen, pane.value_width), style
     return value_text(element, reading, pane.value_width), style
+
+
+def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
+    words, style = _value(pane, row)
+    element = pane.session.table.elements[row]
+    reading = pane.session.live.readings.get(element.name)
+    if reading is None or style not in {"live--value", "live--stale"}:
+        return words, style
+    return component_text(element, reading, entry + 2, pane.value_width, named=False), style
 
 
 LIVE_PANE = (
     PaneColumn(lambda pane: "fill", lambda pane: 4, _fill),
-    PaneColumn(lambda pane: "value", lambda pane: pane.value_width, _value, right=True),
+    PaneColumn(lambda pane: "value", lambda pane: pane.value_width, _value, right=True, entry=_entry_value),
     PaneColumn(
         lambda pane: "trend",
         lambda pane: pane.trend_width,
