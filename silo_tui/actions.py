@@ -5,7 +5,9 @@ meaning differs from the key's, by `word_x` in `commands/runner.py`. A new one t
 test. Keys avoid what terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of the program.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from textual.binding import Binding
 
@@ -50,7 +52,7 @@ class Command:
     @property
     def key_text(self) -> str:
         """All keys as people write them."""
-        return " ".join(_KEY_TEXTS.get(key, key) for key in self.keys.split(","))
+        return " ".join(KEY_TEXTS.get(key, key) for key in self.keys.split(","))
 
     @property
     def footer_key(self) -> str:
@@ -58,14 +60,14 @@ class Command:
         return self.shown_key or self.key_text.split(" ", 1)[0]
 
 
-_KEY_TEXTS = {
+KEY_TEXTS = {
     "slash": "/", "asterisk": "*", "question_mark": "?", "colon": ":", "equals_sign": "=",
     "escape": "Esc", "enter": "Enter",
     "space": "space", "up": "↑", "down": "↓", "left": "←", "right": "→", "plus": "+", "minus": "-", "underscore": "_",
     "pageup": "PgUp", "pagedown": "PgDn", "home": "Home", "end": "End", "full_stop": ".", "tab": "Tab", "comma": ",",
     "circumflex_accent": "^", "dollar_sign": "$",
     "shift+left": "⇧←", "shift+right": "⇧→", "ctrl+r": "^r", "ctrl+p": "^p", "ctrl+d": "^d", "ctrl+u": "^u",
-    "ctrl+l": "^l", "ctrl+q": "^q",
+    "ctrl+l": "^l", "ctrl+q": "^q", "f1": "F1", "f2": "F2",
 }  # fmt: skip
 
 _TABLE = ("table",)
@@ -195,20 +197,26 @@ COMMANDS: tuple[Command, ...] = (
 )
 # fmt: on
 
+NO_KEYS: Mapping[str, str] = MappingProxyType({})
 BY_ID = {command.id: command for command in COMMANDS}
 BY_WORD = {word: command for command in COMMANDS if command.typed is not None for word in command.typed.words}
 
 
-def commands_for(scope: str) -> list[Command]:
-    """Return what can be done with keys on a screen."""
-    return [command for command in COMMANDS if scope in command.scopes or "any" in command.scopes]
+def commands_for(scope: str, keys: Mapping[str, str] = NO_KEYS) -> list[Command]:
+    """Return what can be done with keys on a screen; `keys` are the user's own, by command."""
+    return [with_keys(keys, command) for command in COMMANDS if scope in command.scopes or "any" in command.scopes]
 
 
-def commands_like(scope: str) -> list[Command]:
+def with_keys(keys: Mapping[str, str], command: Command) -> Command:
+    """Return a command with the user's own keys, if it has some."""
+    return replace(command, keys=keys[command.id], shown_key="") if command.id in keys else command
+
+
+def commands_like(scope: str, keys: Mapping[str, str] = NO_KEYS) -> list[Command]:
     """Return what can be done where a screen belongs to: on loggers, or on a file."""
     on_file = scope in FILE_SCOPES
     return [
-        command
+        with_keys(keys, command)
         for command in COMMANDS
         if any(each == "any" or (each in FILE_SCOPES) == on_file for each in command.scopes)
     ]
@@ -221,12 +229,12 @@ def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str,
     others at any time after. A slow link brings several keys at once, and `d 5 Enter j` has to stay in this order.
     """
     return [
-        Binding(command.keys, f"command('{command.id}')", command.label, show=False, priority=True)
+        Binding(command.keys, f"command('{command.id}')", command.label, show=False, priority=True, id=command.id)
         for command in commands_for(scope)
     ]
 
 
-def footer_for(scope: str, *, read_only: bool = False) -> list[Command]:
+def footer_for(scope: str, *, read_only: bool = False, keys: Mapping[str, str] = NO_KEYS) -> list[Command]:
     """Return what the key bar shows, most wanted first."""
-    shown = [command for command in commands_for(scope) if command.footer and not (read_only and command.writes)]
+    shown = [command for command in commands_for(scope, keys) if command.footer and not (read_only and command.writes)]
     return sorted(shown, key=lambda command: command.footer)

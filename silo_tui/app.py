@@ -2,6 +2,7 @@
 """The app: it puts context, screens and commands together, and brings what a logger reports to the screens."""
 
 import asyncio
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import App
@@ -17,6 +18,8 @@ from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
 from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
 from silo_tui.sessions.live import Session
+from silo_tui.settings.options import Settings
+from silo_tui.settings.reading import Problem
 
 if TYPE_CHECKING:
     from silo_tui.sessions.recorded import FileSession
@@ -40,15 +43,21 @@ class SiloApp(App[None]):
         read_only: bool = False,
         rate_hz: float = 5.0,
         file: "FileSession | None" = None,
+        settings: Settings | None = None,
+        settings_problems: Sequence[Problem] = (),
     ) -> None:
         super().__init__()
         for each in theme.THEMES:
             self.register_theme(each)
         # Textual took TEXTUAL_THEME as it was before ours were known: only a change makes it look again
         self.theme = "textual-dark"
-        self.theme = theme.chosen() if theme.chosen() in self.available_themes else theme.DARK.name
+        settings = settings or Settings()
+        self.theme = theme.chosen(settings.theme, self.available_themes)
         self.animation_level = "none"
-        self.context = Context(self, read_only=read_only)
+        self.context = Context(
+            self, read_only=read_only, settings=settings, settings_problems=settings_problems
+        )
+        self.set_keymap(dict(settings.keys))
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz)
         self._rate_hz = rate_hz
@@ -82,6 +91,7 @@ class SiloApp(App[None]):
         await self.push_screen(FileTableScreen(file))
         self.context.table_changed()
         self.context.status_changed()
+        self.context.say_settings_problems()
 
     def release(self) -> None:
         """End what was started: the demo's process and the connection."""

@@ -5,9 +5,12 @@ Heavy imports wait until it is clear that a screen is wanted.
 
 import os
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
+
+from silo_tui.settings.themes import THEMES
 
 if TYPE_CHECKING:
     from silo_tui.sessions.recorded import FileSession
@@ -31,15 +34,18 @@ Examples:
 @click.option("--demo", is_flag=True, help="Start a simulated robot, open it, and end it on quitting.")
 @click.option("--read-only", is_flag=True, help="Look only: nothing that changes the logger.")
 @click.option(
-    "--rate", default=5.0, show_default=True, type=click.FloatRange(0.5, 10.0), metavar="HZ", help="Refreshes a second."
+    "--rate", type=click.FloatRange(0.5, 10.0), metavar="HZ", help="Refreshes a second. Default: 5, or as set (F2)."
 )
+@click.option("--theme", type=click.Choice(THEMES), help="Colours. Default: dark, or as set (F2).")
 @click.option(
     "--mouse/--no-mouse",
     default=None,
-    help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text.",
+    help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text; or as set (F2).",
 )
 @click.version_option(package_name="silo-logger", prog_name="silo-tui")
-def command(target: str, config: str, demo: bool, read_only: bool, rate: float, mouse: bool | None) -> None:
+def command(
+    target: str, config: str, demo: bool, read_only: bool, rate: float | None, theme: str | None, mouse: bool | None
+) -> None:
     """Configure and watch the loggers of this computer, or look at a saved log.
 
     LOGGER is the name of one of them. FILE is a .silo, .csv or .mcap file, a bag folder, the beginning of a file name
@@ -53,7 +59,7 @@ def command(target: str, config: str, demo: bool, read_only: bool, rate: float, 
     file = None if config else _file(target)
     if not all(end is not None and end.isatty() for end in (sys.stdin, sys.stdout)):  # None where the shell closed it
         raise click.ClickException("silo-tui needs a terminal; `silo watch` writes plain lines, also into a pipe")
-    sys.exit(_run(target, config, file, demo=demo, read_only=read_only, rate_hz=rate, mouse=mouse))
+    sys.exit(_run(target, config, file, demo=demo, read_only=read_only, rate=rate, theme=theme, mouse=mouse))
 
 
 def _file(target: str) -> "FileSession | None":
@@ -82,24 +88,34 @@ def _run(
     *,
     demo: bool,
     read_only: bool,
-    rate_hz: float,
+    rate: float | None,
+    theme: str | None,
     mouse: bool | None,
 ) -> int:
     from silo_tui import terminal
     from silo_tui.app import SiloApp
     from silo_tui.sessions.demo import Demo
     from silo_tui.sessions.finder import ClientFinder
+    from silo_tui.settings.reading import read_file
 
+    settings, problems = read_file()
+    if theme is not None:
+        os.environ.pop("TEXTUAL_THEME", None)
+        settings = replace(settings, theme=theme)
+    if mouse is None:
+        mouse = not terminal.over_ssh() if settings.mouse == "auto" else settings.mouse == "on"
     app = SiloApp(
         ClientFinder(config),
         name=logger,
         demo=Demo() if demo else None,
         read_only=read_only and file is None,  # nothing of a file can be changed
-        rate_hz=rate_hz,
+        rate_hz=settings.rate if rate is None else rate,
         file=file,
+        settings=settings,
+        settings_problems=problems,
     )
     try:
-        app.run(mouse=not terminal.over_ssh() if mouse is None else mouse)
+        app.run(mouse=mouse)
     finally:
         app.release()
     return app.return_code or 0

@@ -105,6 +105,7 @@ class Opener:
         self._failed.pop(logger.key, None)
         context.table_changed()
         context.status_changed()
+        context.say_settings_problems()
         return True
 
     async def _let_go(self) -> None:

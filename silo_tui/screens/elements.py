@@ -2,6 +2,7 @@
 """What the tables of a logger and of a file share: layout, cursor, filter, marks, order."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
 
 from textual import events
 from textual.app import ComposeResult
@@ -111,6 +112,7 @@ class ElementsScreen(SiloScreen):
         self.pane.live_changed()
         self.inspector.refresh()
         self.info.refresh()
+        self.update_keys()
         self._show_emptiness()
         self.request_view_soon()
 
@@ -224,6 +226,15 @@ class ElementsScreen(SiloScreen):
         if self.app.size.width < WIDE:
             self.say(f"the inspector needs {WIDE} columns; this terminal has {self.app.size.width}")
         self._lay_out(self.app.size.width)
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return what a range, a filter or marks ask for."""
+        rows = self.session.rows
+        if rows.anchor is not None:
+            return (("range", "Mark the range"), ("back", "Leave it"))
+        if rows.filter.text:
+            return (("back", "All again"),)
+        return (("back", "Unmark"),) if rows.marked_count else ()
 
     def command_back(self) -> None:
         """Leave the range, then the filter, then the marks; never pending edits."""

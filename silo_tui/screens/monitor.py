@@ -301,6 +301,13 @@ class MonitorScreen(SiloScreen):
         end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
         self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s))
 
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return what a pause or a cursor asks for."""
+        live = self.source.live
+        paused = (("pause", "Go on"),) if self.window.paused and live else ()
+        back = "No cursor" if self.window.cursor is not None else "Live" if self.window.paused and live else ""
+        return (*paused, ("cursor_left", "Cursor"), ("back", back)) if back else paused
+
     def command_back(self) -> None:
         """Leave the cursor, then the pause, then the screen."""
         if self.window.cursor is not None:
