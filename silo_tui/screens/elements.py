@@ -228,13 +228,13 @@ class ElementsScreen(SiloScreen):
         self._lay_out(self.app.size.width)
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
-        """Return what a range, a filter or marks ask for."""
+        """Return what a range or a filter asks for."""
         rows = self.session.rows
         if rows.anchor is not None:
             return (("range", "Mark the range"), ("back", "Leave it"))
         if rows.filter.text:
-            return (("back", "All again"),)
-        return (("back", "Unmark"),) if rows.marked_count else ()
+            return (("filter", "Filter"), ("back", "All again"))
+        return ()
 
     def command_back(self) -> None:
         """Leave the range, then the filter, then the marks; never pending edits."""

@@ -231,13 +231,13 @@ class ElementTable(ScrollView, can_focus=True):
             base.append("table--range")
         if is_cursor:
             base.append("table--cursor")
-        flag, flag_style = (" ", "table--quiet")
+        flag, flag_style = (" ", "table--row")
         if conflicts.any():
             flag, flag_style = "!", "table--conflict"
         elif pending.any():
             flag, flag_style = "*", "table--pending"
         yield Segment(flag, self._style(*base, flag_style))
-        yield Segment(">" if marked else " ", self._style(*base, "table--marked"))
+        yield Segment(">" if marked else " ", self._style(*base, *(["table--marked"] if marked else [])))
         width = self.name_width
         name = self._fitted(text.shorten_left(self.session.short_name(self.session.table.names[row]), width), width)
         yield Segment(name, self._style(*base, *(["table--marked"] if marked else [])))
