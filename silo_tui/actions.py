@@ -74,6 +74,7 @@ _TABLE = ("table",)
 _MONITOR = ("monitor",)
 _DETAIL = ("detail",)
 _LOGGERS = ("loggers",)
+_SETTINGS = ("settings",)
 _BOTH = ("table", "monitor")
 # the same screens on a file: what changes a logger has no place there
 _FILE = ("file",)
@@ -177,6 +178,22 @@ COMMANDS: tuple[Command, ...] = (
     Command("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
     Command("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 2),
+    # ------------------------------------------------------------------------------------------------ settings
+    Command("settings", "f2", "Settings", "colours, keys, columns, mouse and the like", "Go", ("any",),
+            typed=Typed(("settings",))),
+    Command("next_setting", "j,down", "Down", "next line", "Settings", _SETTINGS, hidden=True),
+    Command("previous_setting", "k,up", "Up", "previous line", "Settings", _SETTINGS, hidden=True),
+    Command("first_setting", "g,home", "Top", "first line", "Settings", _SETTINGS),
+    Command("last_setting", "G,end", "Bottom", "last line", "Settings", _SETTINGS),
+    Command("settings_down", "ctrl+d,pagedown", "Page down", "a page down", "Settings", _SETTINGS),
+    Command("settings_up", "ctrl+u,pageup", "Page up", "a page up", "Settings", _SETTINGS),
+    Command("change_setting", "e,enter", "Change", "the next word, a number to type, a key to press", "Settings",
+            _SETTINGS, 1),
+    Command("earlier_word", "h,left", "Choose", "the word before", "Settings", _SETTINGS, 2, shown_key="←→"),
+    Command("later_word", "l,right", "Word after", "the word after", "Settings", _SETTINGS),
+    Command("default_setting", "x", "Default", "as it is without a file", "Settings", _SETTINGS, 4),
+    Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
+    Command("find_setting", "slash", "Search", "show only some lines", "Settings", _SETTINGS, 5),
     # ------------------------------------------------------------------------------------------------------ app
     Command("command", "colon", "Command", "type a command, Tab completes it", "Go", _TABLE, 11),
     Command("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?", typed=Typed(("help",))),

@@ -79,7 +79,7 @@ class SiloApp(App[None]):
             await self._show_file(self._file)
             return
         await self.push_screen(self._opener.first_screen)
-        self.set_interval(1 / self._rate_hz, self._poll)
+        self._polling = self.set_interval(1 / self._rate_hz, self._poll)
         self.set_interval(1.0, self._second)
         self._opener.search_on()
 
@@ -205,6 +205,32 @@ class SiloApp(App[None]):
 
     def command_refresh(self) -> None:
         self.context.run_flow(self.context.session.reload())
+
+    def command_settings(self) -> None:
+        from silo_tui.screens.settings import SettingsScreen
+
+        if isinstance(self.screen, SettingsScreen):
+            self.screen.command_back()
+        else:
+            self.push_screen(SettingsScreen(self.take_settings))
+
+    def take_settings(self, settings: Settings) -> None:
+        """Let everything follow other settings at once."""
+        old, self.context.settings = self.context.settings, settings
+        if settings.theme != old.theme:
+            self.theme = theme.theme_name(settings.theme)
+        if settings.mouse != old.mouse:
+            terminal.take_mouse(self, wanted=terminal.mouse_wanted(settings.mouse))
+        if settings.keys != old.keys:
+            self.set_keymap(dict(settings.keys))
+        if settings.rate != old.rate and self._file is None:
+            self._opener.rate_hz = settings.rate
+            self._polling.stop()
+            self._polling = self.set_interval(1 / settings.rate, self._poll)
+            if (session := self._live_session) is not None and session.link is not None:
+                session.link.set_rate(settings.rate)
+        self.context.tell(lambda screen: screen.settings_changed())
+        self.context.tell(lambda screen: screen.update_keys())
 
     def command_quit(self) -> None:
         self.context.run_flow(flows.leave(self.context))

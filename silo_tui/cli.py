@@ -98,12 +98,13 @@ def _run(
     from silo_tui.sessions.finder import ClientFinder
     from silo_tui.settings.reading import read_file
 
-    settings, problems = read_file()
+    in_file, problems = read_file()
+    settings = in_file
     if theme is not None:
         os.environ.pop("TEXTUAL_THEME", None)
         settings = replace(settings, theme=theme)
     if mouse is None:
-        mouse = not terminal.over_ssh() if settings.mouse == "auto" else settings.mouse == "on"
+        mouse = terminal.mouse_wanted(settings.mouse)
     app = SiloApp(
         ClientFinder(config),
         name=logger,
@@ -114,6 +115,7 @@ def _run(
         settings=settings,
         settings_problems=problems,
     )
+    app.context.saved_settings = in_file
     try:
         app.run(mouse=mouse)
     finally:

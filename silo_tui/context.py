@@ -255,5 +255,8 @@ class SiloScreen(Screen[None]):
     def request_view(self) -> None:
         """Request the view of what is on this screen, again."""
 
+    def settings_changed(self) -> None:
+        """Follow a change of the user's settings."""
+
     def say(self, words: str) -> None:
         """Show the result of something that was done."""

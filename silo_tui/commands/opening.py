@@ -27,7 +27,7 @@ class Opener:
         self._app = context.app
         self._finder = finder
         self._wanted = wanted
-        self._rate_hz = rate_hz
+        self.rate_hz = rate_hz
         self._failed: dict[str, str] = {}  # by key, why it could not be opened: not tried again by itself
 
     @property
@@ -116,7 +116,7 @@ class Opener:
 
     async def _attach(self, session: Session, logger: FoundLogger) -> None:
         client = await asyncio.to_thread(self._finder.connect, logger)
-        link = Link(client, self._app.post_message, self._rate_hz)
+        link = Link(client, self._app.post_message, self.rate_hz)
         try:
             await session.attach(link)
         except (SiloError, OSError):

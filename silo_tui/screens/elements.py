@@ -79,6 +79,7 @@ class ElementsScreen(SiloScreen):
     def on_mount(self) -> None:
         """Give the keys to the table."""
         self.table.focus()
+        self.settings_changed()
         self._lay_out(self.app.size.width)
 
     def on_resize(self, event: events.Resize) -> None:

@@ -78,6 +78,11 @@ class TableScreen(ElementsScreen):
 
     # ------------------------------------------------------------------------------------ what the app tells us
 
+    def settings_changed(self) -> None:
+        """Show the columns that are wanted."""
+        self.table.choose_columns(self.context.settings.columns)
+        self.table_head.refresh()
+
     def live_changed(self, frame: Frame) -> None:
         """Show new values; ask once for what was in frames that got lost: the logger still has it."""
         super().live_changed(frame)

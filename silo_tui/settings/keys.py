@@ -66,6 +66,15 @@ def typed_keys(keys: str) -> str:
     return words[0] if len(words) == 1 else f"[{', '.join(words)}]"
 
 
+def key_problem(key: str) -> str:
+    """Return why a key that was pressed can't be a command's; empty where it can."""
+    try:
+        read_key(typed_keys(key).strip('"'))
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
 def clashes(keys: Mapping[str, str]) -> Iterator[tuple[str, str, str, str]]:
     """Yield a command that `keys` gives a key, the one that has it on the same screen, the key, and that screen."""
     scopes = dict.fromkeys(scope for command in COMMANDS for scope in command.scopes if scope != "any")

@@ -16,6 +16,7 @@ class Option:
     meaning: str
     words: tuple[str, ...] = ()
     meanings: tuple[str, ...] = ()  # of the words, where they don't say it
+    samples: tuple[str, ...] = ()  # of the words: how they look
     low: float = 0.0
     high: float = 0.0
     several: bool = False
@@ -31,6 +32,7 @@ OPTIONS = (
     Option(
         "dots", "what curves are drawn with", ("auto", "braille", "octants", "blocks"),
         ("blocks on the Linux console, else braille", "", "where the font has them", ""),
+        ("", "⡠⠊⠉⠢⡀⢀⠔", "\U0001cd51\U0001cd01\U0001fb82\U0001cd1c\U0001cea3\U0001cea0\U0001cd10", "▄▀▀█▄▄█"),
     ),
     Option("mouse", "take the mouse", ("auto", "on", "off"), ("not over SSH: it prevents selecting text", "", "")),
     Option("rate", "refreshes a second", low=0.5, high=10.0),

@@ -3,7 +3,7 @@
 Measured: Textual's DataTable needs 4 - 7 s for 10,000 rows and 130 ms per update; this needs the lines on the screen.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -55,7 +55,7 @@ class ElementTable(ScrollView, can_focus=True):
         super().__init__()
         self.session = session
         self.field = Field.ENABLED
-        self._columns = columns
+        self._all_columns = self._columns = columns
         self._facts = facts or (lambda row, values: LiveRow(session.table.elements[row], values))
         self._strips: dict[tuple[object, ...], Strip] = {}
         self._styles: dict[str, Style] = {}
@@ -114,6 +114,12 @@ class ElementTable(ScrollView, can_focus=True):
         return [int(row) for row in self.rows.shown[top : top + max(1, self.size.height)]]
 
     # ---------------------------------------------------------------------------------------------- changing
+
+    def choose_columns(self, titles: Collection[str]) -> None:
+        """Show the columns of these titles; all where there is none."""
+        self._columns = [column for column in self._all_columns if column.title in titles] or self._all_columns
+        self._strips.clear()
+        self.refresh()
 
     def rows_changed(self) -> None:
         """Follow a change of the rows, their order or their values."""
