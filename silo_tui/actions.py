@@ -2,14 +2,18 @@
 
 A command with id `x` is carried out by the method `command_x` of the screen, or of the app; typed with a word whose
 meaning differs from the key's, by `word_x` in `commands/runner.py`. A new one touches its entry, that method and its
-test. Keys avoid what terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of the program.
+test. Keys avoid what terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of `silo_tui`.
 """
 
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from textual.binding import Binding
+from textual.keys import REPLACED_KEYS
+
+from silo.settings.words import OPTION
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Command:
     @property
     def key_text(self) -> str:
         """All keys as people write them."""
-        return " ".join(KEY_TEXTS.get(key, key) for key in self.keys.split(","))
+        return " ".join(map(key_text, self.keys.split(",")))
 
     @property
     def footer_key(self) -> str:
@@ -70,6 +74,20 @@ KEY_TEXTS = {
     "ctrl+l": "^l", "ctrl+q": "^q", "f1": "F1", "f2": "F2",
 }  # fmt: skip
 
+
+
+def key_text(key: str) -> str:
+    """Return a key as people write it: `^d`, `F2`, `#`."""
+    if key in KEY_TEXTS or len(key) == 1:
+        return KEY_TEXTS.get(key, key)
+    if key.startswith("ctrl+"):
+        return f"^{key_text(key.removeprefix('ctrl+'))}"
+    try:
+        return unicodedata.lookup(REPLACED_KEYS.get(key, key).replace("_", " ").upper())
+    except KeyError:
+        return key.upper() if key[1:].isdecimal() else key.capitalize()
+
+
 _TABLE = ("table",)
 _MONITOR = ("monitor",)
 _DETAIL = ("detail",)
@@ -85,6 +103,15 @@ _MONITORS = _MONITOR + _FILE_MONITOR
 _DETAILS = _DETAIL + _FILE_DETAIL
 _FILE_PLOTS = _FILE_MONITOR + _FILE_DETAIL
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL
+
+
+def _typed(option: str) -> str:
+    return f"type a {OPTION[option].label}: {', '.join(OPTION[option].examples)}"
+
+
+def _words(option: str) -> str:
+    return ", ".join(word.phrase or word.word for word in OPTION[option].words)
+
 
 # fmt: off
 COMMANDS: tuple[Command, ...] = (
@@ -110,10 +137,10 @@ COMMANDS: tuple[Command, ...] = (
     # ------------------------------------------------------------------------------------------------- editing
     Command("edit", "e,enter", "Edit", "edit the field under the cursor in place", "Edit", _TABLE, 3, writes=True),
     Command("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 4, writes=True),
-    Command("edit_divider", "d", "Divider", "type a divider: 5, *2, 50Hz", "Edit", _TABLE, writes=True),
-    Command("edit_size", "s", "Size", "type a buffer size: 1000, *2, 10s", "Edit", _TABLE, writes=True),
-    Command("next_buffer", "b", "Buffer", "looping, fixed, growing", "Edit", _TABLE, writes=True),
-    Command("next_action", "p", "Publish", "save, save and publish, publish", "Edit", _TABLE, writes=True),
+    Command("edit_divider", "d", "Divider", _typed("divider"), "Edit", _TABLE, writes=True),
+    Command("edit_size", "s", "Size", _typed("buffer_size"), "Edit", _TABLE, writes=True),
+    Command("next_buffer", "b", "Buffer", _words("buffer_type"), "Edit", _TABLE, writes=True),
+    Command("next_action", "p", "Publish", _words("action"), "Edit", _TABLE, writes=True),
     Command("edit_all", "equals_sign", "Set to", "type a value, beginning with =", "Edit", _TABLE, writes=True),
     Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE, 6, typed=Typed(("undo",))),
     Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE, typed=Typed(("redo",))),
@@ -209,6 +236,8 @@ COMMANDS: tuple[Command, ...] = (
             typed=Typed(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),
     Command("theme", "", "Theme", "choose other colours", "Go", (), typed=Typed(("theme",), "themes")),
+    Command("view", "", "View", "what is on the screen, kept by a name", "Look", (),
+            typed=Typed(("view",), "views", ":view [save] NAME", "put a view on the screen, or keep it", 8)),
     Command("picture", "", "Picture", "the screen as a picture", "Go", (),
             typed=Typed(("picture",), "", ":picture FILE.svg", "the screen as a picture", 7)),
 )

@@ -43,6 +43,7 @@ class SiloApp(App[None]):
         read_only: bool = False,
         rate_hz: float = 5.0,
         file: "FileSession | None" = None,
+        view: str = "",
         settings: Settings | None = None,
         settings_problems: Sequence[Problem] = (),
     ) -> None:
@@ -59,7 +60,7 @@ class SiloApp(App[None]):
         )
         self.set_keymap(dict(settings.keys))
         self._finder = finder
-        self._opener = Opener(self.context, finder, name, demo, rate_hz)
+        self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
         self._rate_hz = rate_hz
         self._file = file  # shown instead of a logger
         self._news = asyncio.Lock()  # events are followed in their order
@@ -127,6 +128,7 @@ class SiloApp(App[None]):
             return
         if (screen := self.context.upper_screen) is not None:
             screen.second_passed()
+        self._opener.keep_view()
         session = self._live_session
         if session is not None and session.lost_since is not None and session.link and session.link.connected:
             self.run_worker(self._regain(session), group="regain")  # it came back, but didn't answer at once
@@ -241,8 +243,9 @@ class SiloApp(App[None]):
     def command_help(self) -> None:
         from silo_tui.screens.help import HelpScreen
 
-        scope = self.screen.scope if isinstance(self.screen, SiloScreen) else ""
-        self.push_screen(HelpScreen(scope))
+        screen = self.context.upper_screen
+        if screen is not None and not isinstance(self.screen, HelpScreen):
+            self.push_screen(HelpScreen(screen.scope, self.context.settings.keys, screen.action_command))
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):

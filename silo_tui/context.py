@@ -125,7 +125,7 @@ class Context:
         """Say once what of the settings file was left out."""
         if self.settings_problems:
             more = len(self.settings_problems) - 1
-            self.say(f"{self.settings_problems[0]}{f'; {more} more (F2 shows them)' if more else ''}")
+            self.say(f"{self.settings_problems[0]}{f' ({more} more: F2)' if more else ''}")
 
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""

@@ -222,6 +222,12 @@ class ElementsScreen(SiloScreen):
         self.say(f"sorted by {self.session.rows.next_sort()}")
         self.table_changed()
 
+    def on_table_head_picked(self, event: TableHead.Picked) -> None:
+        """Sort by the column whose head was clicked."""
+        self.session.rows.sort = event.order
+        self.say(f"sorted by {event.order}")
+        self.table_changed()
+
     def command_inspector(self) -> None:
         self._inspector_wanted = not self._inspector_wanted
         if self.app.size.width < WIDE:

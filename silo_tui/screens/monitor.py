@@ -261,6 +261,20 @@ class MonitorScreen(SiloScreen):
         self.stack.redraw()
         self.line.refresh()
 
+    def on_plot_stack_pointed(self, event: PlotStack.Pointed) -> None:
+        """Choose the plot that was clicked, and put the cursor there."""
+        self._choose(event.index)
+        if event.column is not None:
+            self.window.cursor = event.column
+            self.stack.redraw()
+        self.line.refresh()
+        self.update_keys()
+
+    def on_plot_stack_wheeled(self, event: PlotStack.Wheeled) -> None:
+        """Do what the keys for it do."""
+        names = ("closer", "wider") if event.zooms else ("plot_up", "plot_down")
+        self.action_command(names[event.step > 0])
+
     def command_scale(self) -> None:
         self.window.fixed_scale = not self.window.fixed_scale
         self.stack.redraw()

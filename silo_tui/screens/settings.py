@@ -16,7 +16,7 @@ from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option as ListLine
 
 from silo.errors import SiloError
-from silo_tui.actions import BY_ID, COMMANDS, KEY_TEXTS, bindings_for, with_keys
+from silo_tui.actions import BY_ID, COMMANDS, bindings_for, key_text, with_keys
 from silo_tui.context import SiloScreen
 from silo_tui.settings.keys import clashes, key_problem, label
 from silo_tui.settings.options import OPTIONS, Option, Settings, typed
@@ -79,7 +79,9 @@ def _values(line: Text, option: Option, value: Any, width: int) -> Text:
     notes = [notes[place] for notes in (option.samples, option.meanings) if notes and place >= 0 and notes[place]]
     if option.several and not value:
         notes = ["none chosen: all"]
-    line.append("  ".join(notes or ([option.meaning] if len(line) + len(option.meaning) < width - 2 else [])))
+    for note in notes or [option.meaning]:
+        if line.cell_len + len(note) < width - 4:
+            line.append(f"{note}  ")
     return line
 
 
@@ -235,7 +237,7 @@ class SettingsScreen(SiloScreen):
         row = self._row
         if row is not None and key:
             keys = {**self.context.settings.keys, row.command: key}
-            self._change(f"{row.command}: {KEY_TEXTS.get(key, key)}", keys=keys)
+            self._change(f"{row.command}: {key_text(key)}", keys=keys)
 
     def command_write_settings(self) -> None:
         context = self.context
@@ -276,7 +278,7 @@ class SettingsScreen(SiloScreen):
             value = f"[{', '.join(event.value.replace(',', ' ').split())}]" if option.several else event.value
             found, problems = read(f"{option.name}: {value}\n")
             if problems:
-                self.say(problems[0].reason.removesuffix(". The line is left out") + "; nothing was changed")
+                self.say(f"{problems[0].why}; nothing was changed")
             else:
                 self._change(f"{option.name}: {event.value or 'all'}", **{option.name: getattr(found, option.name)})
 
@@ -343,7 +345,7 @@ def _clash(keys: dict[str, str], command: str) -> str:
     for mine, theirs, key, scope in clashes(keys):
         if command in (mine, theirs):
             other = theirs if mine == command else mine
-            return f"{KEY_TEXTS.get(key, key)} is {label(other)} already ({scope})"
+            return f"{key_text(key)} is {label(other)} already ({scope})"
     return ""
 
 

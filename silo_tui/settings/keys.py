@@ -5,9 +5,9 @@ import unicodedata
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 
-from textual.keys import KEY_NAME_REPLACEMENTS, REPLACED_KEYS
+from textual.keys import KEY_NAME_REPLACEMENTS
 
-from silo_tui.actions import BY_ID, COMMANDS, KEY_TEXTS
+from silo_tui.actions import BY_ID, COMMANDS, KEY_TEXTS, key_text
 
 EATEN = {"h": "Backspace", "i": "Tab", "j": "Enter", "m": "Enter"}
 _WORDS = {
@@ -51,17 +51,9 @@ def _name_of(char: str) -> str:
     return KEY_NAME_REPLACEMENTS.get(name, name)
 
 
-def _char_of(name: str) -> str:
-    char = REPLACED_KEYS.get(name, name).replace("_", " ").upper()
-    try:
-        return unicodedata.lookup(char) if len(name) > 1 else name
-    except KeyError:
-        return name
-
-
 def typed_keys(keys: str) -> str:
     """Return keys as the file has them, signs in quotes: YAML has a meaning for many of them."""
-    names = [key if "+" in key else KEY_TEXTS.get(key) or _char_of(key) for key in keys.split(",")]
+    names = [key if "+" in key else key_text(key) for key in keys.split(",")]
     words = [name if re.fullmatch(r"[\w+]+", name, re.ASCII) else f'"{name}"' for name in names]
     return words[0] if len(words) == 1 else f"[{', '.join(words)}]"
 

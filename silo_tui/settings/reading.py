@@ -11,12 +11,13 @@ from typing import Any
 import yaml
 
 from silo.settings.yaml_nodes import compose, describe, explain, is_null, line_of
-from silo_tui.actions import BY_ID, KEY_TEXTS
+from silo_tui.actions import BY_ID, key_text
 from silo_tui.settings.keys import clashes, label, read_key
 from silo_tui.settings.options import OPTION, OPTIONS, Option, Settings
 
 NAME = "tui.yaml"
 MOST_BYTES = 1_000_000
+LEFT_OUT = ". Left out"
 _SAME = {"true": "on", "yes": "on", "false": "off", "no": "off"}
 _SIGN_FIRST = re.compile(r"[:\[,-]\s*[*&!?%@`|>{}#,]")
 
@@ -28,9 +29,14 @@ class Problem:
     line: int
     reason: str
 
+    @property
+    def why(self) -> str:
+        """The reason alone."""
+        return self.reason.removesuffix(LEFT_OUT).rstrip(".")
+
     def __str__(self) -> str:
         where = f"{NAME} line {self.line}" if self.line else NAME
-        return f"{where}: {self.reason}"
+        return f"{where}: {self.reason.replace('?.', '?')}"
 
 
 class _Mistake(Exception):
@@ -87,7 +93,7 @@ def read(text: str) -> tuple[Settings, list[Problem]]:
             else:
                 found[name] = _value(_option(name), value)
         except _Mistake as mistake:
-            problems.append(Problem(line_of(key), f"{mistake}. The line is left out"))
+            problems.append(Problem(line_of(key), f"{mistake}{LEFT_OUT}"))
     return replace(settings, **found), sorted(problems, key=lambda problem: problem.line)
 
 
@@ -105,7 +111,7 @@ def nodes(text: str) -> tuple[yaml.Node | None, list[Problem], str]:
                 return None, [*problems, Problem(number, f"{reason}. The file is left out")], text
             if _SIGN_FIRST.search(line):
                 reason += "; signs need quotes"
-            problems.append(Problem(number, f"{reason}. The line is left out"))
+            problems.append(Problem(number, f"{reason}{LEFT_OUT}"))
             lines[number - 1] = "#" * len(line)
             continue
         if root is not None and not isinstance(root, yaml.MappingNode) and not is_null(root):
@@ -119,8 +125,9 @@ def _explained(error: yaml.YAMLError, text: str) -> tuple[int, str]:
     tabs = [place for place, line in enumerate(text.split("\n"), 1) if re.match(r" *\t", line)]
     if tabs:  # YAML complains of the line before, which it takes to go on
         return tabs[0], "a tab stands where YAML wants spaces; indent with two spaces"
-    if context is not None and "while scanning" in (getattr(error, "context", None) or ""):
-        number = context.line + 1  # an open quote is found out at the end of the file
+    doing = getattr(error, "context", None) or ""
+    if context is not None and ("while scanning" in doing or "while parsing a flow" in doing):
+        number = context.line + 1  # an open quote or bracket is found out lines below
     return number, reason
 
 
@@ -188,14 +195,14 @@ def _keys(node: yaml.Node, problems: list[Problem]) -> dict[str, str]:
             keys[_known(command)] = ",".join(dict.fromkeys(_read_keys(command, value)))
             lines[command] = line_of(name)
         except _Mistake as mistake:
-            problems.append(Problem(line_of(name), f"{mistake}. The line is left out"))
+            problems.append(Problem(line_of(name), f"{mistake}{LEFT_OUT}"))
     # leaving one out gives a command its own key back, which another line may have given away
     while clash := min(clashes(keys), key=lambda each: -lines.get(each[0], 0), default=None):
         mine, theirs, key, scope = clash
         if theirs in keys and lines[theirs] > lines[mine]:
             mine, theirs = theirs, mine
-        reason = f"{KEY_TEXTS.get(key, key)} of {mine} is {label(theirs)} already ({scope})"
-        problems.append(Problem(lines[mine], f"{reason}. The line is left out"))
+        reason = f"{key_text(key)} of {mine} is {label(theirs)} already ({scope})"
+        problems.append(Problem(lines[mine], f"{reason}{LEFT_OUT}"))
         del keys[mine]
     return keys
 

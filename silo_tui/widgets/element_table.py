@@ -115,11 +115,17 @@ class ElementTable(ScrollView, can_focus=True):
 
     # ---------------------------------------------------------------------------------------------- changing
 
-    def choose_columns(self, titles: Collection[str]) -> None:
-        """Show the columns of these titles; all where there is none."""
+    @property
+    def chosen_columns(self) -> tuple[str, ...]:
+        """The titles of the columns that were chosen; none: all."""
+        return () if len(self._columns) == len(self._all_columns) else tuple(each.title for each in self._columns)
+
+    def choose_columns(self, titles: Collection[str]) -> list[str]:
+        """Show the columns of these titles, all where there is none; return those that there aren't."""
         self._columns = [column for column in self._all_columns if column.title in titles] or self._all_columns
         self._strips.clear()
         self.refresh()
+        return [title for title in titles if not any(column.title == title for column in self._all_columns)]
 
     def rows_changed(self) -> None:
         """Follow a change of the rows, their order or their values."""
@@ -293,9 +299,25 @@ class TableHead(ScrollView):
     DEFAULT_CSS = "TableHead { height: 1; width: 1fr; scrollbar-size: 0 0; }"
     COMPONENT_CLASSES: ClassVar[set[str]] = {"head--text", "head--field"}
 
+    @dataclass
+    class Picked(Message):
+        """The head of a column was clicked that gives an order."""
+
+        order: str
+
     def __init__(self, table: ElementTable) -> None:
         super().__init__()
         self._table = table
+
+    def on_click(self, event: events.Click) -> None:
+        """Ask for the order by this column."""
+        start = FLAGS + self._table.name_width
+        order = "name" if event.x < start else ""
+        for column, width in self._table.shown:
+            order = column.order if start < event.x <= start + width else order
+            start += 1 + width
+        if order:
+            self.post_message(self.Picked(order))
 
     def render_line(self, y: int) -> Strip:
         """Return the one line."""

@@ -81,7 +81,7 @@ def test_a_mistake_costs_its_line_and_no_other(line, words):
 def test_a_second_line_for_the_same_is_told():
     found, problems = read("rate: 2\nrate: 3\n")
     assert found.rate == 2
-    assert str(problems[0]) == "tui.yaml line 2: rate is there twice; the first counts. The line is left out"
+    assert str(problems[0]) == "tui.yaml line 2: rate is there twice; the first counts. Left out"
 
 
 def test_two_commands_may_change_keys():

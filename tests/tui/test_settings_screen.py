@@ -101,8 +101,8 @@ async def test_escape_leaves_a_key_as_it_was(fake, opened):
 
 async def test_the_app_starts_over_a_file_with_mistakes_and_says_so(fake, opened):
     settings, problems = read("colums: [div]\ntheme: light\nrate: 77\n")
-    async with opened(fake, size=(120, 40), settings=settings, settings_problems=problems) as screen:
-        await screen.shows("tui.yaml line 1: 'colums' is unknown; columns? The line is left out; 1 more (F2 shows them)")
+    async with opened(fake, settings=settings, settings_problems=problems) as screen:
+        await screen.shows("tui.yaml line 1: 'colums' is unknown; columns? Left out (1 more: F2)")
         assert screen.app.theme == "silo-light"
         await screen.press("f2")
         await screen.shows("! tui.yaml line 3: rate is 0.5 to 10, not 77")
@@ -123,7 +123,7 @@ async def test_changed_keys_stand_in_bar_help_and_palette(fake, opened):
 async def test_a_file_that_cant_be_written_is_told_and_nothing_is_lost(fake, opened, home):
     home.mkdir()
     path().mkdir()
-    async with opened(fake) as screen:
+    async with opened(fake, size=(160, 50)) as screen:
         await screen.press("f2", "l", "w")
         await screen.shows("nothing was changed")
         assert line_with(screen, "theme").startswith("*")
