@@ -13,7 +13,7 @@ from types import MappingProxyType
 from textual.binding import Binding
 from textual.keys import REPLACED_KEYS
 
-from silo.settings.words import OPTION
+from silo.settings.rules import OPTION
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,6 @@ KEY_TEXTS = {
     "shift+left": "⇧←", "shift+right": "⇧→", "ctrl+r": "^r", "ctrl+p": "^p", "ctrl+d": "^d", "ctrl+u": "^u",
     "ctrl+l": "^l", "ctrl+q": "^q", "f1": "F1", "f2": "F2",
 }  # fmt: skip
-
 
 
 def key_text(key: str) -> str:

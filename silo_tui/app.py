@@ -13,7 +13,7 @@ from silo_tui import terminal, theme
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
-from silo_tui.context import Context, SiloScreen
+from silo_tui.context import Context
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
 from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
@@ -55,9 +55,7 @@ class SiloApp(App[None]):
         settings = settings or Settings()
         self.theme = theme.chosen(settings.theme, self.available_themes)
         self.animation_level = "none"
-        self.context = Context(
-            self, read_only=read_only, settings=settings, settings_problems=settings_problems
-        )
+        self.context = Context(self, read_only=read_only, settings=settings, settings_problems=settings_problems)
         self.set_keymap(dict(settings.keys))
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)

@@ -43,8 +43,12 @@ Examples:
     default=None,
     help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text; or as set (F2).",
 )
-@click.option("--serve", is_flag=True, help="Show it in a browser of this computer instead: prints the address to open.")
-@click.option("--port", default=0, type=click.IntRange(0, 65535), help="With --serve: a fixed port. Default: a free one.")
+@click.option(
+    "--serve", is_flag=True, help="Show it in a browser of this computer instead: prints the address to open."
+)
+@click.option(
+    "--port", default=0, type=click.IntRange(0, 65535), help="With --serve: a fixed port. Default: a free one."
+)
 @click.option("--control", is_flag=True, help="With --serve: edits, start and stop too, not only looking.")
 @click.version_option(package_name="silo-logger", prog_name="silo-tui")
 def command(
@@ -71,7 +75,11 @@ def command(
     if config and demo:
         raise click.UsageError("--demo runs here; leave out --config")
     if serve:
-        given = [*([target] if target else []), *(["--config", config] if config else []), *(["--demo"] if demo else [])]
+        given = [
+            *([target] if target else []),
+            *(["--config", config] if config else []),
+            *(["--demo"] if demo else []),
+        ]
         given += [*(["--rate", f"{rate:g}"] if rate else []), *(["--view", view] if view else [])]
         given += ["--theme", theme] if theme else []
         _serve(given, port, control=control and not read_only)
@@ -94,7 +102,9 @@ def _serve(arguments: list[str], port: int, *, control: bool) -> None:
     try:
         serve(arguments, port, control=control, tell=click.echo)
     except OSError as error:
-        raise click.ClickException(f"can't serve on port {port}: {error.strerror}; take another, or leave out --port") from error
+        raise click.ClickException(
+            f"can't serve on port {port}: {error.strerror}; take another, or leave out --port"
+        ) from error
 
 
 def _file(target: str) -> "FileSession | None":

@@ -1,4 +1,4 @@
-"""What a view keeps, as plain data, and as YAML. A new field touches `Layout`, `FIELDS`, and both functions of `views`."""
+"""What a view keeps, as data and as YAML. A new field touches `Layout`, `FIELDS` and both functions of `views`."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ class Layout:
 
 def _text(node: yaml.Node) -> str:
     if not isinstance(node, yaml.ScalarNode):
-        raise ValueError(f"a text, not {describe(node)}")
+        raise ValueError(f"a text, not {describe(node)}")  # noqa: TRY004 - of the file, not of the program
     return "" if is_null(node) else str(node.value)
 
 
@@ -82,14 +82,18 @@ def read(text: str) -> tuple[Layout, list[str]]:
     for key, value in pairs(root):
         name = str(getattr(key, "value", ""))
         try:
-            if name not in FIELDS:
-                near = get_close_matches(name, FIELDS, 1)
-                raise ValueError(f"is unknown; {near[0]}?" if near else f"is unknown; there are {', '.join(FIELDS)}")
-            found[name] = FIELDS[name](value)
+            found[name] = _reader(name)(value)
         except ValueError as error:
             sign = " is" if name in FIELDS else ""
             problems.append(f"line {line_of(key)}: {name}{sign} {error}")
     return Layout(**found), problems
+
+
+def _reader(name: str) -> Callable[[yaml.Node], Any]:
+    if name not in FIELDS:
+        near = get_close_matches(name, FIELDS, 1)
+        raise ValueError(f"is unknown; {near[0]}?" if near else f"is unknown; there are {', '.join(FIELDS)}")
+    return FIELDS[name]
 
 
 def write(layout: Layout) -> str:

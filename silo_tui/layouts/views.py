@@ -75,5 +75,7 @@ async def show(context: Context, layout: Layout) -> str:
         if stack.plots:
             await context.app.push_screen(monitor)
     if gone:
-        missing.append(f"{len(gone)} of {len(layout.plots)} plots ({', '.join(gone[:3])}{' …' if len(gone) > 3 else ''})")
+        missing.append(
+            f"{len(gone)} of {len(layout.plots)} plots ({', '.join(gone[:3])}{' …' if len(gone) > 3 else ''})"
+        )
     return "not on this logger: " + ", ".join(missing) if missing else ""

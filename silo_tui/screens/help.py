@@ -58,9 +58,7 @@ def entries(scope: str, keys: Mapping[str, str], *, everywhere: bool) -> list[En
     for group in dict.fromkeys(command.group for command in commands):
         members = [command for command in commands if command.group == group and command.keys]
         there = {command.id for command in here}
-        found += [
-            Entry(each.key_text, each.help, group, each.id if each.id in there else "") for each in members
-        ]
+        found += [Entry(each.key_text, each.help, group, each.id if each.id in there else "") for each in members]
     on_file = scope in FILE_SCOPES
     if everywhere or scope in ("table", "file"):
         signs = FILE_SIGNS if on_file else SIGNS

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -39,14 +39,14 @@ class Problem:
         return f"{where}: {self.reason.replace('?.', '?')}"
 
 
-class _Mistake(Exception):
+class _MistakeError(Exception):
     """One line can't be taken."""
 
 
 def folder() -> Path:
-    """Return `~/.config/silo`, where `XDG_CONFIG_HOME` doesn't say otherwise (an absolute path, as its standard has it)."""
+    """Return `~/.config/silo`, or as `XDG_CONFIG_HOME` says (an absolute path, as its standard has it)."""
     base = Path(os.environ.get("XDG_CONFIG_HOME", ""))
-    return (base if base.is_absolute() else Path("~/.config").expanduser()) / "silo"  # noqa: PTH111 - no home: as it is
+    return (base if base.is_absolute() else Path("~/.config").expanduser()) / "silo"
 
 
 def path() -> Path:
@@ -86,15 +86,19 @@ def read(text: str) -> tuple[Settings, list[Problem]]:
     for key, value in pairs(root):
         name = getattr(key, "value", "")
         try:
-            if name in found:
-                raise _Mistake(f"{name} is there twice; the first counts")
+            _once(name, found)
             if name == "keys":
                 found[name] = _keys(value, problems)
             else:
                 found[name] = _value(_option(name), value)
-        except _Mistake as mistake:
+        except _MistakeError as mistake:
             problems.append(Problem(line_of(key), f"{mistake}{LEFT_OUT}"))
     return replace(settings, **found), sorted(problems, key=lambda problem: problem.line)
+
+
+def _once(name: str, found: Container[str]) -> None:
+    if name in found:
+        raise _MistakeError(f"{name} is there twice; the first counts")
 
 
 def nodes(text: str) -> tuple[yaml.Node | None, list[Problem], str]:
@@ -145,7 +149,7 @@ def _option(name: str) -> Option:
     if name not in OPTION:
         near = get_close_matches(name.lower(), [*OPTION, "keys"], 1)
         hint = f"{near[0]}?" if near else f"there are {', '.join([*OPTION, 'keys'])}"
-        raise _Mistake(f"{name!r} is unknown; {hint}")
+        raise _MistakeError(f"{name!r} is unknown; {hint}")
     return OPTION[name]
 
 
@@ -159,7 +163,7 @@ def _value(option: Option, node: yaml.Node) -> Any:
     except (ValueError, TypeError):
         number = float("nan")
     if not option.low <= number <= option.high:
-        raise _Mistake(f"{option.name} is {option.range_text}, not {describe(node)}")
+        raise _MistakeError(f"{option.name} is {option.range_text}, not {describe(node)}")
     return number
 
 
@@ -175,7 +179,7 @@ def _word(option: Option, node: yaml.Node) -> str:
     if word not in option.words:
         near = get_close_matches(typed, option.words, 1)
         hint = f"; {near[0]}?" if near else ""
-        raise _Mistake(f"{option.name} is {option.range_text}, not {describe(node)}{hint}")
+        raise _MistakeError(f"{option.name} is {option.range_text}, not {describe(node)}{hint}")
     return word
 
 
@@ -184,17 +188,16 @@ def _word(option: Option, node: yaml.Node) -> str:
 
 def _keys(node: yaml.Node, problems: list[Problem]) -> dict[str, str]:
     if not isinstance(node, yaml.MappingNode) and not is_null(node):
-        raise _Mistake(f"keys is a group of lines such as `  help: F1`, not {describe(node)}")
+        raise _MistakeError(f"keys is a group of lines such as `  help: F1`, not {describe(node)}")
     keys: dict[str, str] = {}
     lines: dict[str, int] = {}
     for name, value in pairs(node):
         command = str(getattr(name, "value", ""))
         try:
-            if command in keys:
-                raise _Mistake(f"{command} is there twice; the first counts")
+            _once(command, keys)
             keys[_known(command)] = ",".join(dict.fromkeys(_read_keys(command, value)))
             lines[command] = line_of(name)
-        except _Mistake as mistake:
+        except _MistakeError as mistake:
             problems.append(Problem(line_of(name), f"{mistake}{LEFT_OUT}"))
     # leaving one out gives a command its own key back, which another line may have given away
     while clash := min(clashes(keys), key=lambda each: -lines.get(each[0], 0), default=None):
@@ -211,7 +214,7 @@ def _known(command: str) -> str:
     known = [each.id for each in BY_ID.values() if each.keys]
     if command not in known:
         near = get_close_matches(command.lower(), known, 1)
-        raise _Mistake(f"{command!r} is no command" + (f"; {near[0]}?" if near else "; ? shows their names"))
+        raise _MistakeError(f"{command!r} is no command" + (f"; {near[0]}?" if near else "; ? shows their names"))
     return command
 
 
@@ -220,9 +223,9 @@ def _read_keys(command: str, node: yaml.Node) -> Iterator[str]:
     if isinstance(node, yaml.ScalarNode) and len(words) == 1 and words[0].strip() != ",":
         words = words[0].split(",")
     if not any(word.strip() for word in words):
-        raise _Mistake(f"{command} needs a key; a sign such as # needs quotes")
+        raise _MistakeError(f"{command} needs a key; a sign such as # needs quotes")
     for word in words:
         try:
             yield read_key(word)
-        except ValueError as error:
-            raise _Mistake(str(error)) from None
+        except ValueError as error:  # noqa: PERF203 - a key or two
+            raise _MistakeError(str(error)) from None

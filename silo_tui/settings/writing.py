@@ -92,7 +92,7 @@ def _with_key(text: str, command: str, keys: str) -> str:
         if group is None:
             return f"{_ended(text)}keys:\n  {command}: {typed_keys(keys)}\n"
         return _put(text, struck, None, group, f"\n  {command}: {typed_keys(keys)}")
-    if group is not None and group.flow_style:
+    if isinstance(group, yaml.MappingNode) and group.flow_style:
         at = group.start_mark.index + 1
         return f"{text[:at]}{command}: {typed_keys(keys)}, {text[at:]}"
     first = entries[0][0].start_mark

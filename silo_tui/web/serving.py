@@ -34,7 +34,7 @@ class PageServer(Server):  # type: ignore[misc]  # textual-serve is an extra
         self._inner = inner
         return app
 
-    @web.middleware
+    @web.middleware  # type: ignore[untyped-decorator]  # textual-serve is an extra
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
         why = guard.refusal(

@@ -186,7 +186,7 @@ class MonitorLine(Widget):
 
 
 class KeyBar(Widget):
-    """The keys that matter now, as many as fit; help and quit always stand at its end. A click does what the key does."""
+    """The keys that matter now, as many as fit; help and quit always at its end. A click does what the key does."""
 
     DEFAULT_CSS = "KeyBar { height: 1; }"
     LAST = ("help", "quit")

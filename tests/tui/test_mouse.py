@@ -29,7 +29,9 @@ async def test_a_click_on_a_plot_chooses_it_and_puts_the_cursor_where_it_was(fak
     fake.run()
     async with opened(fake, size=(100, 40)) as screen:
         await screen.press("j", "j", "space", "space", "m")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen) and len(screen.app.screen.stack.plots) > 1)
+        await screen.until(
+            lambda: isinstance(screen.app.screen, MonitorScreen) and len(screen.app.screen.stack.plots) > 1
+        )
         monitor = screen.app.screen
         await screen.pilot.click("PlotStack", offset=(AXIS + 1 + 20, monitor.stack.block + 1))
         await screen.until(lambda: monitor.stack.chosen == 1)

@@ -63,7 +63,7 @@ MISTAKES = [
     ("keys:\n  filter: shift+f", "write 'F'"),
     ("keys:\n  filter: #", "needs a key; a sign such as # needs quotes"),
     ("keys:\n  filter: e", "e of filter is edit (Edit) already (table)"),
-    ("keys:\n  filter: \"?\"", "? of filter is help (Help) already"),
+    ('keys:\n  filter: "?"', "? of filter is help (Help) already"),
 ]
 
 
@@ -166,11 +166,13 @@ values = st.fixed_dictionaries(
         for option in OPTIONS
     }
 )
-keys = st.dictionaries(st.sampled_from(["filter", "sort", "apply"]), st.sampled_from(["f5", "f6,ctrl+f", "number_sign"])).filter(
-    lambda found: not list(clashes(found))
-)
+keys = st.dictionaries(
+    st.sampled_from(["filter", "sort", "apply"]), st.sampled_from(["f5", "f6,ctrl+f", "number_sign"])
+).filter(lambda found: not list(clashes(found)))
 made_settings = st.builds(lambda fields, own: Settings(**fields, keys=own), values, keys)
-layouts = st.sampled_from(["", "# a\n", WHOLE, "keys: {filter: f7}\n", "keys:\n\n# end", "rate: 3", "colums: 1\n", *LISTS])
+layouts = st.sampled_from(
+    ["", "# a\n", WHOLE, "keys: {filter: f7}\n", "keys:\n\n# end", "rate: 3", "colums: 1\n", *LISTS]
+)
 
 
 @settings(max_examples=60, deadline=None)

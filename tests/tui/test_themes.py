@@ -1,4 +1,4 @@
-"""Every theme: text is told from its ground (WCAG contrast), and of the sixteen none that somebody can't see is used."""
+"""Every theme: text is told from its ground (WCAG contrast), and of the sixteen none that can't be seen is used."""
 
 import re
 
@@ -6,7 +6,6 @@ import pytest
 from textual.color import Color
 
 from silo_tui import theme
-from silo_tui.app import SiloApp
 from silo_tui.settings.options import OPTION, Settings
 
 GROUNDS = ("background", "panel", "boost")

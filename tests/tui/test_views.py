@@ -40,8 +40,8 @@ def test_what_is_written_is_read_again(layout):
 MISTAKES = [
     ("plts: [a]", "line 1: plts is unknown; plots?"), ("plots: a", "line 1: plots is a list such as [a, b], not a"),
     ("span_s: -1", "line 1: span_s is seconds above 0, not -1"), ("span_s: x", "span_s is a number, not x"),
-    ("scales: {a: [2, 1]}", "scales is [bottom, top] for a, not a list"), ("filter: [a]", "filter is a text, not a list"),
-    ("plots: [a", "line 1: not valid YAML"),
+    ("scales: {a: [2, 1]}", "scales is [bottom, top] for a, not a list"),
+    ("filter: [a]", "filter is a text, not a list"), ("plots: [a", "line 1: not valid YAML"),
 ]  # fmt: skip
 
 
