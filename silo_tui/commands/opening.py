@@ -69,7 +69,10 @@ class Opener:
             if self.demo is not None:
                 problem = self.demo.ended() or problem
             chosen = self._choice(found.loggers)
-            if chosen is not None and not problem and await self._open(chosen):
+            screen = self._app.screen
+            # not while settings or help are read: opening would take them away
+            here = isinstance(screen, LoggersScreen)
+            if chosen is not None and not problem and here and await self._open(chosen):
                 return
             screen = self._app.screen
             if isinstance(screen, LoggersScreen):

@@ -20,6 +20,7 @@ from silo_tui.widgets.inputs import Fleeting, Line
 
 THREE_FROM, TWO_FROM = 120, 72
 GAP = 2
+LAST_GROUPS = ("Logger", "Go")
 
 SIGNS = (
     ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
@@ -55,7 +56,8 @@ def entries(scope: str, keys: Mapping[str, str], *, everywhere: bool) -> list[En
         known = {command.id for command in here}
         commands += [command for command in commands_like(scope, keys) if command.id not in known]
     found = []
-    for group in dict.fromkeys(command.group for command in commands):
+    # what every screen has comes last
+    for group in sorted(dict.fromkeys(command.group for command in commands), key=LAST_GROUPS.count):
         members = [command for command in commands if command.group == group and command.keys]
         there = {command.id for command in here}
         found += [Entry(each.key_text, each.help, group, each.id if each.id in there else "") for each in members]

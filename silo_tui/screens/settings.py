@@ -52,13 +52,13 @@ def row_text(row: Row, settings: Settings, saved: Settings, *, width: int) -> Te
     if row.option is not None:
         option = row.option
         is_new = getattr(settings, option.name) != getattr(saved, option.name)
-        line = Text(f"{'*' if is_new else ' '} {option.name:<{NAMES}}")
+        line = Text(f"{'*' if is_new else ' '} {option.name:<{NAMES}} ")
         return _values(line, option, getattr(settings, option.name), width)
     if row.command:
         command = BY_ID[row.command]
         own = row.command in settings.keys
         is_new = settings.keys.get(row.command) != saved.keys.get(row.command)
-        line = Text(f"{'*' if is_new else ' '} {'key ' + row.command:<{NAMES}}")
+        line = Text(f"{'*' if is_new else ' '} {'key ' + row.command:<{NAMES}} ")
         line.append(with_keys(settings.keys, command).key_text, style="bold")
         if own:
             line.append(f"  (yours; was {command.key_text})")
