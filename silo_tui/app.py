@@ -2,6 +2,7 @@
 """The app: it puts context, screens and commands together, and brings what a logger reports to the screens."""
 
 import asyncio
+import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -47,7 +48,8 @@ class SiloApp(App[None]):
         settings: Settings | None = None,
         settings_problems: Sequence[Problem] = (),
     ) -> None:
-        super().__init__()
+        # without colours the terminal's own two are left as they are, and no shades of grey are sent instead
+        super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
         for each in theme.THEMES:
             self.register_theme(each)
         # Textual took TEXTUAL_THEME as it was before ours were known: only a change makes it look again

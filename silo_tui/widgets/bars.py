@@ -220,7 +220,8 @@ class KeyBar(Widget):
     def render(self) -> RenderResult:
         """Return as many keys as fit, those wanted most first."""
         if self._instead:
-            return Text(f" {self._instead}", no_wrap=True, overflow="ellipsis")
+            style = f"bold {color(self.app.theme_variables, 'foreground')}"
+            return Text(f" {self._instead}", style, no_wrap=True, overflow="ellipsis")
         self._drawn = self._commands()
         last = [command for each in self.LAST for command in self._drawn if command.id == each]
         end = Text("  ", no_wrap=True).join(self._word(command) for command in last)

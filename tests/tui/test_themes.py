@@ -76,6 +76,28 @@ async def test_the_table_is_drawn_in_every_theme(fake, opened, word):
         await screen.shows("live")
 
 
+@pytest.mark.parametrize("word", OPTION["theme"].words)
+async def test_without_colours_none_are_sent_and_the_cursor_is_reversed(fake, opened, monkeypatch, word):
+    monkeypatch.setenv("NO_COLOR", "1")
+    fake.run()
+    async with opened(fake, settings=Settings(theme=word)) as screen:
+        await screen.press("j", "space", "d", "5", "enter")
+        await screen.shows("pending")
+        lines = [screen.app.screen.get_style_at(3, y) for y in range(3, 7)]
+        painted = [segment.style for line in filtered(screen) for segment in line if segment.style]
+        assert painted
+        colors = [color for style in painted for color in (style.color, style.bgcolor) if color is not None]
+        assert all(color.is_default for color in colors)
+        assert [bool(style.reverse) for style in lines].count(True) == 1
+
+
+def filtered(screen):
+    """The lines of the screen as they are sent."""
+    app = screen.app
+    background = app.screen.background_colors[1]
+    return [line.apply_filter(app._filters[-1], background) for line in screen._lines()]
+
+
 async def test_sixteen_colours_send_nothing_but_these(fake, opened):
     fake.run()
     async with opened(fake, settings=Settings(theme="16")) as screen:
