@@ -221,7 +221,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
     Command("find_setting", "slash", "Search", "show only some lines", "Settings", _SETTINGS, 5),
     # ------------------------------------------------------------------------------------------------------ app
-    Command("command", "colon", "Command", "type a command, Tab completes it", "Go", _TABLE, 11),
+    Command("command", "colon", "Command", "type a command, Tab completes it", "Go", _TABLE + _MONITOR + _DETAIL,
+            11),
     Command("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?", typed=Typed(("help",))),
     Command("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",), hidden=True),
     Command("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",),

@@ -14,6 +14,7 @@ from silo_tui import terminal, theme
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
+from silo_tui.commands.runner import CommandRunner
 from silo_tui.context import Context
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
@@ -246,6 +247,17 @@ class SiloApp(App[None]):
         screen = self.context.upper_screen
         if screen is not None and not isinstance(self.screen, HelpScreen):
             self.push_screen(HelpScreen(screen.scope, self.context.settings.keys, screen.action_command))
+
+    def command_command(self) -> None:
+        from silo_tui.screens.command_line import CommandLine
+
+        runner = CommandRunner(self.context)
+
+        def run(line: str | None) -> None:
+            if line and line.strip(": "):
+                runner.run(line)
+
+        self.push_screen(CommandLine(runner.complete), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):

@@ -79,9 +79,11 @@ async def test_a_view_is_kept_and_put_on_the_screen_again(new_fake, opened):
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         monitor = screen.app.screen
         await screen.press("minus", "j")
-        await screen.until(lambda: monitor.stack.chosen == 1)
+        await screen.until(lambda: monitor.stack.chosen > 0)
         kept = capture(screen.app.context)
-        files.save(files.place("walk"), kept)
+        await run(screen, "view save walk")
+        await screen.shows(f"view walk kept with {len(kept.plots)} plots")
+        assert isinstance(screen.app.screen, MonitorScreen)
         assert kept.sort == "div"
         assert kept.filter == "base"
         assert kept.span_s == 20.0
