@@ -5,7 +5,7 @@
 Screens, dialogs and commands import this and never `silo_tui.app`; it imports widgets and what stands below them.
 """
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Any, cast
 
 from textual.app import App
@@ -17,6 +17,9 @@ from silo_tui.actions import BY_ID, Command
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
+from silo_tui.settings.options import Settings
+from silo_tui.settings.reading import Problem
+from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
 
 
@@ -30,11 +33,22 @@ class Held(ModalScreen[None]):
 class Context:
     """The logger that is open, who may change it, where results are told, and one flow at a time."""
 
-    def __init__(self, app: App[Any], holding: "Callable[[str], Held]", *, read_only: bool) -> None:
+    def __init__(
+        self,
+        app: App[Any],
+        holding: "Callable[[str], Held]",
+        *,
+        read_only: bool,
+        settings: Settings | None = None,
+        settings_problems: Sequence[Problem] = (),
+    ) -> None:
         self.app = app
         self.holding = holding  # makes what owns the keys while a flow is under way
         self.read_only = read_only
         self.take_up: Callable[[], None] = lambda: None  # asks what becomes of edits that were kept
+        self.settings = settings or Settings()
+        self.settings_problems = tuple(settings_problems)
+        self.saved_settings = self.settings  # as the file has them
         self.script_names: tuple[str, ...] = ()
         self._session: Session | None = None
         self._flow_running = False
@@ -133,6 +147,12 @@ class Context:
         if (screen := self.upper_screen) is not None:
             screen.say(words)
 
+    def say_settings_problems(self) -> None:
+        """Say once what of the settings file was left out."""
+        if self.settings_problems:
+            more = len(self.settings_problems) - 1
+            self.say(f"{self.settings_problems[0]}{f' ({more} more: F2)' if more else ''}")
+
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""
         screen = self.upper_screen
@@ -227,6 +247,30 @@ class SiloScreen(Screen[None]):
         handler: Callable[[], Any] | None = getattr(self, method, None) or getattr(self.app, method, None)
         if handler is not None:
             handler()
+        self.update_keys()
+
+    # ---------------------------------------------------------------------------------------------- the key bar
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return commands, and what they are called now, that come first because of the mode the screen is in."""
+        return ()
+
+    def update_keys(self) -> None:
+        """Let the key bar show what counts now."""
+        for bar in self.query(KeyBar):
+            bar.update()
+
+    def on_screen_suspend(self) -> None:
+        """Show the keys of a dialog that lies above."""
+        if self.app.screen.is_modal:
+            for bar in self.query(KeyBar):
+                bar.show_instead(getattr(self.app.screen, "KEYS_HERE", "Enter Does it  Esc Closes"))
+
+    def on_screen_resume(self) -> None:
+        """Show the keys of the screen again, but not above a line that is typed in."""
+        if not isinstance(self.focused, Fleeting):
+            for bar in self.query(KeyBar):
+                bar.show_instead("")
 
     # ------------------------------------------------------------------------------- what the app tells a screen
 
@@ -244,6 +288,9 @@ class SiloScreen(Screen[None]):
 
     def request_view(self) -> None:
         """Request the view of what is on this screen, again."""
+
+    def settings_changed(self) -> None:
+        """Follow a change of the user's settings."""
 
     def say(self, words: str) -> None:
         """Show the result of something that was done."""

@@ -30,6 +30,25 @@ def backed_up(app: App[Any]) -> bool:
     return queue is not None and queue.qsize() > BACKLOG_LIMIT
 
 
+def take_mouse(app: App[Any], *, wanted: bool) -> None:
+    """Take the mouse from the terminal, or leave it to it, while the app runs. Private to Textual's driver."""
+    driver: Any = app._driver
+    if driver is None or driver._mouse == wanted or not hasattr(driver, "_enable_mouse_support"):
+        return
+    if wanted:
+        driver._mouse = True
+        driver._enable_mouse_support()
+    else:
+        driver._disable_mouse_support()
+        driver._mouse = False
+    driver.flush()
+
+
+def mouse_wanted(word: str) -> bool:
+    """Return whether the mouse is taken, by the word of the settings."""
+    return not over_ssh() if word == "auto" else word == "on"
+
+
 def end_on_signals(loop: AbstractEventLoop, leave: Callable[[], None], last_words: Callable[[], None]) -> None:
     """End the app on SIGHUP (no terminal), SIGTERM and SIGINT; if it can't, the process ends after a short grace.
 

@@ -35,6 +35,8 @@ class Choice:
 class ListDialog(ModalScreen[str | None]):
     """A list to choose from, below or above a body that scrolls; answers None on Esc."""
 
+    KEYS_HERE = "Enter Chooses  j k Move  PgDn PgUp Scroll  Esc Back"
+
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape,q", "leave", "Back", show=False),
         Binding("pagedown,ctrl+d", "scroll(1)", show=False),
@@ -111,6 +113,8 @@ class Question(ListDialog):
 
 class Prompt(ModalScreen[str | None]):
     """One line to type; None on Esc."""
+
+    KEYS_HERE = "Enter Takes it  Esc Back"
 
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape", "leave", "Back", show=False)

@@ -2,6 +2,7 @@
 """What the tables of a logger and of a file share: layout, cursor, filter, marks, order."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
 
 from textual import events
 from textual.app import ComposeResult
@@ -84,6 +85,7 @@ class ElementsScreen(SiloScreen):
     def on_mount(self) -> None:
         """Give the keys to the table."""
         self.table.focus()
+        self.settings_changed()
         self._lay_out(self.app.size.width)
 
     def on_resize(self, event: events.Resize) -> None:
@@ -118,6 +120,7 @@ class ElementsScreen(SiloScreen):
         self.pane.live_changed()
         self.inspector.refresh()
         self.info.refresh()
+        self.update_keys()
         self._show_emptiness()
         self.request_view_soon()
 
@@ -255,11 +258,26 @@ class ElementsScreen(SiloScreen):
         self.say(self.session.rows.next_component())
         self.table_changed()
 
+    def on_table_head_picked(self, event: TableHead.Picked) -> None:
+        """Sort by the column whose head was clicked."""
+        self.session.rows.sort = event.order
+        self.say(f"sorted by {event.order}")
+        self.table_changed()
+
     def command_inspector(self) -> None:
         self._inspector_wanted = not self.inspector.display
         if self.app.size.width < WIDE:
             self.say(f"the inspector needs {WIDE} columns; this terminal has {self.app.size.width}")
         self._lay_out(self.app.size.width)
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return what a range or a filter asks for."""
+        rows = self.session.rows
+        if rows.anchor is not None:
+            return (("range", "Mark the range"), ("back", "Leave it"))
+        if rows.filter.text:
+            return (("filter", "Filter"), ("back", "All again"))
+        return ()
 
     def command_back(self) -> None:
         """Leave the range, then the filter, then the marks; never pending edits."""

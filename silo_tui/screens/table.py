@@ -201,6 +201,11 @@ class TableScreen(ElementsScreen):
                 self._keep_timer.stop()
             self._keep_timer = self.set_timer(KEEP_S, self.context.keep_edits)
 
+    def settings_changed(self) -> None:
+        """Show the columns that are wanted."""
+        self.table.choose_columns(self.context.settings.columns)
+        self.table_head.refresh()
+
     def live_changed(self, frame: Frame) -> None:
         """Show new values; ask once for what was in frames that got lost: the logger still has it."""
         super().live_changed(frame)

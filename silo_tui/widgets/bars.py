@@ -2,6 +2,8 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, cast
 
 from rich.text import Text
 from textual.app import RenderResult
@@ -9,7 +11,7 @@ from textual.widget import Widget
 
 from silo.ipc.surveys import SLOW_SHARE
 from silo.model import State
-from silo_tui.actions import Command, footer_for
+from silo_tui.actions import BY_ID, Command, footer_for, with_keys
 from silo_tui.model import text
 from silo_tui.model.orders import STEADY
 from silo_tui.model.plots import PlotWindow
@@ -219,42 +221,60 @@ class MonitorLine(Widget):
 
 
 class KeyBar(Widget):
-    """The keys that matter here, as many as fit; a click does what the key does."""
+    """The keys that matter now, as many as fit; help and quit always at its end. A click does what the key does."""
 
     DEFAULT_CSS = "KeyBar { height: 1; }"
+    LAST = ("help", "quit")
 
     def __init__(self, scope: str, *, read_only: bool = False) -> None:
         super().__init__()
         self.auto_links = False
-        self._commands = footer_for(scope, read_only=read_only)
+        self._scope, self._read_only = scope, read_only
         self._instead = ""
+        self._drawn: list[Command] = []
 
     def show_instead(self, words: str) -> None:
-        """Show other keys for a while; empty: those of the screen again."""
+        """Show other keys for a while, of a line to type in or a dialog; empty: those of the screen again."""
         self._instead = words
         self.refresh()
+
+    def update(self) -> None:
+        """Paint anew if other keys count now."""
+        if self._commands() != self._drawn:
+            self.refresh()
+
+    def _commands(self) -> list[Command]:
+        """Return what is shown, most wanted first: what the screen's mode asks for, then the rest."""
+        app, screen = cast(Any, self.app), cast(Any, self.screen)
+        keys = app.context.settings.keys
+        in_mode = [replace(with_keys(keys, BY_ID[each]), label=label) for each, label in screen.mode_keys()]
+        known = {command.id for command in in_mode}
+        shown = footer_for(self._scope, read_only=self._read_only, keys=keys)
+        return [*in_mode, *(command for command in shown if command.id not in known)]
 
     def render(self) -> RenderResult:
         """Return as many keys as fit, those wanted most first."""
         if self._instead:
-            return Text(f" {self._instead}", no_wrap=True, overflow="ellipsis")
-        fitting = self._fitting()
-        key_color = color(self.app.theme_variables, "primary")
+            style = f"bold {color(self.app.theme_variables, 'foreground')}"
+            return Text(f" {self._instead}", style, no_wrap=True, overflow="ellipsis")
+        self._drawn = self._commands()
+        last = [command for each in self.LAST for command in self._drawn if command.id == each]
+        end = Text("  ", no_wrap=True).join(self._word(command) for command in last)
+        room = self.size.width - 2 - len(end)
         line = Text(" ", no_wrap=True, overflow="ellipsis")
-        for command in fitting:
-            style = f"bold {key_color}" if not self.app.no_color else "bold"
-            line.append(command.footer_key, style=style)
-            line.append(f" {command.label}  ")
-            start = len(line) - len(command.footer_key) - len(command.label) - 3
-            line.apply_meta({"@click": f"screen.command('{command.id}')"}, start, len(line) - 2)
-        return line
-
-    def _fitting(self) -> list[Command]:
-        room = self.size.width - 1
-        found = []
-        for command in self._commands:
-            room -= len(command.footer_key) + len(command.label) + 3
-            if room < -2:
+        for command in self._drawn:
+            if command in last:
+                continue
+            word = self._word(command)
+            if len(line) + len(word) + 1 > room:
                 break
-            found.append(command)
-        return found
+            line.append_text(word).append("  ")
+        line.append(" " * (room + 1 - len(line)))
+        return line.append_text(end)
+
+    def _word(self, command: Command) -> Text:
+        key_color = color(self.app.theme_variables, "primary")
+        word = Text(command.footer_key, style=f"bold {key_color}" if not self.app.no_color else "bold")
+        word = Text().append_text(word).append(f" {command.label}")
+        word.apply_meta({"@click": f"screen.command('{command.id}')"}, 0, len(word))
+        return word

@@ -3,7 +3,7 @@
 Measured: Textual's DataTable needs 4 - 7 s for 10,000 rows and 130 ms per update; this needs the lines on the screen.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -58,7 +58,7 @@ class ElementTable(ScrollView, can_focus=True):
         super().__init__()
         self.session = session
         self.field = Field.ENABLED
-        self._columns = columns
+        self._all_columns = self._columns = columns
         self._facts = facts or (lambda row, values: LiveRow(session.table.elements[row], values))
         self._strips: dict[tuple[object, ...], Strip] = {}
         self._styles: dict[str, Style] = {}
@@ -138,6 +138,18 @@ class ElementTable(ScrollView, can_focus=True):
         self.refresh()
 
     # ---------------------------------------------------------------------------------------------- changing
+
+    @property
+    def chosen_columns(self) -> tuple[str, ...]:
+        """The titles of the columns that were chosen; none: all."""
+        return () if len(self._columns) == len(self._all_columns) else tuple(each.title for each in self._columns)
+
+    def choose_columns(self, titles: Collection[str]) -> list[str]:
+        """Show the columns of these titles, all where there is none; return those that there aren't."""
+        self._columns = [column for column in self._all_columns if column.title in titles] or self._all_columns
+        self._strips.clear()
+        self.refresh()
+        return [title for title in titles if not any(column.title == title for column in self._all_columns)]
 
     def rows_changed(self) -> None:
         """Follow a change of the rows, their order or their values."""
@@ -298,13 +310,13 @@ class ElementTable(ScrollView, can_focus=True):
             base.append("table--range")
         if is_cursor:
             base.append("table--cursor")
-        flag, flag_style = (" ", "table--quiet")
+        flag, flag_style = (" ", "table--row")
         if conflicts.any():
             flag, flag_style = "!", "table--conflict"
         elif pending.any():
             flag, flag_style = "*", "table--pending"
         yield Segment(flag, self._style(*base, flag_style))
-        yield Segment(">" if marked else " ", self._style(*base, "table--marked"))
+        yield Segment(">" if marked else " ", self._style(*base, *(["table--marked"] if marked else [])))
         width = self.name_width
         in_tree = self.rows.sort == TREE
         name = self._fitted(self._tree_name(row, depth, width) if in_tree else self._name_in(row, width), width)
@@ -364,9 +376,25 @@ class TableHead(ScrollView):
     DEFAULT_CSS = "TableHead { height: 1; width: 1fr; scrollbar-size: 0 0; }"
     COMPONENT_CLASSES: ClassVar[set[str]] = {"head--text", "head--field"}
 
+    @dataclass
+    class Picked(Message):
+        """The head of a column was clicked that gives an order."""
+
+        order: str
+
     def __init__(self, table: ElementTable) -> None:
         super().__init__()
         self._table = table
+
+    def on_click(self, event: events.Click) -> None:
+        """Ask for the order by this column."""
+        start = FLAGS + self._table.name_width
+        order = "name" if event.x < start else ""
+        for column, width in self._table.shown:
+            order = column.order if start < event.x <= start + width else order
+            start += 1 + width
+        if order:
+            self.post_message(self.Picked(order))
 
     def render_line(self, y: int) -> Strip:
         """Return the one line."""
