@@ -15,7 +15,8 @@ from typing import Any, Literal, TypeAlias, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from silo.analysis import calculus, exports, frames, units
+from silo import units
+from silo.analysis import calculus, exports, frames
 from silo.analysis.arithmetic import combined, wide
 from silo.analysis.samples import Samples
 from silo.arguments import shown, text
