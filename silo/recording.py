@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.model import BufferType, Entry
+from silo.model import NO_EXTRAS, BufferType, Entry, Extras
 
 Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
 
@@ -104,6 +104,7 @@ class Recording:
     started_ns: int = 0
     time_looping: bool = False
     warnings: tuple[str, ...] = field(default=())
+    extras: Extras = NO_EXTRAS
 
     @property
     def entry_count(self) -> int:

@@ -19,7 +19,7 @@ import platform
 
 import msgspec
 
-from silo.model import BufferType, ElementInfo, Entry
+from silo.model import NO_EXTRAS, BufferType, ElementInfo, Entry, Extras
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")
 LAYOUT_VERSION = 2
@@ -139,6 +139,7 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     logger_id: str = ""
     run: str = ""
     pid_namespace: int = 0  # in which `pid` counts, 0 in older segments
+    extras: Extras = NO_EXTRAS
 
 
 def page_up(size_bytes: int) -> int:

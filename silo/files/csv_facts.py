@@ -97,6 +97,7 @@ def restored(
         started_ns=facts.log.started_ns,
         time_looping=facts.time_looping,
         warnings=facts.log.warnings,
+        extras=facts.log.extras,
     )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from silo import units
 from silo.judging.parsing import Call, Comparison, Expression, Name, Node, Number, Operation, parse
 from silo.judging.tokens import ExpressionError
-from silo.model import Entry
+from silo.model import Derived, Entry
 
 MOST_WIDTH = 1000  # scalars in a vector
 MOST_WINDOW_S = 60.0
@@ -130,9 +130,21 @@ class _Found:
 class Catalogue:
     """The elements that expressions may name, in the order of the table. Made once for many expressions."""
 
-    def __init__(self, elements: Sequence[Known], prefix: str = "/log") -> None:
+    def __init__(self, elements: Sequence[Known], prefix: str = "/log", derived: Sequence[Derived] = ()) -> None:
         self.elements = elements
         self.prefix = prefix
+        self.derived = derived
+
+    def before(self, name: str) -> tuple[Derived, "Catalogue"] | None:
+        """Return the derived signal of this name, and what its expression may name: elements, and those before it."""
+        names = (name, f"{self.prefix.rstrip('/')}/{name.lstrip('/')}")
+        for exact in (True, False):
+            for place, one in enumerate(self.derived):
+                if one.name in names if exact else one.name.endswith(f"/{name.lstrip('/')}"):
+                    made = Catalogue(self.elements, self.prefix, self.derived[:place])
+                    vars(made).update({key: vars(self)[key] for key in ("_places", "_by_end") if key in vars(self)})
+                    return one, made
+        return None
 
     @cached_property
     def _places(self) -> dict[str, tuple[int, int | None]]:
@@ -186,7 +198,8 @@ class Catalogue:
 
     def near(self, text: str) -> list[str]:
         """Return the three names nearest to one that is not there, as short as they may be written."""
-        shorts = {name.removeprefix(f"{self.prefix.rstrip('/')}/"): name for name in self._places}
+        known = [*self._places, *(one.name for one in self.derived)]
+        shorts = {name.removeprefix(f"{self.prefix.rstrip('/')}/"): name for name in known}
         bare = text.strip("/*")
         found = get_close_matches(bare, list(shorts)[:20_000], 3, 0.6)
         return found or [name for name in shorts if bare.lower() in name.lower()][:3]
@@ -244,6 +257,11 @@ class _Binder:
 
     def _name(self, node: Name, labels: Mapping[int, str] | None = None) -> _Found:
         found = self._catalogue.find(node.text)
+        if not found and (derived := self._catalogue.before(node.text)) is not None:
+            one, catalogue = derived
+            inner = parse(one.expression)
+            part = _Binder(inner, catalogue).bind(inner.root)
+            return replace(part, unit=one.unit if one.unit not in ("", "-") else part.unit)
         pattern = any(letter in node.text for letter in "*?[")
         if not found:
             raise self._error(self._unknown(node, labels or {}), node)
@@ -295,7 +313,7 @@ class _Binder:
         found: list[_Found | None] = [None if isinstance(one, Name) else self.bind(one) for one in node.operands]
         # labels last: which are meant tells what they are compared with
         for at, one in enumerate(node.operands):
-            if isinstance(one, Name) and self._catalogue.find(one.text):
+            if isinstance(one, Name) and (self._catalogue.find(one.text) or self._catalogue.before(one.text)):
                 found[at] = self._name(one)
         sides: list[_Found] = []
         for at, one in enumerate(node.operands):

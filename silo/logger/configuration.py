@@ -16,24 +16,28 @@ from typing import Any
 import msgspec
 from numpy.typing import DTypeLike, NDArray
 
-from silo.arguments import line, switch, text
+from silo.arguments import line, shown, switch, text
 from silo.arguments import path as file_path
 from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
 from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
-from silo.errors import ElementError, StateError
+from silo.errors import ElementError, ScriptError, StateError
 from silo.kinds import STRUCT, struct_text
 from silo.logger.options import array_layout, edits_given, element_name, string_room
 from silo.logger.table import Table
 from silo.model import (
     DEFAULT_OPTIONS,
+    NO_EXTRAS,
     Action,
     BufferType,
+    Derived,
     Edit,
     ElementInfo,
     ElementOptions,
+    Extras,
     LoggerOptions,
     Problem,
+    SignalLimits,
     join_name,
 )
 from silo.settings.rules import option_problems, refusal
@@ -50,6 +54,7 @@ class Configuration:
         self._lock = threading.RLock()
         self._table = Table(options.prefix)
         self._arena = Arena()
+        self._extras = NO_EXTRAS
         self._running = False
         self._updated = False
         self._closed = False
@@ -200,6 +205,76 @@ class Configuration:
             self._updated = True
             self._tell()
 
+    # ------------------------------------------------------------------------------------ derived signals, limits
+
+    @property
+    def extras(self) -> Extras:
+        """Derived signals and limits, in the order in which they were given."""
+        return self._extras
+
+    def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
+        """Have a signal computed from others wherever rows are read: `log.derive("power", "joints/tau * joints/qd")`.
+
+        Nothing of it is stored, and it costs the control loop nothing; saved files say how it is computed. It may use
+        elements that were added before, and signals that were derived before. Given again, it gets a new expression.
+        unit: instead of the one that follows from its signals. Raises ExpressionError, which shows the place,
+        ElementError for a name that is taken, StateError while running.
+        """
+        from silo.judging.extras import with_derived
+
+        name = text("the signal's name", name, 'log.derive("power", "joints/tau * joints/qd")')
+        expression = text("expression", expression, 'log.derive("power", "joints/tau * joints/qd")')
+        group, unit = text("group", group, 'group="joints"'), line("unit", unit, 'unit="W"')
+        if not name.strip("/"):
+            raise ElementError("a derived signal needs a name; nothing was changed")
+        one = Derived(join_name(self.options.prefix, group, name), expression, unit.strip())
+        with self._lock:
+            self._check_stopped("derive a signal")
+            self._extras = with_derived(self._extras, one, self._all_infos, self.options.prefix)
+
+    def limit(
+        self,
+        name: str,
+        bounds: Sequence[float | None],
+        *,
+        persistence: int = 1,
+        hysteresis: float = 0.0,
+        stale: float | str = 0.0,
+        when: str = "",
+    ) -> None:
+        """Give a signal limits, kept in saved files and judged by `silo check`.
+
+        name: an element (each of its values is judged), one scalar of it, or a derived signal. bounds: (red_low,
+        yellow_low, yellow_high, red_high), None for one that there isn't; a value at a bound is within it.
+        persistence: so many samples in a row make a state; each violation is counted all the same. hysteresis: how far
+        inside a bound its state ends. stale: a value that stays the same for so long is one too (`"0.5s"`). when: an
+        expression that must hold, else nothing is judged. Raises ElementError, StateError while running.
+        """
+        from silo.judging.extras import MOST_STALE_S, seconds, with_limits
+
+        name = text("the signal's name", name, 'log.limit("joints/tau", (-40, -30, 30, 40))')
+        when = text("when", when, 'when="controller/mode == STANCE"')
+        if isinstance(bounds, str | bytes) or not isinstance(bounds, Sequence) or len(bounds) != 4:
+            raise ElementError(
+                f"limits of '{name}' must be (red_low, yellow_low, yellow_high, red_high), got {shown(bounds)}; "
+                "nothing was changed"
+            )
+        one = SignalLimits(
+            name,
+            (bounds[0], bounds[1], bounds[2], bounds[3]),
+            persistence,
+            hysteresis,
+            seconds("stale", stale, MOST_STALE_S),
+            when,
+        )
+        with self._lock:
+            self._check_stopped("set limits")
+            self._extras = with_limits(self._extras, one, self._all_infos, self.options.prefix)
+
+    @property
+    def _all_infos(self) -> list[ElementInfo]:
+        return [*self._table.infos, *(element.info for element in self._table.pending)]
+
     # ------------------------------------------------------------------------------------------------- options
 
     def set(self, name: str = "/", **options: Any) -> int:
@@ -252,13 +327,23 @@ class Configuration:
             self._check_stopped("load a script")
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self.options.frequency_hz)
+            extras = self._extras if script.extras is None else self._extras_of(script.extras, file)
             self._table.set_all(plan.options)
+            self._extras = extras
             self._tell()
         for warning in script.warnings:
             log.warning("%s", warning)
         for unknown in plan.unknown:
             log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]
+
+    def _extras_of(self, given: Extras, file: Path) -> Extras:
+        from silo.settings.script_extras import checked_extras
+
+        try:
+            return checked_extras(given, self._table.infos, self.options.prefix)
+        except ElementError as error:
+            raise ScriptError(f"{file}: {error}; nothing was changed") from error
 
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the configuration of every element to a script, whole or not at all; returns its path.
@@ -269,7 +354,7 @@ class Configuration:
 
         self._check_open()
         target = self._script_path(path)
-        kept = write_script(target, self.elements)
+        kept = write_script(target, self.elements, self._extras)
         if kept:
             log.warning("%s: script saved%s", target, kept_text(kept))
         return target

@@ -137,7 +137,9 @@ class Logger(Configuration):
                 look_back(self.options, served=self._serving is not None and self._serving.is_up)
             self._present.number += 1
             stopped = functools.partial(self._stop_by_itself, self._present.number)
-            make = functools.partial(Run, self.options, self._table.elements, self._clock, stopped, self._collect_now)
+            make = functools.partial(
+                Run, self.options, self._table.elements, self._clock, stopped, self._collect_now, self.extras
+            )
             run = self._present.replace(make, self.options, self._let_go)
             self._new_values = NewValuesReader()
             self._reason = ""

@@ -15,6 +15,7 @@ from silo.logger.new_values import NewValues
 from silo.logger.options import array_layout
 from silo.model import (
     DEFAULT_OPTIONS,
+    NO_EXTRAS,
     Action,
     BufferType,
     Edit,
@@ -79,6 +80,7 @@ class NullLogger:
         self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
         self.elements: list[ElementInfo] = []
         self.source_failures: dict[str, int] = {}
+        self.extras = NO_EXTRAS
 
     def add(
         self,
@@ -105,6 +107,21 @@ class NullLogger:
     ) -> NDArray[Any]:
         """Return zeros of this shape and type. Raises like `Logger.array`."""
         return np.zeros(*array_layout(shape, dtype))
+
+    def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
+        """Derive nothing."""
+
+    def limit(
+        self,
+        name: str,
+        bounds: Sequence[float | None],
+        *,
+        persistence: int = 1,
+        hysteresis: float = 0.0,
+        stale: float | str = 0.0,
+        when: str = "",
+    ) -> None:
+        """Limit nothing."""
 
     def update(self, *, read_script: bool = True) -> None:
         """Do nothing."""
