@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.judging.binding import OFF, Bound, Computed, Constant, Part, Remembered, Signal, columns_of
+from silo.judging.operations import OPERATIONS, REDUCING, Truth, Value, as_numbers, as_truth, columned, raw, spread
 from silo.judging.windows import Window
 
 Floats = NDArray[np.float64]
@@ -34,17 +35,6 @@ class SourceRows:
 
 
 @dataclass(frozen=True)
-class Truth:
-    """Truths of any shape; where `unknown` (None: nowhere) they are neither true nor false, and `true` is False."""
-
-    true: Any
-    unknown: Any = None
-
-
-Value = Truth | Any  # else float64, or a float
-
-
-@dataclass(frozen=True)
 class Judged:
     """What expressions gave at ticks of shape `(n,)`, one value each: shape `(n,)`, or `(n, k)` for a vector.
 
@@ -59,11 +49,11 @@ class Judged:
     def numbers(self, which: int = 0) -> Floats:
         """Return the results of an expression as float64, NaN where they are unobservable."""
         value = self.values[which]
-        return _as_numbers(value) if isinstance(value, Truth) else value  # type: ignore[no-any-return]
+        return as_numbers(value) if isinstance(value, Truth) else value  # type: ignore[no-any-return]
 
     def codes(self, which: int = 0) -> NDArray[np.int8]:
         """Return the results of a condition: TRUE, FALSE or UNOBSERVABLE. A number is true where it isn't 0."""
-        truth = _as_truth(self.values[which])
+        truth = as_truth(self.values[which])
         codes = truth.true.astype(np.int8)
         if truth.unknown is not None:
             codes[truth.unknown] = UNOBSERVABLE
@@ -222,7 +212,7 @@ class Evaluator:
         with np.errstate(all="ignore"):
             for part in reversed(self._memories):  # the innermost were noted last, and others need them
                 self._made[part] = self._remembered(part)
-            values = tuple(_spread(self._value(root, grid), count) for root in self._roots)
+            values = tuple(spread(self._value(root, grid), count) for root in self._roots)
         seen = tuple(self._seen(sources, grid) for sources in self._seen_by)
         self._keep()
         self._rows, self._grids, self._made = {}, {}, {}
@@ -266,13 +256,13 @@ class Evaluator:
         if part.operator == "isnan":
             return self._isnan(part, values[0], grid)
         # a scalar beside a vector meets each of its values
-        if any(_raw(value).ndim == 2 for value in values if not isinstance(value, float)):
-            values = [_columned(value) for value in values]
-        return _OPERATIONS[part.operator](values)
+        if any(raw(value).ndim == 2 for value in values if not isinstance(value, float)):
+            values = [columned(value) for value in values]
+        return OPERATIONS[part.operator](values)
 
     def _isnan(self, part: Computed, value: Value, grid: _Grid) -> Truth:
         """Whether a value is no number: of what has no sample at all nobody can tell."""
-        numbers: Any = _spread(_as_numbers(value), len(grid.ticks))
+        numbers: Any = spread(as_numbers(value), len(grid.ticks))
         true = np.isnan(numbers)
         seen = self._seen(sorted({column.source for column in columns_of(part)}), grid)
         if seen is None:
@@ -308,7 +298,7 @@ class Evaluator:
         if grid is None:
             return np.full((0, *_trailing(part.part)), np.nan)
         value = self._value(part.part, grid)
-        samples = _as_numbers(value) if isinstance(value, Truth) else value
+        samples = as_numbers(value) if isinstance(value, Truth) else value
         if not len(grid.ticks):
             return samples  # type: ignore[no-any-return]
         breaks = grid.breaks()
@@ -335,161 +325,6 @@ def _trailing(part: Part) -> tuple[int, ...]:
         return (len(part.columns),) if part.vector else ()
     if isinstance(part, Remembered):
         return _trailing(part.part)
-    if isinstance(part, Constant) or part.operator in _REDUCING:
+    if isinstance(part, Constant) or part.operator in REDUCING:
         return ()
     return max((_trailing(one) for one in part.parts), key=len)
-
-
-# ---------------------------------------------------------------------------------------------------------- operations
-
-
-def _raw(value: Value) -> Any:
-    return np.asarray(value.true if isinstance(value, Truth) else value)
-
-
-def _columned(value: Value) -> Value:
-    """A value per tick as a column beside vectors."""
-    if isinstance(value, Truth):
-        unknown = value.unknown
-        return Truth(_columned(value.true), None if unknown is None else _columned(unknown))
-    return value[:, None] if isinstance(value, np.ndarray) and value.ndim == 1 else value
-
-
-def _spread(value: Value, count: int) -> Value:
-    """A value as an array with one row per tick."""
-    if isinstance(value, Truth):
-        true = np.broadcast_to(value.true, (count,)) if np.ndim(value.true) == 0 else value.true
-        unknown = value.unknown
-        if unknown is not None and np.shape(unknown) != true.shape:
-            unknown = np.broadcast_to(unknown, true.shape)
-        return Truth(true, unknown)
-    return np.full(count, value) if np.ndim(value) == 0 else value
-
-
-def _as_numbers(value: Value) -> Any:
-    if not isinstance(value, Truth):
-        return value
-    numbers = np.asarray(value.true, np.float64)
-    return numbers if value.unknown is None else np.where(value.unknown, np.nan, numbers)
-
-
-def _as_truth(value: Value) -> Truth:
-    if isinstance(value, Truth):
-        return value
-    unknown = _nan_in(value)
-    true = np.not_equal(value, 0.0)
-    return Truth(true, None) if unknown is None else Truth(true & ~unknown, unknown)
-
-
-def _nan_in(value: Any) -> Any:
-    """Where there is a NaN, None if nowhere."""
-    if isinstance(value, float):
-        return None  # constants are numbers
-    found = np.isnan(value)
-    return found if found.any() else None
-
-
-def _either(one: Any, other: Any) -> Any:
-    if one is None or other is None:
-        return other if one is None else one
-    return one | other
-
-
-def _and(values: list[Value]) -> Truth:
-    truths = [_as_truth(value) for value in values]
-    true = truths[0].true
-    for truth in truths[1:]:
-        true = true & truth.true
-    if all(truth.unknown is None for truth in truths):
-        return Truth(true)
-    false: Any = False  # one that is false decides
-    for truth in truths:
-        false = false | (~truth.true if truth.unknown is None else ~(truth.true | truth.unknown))
-    return Truth(true, ~(true | false))
-
-
-def _not(values: list[Value]) -> Truth:
-    truth = _as_truth(values[0])
-    return Truth(~truth.true if truth.unknown is None else ~(truth.true | truth.unknown), truth.unknown)
-
-
-def _or(values: list[Value]) -> Truth:
-    return _not([_and([_not([value]) for value in values])])
-
-
-def _comparison(function: Any) -> Any:
-    def compared(values: list[Value]) -> Truth:
-        left, right = _as_numbers(values[0]), _as_numbers(values[1])
-        unknown = _either(_nan_in(left), _nan_in(right))
-        true = function(left, right)
-        if unknown is None:
-            return Truth(true)
-        return Truth(true & ~unknown, np.broadcast_to(unknown, np.shape(true)))
-
-    return compared
-
-
-def _numeric(function: Any) -> Any:
-    def applied(values: list[Value]) -> Any:
-        made = _as_numbers(values[0])
-        if len(values) == 1:
-            return function(made)
-        for value in values[1:]:
-            made = function(made, _as_numbers(value))
-        return made
-
-    return applied
-
-
-def _reduced(function: Any) -> Any:
-    def applied(values: list[Value]) -> Any:
-        return function(_side_by_side([_as_numbers(value) for value in values]))
-
-    return applied
-
-
-def _side_by_side(values: list[Any]) -> Any:
-    """Scalars and vectors as one vector per tick."""
-    if len(values) == 1:
-        return values[0]
-    count = max((len(value) for value in values if np.ndim(value)), default=1)
-    return np.concatenate([_as_columns(value, count) for value in values], axis=1)
-
-
-def _as_columns(value: Any, count: int) -> Any:
-    if np.ndim(value) == 2:
-        return value
-    return np.broadcast_to(np.asarray(value).reshape(-1, 1), (count, 1))
-
-
-def _any(values: list[Value]) -> Truth:
-    return _not([_all([_not([value]) for value in values])])
-
-
-def _all(values: list[Value]) -> Truth:
-    truths = [_as_truth(value) for value in values]
-    true = _side_by_side([truth.true for truth in truths])
-    if all(truth.unknown is None for truth in truths):
-        return Truth(true.all(axis=1))
-    unknown = _side_by_side(
-        [np.zeros(np.shape(truth.true), bool) if truth.unknown is None else truth.unknown for truth in truths]
-    )
-    every, false = true.all(axis=1), ~(true | unknown).all(axis=1)
-    return Truth(every, ~(every | false))
-
-
-_REDUCING = ("any", "all", "norm_of", "sum_of", "min_of", "max_of")
-
-_OPERATIONS: dict[str, Any] = {
-    "and": _and, "or": _or, "not": _not, "any": _any, "all": _all,
-    "<": _comparison(np.less), "<=": _comparison(np.less_equal), ">": _comparison(np.greater),
-    ">=": _comparison(np.greater_equal), "==": _comparison(np.equal), "!=": _comparison(np.not_equal),
-    "+": _numeric(np.add), "-": _numeric(np.subtract), "*": _numeric(np.multiply), "/": _numeric(np.divide),
-    "%": _numeric(np.mod), "**": _numeric(np.power), "neg": _numeric(np.negative), "abs": _numeric(np.abs),
-    "min": _numeric(np.minimum), "max": _numeric(np.maximum), "sqrt": _numeric(np.sqrt), "sin": _numeric(np.sin),
-    "cos": _numeric(np.cos), "tan": _numeric(np.tan), "atan2": _numeric(np.arctan2), "hypot": _numeric(np.hypot),
-    "norm_of": _reduced(lambda vector: np.sqrt(np.sum(vector * vector, axis=1))),
-    "sum_of": _reduced(lambda vector: np.sum(vector, axis=1)),
-    "min_of": _reduced(lambda vector: np.min(vector, axis=1)),
-    "max_of": _reduced(lambda vector: np.max(vector, axis=1)),
-}  # fmt: skip

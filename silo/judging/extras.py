@@ -11,11 +11,13 @@ from silo.errors import ElementError
 from silo.judging.binding import Bound, Catalogue, Known, bind
 from silo.judging.limits import LimitRule, limit_rule
 from silo.judging.tokens import ExpressionError
-from silo.model import Derived, ElementInfo, Extras, SignalLimits
+from silo.judging.triggers import Held, Mode, Slope, TriggerRule
+from silo.model import BufferType, Derived, ElementInfo, Extras, SignalLimits, TriggerOptions
 
 MOST_DERIVED = 200
 MOST_LIMITS = 1000
-MOST_STALE_S = 86_400.0
+MOST_TRIGGERS = 100
+MOST_STALE_S = MOST_TRIGGER_S = 86_400.0
 
 _TIME = re.compile(r"\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*([a-zµμ]*)\s*")
 
@@ -62,6 +64,55 @@ def with_limits(extras: Extras, one: SignalLimits, elements: Sequence[ElementInf
     bind_limits(one, catalogue)
     kept = tuple(old for old in extras.limits if old.name != one.name)
     return msgspec.structs.replace(extras, limits=(*kept, one))
+
+
+def with_trigger(extras: Extras, one: TriggerOptions, elements: Sequence[ElementInfo], prefix: str) -> Extras:
+    """Return the extras with one more trigger, or with a new one of that name. Raises ElementError."""
+    if len(extras.triggers) >= MOST_TRIGGERS:
+        raise ElementError(f"at most {MOST_TRIGGERS} triggers are set; nothing was changed")
+    catalogue = table_catalogue(elements, prefix, extras.derived)
+    trigger_rule(one, 1.0)  # its words and times make sense
+    for text in filter(None, (one.when, one.rearm)):
+        bind(text, catalogue).condition()
+    if not one.name or "/" in one.name or not one.name.isprintable() or one.name.startswith("."):
+        raise ElementError(f"the name of trigger '{one.name}' stands in names of files; take letters and digits")
+    kept = tuple(old for old in extras.triggers if old.name != one.name)
+    return msgspec.structs.replace(extras, triggers=(*kept, one))
+
+
+def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
+    """Return what a trigger does, in ticks. Raises ElementError for words and times that make no sense."""
+    name = f"of trigger '{options.name}'"
+
+    def ticks(what: str, given_s: float) -> int:
+        return round(real(f"{what} {name}", given_s, 0, MOST_TRIGGER_S, "s") * frequency_hz)
+
+    try:
+        slope, mode = Slope(options.slope), Mode(options.mode)
+    except ValueError as error:
+        raise ElementError(
+            f"edge {name} must be rising, falling, level, enter or leave, its mode normal or single: {error}"
+        ) from None
+    if mode is Mode.AUTO:
+        raise ElementError(f"mode {name} must be normal or single; nothing was changed")
+    return TriggerRule(
+        ticks("pre", options.pre_s),
+        ticks("post", options.post_s),
+        slope,
+        ticks("persist", options.persist_s),
+        ticks("holdoff", options.holdoff_s),
+        mode,
+    )
+
+
+def held_by(elements: Sequence[ElementInfo]) -> list[Held]:
+    """Return what buffers of the elements that are saved hold, for `check_pre`."""
+    return [
+        Held(info.name, now.divider, now.buffer_size, now.buffer_type is BufferType.LOOPING,
+             now.buffer_type is BufferType.GROWING)
+        for info in elements
+        if (now := info.options).enabled and now.action.saves
+    ]  # fmt: skip
 
 
 def rule_of(limits: SignalLimits) -> LimitRule:

@@ -155,12 +155,10 @@ class Limit:
         if not len(ticks):
             return []
         columns = values.reshape(len(values), -1)
-        if self._quiet(columns, context):
-            return []
         judged = None if context is None else context == TRUE
         found: list[Violation] = []
-        for entry, state in enumerate(self.states):
-            found += self._feed_entry(entry, state, ticks, time_ns, columns[:, entry], judged)
+        for entry in self._stirred(columns, context):
+            found += self._feed_entry(entry, self.states[entry], ticks, time_ns, columns[:, entry], judged)
         return found
 
     def check_stale(self, now_ns: int) -> list[int]:
@@ -181,14 +179,17 @@ class Limit:
 
     # ------------------------------------------------------------------------------------------------ the rules
 
-    def _quiet(self, columns: Floats, context: Any) -> bool:
-        """Whether all samples are green and nothing waits for them, as they nearly always are."""
+    def _stirred(self, columns: Floats, context: Any) -> list[int]:
+        """The scalars that must be looked at: nearly always all samples are green, and nothing waits for them."""
         if context is not None or self.rule.stale_ns:
-            return False
-        if any(state.level or state.pending_samples or state.is_open for state in self.states):
-            return False
+            return list(range(self.width))
         # False too where there is a NaN
-        return bool(columns.min() >= self.rule.yellow_low) and bool(columns.max() <= self.rule.yellow_high)
+        green = (columns.min(axis=0) >= self.rule.yellow_low) & (columns.max(axis=0) <= self.rule.yellow_high)
+        return [
+            entry
+            for entry, (state, quiet) in enumerate(zip(self.states, green.tolist(), strict=True))
+            if not quiet or state.level or state.pending_samples or state.is_open
+        ]
 
     def _feed_entry(
         self, entry: int, state: EntryState, ticks: Ints, time_ns: Ints, values: Floats, judged: Any

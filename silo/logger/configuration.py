@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 from numpy.typing import DTypeLike, NDArray
 
-from silo.arguments import line, shown, switch, text
+from silo.arguments import line, switch, text
 from silo.arguments import path as file_path
 from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
@@ -30,14 +30,12 @@ from silo.model import (
     NO_EXTRAS,
     Action,
     BufferType,
-    Derived,
     Edit,
     ElementInfo,
     ElementOptions,
     Extras,
     LoggerOptions,
     Problem,
-    SignalLimits,
     join_name,
 )
 from silo.settings.rules import option_problems, refusal
@@ -211,65 +209,6 @@ class Configuration:
     def extras(self) -> Extras:
         """Derived signals and limits, in the order in which they were given."""
         return self._extras
-
-    def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
-        """Have a signal computed from others wherever rows are read: `log.derive("power", "joints/tau * joints/qd")`.
-
-        Nothing of it is stored, and it costs the control loop nothing; saved files say how it is computed. It may use
-        elements that were added before, and signals that were derived before. Given again, it gets a new expression.
-        unit: instead of the one that follows from its signals. Raises ExpressionError, which shows the place,
-        ElementError for a name that is taken, StateError while running.
-        """
-        from silo.judging.extras import with_derived
-
-        name = text("the signal's name", name, 'log.derive("power", "joints/tau * joints/qd")')
-        expression = text("expression", expression, 'log.derive("power", "joints/tau * joints/qd")')
-        group, unit = text("group", group, 'group="joints"'), line("unit", unit, 'unit="W"')
-        if not name.strip("/"):
-            raise ElementError("a derived signal needs a name; nothing was changed")
-        one = Derived(join_name(self.options.prefix, group, name), expression, unit.strip())
-        with self._lock:
-            self._check_stopped("derive a signal")
-            self._extras = with_derived(self._extras, one, self._all_infos, self.options.prefix)
-
-    def limit(
-        self,
-        name: str,
-        bounds: Sequence[float | None],
-        *,
-        persistence: int = 1,
-        hysteresis: float = 0.0,
-        stale: float | str = 0.0,
-        when: str = "",
-    ) -> None:
-        """Give a signal limits, kept in saved files and judged by `silo check`.
-
-        name: an element (each of its values is judged), one scalar of it, or a derived signal. bounds: (red_low,
-        yellow_low, yellow_high, red_high), None for one that there isn't; a value at a bound is within it.
-        persistence: so many samples in a row make a state; each violation is counted all the same. hysteresis: how far
-        inside a bound its state ends. stale: a value that stays the same for so long is one too (`"0.5s"`). when: an
-        expression that must hold, else nothing is judged. Raises ElementError, StateError while running.
-        """
-        from silo.judging.extras import MOST_STALE_S, seconds, with_limits
-
-        name = text("the signal's name", name, 'log.limit("joints/tau", (-40, -30, 30, 40))')
-        when = text("when", when, 'when="controller/mode == STANCE"')
-        if isinstance(bounds, str | bytes) or not isinstance(bounds, Sequence) or len(bounds) != 4:
-            raise ElementError(
-                f"limits of '{name}' must be (red_low, yellow_low, yellow_high, red_high), got {shown(bounds)}; "
-                "nothing was changed"
-            )
-        one = SignalLimits(
-            name,
-            (bounds[0], bounds[1], bounds[2], bounds[3]),
-            persistence,
-            hysteresis,
-            seconds("stale", stale, MOST_STALE_S),
-            when,
-        )
-        with self._lock:
-            self._check_stopped("set limits")
-            self._extras = with_limits(self._extras, one, self._all_infos, self.options.prefix)
 
     @property
     def _all_infos(self) -> list[ElementInfo]:

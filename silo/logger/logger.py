@@ -18,7 +18,7 @@ from silo.collecting.clocks import nanosecond_clock
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
 from silo.errors import StateError
-from silo.logger.configuration import Configuration
+from silo.logger.conditions import Conditions
 from silo.logger.current_run import CurrentRun
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_types, logger_options, serving_config, serving_group, warn_if_not_durable
@@ -37,7 +37,7 @@ def _idle() -> None:
     """`collect()` of a logger that isn't running."""
 
 
-class Logger(Configuration):
+class Logger(Conditions):
     """Logs variables of a control program, by reference, once per control tick.
 
     frequency: control ticks per second (Hz). max_time: how long fixed and growing logs may become (s), 0 for no limit.
@@ -132,6 +132,7 @@ class Logger(Configuration):
                 self.update()
             self._present.settle(unsaved, self.options)
             self._warn_of_pending()
+            self._warn_of_triggers(served=self._serving is not None)
             warn_if_not_durable(self.options, served=self._serving is not None)
             if self._present.number == 0:
                 look_back(self.options, served=self._serving is not None and self._serving.is_up)

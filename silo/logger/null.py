@@ -123,6 +123,23 @@ class NullLogger:
     ) -> None:
         """Limit nothing."""
 
+    def trigger(
+        self,
+        name: str,
+        when: str,
+        *,
+        pre: float | str = 0.0,
+        post: float | str = 0.0,
+        edge: str = "rising",
+        rearm: str = "",
+        persist: float | str = 0.0,
+        holdoff: float | str = 0.0,
+        mode: str = "normal",
+        save: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        keep: int = 0,
+    ) -> None:
+        """Capture nothing."""
+
     def update(self, *, read_script: bool = True) -> None:
         """Do nothing."""
 

@@ -1,4 +1,4 @@
-"""Derived signals and limits in a script, as keys of silo's own beside `log_elements`, which the original ignores.
+"""Derived signals, limits and triggers in a script: keys of silo beside `log_elements`, which the original ignores.
 
 derived_signals:
   - name: /log/power
@@ -8,6 +8,11 @@ signal_limits:
   - name: /log/joints/tau
     bounds: [-40, -30, 30, 40]
     when: "controller/mode == STANCE"
+triggers:
+  - name: fall
+    when: "abs(base/roll) > 0.6"
+    pre_s: 5
+    post_s: 1
 """
 
 import json
@@ -17,23 +22,26 @@ from typing import Any, TypeVar
 import msgspec
 import yaml
 
-from silo.model import NO_EXTRAS, Derived, ElementInfo, Extras, SignalLimits
+from silo.model import NO_EXTRAS, Derived, ElementInfo, Extras, SignalLimits, TriggerOptions
 from silo.settings.yaml_nodes import describe, is_null, line_of
 
-DERIVED, LIMITS = "derived_signals", "signal_limits"
-KEYS = (DERIVED, LIMITS)
+DERIVED, LIMITS, TRIGGERS = "derived_signals", "signal_limits", "triggers"
+KEYS = (DERIVED, LIMITS, TRIGGERS)
 
-_Item = TypeVar("_Item", Derived, SignalLimits)
+_Item = TypeVar("_Item", Derived, SignalLimits, TriggerOptions)
 
 MOST_DEPTH = 3
 
 
 def read_extras(keys: Mapping[str, yaml.Node], report: Callable[[int, str], None]) -> Extras | None:
     """Return what the keys of a script say; None if they aren't there. Problems are reported with their lines."""
-    if DERIVED not in keys and LIMITS not in keys:
+    if not any(key in keys for key in KEYS):
         return None
-    derived = _items(keys.get(DERIVED), DERIVED, Derived, report)
-    return Extras(tuple(derived), tuple(_items(keys.get(LIMITS), LIMITS, SignalLimits, report)))
+    return Extras(
+        tuple(_items(keys.get(DERIVED), DERIVED, Derived, report)),
+        tuple(_items(keys.get(LIMITS), LIMITS, SignalLimits, report)),
+        tuple(_items(keys.get(TRIGGERS), TRIGGERS, TriggerOptions, report)),
+    )
 
 
 def _items(node: yaml.Node | None, key: str, kind: type[_Item], report: Callable[[int, str], None]) -> list[_Item]:
@@ -67,7 +75,7 @@ def _plain(node: yaml.Node, depth: int) -> Any:
 def format_extras(extras: Extras) -> str:
     """Return the keys of a script; empty where there is nothing to say."""
     lines = []
-    for key, items in ((DERIVED, extras.derived), (LIMITS, extras.limits)):
+    for key, items in ((DERIVED, extras.derived), (LIMITS, extras.limits), (TRIGGERS, extras.triggers)):
         lines += [f"{key}:\n"] if items else []
         for item in items:
             fields = [(name, value) for name, value in msgspec.to_builtins(item).items() if value != ""]
@@ -80,11 +88,13 @@ def format_extras(extras: Extras) -> str:
 
 def checked_extras(extras: Extras, elements: Sequence[ElementInfo], prefix: str) -> Extras:
     """Return extras that fit a table. Raises ElementError for the first that doesn't."""
-    from silo.judging.extras import with_derived, with_limits
+    from silo.judging.extras import with_derived, with_limits, with_trigger
 
     made = NO_EXTRAS
     for derived in extras.derived:
         made = with_derived(made, derived, elements, prefix)
     for limits in extras.limits:
         made = with_limits(made, limits, elements, prefix)
+    for trigger in extras.triggers:
+        made = with_trigger(made, trigger, elements, prefix)
     return made

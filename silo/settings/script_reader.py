@@ -81,7 +81,8 @@ class Reader:
         if root is None:
             self.report(1, "the script is empty; it must start with `log_elements:`")
             return
-        listed = self._mapping(root, "", ("log_elements", *KEYS), "a script")
+        known = ("log_elements", *KEYS) if isinstance(root, yaml.MappingNode) else ("log_elements",)
+        listed = self._mapping(root, "", known, "a script")
         self.extras = read_extras(listed, self.report)
         if "log_elements" not in listed:
             if not self.problems and not self.unknown:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from silo.judging.binding import OFF, Catalogue, Known, bind
 from silo.judging.evaluation import Evaluator, SourceRows
 from silo.model import Entry
+from tests.examples import examples
 from tests.judging.reference import Reference, Stream
 
 DIVIDERS = {0: 1, 1: 2, 2: 5}
@@ -141,7 +142,7 @@ def same(found, wanted):
     return (math.isnan(found) and math.isnan(wanted)) or found == wanted or math.isclose(found, wanted, rel_tol=1e-9)
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(expressions, recordings())
 def test_any_cut_into_batches_gives_what_a_judge_row_by_row_gives(text, recorded):
     streams, cuts = recorded
@@ -156,7 +157,7 @@ def test_any_cut_into_batches_gives_what_a_judge_row_by_row_gives(text, recorded
         assert same(float(found[at]), value), (text, tick, found[at], value)
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(st.integers(0, 2**32 - 1), st.lists(st.integers(0, 300), max_size=8).map(sorted))
 def test_roundings_are_the_same_for_any_cut(seed, cuts):
     rng = np.random.default_rng(seed)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from silo.errors import ElementError
 from silo.judging.limits import Level, Limit, LimitRule, limit_rule
+from tests.examples import examples
 
 RULE = LimitRule(-20, -10, 10, 20)
 MS = 10**6
@@ -82,7 +83,7 @@ class Slow:
             self.alarm = max(self.alarm, raw, key=abs)
 
 
-@settings(max_examples=400)
+@settings(max_examples=examples(400))
 @given(
     st.lists(st.sampled_from([0.0, 5.0, 9.0, 11.0, 19.0, 25.0, 30.0, -9.0, -15.0, -21.0, math.nan]), max_size=40),
     st.integers(1, 3), st.sampled_from([0.0, 3.0]), st.sampled_from([0, 2 * MS]), st.booleans(), st.data(),

@@ -221,6 +221,7 @@ class TestLogger:
     def test_a_script_keeps_what_is_derived_and_limited(self, log, tmp_path):
         log.derive("twice", "2 * joints/q + 0 * mode", unit="°")
         log.limit("twice", (None, -1.5, 3, None), when="mode == 3", stale="20ms")
+        log.trigger("odd", "max(twice) > 3", pre="20ms", save=["silo", "bag"], rearm="mode < 1", mode="single")
         log.update()
         path = log.save_script(tmp_path / "kept.yaml")
         before = log.extras
@@ -242,6 +243,8 @@ class TestLogger:
             ("derived_signals:\n  - name: x\n    formula: y", ":3: derived_signals: no key 'formula'"),
             ("derived_signals:\n  - name: /log/x\n    expression: nope + 1", "no signal is named 'nope'"),
             ("signal_limits:\n  - name: mode\n    bounds: [1, 2]", ":3: signal_limits"),
+            ("triggers:\n  - name: a\n    when: mode > 3\n    slope: up", "edge of trigger 'a' must be rising"),
+            ("triggers:\n  - name: a/b\n    when: mode > 3", "stands in names of files"),
             ("signal_limits:\n  - name: mode\n    bounds: [4, 3, 2, 1]", "must rise"),
         ],
     )

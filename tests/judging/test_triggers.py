@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from silo.errors import ElementError
 from silo.judging.triggers import Held, Mode, Slope, Trigger, TriggerRule, TriggerState, check_pre
+from tests.examples import examples
 
 T, F, U = 1, 0, -1
 
@@ -92,7 +93,7 @@ codes = st.lists(st.tuples(st.sampled_from([T, F, U]), st.integers(1, 4)), max_s
 )
 
 
-@settings(max_examples=400)
+@settings(max_examples=examples(400))
 @given(rules, codes, st.none() | st.lists(st.sampled_from([T, F, U]), min_size=60, max_size=60), st.data())
 def test_any_cut_fires_as_row_by_row(rule, condition, rearm, data):
     rearm = None if rearm is None else rearm[: len(condition)]
