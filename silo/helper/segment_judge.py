@@ -21,6 +21,7 @@ from silo.values import as_floats
 BATCH_TICKS = 16_384
 MOST_SPOOL_BYTES = 512 * 2**20  # of all captures that are under way
 LONGEST_WAIT_S = 0.05
+RELEASE_STEPS = 20
 
 
 @dataclass
@@ -60,7 +61,7 @@ class SegmentJudge:
         for options in schema.extras.triggers:
             self._watch_if_it_fits(options, catalogue)
         self._cursors = dict.fromkeys(self._wanted, 0)
-        self._until = 0
+        self._until = self._steps = 0
         self._spools: list[Spool] = []
 
     def _known(self, element: "ElementSchema | _Off") -> Known:
@@ -119,6 +120,9 @@ class SegmentJudge:
             self._judge(until, found)
             self._until = until
             self._copy(until, found)
+        self._steps += 1
+        if self._steps % RELEASE_STEPS == 0:
+            self.reader.release_pages()  # else this process would count all buffers as its own memory
         return found
 
     def _judge(self, until: int, found: Step) -> None:

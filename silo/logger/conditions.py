@@ -38,6 +38,7 @@ class Conditions(Configuration):
         with self._lock:
             self._check_stopped("derive a signal")
             self._extras = with_derived(self._extras, one, self._all_infos, self.options.prefix)
+            self._tell()
 
     def limit(
         self,
@@ -77,6 +78,7 @@ class Conditions(Configuration):
         with self._lock:
             self._check_stopped("set limits")
             self._extras = with_limits(self._extras, one, self._all_infos, self.options.prefix)
+            self._tell()
 
     def trigger(
         self,
@@ -140,6 +142,7 @@ class Conditions(Configuration):
             rule = trigger_rule(one, self.options.frequency_hz)
             check_pre(rule.pre, self.options.frequency_hz, held_by(infos))
             self._extras = with_trigger(self._extras, one, infos, self.options.prefix)
+            self._tell()
 
     def _warn_of_triggers(self, *, served: bool) -> None:
         """Tell at a start which triggers can't do what they were set for."""

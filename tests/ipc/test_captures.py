@@ -6,6 +6,7 @@ import pytest
 import silo
 from silo.ipc.client import Client
 from silo.ipc.published import EventKind
+from silo.settings.script import read_script
 from tests.waiting import wait_until
 
 
@@ -101,3 +102,19 @@ def test_a_robot_that_is_killed_within_post_leaves_a_capture_that_says_so(robots
         ((path,),) = captured(events)
     with pytest.warns(silo.analysis.log.LogWarning, match="the robot program died"):
         assert silo.open_log(path).recording.extras.capture.trigger == "late"
+
+
+def test_a_script_that_a_client_saves_has_what_is_derived_limited_and_triggered(bench, client, tmp_path):
+    bench.logger.derive("twice", "2 * x")
+    bench.logger.trigger("high", "twice > 50", pre="50ms")
+    wait_until(lambda: "twice > 50" in client.read_script().text)
+    client.save_script("new.yaml")
+    assert read_script(tmp_path / "scripts" / "new.yaml").extras == bench.logger.extras
+
+
+def test_a_script_whose_triggers_a_client_can_not_set_says_so(bench, client, events, tmp_path):
+    text = "log_elements: []\ntriggers:\n  - {name: late, when: x > 300}\n"
+    (tmp_path / "scripts" / "with.yaml").write_text(text)
+    client.load_script("with.yaml")
+    told = wait_until(lambda: next((event for event in events if event.kind is EventKind.SCRIPT_LOADED), None))
+    assert "triggers are read when the program starts" in told.text
