@@ -42,6 +42,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         SourceError as SourceError,
         StateError as StateError,
     )
+    from silo.judging.tokens import ExpressionError as ExpressionError
     from silo.kinds import vector_at_position as vector_at_position
     from silo.logger.default import (
         add as add,
@@ -99,6 +100,7 @@ _HOMES = {
     "silo.logger.null": "NullLogger",
     "silo.recording": "Recording",
     "silo.collecting.traits": "register",
+    "silo.judging.tokens": "ExpressionError",
     "silo.kinds": "vector_at_position",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.display import html_table
-from silo.model import BufferType, Entry
+from silo.model import NO_EXTRAS, BufferType, Entry, Extras
 
 Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
 
@@ -105,6 +105,7 @@ class Recording:
     started_ns: int = 0
     time_looping: bool = False
     warnings: tuple[str, ...] = field(default=())
+    extras: Extras = NO_EXTRAS
 
     def __repr__(self) -> str:
         span = (int(self.time_ns[-1]) - int(self.time_ns[0])) * 1e-9 if len(self.time_ns) else 0.0

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis import units
+from silo import units
 from silo.analysis.samples import Samples
 from silo.arguments import shown
 from silo.errors import ElementError

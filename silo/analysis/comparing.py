@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from silo.analysis import units
+from silo import units
 from silo.analysis.arithmetic import aligned
 from silo.analysis.log import Log
 from silo.analysis.reports import table

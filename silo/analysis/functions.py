@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from silo.analysis import units
+from silo import units
 from silo.analysis.arithmetic import combined, compared, wide
 from silo.analysis.samples import Samples
 from silo.errors import ElementError

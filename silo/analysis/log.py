@@ -8,6 +8,7 @@ Nothing but the header is read before a signal is asked for.
 """
 
 import difflib
+import math
 import numbers
 import os
 import warnings
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from silo.analysis.expressions import RecordingJudge
 from silo.analysis.recordings import clipped, resampled
 from silo.analysis.shapes import assembled, component_names
 from silo.analysis.signals import Signal
@@ -33,6 +35,7 @@ from silo.files.formats import read_recording, writer_for
 from silo.files.naming import find_log, find_logs
 from silo.files.silo_whole import FileElements
 from silo.kinds import SCALAR
+from silo.model import NO_EXTRAS
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 MOST_RUNS = 10**9
@@ -103,8 +106,9 @@ _OTHER_NAMES = {
 class Log(Mapping[str, Signal]):
     """A recorded log: names of elements -> signals.
 
-    Indexing takes the name of an element (`/log/imu/acc`, also without its prefix: `imu/acc`) or of one of its scalars
-    (`/log/imu/acc_x`); iteration gives elements. `recording` is what any writer takes.
+    Indexing takes the name of an element (`/log/imu/acc`, also without its prefix: `imu/acc`), of one of its scalars
+    (`/log/imu/acc_x`) or of a derived signal, which is computed then; iteration gives elements and derived signals.
+    `recording` is what any writer takes.
     """
 
     def __init__(self, recording: Recording, path: str = "", start_ns: int | None = None) -> None:
@@ -117,6 +121,8 @@ class Log(Mapping[str, Signal]):
         self._elements: dict[str, int] = {}
         for place, name in enumerate(_names(recording.elements)):
             self._elements[_unused(name, self._elements)] = place
+        # an element of the same name stands for itself
+        self._derived = [one.name for one in recording.extras.derived if one.name not in self._elements]
 
     @cached_property
     def _entries(self) -> dict[str, tuple[RecordedElement, RecordedEntry]]:
@@ -140,20 +146,23 @@ class Log(Mapping[str, Signal]):
             if key in self._entries:
                 element, entry = self._entries[key]
                 return self._signal(key, replace(element, name=key, kind=SCALAR.name, shape=(), entries=(entry,)))
-        near = difflib.get_close_matches(name, [*self._elements, *self._entries], 3, 0.5)
+            if key in self._derived:
+                return self._evaluated(f"`{key}`", key)
+        near = difflib.get_close_matches(name, [*self._elements, *self._entries, *self._derived], 3, 0.5)
         near = near or [key for key in self._elements if name.lower() in key.lower()][:3]
         hint = f"; did you mean {', '.join(near)}?" if near else f"; it has {len(self)} elements, see list(log)"
         raise UnknownSignalError(f"the log has no signal '{name}'{hint}")
 
     def __contains__(self, name: object) -> bool:
         known = self._keys(name) if isinstance(name, str) else ()
-        return any(key in self._elements or key in self._entries for key in known)
+        return any(key in self._elements or key in self._entries or key in self._derived for key in known)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._elements)
+        yield from self._elements
+        yield from self._derived
 
     def __len__(self) -> int:
-        return len(self._elements)
+        return len(self._elements) + len(self._derived)
 
     def __repr__(self) -> str:
         return f"<Log {self.path or self.recording.logger}: {len(self)} elements, {self.duration_s:.6g} s>"
@@ -199,7 +208,9 @@ class Log(Mapping[str, Signal]):
         starts = (f"/{bare}/", f"{bare}/", f"{self.recording.prefix}/{bare}/")
         kept = [element for element in self.recording.elements if element.name.startswith(starts)] if bare else None
         elements = self.recording.elements if kept is None else kept
-        return Log(replace(self.recording, elements=elements), self.path, self._start_ns)
+        # what is derived may need signals that are left out
+        extras = self.recording.extras if kept is None else NO_EXTRAS
+        return Log(replace(self.recording, elements=elements, extras=extras), self.path, self._start_ns)
 
     # ----------------------------------------------------------------------------------------------- parts, other times
 
@@ -283,6 +294,35 @@ class Log(Mapping[str, Signal]):
         if left_out:
             warnings.warn(f"{left_out} more signals match and are not drawn", LogWarning, stacklevel=3)
         return show(chart, ax, path, terminal)
+
+    def eval(self, expression: str) -> Signal:
+        """The signal that an expression gives: `log.eval("abs(joints/tau_3) > 20 and controller/mode == STANCE")`.
+
+        It has a value at every tick where one of its signals has a sample, the others hold; it is bool where it is a
+        condition. Ticks at which it can't be told (a signal has no sample yet, or its buffer had ended) are left out.
+        Raises `ExpressionError`, which shows the place.
+        """
+        text("expression", expression, "log.eval('abs(joints/tau_3) > 20')")
+        return self._evaluated(expression, expression)
+
+    def _evaluated(self, expression: str, name: str) -> Signal:
+        found = self._judge.evaluate(expression)
+        dividers = set(found.bound.sources.values())
+        return Signal(
+            name=name,
+            values=found.values,
+            time_ns=found.time_ns,
+            unit=found.bound.unit,
+            kind="array" if found.bound.width else "scalar",
+            divider=math.gcd(*dividers),
+            start_ns=self.start_ns,
+            components=tuple(map(str, range(found.bound.width))),
+            labels={} if found.bound.logical else found.bound.labels,
+        )
+
+    @cached_property
+    def _judge(self) -> RecordingJudge:
+        return RecordingJudge(self.recording)
 
     # ---------------------------------------------------------------------------------------------------------- facts
 

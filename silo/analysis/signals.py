@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from silo.analysis import calculus, exports, frames, functions, indexing, units
+from silo import units
+from silo.analysis import calculus, exports, frames, functions, indexing
 from silo.analysis.arithmetic import combined, compared, wide
 from silo.analysis.samples import Samples, new_times
 from silo.arguments import shown, text

@@ -272,6 +272,7 @@ def _facts(recording: Recording, channels: Sequence[Channel]) -> RecordingFacts:
         started_ns=recording.started_ns,
         time_looping=recording.time_looping,
         warnings=recording.warnings,
+        extras=recording.extras,
     )
 
 

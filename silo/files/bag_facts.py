@@ -9,7 +9,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from silo.model import BufferType, Entry
+from silo.model import NO_EXTRAS, BufferType, Entry, Extras
 from silo.recording import NO_FAILURES, Failures
 
 FACTS_ATTACHMENT = "silo/recording.json.zst"
@@ -64,6 +64,7 @@ class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     started_ns: int = 0
     time_looping: bool = False
     warnings: tuple[str, ...] = ()
+    extras: Extras = NO_EXTRAS
 
 
 def pack_facts(facts: RecordingFacts) -> bytes:

@@ -277,6 +277,7 @@ def _recording(facts: RecordingFacts, times: NDArray[np.int64], elements: list[_
         started_ns=facts.started_ns,
         time_looping=facts.time_looping,
         warnings=tuple(warnings),
+        extras=facts.extras,
     )
 
 

@@ -106,6 +106,7 @@ def restored(facts: CsvFacts, names: Sequence[str], columns: Sequence[Column], t
         started_ns=facts.log.started_ns,
         time_looping=facts.time_looping,
         warnings=facts.log.warnings,
+        extras=facts.log.extras,
     )
 
 

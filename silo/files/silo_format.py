@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from silo.kinds import SCALAR
-from silo.model import BufferType
+from silo.model import NO_EXTRAS, BufferType, Extras
 from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording
 
 BANNER = (
@@ -105,6 +105,7 @@ class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     frequency_hz: float | None = None
     started_ns: int = 0
     warnings: tuple[str, ...] = ()
+    extras: Extras = NO_EXTRAS
 
 
 def file_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
@@ -225,6 +226,7 @@ def log_facts(recording: Recording) -> LogFacts:
         frequency_hz=recording.frequency_hz,
         started_ns=recording.started_ns,
         warnings=tuple(plain_text(warning) for warning in recording.warnings),
+        extras=recording.extras,
     )
 
 

@@ -77,6 +77,7 @@ def read_silo(path: str | os.PathLike[str]) -> Recording:
         started_ns=facts.started_ns,
         time_looping=time.looping,
         warnings=(*facts.warnings, *header.warnings),
+        extras=facts.extras,
     )
 
 

@@ -161,6 +161,7 @@ def read_whole(data: memoryview) -> Recording | None:
         started_ns=facts.started_ns,
         time_looping=table.kinds[0].looping,
         warnings=facts.warnings,
+        extras=facts.extras,
     )
 
 

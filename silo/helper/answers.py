@@ -200,7 +200,8 @@ class Answers:
         from silo.settings.script import format_script
 
         if not request.path:
-            return ScriptText(str(self._own_script), format_script(self._mirror.now.table.elements))
+            now = self._mirror.now
+            return ScriptText(str(self._own_script), format_script(now.table.elements, extras=now.robot.extras))
         path = script_folder.resolve(request.path, self._own_script)
         return ScriptText(str(path), script_folder.read_text(path))
 
@@ -267,6 +268,8 @@ class Answers:
             text += f", {len(unknown)} names are not in the table"
         if script.unknown_keys:
             text += f", {len(script.unknown_keys)} keys are unknown and were left alone"
+        if script.extras is not None and script.extras != now.robot.extras:
+            text += "; its derived signals, limits and triggers are read when the program starts"
         self._events.publish(EventKind.SCRIPT_LOADED, text, by=request.client)
         return EditsApplied(reply.revision, reply.changed, unknown, script.warnings)
 
@@ -276,7 +279,8 @@ class Answers:
 
         path = script_folder.resolve(request.path, self._own_script)
         script_folder.check_target(path, overwrite=request.overwrite)
-        kept = write_script(path, self._mirror.now.table.elements)
+        now = self._mirror.now
+        kept = write_script(path, now.table.elements, now.robot.extras)
         text = f"script saved: {path}{kept_text(kept)}"
         self._events.publish(EventKind.SCRIPT_SAVED, text, by=request.client)
         return Done(text)

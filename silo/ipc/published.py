@@ -91,6 +91,9 @@ class EventKind(str, enum.Enum):
     FILES_DELETED = "files deleted"
     DURABLE = "durable"  # the journal stopped or goes on
     ENDED = "ended"  # a request that went on came to its end, well or not
+    TRIGGERED = "triggered"
+    CAPTURED = "captured"
+    BLIND = "blind"  # what a trigger can't see, or didn't
     OTHER = "other"
 
     @classmethod

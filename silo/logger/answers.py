@@ -30,7 +30,7 @@ from silo.ipc.messages import (
 from silo.ipc.refusals import refused_conflict, refused_running
 from silo.link.messages import RobotState
 from silo.logger.keywords import UnsavedWord
-from silo.model import Edit, ElementInfo, LoggerOptions, Problem, State, Table
+from silo.model import Edit, ElementInfo, Extras, LoggerOptions, Problem, State, Table
 from silo.settings.rules import refusal
 
 log = logging.getLogger("silo")
@@ -64,6 +64,8 @@ class Served(Protocol):
     def revision(self) -> int: ...
     @property
     def elements(self) -> list[ElementInfo]: ...
+    @property
+    def extras(self) -> Extras: ...
 
     def problems(self, edits: list[Edit], /) -> list[Problem]: ...
     def apply(self, edits: list[Edit], /) -> int: ...
@@ -91,6 +93,7 @@ def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
             reason=logger.stop_reason,
             by=by,
             table=Table(revision, logger.elements) if revision != table_sent else None,
+            extras=logger.extras,
         )
 
 

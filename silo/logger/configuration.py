@@ -21,16 +21,18 @@ from silo.calls import told_class, unknown_argument
 from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
 from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
-from silo.errors import ArgumentError, ElementError, StateError
+from silo.errors import ArgumentError, ElementError, ScriptError, StateError
 from silo.kinds import STRUCT, struct_text
 from silo.logger.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.options import array_layout, edits_given, element_name, string_room
 from silo.logger.table import Table
 from silo.model import (
     DEFAULT_OPTIONS,
+    NO_EXTRAS,
     Edit,
     ElementInfo,
     ElementOptions,
+    Extras,
     LoggerOptions,
     Problem,
     join_name,
@@ -53,6 +55,7 @@ class Configuration:
         self._lock = threading.RLock()
         self._table = Table(options.prefix)
         self._arena = Arena()
+        self._extras = NO_EXTRAS
         self._running = False
         self._updated = False
         self._reads_script = True
@@ -241,6 +244,17 @@ class Configuration:
             self._updated, self._reads_script = True, read_script
             self._tell()
 
+    # ------------------------------------------------------------------------------------ derived signals, limits
+
+    @property
+    def extras(self) -> Extras:
+        """Derived signals and limits, in the order in which they were given."""
+        return self._extras
+
+    @property
+    def _all_infos(self) -> list[ElementInfo]:
+        return [*self._table.infos, *(element.info for element in self._table.pending)]
+
     # ------------------------------------------------------------------------------------------------- options
 
     def set(self, name: str = "/", **options: "Unpack[OptionKeywords]") -> int:
@@ -308,13 +322,23 @@ class Configuration:
             self._check_stopped("load a script")
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self.options.frequency_hz)
+            extras = self._extras if script.extras is None else self._extras_of(script.extras, file)
             self._table.set_all(plan.options)
+            self._extras = extras
             self._tell()
         for warning in script.warnings:
             log.warning("%s", warning)
         for unknown in plan.unknown:
             log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]
+
+    def _extras_of(self, given: Extras, file: Path) -> Extras:
+        from silo.settings.script_extras import checked_extras
+
+        try:
+            return checked_extras(given, self._table.infos, self.options.prefix)
+        except ElementError as error:
+            raise ScriptError(f"{file}: {error}; nothing was changed") from error
 
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the configuration of every element to a script, whole or not at all; returns its path.
@@ -325,7 +349,7 @@ class Configuration:
 
         self._check_open()
         target = self._script_path(path)
-        kept = write_script(target, self.elements)
+        kept = write_script(target, self.elements, self._extras)
         if kept:
             log.warning("%s: script saved%s", target, kept_text(kept))
         return target

@@ -20,7 +20,7 @@ from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
 from silo.display import MOST_ROWS, html_table
 from silo.errors import StateError
-from silo.logger.configuration import Configuration
+from silo.logger.conditions import Conditions
 from silo.logger.current_run import CurrentRun
 from silo.logger.elements import LoggedElement, look_at, newest_text
 from silo.logger.keywords import AnyStorage, AnyThreads, FileTypes, UnsavedWord
@@ -48,7 +48,7 @@ def _idle() -> None:
 
 
 @told_class("log", make="silo.Logger", leave=("collect",))
-class Logger(Configuration):
+class Logger(Conditions):
     """Logs variables of a control program, by reference, once per control tick.
 
     frequency: control ticks per second (Hz). max_time: how long fixed and growing logs may become (s), 0 for no limit.
@@ -143,12 +143,15 @@ class Logger(Configuration):
                 self.update()
             self._present.settle(unsaved, self.options)
             self._adopt_late()
+            self._warn_of_triggers(served=self._serving is not None)
             warn_if_not_durable(self.options, served=self._serving is not None)
             if self._present.number == 0:
                 look_back(self.options, served=self._serving is not None and self._serving.is_up)
             self._present.number += 1
             stopped = functools.partial(self._stop_by_itself, self._present.number)
-            make = functools.partial(Run, self.options, self._table.elements, self._clock, stopped, self._collect_now)
+            make = functools.partial(
+                Run, self.options, self._table.elements, self._clock, stopped, self._collect_now, self.extras
+            )
             run = self._present.replace(make, self.options, self._let_go, self._hand_over)
             self._new_values = NewValuesReader()
             self._reason = ""

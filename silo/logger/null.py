@@ -1,7 +1,7 @@
 """A logger that does nothing, with the interface of `Logger`: code that logs need not care whether anybody does."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, SupportsIndex
@@ -29,6 +29,7 @@ from silo.logger.new_values import NewValues
 from silo.logger.options import array_layout
 from silo.model import (
     DEFAULT_OPTIONS,
+    NO_EXTRAS,
     Edit,
     ElementInfo,
     FileType,
@@ -95,6 +96,7 @@ class NullLogger:
         self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
         self.elements: list[ElementInfo] = []
         self.source_failures: dict[str, int] = {}
+        self.extras = NO_EXTRAS
 
     def add(
         self,
@@ -125,6 +127,38 @@ class NullLogger:
     ) -> NDArray[Any]:
         """Return zeros of this shape and type. Raises like `Logger.array`."""
         return np.zeros(*array_layout(shape, dtype))
+
+    def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
+        """Derive nothing."""
+
+    def limit(
+        self,
+        name: str,
+        bounds: Sequence[float | None],
+        *,
+        persistence: int = 1,
+        hysteresis: float = 0.0,
+        stale: float | str = 0.0,
+        when: str = "",
+    ) -> None:
+        """Limit nothing."""
+
+    def trigger(
+        self,
+        name: str,
+        when: str,
+        *,
+        pre: float | str = 0.0,
+        post: float | str = 0.0,
+        edge: str = "rising",
+        rearm: str = "",
+        persist: float | str = 0.0,
+        holdoff: float | str = 0.0,
+        mode: str = "normal",
+        save: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        keep: int = 0,
+    ) -> None:
+        """Capture nothing."""
 
     def update(self, *, read_script: bool = True) -> None:
         """Do nothing."""
