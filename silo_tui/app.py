@@ -41,7 +41,7 @@ class SiloApp(App[None]):
         rate_hz: float = 5.0,
         file: "FileSession | None" = None,
     ) -> None:
-        super().__init__()
+        super().__init__(driver_class=terminal.CellDriver)
         for each in theme.THEMES:
             self.register_theme(each)
         # Textual took TEXTUAL_THEME as it was before ours were known: only a change makes it look again

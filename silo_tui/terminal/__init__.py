@@ -1,0 +1,39 @@
+"""What depends on the terminal that we run in: what it shows, how much it takes, when it goes away.
+
+The app names `CellDriver` and asks the functions here; widgets ask `pace_of`. The rest is inside: `driver` puts
+together `parser` (what Textual draws), `cells` and `styles` (what must be sent), `answers` and `pacing` (how much may
+be on its way) and `thinness` (what is left out on a thin link).
+"""
+
+from typing import Any
+
+from textual.app import App
+
+from silo_tui.terminal.driver import CellDriver
+from silo_tui.terminal.signals import end_on_signals, over_ssh
+from silo_tui.terminal.thinness import Pace
+
+__all__ = ["CellDriver", "Pace", "backed_up", "end_on_signals", "over_ssh", "pace_of", "repaint"]
+
+
+def _driver_of(app: App[Any]) -> CellDriver | None:
+    driver = app._driver  # private to Textual; this is the only place that looks at it
+    return driver if isinstance(driver, CellDriver) else None
+
+
+def backed_up(app: App[Any]) -> bool:
+    """Return whether the terminal lags: then live paints wait."""
+    driver = _driver_of(app)
+    return driver is not None and driver.behind
+
+
+def repaint(app: App[Any]) -> None:
+    """Send the whole screen again."""
+    if (driver := _driver_of(app)) is not None:
+        driver.repaint()
+
+
+def pace_of(app: App[Any]) -> Pace:
+    """Return how often and how exactly values are painted now."""
+    driver = _driver_of(app)
+    return driver.thinness.pace if driver is not None else Pace()
