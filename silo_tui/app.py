@@ -53,6 +53,7 @@ class SiloApp(App[None]):
         self._opener = Opener(self.context, finder, name, demo, rate_hz)
         self._rate_hz = rate_hz
         self._file = file  # shown instead of a logger
+        self._thin_words = ""
         self._news = asyncio.Lock()  # events are followed in their order
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
@@ -99,18 +100,29 @@ class SiloApp(App[None]):
         return session if session is not None and session.link is not None else None
 
     def _poll(self) -> None:
-        """Bring the newest values to the screen, unless the terminal doesn't keep up."""
+        """Bring the newest values to the screen, as often as the terminal takes them."""
         session = self._live_session
-        if session is None or terminal.backed_up(self):
+        paint = terminal.may_paint(self, self._rate_hz)
+        if session is None:
             return
         frame = session.poll()
         if frame is None:
             return
         session.take_values(frame)
+        if not paint:
+            return
         if frame.running != session.running and not session.dead:
             self.run_worker(self._refresh_status(), group="status", exclusive=True)
         if (screen := self.context.upper_screen) is not None:
             screen.live_changed(frame)
+        self._tell_thinness()
+
+    def _tell_thinness(self) -> None:
+        """Say once what is left out, and when all is shown again; the head says it as long as it holds."""
+        words = terminal.thin_words(self, self._rate_hz)
+        if words != self._thin_words:
+            self._thin_words = words
+            self.context.say(words or "the link is good again: everything is shown")
 
     def _second(self) -> None:
         if terminal.backed_up(self):
@@ -193,7 +205,11 @@ class SiloApp(App[None]):
 
         self.push_screen(SaveDialog(self.context))
 
+    def command_suspend(self) -> None:
+        self.action_suspend_process()
+
     def command_refresh(self) -> None:
+        terminal.repaint(self)
         self.context.run_flow(self.context.session.reload())
 
     def command_quit(self) -> None:
@@ -213,6 +229,7 @@ class SiloApp(App[None]):
             self.push_screen(CommandPalette(id="--command-palette"))
 
     def command_loggers(self) -> None:
+        terminal.repaint(self)
         self._opener.list_on()
 
     def command_demo(self) -> None:

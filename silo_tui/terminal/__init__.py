@@ -10,10 +10,14 @@ from typing import Any
 from textual.app import App
 
 from silo_tui.terminal.driver import CellDriver
+from silo_tui.terminal.pacing import link_words
 from silo_tui.terminal.signals import end_on_signals, over_ssh
 from silo_tui.terminal.thinness import Pace
 
-__all__ = ["CellDriver", "Pace", "backed_up", "end_on_signals", "over_ssh", "pace_of", "repaint"]
+__all__ = [
+    "CellDriver", "Pace", "backed_up", "end_on_signals", "may_paint", "over_ssh", "pace_of", "repaint", "thin_head",
+    "thin_words",
+]  # fmt: skip
 
 
 def _driver_of(app: App[Any]) -> CellDriver | None:
@@ -37,3 +41,23 @@ def pace_of(app: App[Any]) -> Pace:
     """Return how often and how exactly values are painted now."""
     driver = _driver_of(app)
     return driver.thinness.pace if driver is not None else Pace()
+
+
+def may_paint(app: App[Any], wished_hz: float) -> bool:
+    """Return whether new values are to be painted now. Asked `wished_hz` times a second; it judges the link by that."""
+    driver = _driver_of(app)
+    return driver is None or driver.may_paint(wished_hz)
+
+
+def thin_head(app: App[Any]) -> str:
+    """Return what the head says of a thin link: `THIN 64 kbit/s 210 ms`; empty where all is shown."""
+    driver = _driver_of(app)
+    if driver is None or not driver.thinness.step:
+        return ""
+    return " ".join(["THIN", *link_words(driver.pacer)])
+
+
+def thin_words(app: App[Any], wished_hz: float) -> str:
+    """Return what is left out on a thin link; empty where all is shown."""
+    driver = _driver_of(app)
+    return driver.thinness.words(wished_hz) if driver is not None else ""

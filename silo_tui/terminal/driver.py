@@ -29,7 +29,7 @@ from silo_tui.terminal.cells import UNKNOWN, Grid, difference
 from silo_tui.terminal.pacing import Pacer
 from silo_tui.terminal.parser import QUERY, SYNC_BEGIN, SYNC_END, Follower, Through
 from silo_tui.terminal.styles import Styles
-from silo_tui.terminal.thinness import Thinness
+from silo_tui.terminal.thinness import LAG_S, Thinness
 
 ESCAPE_S = 0.1  # as long as Textual waits for the rest of an escape sequence
 URGENT_S = 1.0  # what is painted so soon after a key is its echo
@@ -83,6 +83,7 @@ class CellDriver(LinuxDriver):
         self._alive_query = False  # whether the terminal is asked whether it is alive: it doesn't report modes
         self._answers: deque[tuple[bytes, float]] = deque()  # from the input thread, with the time they came
         self._answer_came = threading.Event()
+        self._painted_s = 0.0
         self._hung_up = False
         self._screens = 0  # begun
         self._owner = threading.get_ident()
@@ -103,6 +104,18 @@ class CellDriver(LinuxDriver):
         """Send the whole screen again: whatever else wrote on it, or damaged it, is gone then."""
         self._forget = True
         self._pump()
+
+    def may_paint(self, wished_hz: float) -> bool:
+        """Return whether values are to be painted now; asked `wished_hz` times a second."""
+        now_s = time.monotonic()
+        self._take_answers()
+        lags = self.pacer.paced and self.pacer.lag_s(now_s) > LAG_S
+        self.thinness.note(late=self.behind or lags, now_s=now_s)
+        # a timer that comes a little early is still in time
+        if self.behind or now_s < self._painted_s + 0.9 / self.thinness.value_hz(wished_hz):
+            return False
+        self._painted_s = now_s
+        return True
 
     # ---------------------------------------------------------------------------------------------- writing
 

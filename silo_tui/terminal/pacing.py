@@ -162,3 +162,10 @@ class Pacer:
     @property
     def _waiting(self) -> _Mark | None:
         return next((mark for mark in self._marks if not mark.lost), None)
+
+
+def link_words(pacer: Pacer) -> list[str]:
+    """Return what is known of the link: throughput, and the time from a frame to its answer."""
+    bits = 8 * pacer.bytes_per_s
+    words = [f"{bits / 1e6:.1f} Mbit/s" if bits >= 1e6 else f"{bits / 1e3:.0f} kbit/s"] if bits else []
+    return words + ([f"{round(100 * pacer.usual_s) * 10} ms"] if pacer.usual_s else [])

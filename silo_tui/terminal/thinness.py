@@ -58,6 +58,17 @@ class Thinness:
         """Return how often values are painted now."""
         return min(wished_hz, max(SLOWEST_HZ, wished_hz * self.pace.value_share))
 
+    def words(self, wished_hz: float) -> str:
+        """Return what is left out now; empty where all is shown."""
+        if not self.step:
+            return ""
+        pace, value_hz = self.pace, self.value_hz(wished_hz)
+        parts = [f"values {value_hz:.2g} of {wished_hz:.2g} Hz"] if value_hz < wished_hz else []
+        parts.append(f"trends every {pace.trend_s:.0f} s")
+        if pace.digits_fewer:
+            parts.append(f"{pace.digits_fewer} digit{'s' * (pace.digits_fewer > 1)} fewer")
+        return f"thin link: {', '.join(parts)}; keys go first"
+
     def note(self, *, late: bool, now_s: float) -> bool:
         """Take whether the terminal lags; return whether the step changed."""
         if late or not self._seen:

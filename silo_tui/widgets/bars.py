@@ -12,6 +12,7 @@ from silo_tui.actions import Command, footer_for
 from silo_tui.model import text
 from silo_tui.model.plots import PlotWindow
 from silo_tui.sessions.live import Session
+from silo_tui.terminal import thin_head
 
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
@@ -64,6 +65,8 @@ class StatusBar(Widget):
         line.append(f"  lost {text.count(lost)}", style=f"bold {color(variables, 'error')}" if lost else "")
         if not session.may_edit or self._read_only:
             line.append("  read-only", style=color(variables, "warning"))
+        if thin := thin_head(self.app):
+            line.append(f"  {thin}", style=color(variables, "warning"))
         return line
 
 
