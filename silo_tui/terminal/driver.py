@@ -109,7 +109,8 @@ class CellDriver(LinuxDriver):
         """Return whether values are to be painted now; asked `wished_hz` times a second."""
         now_s = time.monotonic()
         self._take_answers()
-        lags = self.pacer.paced and self.pacer.lag_s(now_s) > LAG_S
+        # a lost packet costs one more way there and back: that is no thin link
+        lags = self.pacer.paced and self.pacer.lag_s(now_s) > max(LAG_S, self.pacer.fastest_s)
         self.thinness.note(late=self.behind or lags, now_s=now_s)
         # a timer that comes a little early is still in time
         if self.behind or now_s < self._painted_s + 0.9 / self.thinness.value_hz(wished_hz):

@@ -100,7 +100,8 @@ class Inspector(Widget):
         for words, style in pieces:
             size = cell_len(words)
             cut = words if size <= room else set_cell_size(words, max(0, room - 1)) + "…"[:room]
-            segments.append(Segment(cut, base + self._style(style)))
+            if cut:
+                segments.append(Segment(cut, base + self._style(style)))
             room = max(0, room - size)
         return Strip(segments).adjust_cell_length(width, base)
 
