@@ -29,7 +29,7 @@ from silo_tui.terminal.cells import UNKNOWN, Grid, difference
 from silo_tui.terminal.pacing import Pacer
 from silo_tui.terminal.parser import QUERY, SYNC_BEGIN, SYNC_END, Follower, Through
 from silo_tui.terminal.styles import Styles
-from silo_tui.terminal.thinness import LAG_S, Thinness
+from silo_tui.terminal.thinness import FAT_BYTES_PER_S, LAG_S, Thinness
 
 ESCAPE_S = 0.1  # as long as Textual waits for the rest of an escape sequence
 URGENT_S = 1.0  # what is painted so soon after a key is its echo
@@ -86,6 +86,7 @@ class CellDriver(LinuxDriver):
         self._painted_s = 0.0
         self._hung_up = False
         self._screens = 0  # begun
+        self._suspended = False
         self._owner = threading.get_ident()
         self._erases = _erases_to_background()
         self._written = threading.Event()
@@ -111,7 +112,8 @@ class CellDriver(LinuxDriver):
         self._take_answers()
         # a lost packet costs one more way there and back: that is no thin link
         lags = self.pacer.paced and self.pacer.lag_s(now_s) > max(LAG_S, self.pacer.fastest_s)
-        self.thinness.note(late=self.behind or lags, now_s=now_s)
+        fat = self.pacer.paced and self.pacer.bytes_per_s > FAT_BYTES_PER_S
+        self.thinness.note(late=(self.behind or lags) and not fat, now_s=now_s)
         # a timer that comes a little early is still in time
         if self.behind or now_s < self._painted_s + 0.9 / self.thinness.value_hz(wished_hz):
             return False
@@ -156,7 +158,7 @@ class CellDriver(LinuxDriver):
         self._follower.resize(width, height)
         self._sent = Grid(width, height)
         self._cursor = (0, 0)
-        self._drawing, self._forget = True, False
+        self._forget = False
         self._screens += 1
 
     def _pump(self) -> None:
@@ -242,7 +244,10 @@ class CellDriver(LinuxDriver):
 
     def start_application_mode(self) -> None:
         """Take the terminal."""
+        screens = self._screens
         super().start_application_mode()  # type: ignore[no-untyped-call]
+        if screens == self._screens:
+            return  # brought back into the background: it will be stopped again
         textual_follows = signal.getsignal(signal.SIGWINCH)
 
         def resized(number: int, frame: Any) -> None:
@@ -251,6 +256,9 @@ class CellDriver(LinuxDriver):
                 textual_follows(number, frame)
 
         signal.signal(signal.SIGWINCH, resized)
+        # not before the terminal has stopped echoing: it would show the answers to our queries
+        self._drawing = True
+        self._pump()
 
     def stop_application_mode(self) -> None:
         """Give the terminal back as it was."""
@@ -270,11 +278,21 @@ class CellDriver(LinuxDriver):
             self._answer_came.wait(left_s)
         super().disable_input()
 
+    def _sigtstp_application(self, *_: Any) -> None:
+        """Suspend as soon as nothing is being drawn: the signal may come in the midst of a frame."""
+        self._loop.call_soon_threadsafe(self._suspend)
+
+    def _suspend(self) -> None:
+        self._suspended = True
+        super()._sigtstp_application()
+
     def _sigcont_application(self, *_: Any) -> None:
-        if not self._drawing:
+        if self._suspended:
+            self._suspended = False
             super()._sigcont_application()
+            self._suspended = not self._drawing  # brought back into the background, where it can't draw
         else:  # stopped from outside, without giving the terminal back
-            self.repaint()
+            self._loop.call_soon_threadsafe(self.repaint)
 
     # ---------------------------------------------------------------------------------------------- reading
 

@@ -49,6 +49,8 @@ class Follower:
 
     def resize(self, width: int, height: int) -> None:
         """Follow the terminal's size."""
+        if (width, height) == (self.grid.width, self.grid.height):
+            return
         self.grid = self.grid.resized(width, height)
         self.touched = [self.feeds] * height
         self._go(self.row, self.column)

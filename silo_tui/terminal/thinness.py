@@ -7,6 +7,7 @@ from collections import deque
 from dataclasses import dataclass
 
 LAG_S = 0.15  # what a key may wait behind live values
+FAT_BYTES_PER_S = 250_000  # what carries that much is not thin: late frames are those of a busy computer
 JUDGED_S = 1.0
 GOOD_S = 5.0
 LONGEST_GOOD_S = 60.0

@@ -227,5 +227,18 @@ def test_suspended_and_back_it_paints_the_whole_screen(answering):
     answering.until_shown("RUNNING")
     answering.until_shown("space Mark")
     assert "$ fg" not in answering.glass.text
+    assert b"\x1b[?2026$p" not in answering.seen[answering.seen.rindex(b"\x1b[?1049h") :].split(b"\x1b[?1004h")[0]
     answering.press(b"q")
     assert answering.drain_until_exit() == 0
+
+
+def test_stopped_from_outside_it_paints_the_whole_screen_when_it_goes_on(answering):
+    answering.until_shown("RUNNING")
+    answering.until_shown("space Mark")
+    answering.process.send_signal(signal.SIGSTOP)
+    wait_until(lambda: Path(f"/proc/{answering.process.pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "T")
+    answering.read(0)
+    answering.glass.feed("\x1b[2J")
+    answering.process.send_signal(signal.SIGCONT)
+    answering.until_shown("space Mark")
+    answering.until_shown("RUNNING")
