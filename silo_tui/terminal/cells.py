@@ -131,8 +131,7 @@ def difference(
         cell = -1
         for start, stop in _runs(sent, wanted, row, styles):
             pieces.append(f"\x1b[{row + 1};{start + 1}H" if cell < 0 else f"\x1b[{start - cell}C")
-            style = _draw(pieces, wanted, row, (start, stop), styles, style, erases=erases)
-            cell = stop
+            style, cell = _draw(pieces, wanted, row, (start, stop), styles, style, erases=erases)
         size += sum(len(piece) for piece in pieces[begin:])
         sent.take_row(wanted, row)
     return "".join([*pieces, styles.way(style, DEFAULT)]), None
@@ -167,8 +166,8 @@ def _whole(chars: list[str], start: int, stop: int) -> tuple[int, int]:
 
 def _draw(
     pieces: list[str], grid: Grid, row: int, run: tuple[int, int], styles: Styles, style: int, *, erases: bool
-) -> int:
-    """Append what draws the cells of a run; return the style in force after it."""
+) -> tuple[int, int]:
+    """Append what draws the cells of a run; return the style in force after it and where the cursor is."""
     chars, looks = grid.chars[row], grid.styles[row]
     at, stop = run
     ground, append = styles.ground, pieces.append
@@ -179,9 +178,10 @@ def _draw(
             style = look
         if char == BLANK and erases and (blanks := _blanks(grid, row, at, stop, styles)) >= LONG_BLANK:
             append(f"\x1b[{blanks}X")
+            if at + blanks == stop:
+                return style, at  # erasing doesn't move the cursor
+            append(f"\x1b[{blanks}C")
             at += blanks
-            if at < stop:
-                append(f"\x1b[{blanks}C")
             continue
         at += 1
         if char == TAIL:
@@ -194,7 +194,7 @@ def _draw(
         append(f"{BLANK * (1 + wide)}\x1b[{at}G{char}")
         if at + wide < grid.width:
             append(f"\x1b[{at + 1 + wide}G")
-    return style
+    return style, at
 
 
 def _blanks(grid: Grid, row: int, start: int, stop: int, styles: Styles) -> int:

@@ -12,7 +12,7 @@ from silo_tui.terminal.parser import Follower
 from silo_tui.terminal.styles import DEFAULT, Styles
 from tests.tui.emulator import Emulator
 
-WIDTH, HEIGHT = 24, 7
+WIDTH, HEIGHT = 70, 7  # room for several erased pieces in a line
 NO_BUDGET = 1 << 30
 
 STYLES = [
@@ -38,7 +38,10 @@ def painted(place, segments):
 
 
 def segments(draw):
-    words = ["".join(draw.choices(LETTERS, k=draw.randrange(20))) for _ in range(draw.randint(1, 4))]
+    words = [
+        "".join([*draw.choices(LETTERS, k=draw.randrange(20)), " " * draw.choice([0, 0, 15])])
+        for _ in range(draw.randint(1, 4))
+    ]
     return [(each, draw.choice(STYLES)) for each in words]
 
 
@@ -152,6 +155,15 @@ def test_blanks_are_erased_only_where_the_terminal_erases_to_its_background():
     line = Line(erases=False)
     line.paint(blank)
     assert " " * WIDTH in line.send()[0]
+
+
+def test_after_blanks_were_erased_what_changed_behind_them_is_at_its_place():
+    line = Line()
+    line.paint(painted((0, 0), [("x" * 20 + "same" * 3 + "x" * 20, "44")]))
+    line.send()
+    line.paint(painted((0, 0), [(" " * 20 + "same" * 3 + " " * 20, "44")]))
+    line.send()
+    assert line.terminal.text.splitlines()[0] == " " * 20 + "same" * 3
 
 
 def test_what_doesn_t_fit_waits_and_comes_next():
