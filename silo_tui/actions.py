@@ -71,7 +71,7 @@ KEY_TEXTS = {
     "pageup": "PgUp", "pagedown": "PgDn", "home": "Home", "end": "End", "full_stop": ".", "tab": "Tab", "comma": ",",
     "circumflex_accent": "^", "dollar_sign": "$",
     "shift+left": "⇧←", "shift+right": "⇧→", "ctrl+r": "^r", "ctrl+p": "^p", "ctrl+d": "^d", "ctrl+u": "^u",
-    "ctrl+l": "^l", "ctrl+q": "^q", "f1": "F1", "f2": "F2",
+    "ctrl+l": "^l", "ctrl+q": "^q", "ctrl+z": "^z", "f1": "F1", "f2": "F2",
 }  # fmt: skip
 
 
@@ -233,6 +233,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",),
             hidden=True),
     Command("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on", "Go", ("any",), 12, typed=Typed(("quit", "q"))),
+    Command("suspend", "ctrl+z", "Suspend", "back to the shell for a while; fg comes back", "Go", ("any",)),
     Command("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",), hidden=True, typed=Typed(("q!",))),
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,

@@ -51,7 +51,7 @@ class SiloApp(App[None]):
         settings_problems: Sequence[Problem] = (),
     ) -> None:
         # without colours the terminal's own two are left as they are, and no shades of grey are sent instead
-        super().__init__(ansi_color=True if "NO_COLOR" in os.environ else None)
+        super().__init__(driver_class=terminal.driver_class(), ansi_color=True if "NO_COLOR" in os.environ else None)
         for each in theme.THEMES:
             self.register_theme(each)
         # Textual took TEXTUAL_THEME as it was before ours were known: only a change makes it look again
@@ -68,6 +68,7 @@ class SiloApp(App[None]):
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
         self._rate_hz = rate_hz
         self._file = file  # shown instead of a logger
+        self._thin_words = ""
         self._news = asyncio.Lock()  # events are followed in their order
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
@@ -116,18 +117,29 @@ class SiloApp(App[None]):
         return session if session is not None and session.link is not None else None
 
     def _poll(self) -> None:
-        """Bring the newest values to the screen, unless the terminal doesn't keep up."""
+        """Bring the newest values to the screen, as often as the terminal takes them."""
         session = self._live_session
-        if session is None or terminal.backed_up(self):
+        paint = terminal.may_paint(self, self._rate_hz)
+        if session is None:
             return
         frame = session.poll()
         if frame is None:
             return
         session.take_values(frame)
+        if not paint:
+            return
         if frame.running != session.running and not session.dead:
             self.run_worker(self._refresh_status(), group="status", exclusive=True)
         if (screen := self.context.upper_screen) is not None:
             screen.live_changed(frame)
+        self._tell_thinness()
+
+    def _tell_thinness(self) -> None:
+        """Say once what is left out, and when all is shown again; the head says it as long as it holds."""
+        words = terminal.thin_words(self, self._rate_hz)
+        if words != self._thin_words:
+            self._thin_words = words
+            self.context.say(words or "the link is good again: everything is shown")
 
     def _second(self) -> None:
         if terminal.backed_up(self):
@@ -213,7 +225,11 @@ class SiloApp(App[None]):
 
         self.push_screen(SaveDialog(self.context))
 
+    def command_suspend(self) -> None:
+        self.action_suspend_process()
+
     def command_refresh(self) -> None:
+        terminal.repaint(self)
         self.context.run_flow(self.context.session.reload())
 
     def command_settings(self) -> None:
@@ -234,7 +250,7 @@ class SiloApp(App[None]):
         if settings.keys != old.keys:
             self.set_keymap(dict(settings.keys))
         if settings.rate != old.rate and self._file is None:
-            self._opener.rate_hz = settings.rate
+            self._opener.rate_hz = self._rate_hz = settings.rate
             self._polling.stop()
             self._polling = self.set_interval(1 / settings.rate, self._poll)
             if (session := self._live_session) is not None and session.link is not None:
@@ -271,6 +287,7 @@ class SiloApp(App[None]):
             self.push_screen(CommandPalette(id="--command-palette"))
 
     def command_loggers(self) -> None:
+        terminal.repaint(self)
         self._opener.list_on()
 
     def command_demo(self) -> None:

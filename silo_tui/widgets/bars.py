@@ -16,6 +16,7 @@ from silo_tui.model import text
 from silo_tui.model.orders import STEADY
 from silo_tui.model.plots import PlotWindow
 from silo_tui.sessions.live import Session
+from silo_tui.terminal import thin_head
 
 STATISTICS = ("max", "min", "mean", "std")
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
@@ -87,6 +88,8 @@ class StatusBar(Widget):
             durable = f"  durable to tick {text.count(status.durable_ticks)}"
             if line.cell_len + len(durable) <= self.size.width:
                 line.append(durable)
+        if thin := thin_head(self.app):
+            line.append(f"  {thin}", style=color(variables, "warning"))
         return line
 
 

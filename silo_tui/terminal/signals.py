@@ -1,47 +1,17 @@
-"""What depends on the terminal that we run in: SSH, a stalled link, a terminal that went away."""
+"""What tells of the terminal from outside: SSH, and signals that it went away."""
 
 import os
 import signal
 import threading
 from asyncio import AbstractEventLoop
 from collections.abc import Callable
-from typing import Any
 
-from textual.app import App
-
-# a frame is one or two writes; more of them waiting means that the terminal takes them slower than we paint
-BACKLOG_LIMIT = 2
-GRACE_S = 3.0
+GRACE_S = 1.5
 
 
 def over_ssh() -> bool:
     """Return whether the terminal is at the other end of SSH; the mouse stays off there, to select text."""
     return any(name in os.environ for name in ("SSH_CONNECTION", "SSH_TTY", "SSH_CLIENT"))
-
-
-def backed_up(app: App[Any]) -> bool:
-    """Return whether the terminal lags: then live paints wait. With 30 writes queued Textual's event loop blocks.
-
-    The queue is private to Textual; this is the only place that looks at it.
-    """
-    driver = app._driver
-    writer = getattr(driver, "_writer_thread", None)
-    queue = getattr(writer, "_queue", None)
-    return queue is not None and queue.qsize() > BACKLOG_LIMIT
-
-
-def take_mouse(app: App[Any], *, wanted: bool) -> None:
-    """Take the mouse from the terminal, or leave it to it, while the app runs. Private to Textual's driver."""
-    driver: Any = app._driver
-    if driver is None or driver._mouse == wanted or not hasattr(driver, "_enable_mouse_support"):
-        return
-    if wanted:
-        driver._mouse = True
-        driver._enable_mouse_support()
-    else:
-        driver._disable_mouse_support()
-        driver._mouse = False
-    driver.flush()
 
 
 def mouse_wanted(word: str) -> bool:
