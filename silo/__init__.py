@@ -6,14 +6,26 @@ reads the code (type checkers, editors) and for who runs it; a test holds both t
 """
 
 import importlib
+import os
 from typing import TYPE_CHECKING
 
 from silo.version import VERSION
 
 if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itself is public
-    from silo.analysis.log import Log as Log, Signal as Signal, open_log as open_log
+    from silo.analysis.comparing import Comparison as Comparison, compare as compare
+    from silo.analysis.log import (
+        Log as Log,
+        LogWarning as LogWarning,
+        Signal as Signal,
+        UnknownSignalError as UnknownSignalError,
+        open_log as open_log,
+        open_logs as open_logs,
+    )
+    from silo.ipc.client import Client as Client, connect as connect
     from silo.collecting.traits import register as register
     from silo.errors import (
+        ArgumentError as ArgumentError,
+        UnknownNameError as UnknownNameError,
         GoesOnError as GoesOnError,
         LogNotFoundError as LogNotFoundError,
         NoRoomError as NoRoomError,
@@ -30,6 +42,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         SourceError as SourceError,
         StateError as StateError,
     )
+    from silo.judging.tokens import ExpressionError as ExpressionError
     from silo.kinds import vector_at_position as vector_at_position
     from silo.logger.default import (
         add as add,
@@ -37,6 +50,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         cleanup as cleanup,
         close as close,
         collect as collect,
+        get_logger as get_logger,
         init as init,
         restart as restart,
         save as save,
@@ -45,15 +59,20 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         stop as stop,
         update as update,
     )
+    from silo.logger.elements import LoggedElement as LoggedElement
     from silo.logger.logger import Logger as Logger
+    from silo.logger.new_values import NewValues as NewValues
+    from silo.logger.serving import Serving as Serving
     from silo.logger.null import NullLogger as NullLogger
     from silo.model import (
         Action as Action,
         BufferType as BufferType,
+        Edit as Edit,
         ElementInfo as ElementInfo,
         ElementOptions as ElementOptions,
         FileType as FileType,
         LoggerOptions as LoggerOptions,
+        SavedFile as SavedFile,
         Storage as Storage,
         Threads as Threads,
     )
@@ -62,17 +81,26 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
 __version__ = VERSION
 
 _HOMES = {
-    "silo.logger.default": "add array cleanup close collect init restart save serve start stop update",
+    "silo.logger.default": "add array cleanup close collect get_logger init restart save serve start stop update",
     "silo.errors": (
-        "ConnectionLostError ElementError FileFormatError GoesOnError LogNotFoundError NoRoomError RefusedError "
-        "SaveError ScriptError SegmentError SiloError SourceError StateError UnsavedError VersionError"
+        "ArgumentError ConnectionLostError ElementError FileFormatError GoesOnError LogNotFoundError NoRoomError "
+        "RefusedError SaveError ScriptError SegmentError SiloError SourceError StateError UnknownNameError "
+        "UnsavedError VersionError"
     ),
-    "silo.analysis.log": "Log Signal open_log",
+    "silo.analysis.log": "Log LogWarning Signal UnknownSignalError open_log open_logs",
+    "silo.analysis.comparing": "Comparison compare",
+    "silo.ipc.client": "Client connect",
+    "silo.logger.elements": "LoggedElement",
     "silo.logger.logger": "Logger",
-    "silo.model": "Action BufferType ElementInfo ElementOptions FileType LoggerOptions Storage Threads",
+    "silo.logger.new_values": "NewValues",
+    "silo.logger.serving": "Serving",
+    "silo.model": (
+        "Action BufferType Edit ElementInfo ElementOptions FileType LoggerOptions SavedFile Storage Threads"
+    ),
     "silo.logger.null": "NullLogger",
     "silo.recording": "Recording",
     "silo.collecting.traits": "register",
+    "silo.judging.tokens": "ExpressionError",
     "silo.kinds": "vector_at_position",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
@@ -82,10 +110,29 @@ __all__ = list(_HOME_OF)
 
 def __getattr__(name: str) -> object:
     if name not in _HOME_OF:
-        raise AttributeError(f"module 'silo' has no attribute {name!r}")
+        raise _no_such_name(name)
     value = getattr(importlib.import_module(_HOME_OF[name]), name)
     globals()[name] = value
     return value
+
+
+_OF_A_LOGGER = {"set", "enable", "disable", "remove", "apply", "element", "elements", "snapshot", "read_new_values"}
+
+
+def _no_such_name(name: str) -> AttributeError:
+    if name.startswith("_") or any(os.path.exists(f"{__path__[0]}/{name}{end}") for end in ("", ".py")):  # noqa: PTH110
+        # a module of silo that is imported now: nobody reads this
+        return AttributeError(f"module 'silo' has no attribute {name!r}", name=name)
+    from difflib import get_close_matches
+
+    from silo.errors import UnknownNameError
+
+    if name in _OF_A_LOGGER:
+        return UnknownNameError(f"module 'silo' has no attribute '{name}'; write silo.get_logger().{name}", name=name)
+    others = {"open": "open_log", "load": "open_log", "read": "open_log", "log": "get_logger", "Null": "NullLogger"}
+    near = [others[name]] if name in others else get_close_matches(name, __all__, 1, 0.7)
+    hint = f", did you mean 'silo.{near[0]}'?" if near else "; help(silo) lists what there is"
+    return UnknownNameError(f"module 'silo' has no attribute '{name}'{hint}", name=name)
 
 
 def __dir__() -> list[str]:

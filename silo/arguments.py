@@ -4,13 +4,20 @@ Each function returns the value as the type that it names, or raises ElementErro
 to write instead. Called by whatever a user can call, never by `collect()`.
 """
 
+import enum
 import math
 import numbers
+import operator
 import os
+import re
 from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
+from typing import SupportsIndex, TypeVar
 
 from silo.errors import ElementError
+
+Word = TypeVar("Word", bound=enum.Enum)
 
 MOST_SHOWN = 80  # characters of a value in a message
 MOST_NAME_BYTES, MOST_PATH_BYTES = 255, 4095  # of Linux
@@ -87,18 +94,67 @@ def real(argument: str, value: object, low: float, high: float, unit: str, *, in
         if math.isfinite(number) and (low <= number if include_low else low < number) and number < high:
             return number
     begin = f"from {low:g}" if include_low else f"above {low:g}"
-    raise ElementError(f"{argument} must be {begin} and below {high:g} {unit}, got {shown(value)}")
+    typed = re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*[A-Za-z]*\s*", value) if isinstance(value, str) else None
+    way_out = f"; write {argument}={typed[1]}" if typed else ""
+    raise ElementError(f"{argument} must be {begin} and below {high:g} {unit}, got {shown(value)}{way_out}")
+
+
+def whole_number(value: object) -> int | None:
+    """A whole number of any type that has them (Python's, NumPy's, an array of one), None for anything else."""
+    # an enumeration's member is a choice, not a number, whatever it counts as
+    if isinstance(value, bool | enum.Enum) or not isinstance(value, SupportsIndex):
+        return None
+    try:
+        return operator.index(value)
+    except TypeError:  # an array of floats, or of several
+        return None
 
 
 def whole(argument: str, value: object, low: int, high: int) -> int:
     """A whole number from `low` to `high`; NumPy's are fine."""
-    if isinstance(value, numbers.Integral) and not isinstance(value, bool) and low <= int(value) <= high:
-        return int(value)
-    raise ElementError(f"{argument} must be a whole number from {low} to {high}, got {shown(value)}")
+    number = whole_number(value)
+    if number is not None and low <= number <= high:
+        return number
+    raise ElementError(
+        f"{argument} must be a whole number from {low} to {high}, got {shown(value)}{whole_hint(argument, value)}"
+    )
+
+
+def whole_hint(argument: str, value: object) -> str:
+    """What to write instead of a float that is whole; empty for all else."""
+    if isinstance(value, numbers.Real) and not isinstance(value, numbers.Integral) and float(value).is_integer():
+        number = int(float(value))
+        return f"; write {argument}={number}" if argument.isidentifier() else f"; write {number}"
+    return ""
+
+
+def truth(value: object) -> bool | None:
+    """True or False of Python or NumPy, None for anything else."""
+    if isinstance(value, bool):
+        return value
+    # by its name: not everybody who asks has NumPy loaded
+    return bool(value) if type(value).__module__ == "numpy" and type(value).__name__ in ("bool", "bool_") else None
 
 
 def switch(argument: str, value: object) -> bool:
-    """True or False."""
-    if not isinstance(value, bool):
+    """True or False; NumPy's are fine."""
+    found = truth(value)
+    if found is None:
         raise ElementError(f"{argument} must be True or False, got {shown(value)}")
-    return value
+    return found
+
+
+def word(argument: str, value: object, kind: type[Word]) -> Word:
+    """A member of an enumeration of words: itself, or its word in any case. Raises with the words there are."""
+    if isinstance(value, kind):
+        return value
+    words = {str(member.value): member for member in kind}
+    asked = (
+        value.strip().lower().replace("-", "_") if isinstance(value, str) and not isinstance(value, enum.Enum) else ""
+    )
+    if asked in words:
+        return words[asked]
+    *most, last = (f"'{each}'" for each in words)
+    near = get_close_matches(asked, words, 1, 0.5) if asked else []
+    hint = f"; did you mean {argument}='{near[0]}'?" if near else ""
+    raise ElementError(f"{argument} must be {', '.join(most)} or {last}, got {shown(value)}{hint}")

@@ -9,6 +9,14 @@ class ElementError(SiloError, ValueError):
     """An element is unknown, listed twice, or given a value out of range. Nothing was changed."""
 
 
+class ArgumentError(SiloError, TypeError):
+    """A function was called with an argument that it doesn't have, with too many, or without one that it needs."""
+
+
+class UnknownNameError(SiloError, AttributeError):
+    """There is no method or function of that name; the message says what does it."""
+
+
 class SourceError(SiloError, TypeError):
     """A variable can't be logged by reference; the message shows what to write instead."""
 

@@ -8,11 +8,13 @@ together. Suffixes are those of the original. Knows neither NumPy nor any format
 import math
 import re
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 import msgspec
 
 from silo.arguments import line, shown
+from silo.calls import told
 from silo.errors import ElementError
 
 _XYZ = ("_x", "_y", "_z")
@@ -88,6 +90,7 @@ _CELL = re.compile(r"(?P<base>.+)_0_0")
 _FIRST = re.compile(r"(?P<base>.+)_0")
 
 
+@told("silo.vector_at_position")
 def vector_at_position(vector_frame: str, position_frame: str) -> str:
     """Kind of six numbers: a vector in one frame, and the position in another frame where it acts.
 
@@ -237,7 +240,9 @@ def kind_given(name: str) -> tuple[Kind, tuple[tuple[str, int], ...]] | None:
         suffixes = kind.read_name(name) if kind.read_name else None
         if suffixes is not None:
             return kind, tuple((suffix, place) for place, suffix in enumerate(suffixes))
-    raise ElementError(f"unknown kind {shown(name)}; there are {', '.join(given_names())}")
+    near = get_close_matches(name.lower(), given_names(), 1, 0.6)
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    raise ElementError(f"unknown kind {shown(name)}; there are {', '.join(given_names())}{hint}")
 
 
 def given_names() -> list[str]:

@@ -14,7 +14,15 @@ MAX_DIVIDER = 2**31 - 1
 MAX_BUFFER_SIZE = 2**31 - 1
 
 
-class Action(enum.IntEnum):
+class _Named(enum.IntEnum):
+    """Numbers that are also found by their names: `Action("publish")`."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> "_Named | None":
+        return cls.__members__.get(value.strip().upper().replace(" ", "_")) if isinstance(value, str) else None
+
+
+class Action(_Named):
     """What becomes of the samples of an element. The numbers are those of the script."""
 
     SAVE_AND_PUBLISH = 0
@@ -32,7 +40,7 @@ class Action(enum.IntEnum):
         return self is not Action.SAVE
 
 
-class BufferType(enum.IntEnum):
+class BufferType(_Named):
     """Which samples a buffer keeps. The numbers are those of the script.
 
     FIXED keeps the first `buffer_size` samples, LOOPING the newest ones, GROWING all of them.
@@ -45,7 +53,7 @@ class BufferType(enum.IntEnum):
     EXPONENTIALLY_GROWING = 2
 
 
-class FileType(enum.IntEnum):
+class FileType(_Named):
     """What `save` writes. The numbers are those of the original's save service."""
 
     SILO = 0
@@ -113,6 +121,75 @@ class ElementInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     options: ElementOptions
     description: str = ""
     dtype: str = ""
+
+
+class Derived(msgspec.Struct, frozen=True):
+    """A signal that is computed from others wherever rows are read: `name` is whole, `unit` may be empty."""
+
+    name: str
+    expression: str
+    unit: str = ""
+
+
+class SignalLimits(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Limits of an element or of one scalar of it; `bounds` are red low, yellow low, yellow high, red high.
+
+    A bound that there isn't is None. `persistence` samples in a row make a state, `hysteresis` is how far inside a
+    bound it ends, `stale_s` how long a value may stay the same (0: for ever), `when` a condition that must hold.
+    """
+
+    name: str
+    bounds: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
+    persistence: int = 1
+    hysteresis: float = 0.0
+    stale_s: float = 0.0
+    when: str = ""
+
+
+class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A condition, and what is captured around the ticks at which it fires; see `Logger.trigger`.
+
+    `slope` and `mode` are words of `silo.judging.triggers`, `keep` is how many captures stay on the disk, 0 for all.
+    """
+
+    name: str
+    when: str
+    pre_s: float = 0.0
+    post_s: float = 0.0
+    slope: str = "rising"
+    rearm: str = ""
+    persist_s: float = 0.0
+    holdoff_s: float = 0.0
+    mode: str = "normal"
+    save: tuple[FileType, ...] = (FileType.SILO,)
+    keep: int = 0
+
+
+class CaptureFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What a log is if a trigger captured it: ticks `first` to `last` were asked for, around those of `fires`.
+
+    `ended` tells why it is shorter, empty if it isn't.
+    """
+
+    trigger: str
+    number: int
+    first: int
+    last: int
+    fires: tuple[int, ...] = ()
+    fires_ns: tuple[int, ...] = ()
+    ended: str = ""
+
+
+class Extras(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What belongs to a log beside its elements. A derived signal may use those before it."""
+
+    derived: tuple[Derived, ...] = ()
+    limits: tuple[SignalLimits, ...] = ()
+    triggers: tuple[TriggerOptions, ...] = ()
+    capture: CaptureFacts | None = None
+
+
+NO_EXTRAS = Extras()
 
 
 class LoggerOptions(msgspec.Struct, frozen=True):

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.model import BufferType, Entry
+from silo.display import html_table
+from silo.model import NO_EXTRAS, BufferType, Entry, Extras
 
 Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
 
@@ -86,7 +87,7 @@ class RecordedElement:
         return self.first + np.arange(self.count, dtype=np.int64) * self.divider
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """A whole log at one moment.
 
@@ -106,6 +107,18 @@ class Recording:
     time_looping: bool = False
     warnings: tuple[str, ...] = field(default=())
     why: str = ""
+    extras: Extras = NO_EXTRAS
+
+    def __repr__(self) -> str:
+        span = (int(self.time_ns[-1]) - int(self.time_ns[0])) * 1e-9 if len(self.time_ns) else 0.0
+        more = f", {len(self.warnings)} warnings" if self.warnings else ""
+        return (
+            f"<Recording {self.logger}: {len(self.elements)} elements, {len(self.time_ns)} ticks, {span:.6g} s{more}>"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = [(one.name, one.unit, one.kind, one.count, one.divider, one.lost or "") for one in self.elements]
+        return html_table(repr(self)[1:-1], ("element", "unit", "kind", "samples", "divider", "lost"), rows)
 
     @property
     def entry_count(self) -> int:

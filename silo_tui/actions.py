@@ -2,12 +2,18 @@
 
 A command with id `x` is carried out by the method `command_x` of the screen, or of the app; typed with a word whose
 meaning differs from the key's, by `word_x` in `commands/runner.py`. A new one touches its entry, that method and its
-test. Keys avoid what terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of the program.
+test. Keys avoid what terminals eat: `ctrl+h/i/j/m`, `alt+letter`, `ctrl+enter`. This imports nothing of `silo_tui`.
 """
 
-from dataclasses import dataclass
+import unicodedata
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from textual.binding import Binding
+from textual.keys import REPLACED_KEYS
+
+from silo.settings.rules import OPTION
 
 
 @dataclass(frozen=True)
@@ -50,7 +56,7 @@ class Command:
     @property
     def key_text(self) -> str:
         """All keys as people write them."""
-        return " ".join(_KEY_TEXTS.get(key, key) for key in self.keys.split(","))
+        return " ".join(map(key_text, self.keys.split(",")))
 
     @property
     def footer_key(self) -> str:
@@ -58,20 +64,34 @@ class Command:
         return self.shown_key or self.key_text.split(" ", 1)[0]
 
 
-_KEY_TEXTS = {
+KEY_TEXTS = {
     "slash": "/", "asterisk": "*", "question_mark": "?", "colon": ":", "equals_sign": "=",
     "escape": "Esc", "enter": "Enter",
     "space": "space", "up": "↑", "down": "↓", "left": "←", "right": "→", "plus": "+", "minus": "-", "underscore": "_",
     "pageup": "PgUp", "pagedown": "PgDn", "home": "Home", "end": "End", "full_stop": ".", "tab": "Tab", "comma": ",",
     "circumflex_accent": "^", "dollar_sign": "$",
     "shift+left": "⇧←", "shift+right": "⇧→", "ctrl+r": "^r", "ctrl+p": "^p", "ctrl+d": "^d", "ctrl+u": "^u",
-    "ctrl+l": "^l", "ctrl+q": "^q",
+    "ctrl+l": "^l", "ctrl+q": "^q", "ctrl+z": "^z", "f1": "F1", "f2": "F2",
 }  # fmt: skip
+
+
+def key_text(key: str) -> str:
+    """Return a key as people write it: `^d`, `F2`, `#`."""
+    if key in KEY_TEXTS or len(key) == 1:
+        return KEY_TEXTS.get(key, key)
+    if key.startswith("ctrl+"):
+        return f"^{key_text(key.removeprefix('ctrl+'))}"
+    try:
+        return unicodedata.lookup(REPLACED_KEYS.get(key, key).replace("_", " ").upper())
+    except KeyError:
+        return key.upper() if key[1:].isdecimal() else key.capitalize()
+
 
 _TABLE = ("table",)
 _MONITOR = ("monitor",)
 _DETAIL = ("detail",)
 _LOGGERS = ("loggers",)
+_SETTINGS = ("settings",)
 _BOTH = ("table", "monitor")
 # the same screens on a file: what changes a logger has no place there
 _FILE = ("file",)
@@ -82,6 +102,15 @@ _MONITORS = _MONITOR + _FILE_MONITOR
 _DETAILS = _DETAIL + _FILE_DETAIL
 _FILE_PLOTS = _FILE_MONITOR + _FILE_DETAIL
 FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL
+
+
+def _typed(option: str) -> str:
+    return f"type a {OPTION[option].label}: {', '.join(OPTION[option].examples)}"
+
+
+def _words(option: str) -> str:
+    return ", ".join(word.phrase or word.word for word in OPTION[option].words)
+
 
 # fmt: off
 COMMANDS: tuple[Command, ...] = (
@@ -102,19 +131,23 @@ COMMANDS: tuple[Command, ...] = (
     Command("mark_shown", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Find and mark",
             _TABLES, 13),
     Command("range", "V", "Range", "begin a range, move, V again to mark it", "Find and mark", _TABLES),
-    Command("sort", "o", "Order", "sort by the next column", "Find and mark", _TABLES,
+    Command("sort", "o", "Order", "choose an order; its letter again turns it round", "Find and mark", _TABLES, 3,
             typed=Typed(("sort",), "sorts", ":sort div", "order by a column", 6)),
+    Command("fold", "z", "Fold", "fold a name space, or unfold a vector into its entries", "Find and mark", _TABLES, 4),
+    Command("component", "n", "Entry", "norm of a vector, its first entry, the next ...", "Look", _TABLE),
+    Command("columns", "C", "Columns", "settings, statistics, timing", "Look", _TABLE),
+    Command("zero", "Z", "Zero", "statistics from now on", "Look", _TABLE),
     # ------------------------------------------------------------------------------------------------- editing
-    Command("edit", "e,enter", "Edit", "edit the field under the cursor in place", "Edit", _TABLE, 3, writes=True),
-    Command("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 4, writes=True),
-    Command("edit_divider", "d", "Divider", "type a divider: 5, *2, 50Hz", "Edit", _TABLE, writes=True),
-    Command("edit_size", "s", "Size", "type a buffer size: 1000, *2, 10s", "Edit", _TABLE, writes=True),
-    Command("next_buffer", "b", "Buffer", "looping, fixed, growing", "Edit", _TABLE, writes=True),
-    Command("next_action", "p", "Publish", "save, save and publish, publish", "Edit", _TABLE, writes=True),
+    Command("edit", "e,enter", "Edit", "edit the field that ← → chose, else ask which", "Edit", _TABLE, 5, writes=True),
+    Command("toggle", "t", "On/Off", "switch logging on or off", "Edit", _TABLE, 13, writes=True),
+    Command("edit_divider", "d", "Divider", _typed("divider"), "Edit", _TABLE, writes=True),
+    Command("edit_size", "s", "Size", _typed("buffer_size"), "Edit", _TABLE, writes=True),
+    Command("next_buffer", "b", "Buffer", _words("buffer_type"), "Edit", _TABLE, writes=True),
+    Command("next_action", "p", "Publish", _words("action"), "Edit", _TABLE, writes=True),
     Command("edit_all", "equals_sign", "Set to", "type a value, beginning with =", "Edit", _TABLE, writes=True),
-    Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE, 6, typed=Typed(("undo",))),
+    Command("undo", "u", "Undo", "take the last edit back", "Edit", _TABLE, 14, typed=Typed(("undo",))),
     Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE, typed=Typed(("redo",))),
-    Command("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 5, writes=True, asks=True,
+    Command("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 6, writes=True, asks=True,
             typed=Typed(("apply",))),
     Command("discard", "x", "Discard", "drop pending edits of the row, or of what is marked", "Edit", _TABLE,
             typed=Typed(("discard",))),
@@ -176,13 +209,31 @@ COMMANDS: tuple[Command, ...] = (
     Command("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
     Command("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 2),
+    # ------------------------------------------------------------------------------------------------ settings
+    Command("settings", "f2", "Settings", "colours, keys, columns, mouse and the like", "Go", ("any",),
+            typed=Typed(("settings",))),
+    Command("next_setting", "j,down", "Down", "next line", "Settings", _SETTINGS, hidden=True),
+    Command("previous_setting", "k,up", "Up", "previous line", "Settings", _SETTINGS, hidden=True),
+    Command("first_setting", "g,home", "Top", "first line", "Settings", _SETTINGS),
+    Command("last_setting", "G,end", "Bottom", "last line", "Settings", _SETTINGS),
+    Command("settings_down", "ctrl+d,pagedown", "Page down", "a page down", "Settings", _SETTINGS),
+    Command("settings_up", "ctrl+u,pageup", "Page up", "a page up", "Settings", _SETTINGS),
+    Command("change_setting", "e,enter", "Change", "the next word, a number to type, a key to press", "Settings",
+            _SETTINGS, 1),
+    Command("earlier_word", "h,left", "Choose", "the word before", "Settings", _SETTINGS, 2, shown_key="←→"),
+    Command("later_word", "l,right", "Word after", "the word after", "Settings", _SETTINGS),
+    Command("default_setting", "x", "Default", "as it is without a file", "Settings", _SETTINGS, 4),
+    Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
+    Command("find_setting", "slash", "Search", "show only some lines", "Settings", _SETTINGS, 5),
     # ------------------------------------------------------------------------------------------------------ app
-    Command("command", "colon", "Command", "type a command, Tab completes it", "Go", _TABLE, 11),
+    Command("command", "colon", "Command", "type a command, Tab completes it", "Go", _TABLE + _MONITOR + _DETAIL,
+            11),
     Command("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?", typed=Typed(("help",))),
     Command("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",), hidden=True),
     Command("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",),
             hidden=True),
     Command("quit", "q,ctrl+c", "Quit", "end silo-tui; loggers go on", "Go", ("any",), 12, typed=Typed(("quit", "q"))),
+    Command("suspend", "ctrl+z", "Suspend", "back to the shell for a while; fg comes back", "Go", ("any",)),
     Command("quit_now", "ctrl+q", "Quit", "end silo-tui", "Go", ("any",), hidden=True, typed=Typed(("q!",))),
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
@@ -191,25 +242,33 @@ COMMANDS: tuple[Command, ...] = (
             typed=Typed(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),
     Command("theme", "", "Theme", "choose other colours", "Go", (), typed=Typed(("theme",), "themes")),
+    Command("view", "", "View", "what is on the screen, kept by a name", "Look", (),
+            typed=Typed(("view",), "views", ":view [save] NAME", "put a view on the screen, or keep it", 8)),
     Command("picture", "", "Picture", "the screen as a picture", "Go", (),
             typed=Typed(("picture",), "", ":picture FILE.svg", "the screen as a picture", 7)),
 )
 # fmt: on
 
+NO_KEYS: Mapping[str, str] = MappingProxyType({})
 BY_ID = {command.id: command for command in COMMANDS}
 BY_WORD = {word: command for command in COMMANDS if command.typed is not None for word in command.typed.words}
 
 
-def commands_for(scope: str) -> list[Command]:
-    """Return what can be done with keys on a screen."""
-    return [command for command in COMMANDS if scope in command.scopes or "any" in command.scopes]
+def commands_for(scope: str, keys: Mapping[str, str] = NO_KEYS) -> list[Command]:
+    """Return what can be done with keys on a screen; `keys` are the user's own, by command."""
+    return [with_keys(keys, command) for command in COMMANDS if scope in command.scopes or "any" in command.scopes]
 
 
-def commands_like(scope: str) -> list[Command]:
+def with_keys(keys: Mapping[str, str], command: Command) -> Command:
+    """Return a command with the user's own keys, if it has some."""
+    return replace(command, keys=keys[command.id], shown_key="") if command.id in keys else command
+
+
+def commands_like(scope: str, keys: Mapping[str, str] = NO_KEYS) -> list[Command]:
     """Return what can be done where a screen belongs to: on loggers, or on a file."""
     on_file = scope in FILE_SCOPES
     return [
-        command
+        with_keys(keys, command)
         for command in COMMANDS
         if any(each == "any" or (each in FILE_SCOPES) == on_file for each in command.scopes)
     ]
@@ -222,12 +281,12 @@ def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str,
     others at any time after. A slow link brings several keys at once, and `d 5 Enter j` has to stay in this order.
     """
     return [
-        Binding(command.keys, f"command('{command.id}')", command.label, show=False, priority=True)
+        Binding(command.keys, f"command('{command.id}')", command.label, show=False, priority=True, id=command.id)
         for command in commands_for(scope)
     ]
 
 
-def footer_for(scope: str, *, read_only: bool = False) -> list[Command]:
+def footer_for(scope: str, *, read_only: bool = False, keys: Mapping[str, str] = NO_KEYS) -> list[Command]:
     """Return what the key bar shows, most wanted first."""
-    shown = [command for command in commands_for(scope) if command.footer and not (read_only and command.writes)]
+    shown = [command for command in commands_for(scope, keys) if command.footer and not (read_only and command.writes)]
     return sorted(shown, key=lambda command: command.footer)

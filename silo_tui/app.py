@@ -2,6 +2,8 @@
 """The app: it puts context, screens and commands together, and brings what a logger reports to the screens."""
 
 import asyncio
+import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import App
@@ -12,11 +14,15 @@ from silo_tui import terminal, theme
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
-from silo_tui.context import Context, SiloScreen
+from silo_tui.commands.runner import CommandRunner
+from silo_tui.context import Context
+from silo_tui.screens.holding import Holding
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
 from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
 from silo_tui.sessions.live import Session
+from silo_tui.settings.options import Settings
+from silo_tui.settings.reading import Problem
 
 if TYPE_CHECKING:
     from silo_tui.sessions.recorded import FileSession
@@ -40,19 +46,29 @@ class SiloApp(App[None]):
         read_only: bool = False,
         rate_hz: float = 5.0,
         file: "FileSession | None" = None,
+        view: str = "",
+        settings: Settings | None = None,
+        settings_problems: Sequence[Problem] = (),
     ) -> None:
-        super().__init__()
+        # without colours the terminal's own two are left as they are, and no shades of grey are sent instead
+        super().__init__(driver_class=terminal.driver_class(), ansi_color=True if "NO_COLOR" in os.environ else None)
         for each in theme.THEMES:
             self.register_theme(each)
         # Textual took TEXTUAL_THEME as it was before ours were known: only a change makes it look again
         self.theme = "textual-dark"
-        self.theme = theme.chosen() if theme.chosen() in self.available_themes else theme.DARK.name
+        settings = settings or Settings()
+        self.theme = theme.chosen(settings.theme, self.available_themes)
         self.animation_level = "none"
-        self.context = Context(self, read_only=read_only)
+        self.context = Context(
+            self, Holding, read_only=read_only, settings=settings, settings_problems=settings_problems
+        )
+        self.context.take_up = lambda: self.context.run_flow(flows.take_up_edits(self.context))
+        self.set_keymap(dict(settings.keys))
         self._finder = finder
-        self._opener = Opener(self.context, finder, name, demo, rate_hz)
+        self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
         self._rate_hz = rate_hz
         self._file = file  # shown instead of a logger
+        self._thin_words = ""
         self._news = asyncio.Lock()  # events are followed in their order
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
@@ -70,7 +86,7 @@ class SiloApp(App[None]):
             await self._show_file(self._file)
             return
         await self.push_screen(self._opener.first_screen)
-        self.set_interval(1 / self._rate_hz, self._poll)
+        self._polling = self.set_interval(1 / self._rate_hz, self._poll)
         self.set_interval(1.0, self._second)
         self._opener.search_on()
 
@@ -82,12 +98,14 @@ class SiloApp(App[None]):
         await self.push_screen(FileTableScreen(file))
         self.context.table_changed()
         self.context.status_changed()
+        self.context.say_settings_problems()
 
     def release(self) -> None:
         """End what was started: the demo's process and the connection."""
         if self._opener.demo is not None:
             self._opener.demo.stop()
         if self.context.has_session:
+            self.context.keep_edits()
             self.context.session.close()
 
     # ---------------------------------------------------------------------------------------------------- timers
@@ -99,24 +117,36 @@ class SiloApp(App[None]):
         return session if session is not None and session.link is not None else None
 
     def _poll(self) -> None:
-        """Bring the newest values to the screen, unless the terminal doesn't keep up."""
+        """Bring the newest values to the screen, as often as the terminal takes them."""
         session = self._live_session
-        if session is None or terminal.backed_up(self):
+        paint = terminal.may_paint(self, self._rate_hz)
+        if session is None:
             return
         frame = session.poll()
         if frame is None:
             return
         session.take_values(frame)
+        if not paint:
+            return
         if frame.running != session.running and not session.dead:
             self.run_worker(self._refresh_status(), group="status", exclusive=True)
         if (screen := self.context.upper_screen) is not None:
             screen.live_changed(frame)
+        self._tell_thinness()
+
+    def _tell_thinness(self) -> None:
+        """Say once what is left out, and when all is shown again; the head says it as long as it holds."""
+        words = terminal.thin_words(self, self._rate_hz)
+        if words != self._thin_words:
+            self._thin_words = words
+            self.context.say(words or "the link is good again: everything is shown")
 
     def _second(self) -> None:
         if terminal.backed_up(self):
             return
         if (screen := self.context.upper_screen) is not None:
             screen.second_passed()
+        self._opener.keep_view()
         session = self._live_session
         if session is not None and session.lost_since is not None and session.link and session.link.connected:
             self.run_worker(self._regain(session), group="regain")  # it came back, but didn't answer at once
@@ -195,8 +225,38 @@ class SiloApp(App[None]):
 
         self.push_screen(SaveDialog(self.context))
 
+    def command_suspend(self) -> None:
+        self.action_suspend_process()
+
     def command_refresh(self) -> None:
+        terminal.repaint(self)
         self.context.run_flow(self.context.session.reload())
+
+    def command_settings(self) -> None:
+        from silo_tui.screens.settings import SettingsScreen
+
+        if isinstance(self.screen, SettingsScreen):
+            self.screen.command_back()
+        else:
+            self.push_screen(SettingsScreen(self.take_settings))
+
+    def take_settings(self, settings: Settings) -> None:
+        """Let everything follow other settings at once."""
+        old, self.context.settings = self.context.settings, settings
+        if settings.theme != old.theme:
+            self.theme = theme.theme_name(settings.theme)
+        if settings.mouse != old.mouse:
+            terminal.take_mouse(self, wanted=terminal.mouse_wanted(settings.mouse))
+        if settings.keys != old.keys:
+            self.set_keymap(dict(settings.keys))
+        if settings.rate != old.rate and self._file is None:
+            self._opener.rate_hz = self._rate_hz = settings.rate
+            self._polling.stop()
+            self._polling = self.set_interval(1 / settings.rate, self._poll)
+            if (session := self._live_session) is not None and session.link is not None:
+                session.link.set_rate(settings.rate)
+        self.context.tell(lambda screen: screen.settings_changed())
+        self.context.tell(lambda screen: screen.update_keys())
 
     def command_quit(self) -> None:
         self.context.run_flow(flows.leave(self.context))
@@ -207,14 +267,27 @@ class SiloApp(App[None]):
     def command_help(self) -> None:
         from silo_tui.screens.help import HelpScreen
 
-        scope = self.screen.scope if isinstance(self.screen, SiloScreen) else ""
-        self.push_screen(HelpScreen(scope))
+        screen = self.context.upper_screen
+        if screen is not None and not isinstance(self.screen, HelpScreen):
+            self.push_screen(HelpScreen(screen.scope, self.context.settings.keys, screen.action_command))
+
+    def command_command(self) -> None:
+        from silo_tui.screens.command_line import CommandLine
+
+        runner = CommandRunner(self.context)
+
+        def run(line: str | None) -> None:
+            if line and line.strip(": "):
+                runner.run(line)
+
+        self.push_screen(CommandLine(runner.complete), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):
             self.push_screen(CommandPalette(id="--command-palette"))
 
     def command_loggers(self) -> None:
+        terminal.repaint(self)
         self._opener.list_on()
 
     def command_demo(self) -> None:

@@ -5,9 +5,12 @@ Heavy imports wait until it is clear that a screen is wanted.
 
 import os
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
+
+from silo_tui.settings.themes import THEMES
 
 if TYPE_CHECKING:
     from silo_tui.sessions.recorded import FileSession
@@ -31,15 +34,36 @@ Examples:
 @click.option("--demo", is_flag=True, help="Start a simulated robot, open it, and end it on quitting.")
 @click.option("--read-only", is_flag=True, help="Look only: nothing that changes the logger.")
 @click.option(
-    "--rate", default=5.0, show_default=True, type=click.FloatRange(0.5, 10.0), metavar="HZ", help="Refreshes a second."
+    "--rate", type=click.FloatRange(0.5, 10.0), metavar="HZ", help="Refreshes a second. Default: 5, or as set (F2)."
 )
+@click.option("--view", default="", metavar="NAME", help="Open with a view that was kept by `:view save NAME`.")
+@click.option("--theme", type=click.Choice(THEMES), help="Colours. Default: dark, or as set (F2).")
 @click.option(
     "--mouse/--no-mouse",
     default=None,
-    help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text.",
+    help="Take the mouse. Default: yes, but not over SSH, where it prevents selecting text; or as set (F2).",
 )
+@click.option(
+    "--serve", is_flag=True, help="Show it in a browser of this computer instead: prints the address to open."
+)
+@click.option(
+    "--port", default=0, type=click.IntRange(0, 65535), help="With --serve: a fixed port. Default: a free one."
+)
+@click.option("--control", is_flag=True, help="With --serve: edits, start and stop too, not only looking.")
 @click.version_option(package_name="silo-logger", prog_name="silo-tui")
-def command(target: str, config: str, demo: bool, read_only: bool, rate: float, mouse: bool | None) -> None:
+def command(
+    target: str,
+    config: str,
+    demo: bool,
+    read_only: bool,
+    rate: float | None,
+    view: str,
+    theme: str | None,
+    mouse: bool | None,
+    serve: bool,
+    port: int,
+    control: bool,
+) -> None:
     """Configure and watch the loggers of this computer, or look at a saved log.
 
     LOGGER is the name of one of them. FILE is a .silo, .csv or .mcap file, a bag folder, the beginning of a file name
@@ -50,10 +74,37 @@ def command(target: str, config: str, demo: bool, read_only: bool, rate: float, 
         raise click.UsageError(f"--demo brings its own logger; leave out {target!r}")
     if config and demo:
         raise click.UsageError("--demo runs here; leave out --config")
+    if serve:
+        given = [
+            *([target] if target else []),
+            *(["--config", config] if config else []),
+            *(["--demo"] if demo else []),
+        ]
+        given += [*(["--rate", f"{rate:g}"] if rate else []), *(["--view", view] if view else [])]
+        given += ["--theme", theme] if theme else []
+        _serve(given, port, control=control and not read_only)
+        return
+    if control or port:
+        raise click.UsageError("--port and --control are for --serve")
     file = None if config else _file(target)
-    if not all(end is not None and end.isatty() for end in (sys.stdin, sys.stdout)):  # None where the shell closed it
+    ends = (sys.stdin, sys.stdout)  # None where the shell closed it
+    in_browser = os.environ.get("TEXTUAL_DRIVER", "").endswith(":WebDriver")
+    if not in_browser and not all(end is not None and end.isatty() for end in ends):
         raise click.ClickException("silo-tui needs a terminal; `silo watch` writes plain lines, also into a pipe")
-    sys.exit(_run(target, config, file, demo=demo, read_only=read_only, rate_hz=rate, mouse=mouse))
+    sys.exit(_run(target, config, file, demo=demo, read_only=read_only, rate=rate, view=view, theme=theme, mouse=mouse))
+
+
+def _serve(arguments: list[str], port: int, *, control: bool) -> None:
+    try:
+        from silo_tui.web.serving import serve
+    except ImportError as error:
+        raise click.ClickException(f"--serve needs more: pip install 'silo-logger[web]' ({error})") from error
+    try:
+        serve(arguments, port, control=control, tell=click.echo)
+    except OSError as error:
+        raise click.ClickException(
+            f"can't serve on port {port}: {error.strerror}; take another, or leave out --port"
+        ) from error
 
 
 def _file(target: str) -> "FileSession | None":
@@ -82,24 +133,38 @@ def _run(
     *,
     demo: bool,
     read_only: bool,
-    rate_hz: float,
+    rate: float | None,
+    view: str,
+    theme: str | None,
     mouse: bool | None,
 ) -> int:
     from silo_tui import terminal
     from silo_tui.app import SiloApp
     from silo_tui.sessions.demo import Demo
     from silo_tui.sessions.finder import ClientFinder
+    from silo_tui.settings.reading import read_file
 
+    in_file, problems = read_file()
+    settings = in_file
+    if theme is not None:
+        os.environ.pop("TEXTUAL_THEME", None)
+        settings = replace(settings, theme=theme)
+    if mouse is None:
+        mouse = terminal.mouse_wanted(settings.mouse)
     app = SiloApp(
         ClientFinder(config),
         name=logger,
         demo=Demo() if demo else None,
         read_only=read_only and file is None,  # nothing of a file can be changed
-        rate_hz=rate_hz,
+        rate_hz=settings.rate if rate is None else rate,
         file=file,
+        view=view,
+        settings=settings,
+        settings_problems=problems,
     )
+    app.context.saved_settings = in_file
     try:
-        app.run(mouse=not terminal.over_ssh() if mouse is None else mouse)
+        app.run(mouse=mouse)
     finally:
         app.release()
     return app.return_code or 0

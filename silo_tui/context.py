@@ -5,26 +5,50 @@
 Screens, dialogs and commands import this and never `silo_tui.app`; it imports widgets and what stands below them.
 """
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Any, cast
 
 from textual.app import App
-from textual.screen import Screen
+from textual.screen import ModalScreen, Screen
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo_tui.actions import BY_ID, Command
+from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
+from silo_tui.settings.options import Settings
+from silo_tui.settings.reading import Problem
+from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
+
+
+class Held(ModalScreen[None]):
+    """What stands over the screen while a flow is under way."""
+
+    def end(self) -> None:
+        """Go."""
 
 
 class Context:
     """The logger that is open, who may change it, where results are told, and one flow at a time."""
 
-    def __init__(self, app: App[Any], *, read_only: bool) -> None:
+    def __init__(
+        self,
+        app: App[Any],
+        holding: "Callable[[str], Held]",
+        *,
+        read_only: bool,
+        settings: Settings | None = None,
+        settings_problems: Sequence[Problem] = (),
+    ) -> None:
         self.app = app
+        self.holding = holding  # makes what owns the keys while a flow is under way
         self.read_only = read_only
+        self.take_up: Callable[[], None] = lambda: None  # asks what becomes of edits that were kept
+        self.settings = settings or Settings()
+        self.settings_problems = tuple(settings_problems)
+        self.saved_settings = self.settings  # as the file has them
         self.script_names: tuple[str, ...] = ()
         self._session: Session | None = None
         self._flow_running = False
@@ -80,6 +104,21 @@ class Context:
         self.say(f"{label}: no link to {self.session.name}; it is tried again by itself")
         return False
 
+    def offer_edits(self) -> None:
+        """Offer what an earlier start kept, where there is any."""
+        if kept.left_behind(self.session.status.host, self.session.name):
+            self.take_up()
+
+    def keep_edits(self) -> None:
+        """Write what is pending where the next start finds it; a lost terminal must not take it along."""
+        session = self._session
+        if session is None or self.read_only or not len(session.table) or session.link is None:
+            return
+        try:
+            kept.keep(kept.path_of(session.status.host, session.name), session.table.kept())
+        except OSError as error:
+            self.say(f"pending edits can't be kept for a lost terminal: {error}")
+
     # ------------------------------------------------------------------------------------------ telling the screens
 
     @property
@@ -108,8 +147,17 @@ class Context:
         if (screen := self.upper_screen) is not None:
             screen.say(words)
 
+    def say_settings_problems(self) -> None:
+        """Say once what of the settings file was left out."""
+        if self.settings_problems:
+            more = len(self.settings_problems) - 1
+            self.say(f"{self.settings_problems[0]}{f' ({more} more: F2)' if more else ''}")
+
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""
+        screen = self.upper_screen
+        if screen is not None and screen.say_whole(words):
+            return
         if self.app.screen.is_modal:
             self.say(words.partition("\n")[0])
         self.app.notify(words, severity="error", timeout=6, markup=False)
@@ -123,11 +171,16 @@ class Context:
             self.say("still busy with the last command")
             return
         self._flow_running = True
-        self.app.run_worker(self._guarded(flow), group="flow")
+        holding = self.holding(self.session.name if self.has_session else "the logger")
+        self.app.push_screen(holding)  # at once: what is typed from now on is meant for what the flow shows
+        self.app.run_worker(self._guarded(flow, holding), group="flow")
 
-    async def _guarded(self, flow: Coroutine[Any, Any, None]) -> None:
+    async def _guarded(self, flow: Coroutine[Any, Any, None], holding: "Held") -> None:
         try:
-            await flow
+            try:
+                await flow
+            finally:
+                holding.end()
         except RefusedError as error:
             problems = getattr(error, "problems", None) or []
             lines = [f"element '{problem.name}': {problem.reason}" for problem in problems[:6]]
@@ -194,6 +247,30 @@ class SiloScreen(Screen[None]):
         handler: Callable[[], Any] | None = getattr(self, method, None) or getattr(self.app, method, None)
         if handler is not None:
             handler()
+        self.update_keys()
+
+    # ---------------------------------------------------------------------------------------------- the key bar
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return commands, and what they are called now, that come first because of the mode the screen is in."""
+        return ()
+
+    def update_keys(self) -> None:
+        """Let the key bar show what counts now."""
+        for bar in self.query(KeyBar):
+            bar.update()
+
+    def on_screen_suspend(self) -> None:
+        """Show the keys of a dialog that lies above."""
+        if self.app.screen.is_modal:
+            for bar in self.query(KeyBar):
+                bar.show_instead(getattr(self.app.screen, "KEYS_HERE", "Enter Does it  Esc Closes"))
+
+    def on_screen_resume(self) -> None:
+        """Show the keys of the screen again, but not above a line that is typed in."""
+        if not isinstance(self.focused, Fleeting):
+            for bar in self.query(KeyBar):
+                bar.show_instead("")
 
     # ------------------------------------------------------------------------------- what the app tells a screen
 
@@ -212,5 +289,12 @@ class SiloScreen(Screen[None]):
     def request_view(self) -> None:
         """Request the view of what is on this screen, again."""
 
+    def settings_changed(self) -> None:
+        """Follow a change of the user's settings."""
+
     def say(self, words: str) -> None:
         """Show the result of something that was done."""
+
+    def say_whole(self, words: str) -> bool:
+        """Show all of a long message where it covers nothing; False where there is no such place."""
+        return False

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis import units
+from silo import units
 from silo.analysis.samples import Samples
 from silo.arguments import shown
 from silo.errors import ElementError
@@ -29,7 +29,7 @@ def combined(
     """Return what a function makes of a signal and another, a number or an array; `swapped` puts the other first."""
     if not isinstance(other, Samples):
         _check_operand(one, other, sign)
-    base, unit, words = one, _unit(one, other, sign, swapped), str(other)
+    base, unit, words = one, _unit(one, other, sign, swapped), _words(other)
     mine: NDArray[Any] = wide(one)
     theirs: Any = other
     if isinstance(other, Samples):
@@ -51,6 +51,64 @@ def combined(
         unit=unit,
         labels={},
     )
+
+
+def compared(
+    one: One,
+    other: One | float | str | NDArray[Any],
+    function: Callable[[Any, Any], Any],
+    sign: str,
+    swapped: bool = False,
+) -> One:
+    """Return where a comparison holds: bools at the stamps of both. Labels and texts are compared as texts.
+
+    Raises `ElementError` for units that don't go together, and for what can't be compared.
+    """
+    if isinstance(other, str | bytes) or one.values.dtype.kind in "SU":
+        return _texts_compared(one, other, function, sign)
+    if not isinstance(other, Samples):
+        _check_operand(one, other, sign)
+    _unit(one, other, sign, swapped)
+    base, mine, theirs, words = one, one.numbers("compare"), other, _words(other)
+    if isinstance(other, Samples):
+        words = other.name
+        base, right = aligned(one, other, f"compare '{one.name}' {sign} '{words}'")
+        mine, theirs = _broadcast(base.numbers("compare"), right.numbers("compare"))
+        _check_shapes(one, other, mine, theirs, sign)
+    values = function(theirs, mine) if swapped else function(mine, theirs)
+    name = f"({words} {sign} {one.name})" if swapped else f"({one.name} {sign} {words})"
+    made = one if values.ndim == one.values.ndim or not isinstance(other, Samples) else other
+    return replace(
+        made,
+        name=name,
+        values=np.asarray(values, bool),
+        time_ns=base.time_ns,
+        start_ns=base.start_ns,
+        divider=base.divider,
+        unit="-",
+        labels={},
+    )
+
+
+def _texts_compared(one: One, other: object, function: Callable[[Any, Any], Any], sign: str) -> One:
+    asked = other.decode("utf-8", "replace") if isinstance(other, bytes) else other
+    if sign not in ("==", "!=") or not isinstance(asked, str):
+        raise ElementError(
+            f"can't compare '{one.name}' {sign} {shown(other)}: texts and labels are compared by == and != to a text"
+        )
+    if one.values.dtype.kind not in "SU":
+        if not one.labels:
+            raise ElementError(
+                f"can't compare '{one.name}' {sign} {shown(other)}: its values are numbers without names"
+            )
+        if asked not in one.labels.values():
+            raise ElementError(f"'{one.name}' has no value {asked!r}; it has: {', '.join(one.labels.values())}")
+    values = function(one.texts, asked)
+    return replace(one, name=f"({one.name} {sign} {asked!r})", values=np.asarray(values, bool), unit="-", labels={})
+
+
+def _words(other: object) -> str:
+    return "array" if isinstance(other, np.ndarray) and other.size > 1 else str(other)
 
 
 def wide(signal: Samples) -> NDArray[Any]:
@@ -82,7 +140,7 @@ def _unit(one: Samples, other: Samples | float | NDArray[Any], sign: str, swappe
     """Return the unit of what is calculated. Raises `ElementError` where units don't go together."""
     if sign == "**":
         return _power_unit(one, other)
-    if sign in "*/":
+    if sign in ("*", "/", "//"):
         theirs = other.unit if isinstance(other, Samples) else "-"
         left, right = (theirs, one.unit) if swapped else (one.unit, theirs)
         return units.product(left, right) if sign == "*" else units.quotient(left, right)

@@ -65,6 +65,22 @@ def make_chart(recording: Recording, spec: ChartSpec, title: str = "") -> tuple[
     return chart, max(0, len(chosen) - len(shown))
 
 
+def chart_of(signals: Sequence[Picked], zeros: Sequence[int], title: str = "") -> Chart:
+    """The chart of signals, each over the seconds since its own zero; two units have two axes."""
+    left, right = _by_unit(list(signals))
+    is_right = {id(signal) for signal in right}
+    curves = [_curve(one, "", None, zero, id(one) in is_right) for one, zero in zip(signals, zeros, strict=True)]
+    return Chart(
+        curves,
+        title=title,
+        x_label=_x_label("", None),
+        left_label=_label(left, ""),
+        right_label=_label(right, ""),
+        left_ticks=_names(left, ""),
+        right_ticks=_names(right, ""),
+    )
+
+
 def _by_unit(signals: list[Picked]) -> tuple[list[Picked], list[Picked]]:
     """Two units, two axes; with more than two nothing is gained."""
     units = list(dict.fromkeys(signal.unit for signal in signals))

@@ -8,6 +8,7 @@ Nothing but the header is read before a signal is asked for.
 """
 
 import difflib
+import math
 import numbers
 import os
 import warnings
@@ -15,25 +16,31 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from silo.analysis.expressions import RecordingJudge
+from silo.analysis.recordings import clipped, resampled
 from silo.analysis.shapes import assembled, component_names
 from silo.analysis.signals import Signal
 from silo.arguments import path as file_path
-from silo.arguments import shown, text, whole
-from silo.errors import ElementError
-from silo.files.formats import read_recording
-from silo.files.naming import find_log
+from silo.arguments import real, shown, switch, text, whole
+from silo.calls import told, told_class
+from silo.display import html_table
+from silo.errors import ElementError, SaveError, UnknownNameError
+from silo.files.formats import read_recording, writer_for
+from silo.files.naming import find_log, find_logs
 from silo.files.silo_whole import FileElements
 from silo.kinds import SCALAR
+from silo.model import NO_EXTRAS
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 MOST_RUNS = 10**9
 
-__all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError", "open_log"]
+__all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError", "open_log", "open_logs"]
 
 
 class LogWarning(UserWarning):
@@ -47,9 +54,11 @@ class UnknownSignalError(ElementError, KeyError):
         return str(self.args[0])
 
 
+@told("silo.open_log")
 def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> "Log":
     """Open a log by path, by the start of its file name (the newest such in `folder`), or by run number.
 
+    A folder or a glob (`logs/*.silo`) means the newest log there; `open_logs` opens all.
     Every format that silo reads (`silo.files.formats`); of a file with another ending, the first bytes tell.
     What a damaged file lacks is told by a `LogWarning` and in `log.warnings`. Raises `LogNotFoundError`,
     `FileFormatError`.
@@ -64,25 +73,56 @@ def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str]
     path = find_log(which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder))
     recording = read_recording(path)
     for warning in recording.warnings:
-        warnings.warn(f"{path}: {warning}", LogWarning, stacklevel=2)
+        warnings.warn(f"{path}: {warning}", LogWarning, stacklevel=3)
     return Log(recording, os.fspath(path))
 
 
+@told("silo.open_logs")
+def open_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".") -> "list[Log]":
+    """Open every log of a folder, or that a glob (`logs/run_*.silo`) or the start of a file name means, oldest first.
+
+    Of one save in several formats the one that keeps most is taken. Raises `LogNotFoundError` if there is none.
+    """
+    paths = find_logs(file_path("which logs", which), file_path("folder", folder))
+    return [open_log(path) for path in paths]
+
+
+# what others call it
+_OTHER_NAMES = {
+    "signals": "list(log) has the names, log['/log/x'] is one of them, log.glob('*') are all",
+    "time": "it is .times (seconds since start) or .time_ns",
+    "duration": "it is .duration_s",
+    "elements": "list(log) has the names, log['/log/x'] is one of them",
+    "frequency": "it is log.recording.frequency_hz",
+    "to_csv": "it is log.save('x.csv')",
+    "to_parquet": "it is log.save('x.parquet')",
+    "to_mat": "it is log.save('x.mat')",
+    "to_numpy": "it is log['/log/x'].values, or log.to_pandas()",
+    "df": "it is log.to_pandas()",
+}
+
+
+@told_class("log", make="silo.Log")
 class Log(Mapping[str, Signal]):
     """A recorded log: names of elements -> signals.
 
-    Indexing takes the name of an element (`/log/imu/acc`, also without its prefix: `imu/acc`) or of one of its scalars
-    (`/log/imu/acc_x`); iteration gives elements. `recording` is what any writer takes.
+    Indexing takes the name of an element (`/log/imu/acc`, also without its prefix: `imu/acc`), of one of its scalars
+    (`/log/imu/acc_x`) or of a derived signal, which is computed then; iteration gives elements and derived signals.
+    `recording` is what any writer takes.
     """
 
-    def __init__(self, recording: Recording, path: str = "") -> None:
+    def __init__(self, recording: Recording, path: str = "", start_ns: int | None = None) -> None:
+        """start_ns: where times count from; the first time stamp if not given."""
         if not isinstance(recording, Recording):
             raise ElementError(f"Log takes a Recording, got {shown(recording)}; open files by silo.open_log(...)")
         self.recording = recording
         self.path = path
+        self._start_ns = start_ns
         self._elements: dict[str, int] = {}
         for place, name in enumerate(_names(recording.elements)):
             self._elements[_unused(name, self._elements)] = place
+        # an element of the same name stands for itself
+        self._derived = [one.name for one in recording.extras.derived if one.name not in self._elements]
 
     @cached_property
     def _entries(self) -> dict[str, tuple[RecordedElement, RecordedEntry]]:
@@ -106,23 +146,51 @@ class Log(Mapping[str, Signal]):
             if key in self._entries:
                 element, entry = self._entries[key]
                 return self._signal(key, replace(element, name=key, kind=SCALAR.name, shape=(), entries=(entry,)))
-        near = difflib.get_close_matches(name, [*self._elements, *self._entries], 3, 0.5)
+            if key in self._derived:
+                return self._evaluated(f"`{key}`", key)
+        near = difflib.get_close_matches(name, [*self._elements, *self._entries, *self._derived], 3, 0.5)
         near = near or [key for key in self._elements if name.lower() in key.lower()][:3]
         hint = f"; did you mean {', '.join(near)}?" if near else f"; it has {len(self)} elements, see list(log)"
         raise UnknownSignalError(f"the log has no signal '{name}'{hint}")
 
     def __contains__(self, name: object) -> bool:
         known = self._keys(name) if isinstance(name, str) else ()
-        return any(key in self._elements or key in self._entries for key in known)
+        return any(key in self._elements or key in self._entries or key in self._derived for key in known)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._elements)
+        yield from self._elements
+        yield from self._derived
 
     def __len__(self) -> int:
-        return len(self._elements)
+        return len(self._elements) + len(self._derived)
 
     def __repr__(self) -> str:
         return f"<Log {self.path or self.recording.logger}: {len(self)} elements, {self.duration_s:.6g} s>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, element.unit, element.kind, element.count, element.divider, element.lost or "")
+            for name, element in zip(self, self.recording.elements, strict=True)
+        ]
+        return html_table(repr(self)[1:-1], ("element", "unit", "kind", "samples", "divider", "lost"), rows)
+
+    def element(self, name: str) -> Signal:
+        """Return a signal by name, as `log[name]`."""
+        return self[name]
+
+    @property
+    def name(self) -> str:
+        """The name of the logger that logged it."""
+        return self.recording.logger
+
+    if not TYPE_CHECKING:  # type checkers know which names there are
+
+        def __getattr__(self, name: str) -> Any:
+            near = [] if name.startswith("_") else difflib.get_close_matches(name, dir(type(self)), 1, 0.7)
+            way_out = _OTHER_NAMES.get(
+                name, f"did you mean '{near[0]}'?" if near else "help(silo.Log) lists what there is"
+            )
+            raise UnknownNameError(f"a log has no '{name}': {way_out}", name=name)
 
     def names(self, pattern: str = "*") -> list[str]:
         """Names of the elements that match a pattern with `*`, `?` and `[...]`, in the order of the file."""
@@ -140,7 +208,121 @@ class Log(Mapping[str, Signal]):
         starts = (f"/{bare}/", f"{bare}/", f"{self.recording.prefix}/{bare}/")
         kept = [element for element in self.recording.elements if element.name.startswith(starts)] if bare else None
         elements = self.recording.elements if kept is None else kept
-        return Log(replace(self.recording, elements=elements), self.path)
+        # what is derived may need signals that are left out
+        extras = self.recording.extras if kept is None else NO_EXTRAS
+        return Log(replace(self.recording, elements=elements, extras=extras), self.path, self._start_ns)
+
+    # ----------------------------------------------------------------------------------------------- parts, other times
+
+    def clip(self, start_s: float | None = None, stop_s: float | None = None) -> "Log":
+        """Return the part of the log from `start_s` to `stop_s`, both included.
+
+        Times go on counting from the start of the whole log. Raises ElementError where there is no tick.
+        """
+        low, high = (self._bound(*each) for each in (("start_s", start_s, 0), ("stop_s", stop_s, -1)))
+        made = clipped(self.recording, low, high)
+        if not len(made.time_ns) and len(self.time_ns):
+            raise ElementError(
+                f"the log has no tick from {'its start' if start_s is None else f'{start_s:g} s'} to "
+                f"{'its end' if stop_s is None else f'{stop_s:g} s'}; it goes from 0 to {self.duration_s:g} s"
+            )
+        return Log(made, self.path, self.start_ns)
+
+    def _bound(self, argument: str, given: float | None, end: int) -> int:
+        if given is None:
+            return int(self.time_ns[end]) if len(self.time_ns) else 0
+        return self.start_ns + round(real(argument, given, -1e9, 1e9, "s since start") * 1e9)
+
+    def resample(self, times: "Signal | ArrayLike | float", method: Literal["hold", "linear"] = "hold") -> "Log":
+        """Return the log with every element at the same times: a rate in Hz, seconds since start, or those of a signal.
+
+        `hold` takes the value that held; `linear` goes straight from sample to sample (of floats; others hold).
+        Raises ElementError.
+        """
+        if method not in ("hold", "linear"):
+            raise ElementError(f"unknown method {method!r} to resample a log: choose 'hold' or 'linear'")
+        ticks = Signal(name="the log", values=self.time_ns, time_ns=self.time_ns, start_ns=self.start_ns)
+        time_ns = ticks.resample(times).time_ns
+        return Log(resampled(self.recording, np.unique(time_ns), method == "linear"), self.path, self.start_ns)
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write the log to a file; its ending says the format (`silo convert --help` lists them). Returns the path.
+
+        Raises SaveError for an ending that no format has, and for a file that is there, unless `overwrite`.
+        """
+        target = file_path("path", path)
+        write = writer_for(target)
+        if target.is_dir():
+            raise SaveError(f"'{target}' is a folder: it is not replaced; choose another name")
+        if target.exists() and not switch("overwrite", overwrite):
+            raise SaveError(f"'{target}' exists already; write overwrite=True to replace it, or another name")
+        write(self.recording, target, None)
+        return target
+
+    def plot(
+        self,
+        *patterns: str,
+        right: Sequence[str] = (),
+        x: str | None = None,
+        start_s: float | None = None,
+        stop_s: float | None = None,
+        ax: Any = None,
+        path: str | os.PathLike[str] | None = None,
+        terminal: bool | None = None,
+        title: str = "",
+    ) -> Any:
+        """Plot signals by name or pattern: `log.plot("joints/q_*", right=["joints/tau_0"])`.
+
+        right: those on the axis on the right. x: a signal instead of time. ax, path, terminal: as for `Signal.plot`.
+        Raises ElementError for a pattern that matches nothing, and where there is no sample.
+        """
+        from silo.analysis.charts import ChartSpec, make_chart
+        from silo.analysis.showing import MOST_CURVES, show
+
+        if not patterns:
+            raise ElementError(
+                f"say what to plot: log.plot('/log/joints/*'); it has {len(self)} elements, see list(log)"
+            )
+        for pattern in patterns:
+            text("pattern", pattern, "log.plot('/log/joints/*')")
+        if isinstance(right, str):
+            right = [right]
+        offset_s = (int(self.time_ns[0]) - self.start_ns) * 1e-9 if len(self.time_ns) else 0.0
+        window = [None if bound is None else bound - offset_s for bound in (start_s, stop_s)]
+        spec = ChartSpec(list(patterns), list(right), x, "", window[0], window[1], MOST_CURVES)
+        chart, left_out = make_chart(self.recording, spec, title or os.path.basename(self.path))  # noqa: PTH119
+        if left_out:
+            warnings.warn(f"{left_out} more signals match and are not drawn", LogWarning, stacklevel=3)
+        return show(chart, ax, path, terminal)
+
+    def eval(self, expression: str) -> Signal:
+        """The signal that an expression gives: `log.eval("abs(joints/tau_3) > 20 and controller/mode == STANCE")`.
+
+        It has a value at every tick where one of its signals has a sample, the others hold; it is bool where it is a
+        condition. Ticks at which it can't be told (a signal has no sample yet, or its buffer had ended) are left out.
+        Raises `ExpressionError`, which shows the place.
+        """
+        text("expression", expression, "log.eval('abs(joints/tau_3) > 20')")
+        return self._evaluated(expression, expression)
+
+    def _evaluated(self, expression: str, name: str) -> Signal:
+        found = self._judge.evaluate(expression)
+        dividers = set(found.bound.sources.values())
+        return Signal(
+            name=name,
+            values=found.values,
+            time_ns=found.time_ns,
+            unit=found.bound.unit,
+            kind="array" if found.bound.width else "scalar",
+            divider=math.gcd(*dividers),
+            start_ns=self.start_ns,
+            components=tuple(map(str, range(found.bound.width))),
+            labels={} if found.bound.logical else found.bound.labels,
+        )
+
+    @cached_property
+    def _judge(self) -> RecordingJudge:
+        return RecordingJudge(self.recording)
 
     # ---------------------------------------------------------------------------------------------------------- facts
 
@@ -156,7 +338,9 @@ class Log(Mapping[str, Signal]):
 
     @property
     def start_ns(self) -> int:
-        """The first time stamp, from which all times count."""
+        """The first time stamp, from which all times count (of a clipped log, that of the whole)."""
+        if self._start_ns is not None:
+            return self._start_ns
         return int(self.time_ns[0]) if len(self.time_ns) else 0
 
     @property

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.calculus import Floats
+from silo.analysis.expressions import RecordingJudge, is_expression, labels_of
 from silo.errors import ElementError
 from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo.values import as_floats, printable
@@ -56,11 +57,17 @@ def pick(recording: Recording, patterns: Sequence[str]) -> list[Picked]:
     """Return the signals that the patterns name, each once, in the order of the patterns.
 
     A pattern is, in this order: a name of an entry or of an element (all its entries), the end of a name after a `/`,
-    a glob (`*/torque`), a part of a name. Raises `ElementError` for a pattern that names nothing, with close names.
+    a glob (`*/torque`), a part of a name, or an expression that computes a signal (`abs(a) - b`). Raises `ElementError`
+    for a pattern that names nothing, with close names.
     """
     chosen: dict[str, Picked] = {}
     for pattern in patterns:
         found = _find(recording, pattern)
+        computed = [] if found else _computed(recording, pattern)
+        for signal in computed:
+            chosen.setdefault(signal.name, signal)
+        if computed:
+            continue
         if not found:
             raise ElementError(f"no signal matches '{pattern}'{_hint(recording, pattern)}")
         for element, entry in found:
@@ -107,6 +114,20 @@ def _find(recording: Recording, pattern: str) -> list[tuple[RecordedElement, Rec
         if found:
             return found
     return []
+
+
+def _computed(recording: Recording, pattern: str) -> list[Picked]:
+    """What an expression or a derived signal gives: one curve, or one per value of a vector. None for another word."""
+    judge = RecordingJudge(recording)
+    derived = judge.derived(pattern)
+    if derived is None and not is_expression(pattern):
+        return []
+    found = judge.evaluate(pattern if derived is None else f"`{derived.name}`")
+    name, labels, unit = derived.name if derived else pattern, labels_of(found.bound), found.bound.unit
+    if not found.bound.width:
+        return [Picked(name, unit, found.time_ns, found.values, labels)]
+    stem = name if derived else f"({name})"
+    return [Picked(f"{stem}_{at}", unit, found.time_ns, found.values[:, at], labels) for at in range(found.bound.width)]
 
 
 def _hint(recording: Recording, pattern: str) -> str:

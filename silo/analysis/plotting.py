@@ -82,7 +82,14 @@ def draw_png(chart: Chart, path: str | os.PathLike[str], width: int = 1200, heig
         raise SiloError('PNG files need matplotlib: pip install "silo-logger[plot]"') from error
     figure = Figure(figsize=(width / 100, height / 100), dpi=100, layout="constrained")
     canvas = FigureCanvasAgg(figure)
-    left = figure.add_subplot()
+    draw_axes(chart, figure.add_subplot())
+    figure.legend(loc="outside lower center", ncols=3)
+    with whole_file(Path(path)) as file:
+        canvas.print_png(file)
+
+
+def draw_axes(chart: Chart, left: Any) -> None:
+    """Draw the chart on axes of matplotlib; what belongs on the right gets axes of its own there."""
     right = left.twinx() if any(curve.right for curve in chart.curves) else None
     for index, curve in enumerate(chart.curves):
         axes = right if curve.right and right is not None else left
@@ -94,9 +101,6 @@ def draw_png(chart: Chart, path: str | os.PathLike[str], width: int = 1200, heig
     if right is not None:
         right.set_ylabel(chart.right_label)
         _name_ticks(right, chart.right_ticks)
-    figure.legend(loc="outside lower center", ncols=3)
-    with whole_file(Path(path)) as file:
-        canvas.print_png(file)
 
 
 def thin_out(x: Floats, y: Floats, columns: int) -> tuple[Floats, Floats]:

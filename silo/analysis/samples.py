@@ -17,6 +17,8 @@ from silo.arguments import INT64, shown, whole
 from silo.errors import ElementError
 from silo.recording import NO_FAILURES, Failures
 
+MOST_SAMPLES = 100_000_000  # of a resampled signal
+
 Self = TypeVar("Self", bound="Samples")
 
 
@@ -205,3 +207,33 @@ class Samples:
             f"can't {what}: there is no time in common; since the start of its log '{self.name}' {self.span}, "
             f"'{other.name}' {other.span}"
         )
+
+
+def new_times(signal: Samples, times: object) -> NDArray[np.int64]:
+    """Return the stamps to resample a signal at: those of another, seconds since start, or a rate in Hz.
+
+    Raises `ElementError`.
+    """
+    if isinstance(times, Samples):
+        return times.time_ns
+    given = signal.seconds(times)
+    if given.ndim == 0:
+        rate = float(given)
+        if not 0 < rate < np.inf:
+            raise ElementError(
+                f"can't resample '{signal.name}' at {rate:g} Hz: the rate must be more than 0, and finite"
+            )
+        if not len(signal):
+            return np.empty(0, np.int64)
+        steps = (signal.time_ns[-1] - signal.time_ns[0]) * 1e-9 * rate
+        if steps > MOST_SAMPLES:
+            raise ElementError(
+                f"can't resample '{signal.name}' at {rate:g} Hz: that is {steps:.3g} samples, at most "
+                f"{MOST_SAMPLES:,} are made; it {signal.span}"
+            )
+        count = int(steps + 1e-9) + 1
+        # not in whole nanoseconds each: the rate is to be met over the whole signal
+        return np.asarray(signal.time_ns[0] + np.round(np.arange(count) * (1e9 / rate)).astype(np.int64), np.int64)
+    if given.ndim > 1:
+        raise ElementError(f"times to resample '{signal.name}' at must have one dimension, got shape {given.shape}")
+    return signal.stamps(given)

@@ -8,24 +8,50 @@ Frame changes are in `silo.analysis.frames`, tables of other libraries in `silo.
 """
 
 import operator
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias, Union
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from silo.analysis import calculus, exports, frames, units
-from silo.analysis.arithmetic import combined, wide
-from silo.analysis.samples import Samples
+from silo import units
+from silo.analysis import calculus, exports, frames, functions, indexing
+from silo.analysis.arithmetic import combined, compared, wide
+from silo.analysis.samples import Samples, new_times
 from silo.arguments import shown, text
-from silo.errors import ElementError
-
-MOST_SAMPLES = 100_000_000  # of a resampled signal
+from silo.calls import told_class
+from silo.display import html_table
+from silo.errors import ElementError, UnknownNameError
 
 Operand: TypeAlias = Union["Signal", float, int, NDArray[Any]]
 
 
+# what others call it
+_OTHER_NAMES = {
+    "time": "it is .times (seconds since start) or .time_ns",
+    "t": "it is .times (seconds since start) or .time_ns",
+    "timestamps": "it is .time_ns, or .times in seconds since start",
+    "data": "it is .values",
+    "value_at": "it is .value(time)",
+    "at": "it is .value(time), or [2.0:3.5] for a stretch",
+    "loc": "it is [2.0:3.5] for seconds, [10:20] for samples",
+    "iloc": "it is [10:20]",
+    "convert": "it is .to('deg')",
+    "sum": "of samples it is signal.values.sum(), over time .integral()",
+    "diff": "it is .derivative(), or np.diff(signal)",
+    "cumsum": "it is .integral(), or np.cumsum(signal)",
+    "T": "it is .values.T",
+    "astype": "it is .values.astype(...)",
+    "reshape": "it is .values.reshape(...)",
+    "tolist": "it is .values.tolist()",
+    "fft": "it is .spectrum()",
+}
+
+
+@told_class("signal", make="silo.Signal")
 @dataclass(frozen=True, eq=False, repr=False)
 class Signal(Samples):
     """Samples `values[i]` at `time_ns[i]`, with what one asks of them; the fields are those of `Samples`."""
@@ -63,7 +89,7 @@ class Signal(Samples):
         """
         if method not in ("hold", "linear"):
             raise ElementError(f"unknown method {method!r} to resample '{self.name}': choose 'hold' or 'linear'")
-        mine, time_ns = self, self._new_times(times)
+        mine, time_ns = self, new_times(self, times)
         if isinstance(times, Signal):
             mine = self.as_if_started(times.start_ns)
             if len(times):
@@ -102,11 +128,27 @@ class Signal(Samples):
             )
         return replace(self, unit=unit, values=self.values if factor == 1.0 else wide(self) * factor)
 
+    def to(self, unit: str) -> "Signal":
+        """Return the signal converted to another unit: `signal.to("deg")`. The same as `in_unit`."""
+        return self.in_unit(unit)
+
     def with_unit(self, unit: str) -> "Signal":
         """Return the same values under another unit; `-` drops it."""
         return replace(self, unit=text("unit", unit, "signal.with_unit('rad/s'), or '-' for none"))
 
     # ---------------------------------------------------------------------------------------------------- statistics
+
+    def mean(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
+        """Return the mean in a window, as `average`."""
+        return self.average(start_s, stop_s)
+
+    def median(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
+        """Return the median of the samples in a window, per component."""
+        return self._statistic(np.nanmedian, start_s, stop_s)
+
+    def var(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
+        """Return the variance in a window, the square of `std`."""
+        return self._statistic(np.nanvar, start_s, stop_s)
 
     def average(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
         """Return the mean of the samples in a window (whole signal by default), per component.
@@ -200,8 +242,138 @@ class Signal(Samples):
     def __abs__(self) -> "Signal":
         return replace(self, name=f"abs({self.name})", values=np.abs(wide(self)), labels={})
 
-    # ufuncs of arrays must leave `array * signal` to the signal
-    __array_ufunc__ = None
+    def __mod__(self, other: Operand) -> "Signal":
+        return combined(self, other, operator.mod, "%")
+
+    def __floordiv__(self, other: Operand) -> "Signal":
+        return combined(self, other, operator.floordiv, "//")
+
+    # ----------------------------------------------------------------------------------------------------- as an array
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return a sample (`[5]`), samples (`[10:20]`), those of a time (`[2.0:3.5]` in seconds, both included), of a
+        mask (`[signal > 1]`), or a component (`["x"]`, `[:, 0]`).
+        """
+        return indexing.chosen(self, key, self.clip)
+
+    def __iter__(self) -> Iterator[Any]:
+        """The samples, oldest first."""
+        return iter(self.values)
+
+    def __lt__(self, other: Operand) -> "Signal":  # type: ignore[misc]
+        return compared(self, other, operator.lt, "<")
+
+    def __le__(self, other: Operand) -> "Signal":  # type: ignore[misc]
+        return compared(self, other, operator.le, "<=")
+
+    def __gt__(self, other: Operand) -> "Signal":  # type: ignore[misc]
+        return compared(self, other, operator.gt, ">")
+
+    def __ge__(self, other: Operand) -> "Signal":  # type: ignore[misc]
+        return compared(self, other, operator.ge, ">=")
+
+    def __eq__(self, other: object) -> "Signal":  # type: ignore[override]  # as arrays do
+        return NotImplemented if other is None else compared(self, other, operator.eq, "==")  # type: ignore[arg-type]
+
+    def __ne__(self, other: object) -> "Signal":  # type: ignore[override]
+        return NotImplemented if other is None else compared(self, other, operator.ne, "!=")  # type: ignore[arg-type]
+
+    __hash__ = object.__hash__
+
+    def __and__(self, other: Operand) -> "Signal":
+        return functions.logical(self, other, np.bitwise_and, "&")
+
+    def __or__(self, other: Operand) -> "Signal":
+        return functions.logical(self, other, np.bitwise_or, "|")
+
+    def __xor__(self, other: Operand) -> "Signal":
+        return functions.logical(self, other, np.bitwise_xor, "^")
+
+    __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
+
+    def __invert__(self) -> "Signal":
+        return functions.ufunc_of(self, np.invert, "__call__", (self,), {})  # type: ignore[no-any-return]
+
+    def __bool__(self) -> bool:
+        if self.values.size == 1:
+            return bool(self.values.reshape(-1)[0])
+        raise ElementError(
+            f"'{self.name}' has {len(self)} samples, so it is neither true nor false: write .any(), .all() or len(...)"
+        )
+
+    def __float__(self) -> float:
+        if self.values.size == 1:
+            return float(self.values.reshape(-1)[0])
+        raise ElementError(f"'{self.name}' has {len(self)} samples: write .mean(), .value(time) or [0] for one number")
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **keywords: Any) -> Any:
+        return functions.ufunc_of(self, ufunc, method, inputs, keywords)
+
+    def __array_function__(
+        self, function: Callable[..., Any], types: Any, args: tuple[Any, ...], keywords: dict[str, Any]
+    ) -> Any:
+        return functions.function_of(function, args, keywords)
+
+    if not TYPE_CHECKING:  # type checkers know which names there are
+
+        def __getattr__(self, name: str) -> Any:
+            way_out = _OTHER_NAMES.get(name)
+            if way_out is None and name in self.components:
+                way_out = f"it is signal['{name}']"
+            if way_out is None:
+                near = [] if name.startswith("_") else get_close_matches(name, dir(type(self)), 1, 0.7)
+                way_out = f"did you mean '{near[0]}'?" if near else "help(silo.Signal) lists what there is"
+            raise UnknownNameError(f"a signal has no '{name}': {way_out}", name=name)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of `values`: samples first."""
+        return tuple(self.values.shape)
+
+    @property
+    def ndim(self) -> int:
+        """How many dimensions `values` has."""
+        return int(self.values.ndim)
+
+    @property
+    def size(self) -> int:
+        """How many numbers `values` has."""
+        return int(self.values.size)
+
+    def any(self) -> bool:
+        """Return whether any value is true, or not 0."""
+        return bool(np.any(self.numbers("look for truths in")))
+
+    def all(self) -> bool:
+        """Return whether all values are true, or not 0."""
+        return bool(np.all(self.numbers("look for truths in")))
+
+    def when(self) -> NDArray[np.float64]:
+        """Return the times (s since start) at which a mask becomes true: `(signal > 1).when()`, shape `(n,)`."""
+        if self.values.dtype.kind != "b" or self.values.ndim > 1:
+            raise ElementError(f"'{self.name}' is no mask; write a comparison: (signal > 1).when()")
+        before = np.concatenate([[False], self.values[:-1]])
+        times: NDArray[np.float64] = self.times[self.values & ~before[: len(self.values)]]
+        return times
+
+    # ------------------------------------------------------------------------------------------------------- plotting
+
+    def plot(
+        self,
+        *others: "Signal",
+        ax: Any = None,
+        path: str | os.PathLike[str] | None = None,
+        terminal: bool | None = None,
+        title: str = "",
+    ) -> Any:
+        """Plot this signal, and others, over the time since their starts; all components.
+
+        ax: axes of matplotlib to draw on. path: a PNG file to write. terminal: print it as text; by default where
+        there is no matplotlib, or no screen. Returns the axes, the path, or None.
+        """
+        from silo.analysis.showing import show, signal_chart
+
+        return show(signal_chart([self, *others], title or self.name), ax, path, terminal)
 
     # ------------------------------------------------------------------------------------------------ frames, tables
 
@@ -220,6 +392,14 @@ class Signal(Samples):
     def inverse(self) -> "Signal":
         """Return the inverse rotation of a quaternion. Needs scipy."""
         return frames.inverse(self)
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (f"{float(time):.6g}", *np.ravel(value).tolist())
+            for time, value in zip(self.times[:8], self.values[:8], strict=True)
+        ]
+        more = f"and {len(self) - 8} more samples" if len(self) > 8 else ""
+        return html_table(repr(self)[1:-1], ("time [s]", *(self.components or ("value",))), rows, more)
 
     def to_numpy(self) -> NDArray[Any]:
         """Return the values, without a copy where they stand together in the file."""
@@ -240,31 +420,6 @@ class Signal(Samples):
         return exports.signal_to_xarray(self)
 
     # ------------------------------------------------------------------------------------------------------- internals
-
-    def _new_times(self, times: Union["Signal", ArrayLike, float]) -> NDArray[np.int64]:
-        if isinstance(times, Signal):
-            return times.time_ns
-        given = self.seconds(times)
-        if given.ndim == 0:
-            rate = float(given)
-            if not 0 < rate < np.inf:
-                raise ElementError(
-                    f"can't resample '{self.name}' at {rate:g} Hz: the rate must be more than 0, and finite"
-                )
-            if not len(self):
-                return np.empty(0, np.int64)
-            steps = (self.time_ns[-1] - self.time_ns[0]) * 1e-9 * rate
-            if steps > MOST_SAMPLES:
-                raise ElementError(
-                    f"can't resample '{self.name}' at {rate:g} Hz: that is {steps:.3g} samples, at most "
-                    f"{MOST_SAMPLES:,} are made; it {self.span}"
-                )
-            count = int(steps + 1e-9) + 1
-            # not in whole nanoseconds each: the rate is to be met over the whole signal
-            return np.asarray(self.time_ns[0] + np.round(np.arange(count) * (1e9 / rate)).astype(np.int64), np.int64)
-        if given.ndim > 1:
-            raise ElementError(f"times to resample '{self.name}' at must have one dimension, got shape {given.shape}")
-        return self.stamps(given)
 
     def _window(self, start_s: float | None, stop_s: float | None) -> slice:
         start = 0 if start_s is None else np.searchsorted(self.time_ns, self._bound("start_s", start_s), side="left")

@@ -39,6 +39,7 @@ COMMANDS = {
     "convert": LazyCommand("Saved files", "silo.cli.files", "convert_command", "Convert a log to another format."),
     "plot": LazyCommand("Saved files", "silo.cli.files", "plot_command", "Draw signals of a log."),
     "stats": LazyCommand("Saved files", "silo.cli.files", "stats_command", "Minimum, maximum, mean ... of signals."),
+    "check": LazyCommand("Saved files", "silo.cli.check", "check_command", "Judge limits and conditions on a log."),
     "diff": LazyCommand("Saved files", "silo.cli.files", "diff_command", "Show how two logs differ."),
     "demo": LazyCommand("Programs", "silo.cli.programs", "demo", "Run a simulated legged robot that logs."),
     "host": LazyCommand("Programs", "silo.cli.programs", "host", "Log this computer."),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import complete_words, connect, json_option, many, no_pattern, show_json, split_logger
+from silo.cli.common import complete_words, connect, json_option, many, show_json, split_logger
 from silo.cli.edits import select
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.ipc.published import NOT_LIVE_TEXTS
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from silo.model import ElementInfo, Entry
 
 MOST_VALUES = 16  # per line; a matrix of a hundred values is nothing to read
+MOST_LINES = 20  # per refresh where no pattern was given
 GONE_AFTER_S = 5.0
 POLL_S = 0.01
 
@@ -76,7 +77,7 @@ def lay_out(elements: "Sequence[ElementInfo]") -> list[Line]:
 
 
 @click.command()
-@click.argument("words", nargs=-1, metavar="[LOGGER] PATTERN...", shell_complete=complete_words)
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATTERN]...", shell_complete=complete_words)
 @click.option("--rate", type=click.FloatRange(0.1, 30), default=2.0, show_default=True, help="Lines per second.")
 @click.option("-n", "--count", type=click.IntRange(1), help="End after so many.")
 @json_option
@@ -84,7 +85,7 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
     """Print live values until Ctrl-C: one line per element and refresh, or one JSON object per refresh.
 
     Every element that is on can be watched, whether it is saved or published. PATTERN is an element, a namespace or a
-    glob.
+    glob; without one, the first of those that are on are shown.
 
     \b
     Examples:
@@ -92,8 +93,6 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
       silo watch demo /log/battery --rate 1 --json | jq .values
     """
     logger, patterns = split_logger(words, or_pattern=True)
-    if not patterns:
-        raise no_pattern(logger, "give at least one pattern: silo watch demo /log/base   (`silo info -e` lists all)")
     try:
         with connect(logger) as client:
             _watch(client, patterns, rate, count, as_json=as_json)
@@ -103,14 +102,18 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
 
 def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | None, *, as_json: bool) -> None:
     table = client.table().elements
-    chosen = [table[place] for place in select([e.name for e in table], patterns)]
+    chosen = [table[place] for place in select([e.name for e in table], patterns)] if patterns else table
     silent = [e.name for e in chosen if not e.options.enabled]
     chosen = [e for e in chosen if e.name not in set(silent)]
+    if not table:
+        raise ElementError("the logger has no elements yet: nothing to watch")
     if not chosen:
         raise ElementError(
             f"{silent[0]}{f' and {len(silent) - 1} more' if len(silent) > 1 else ''}: off; "
             "`silo set PATTERN on` switches it on, while the logger is stopped"
         )
+    if not patterns:
+        silent, chosen = [], _first(chosen, as_json)
     for name in silent[:10]:
         click.echo(f"{name}: off", err=True)
     if len(silent) > 10:
@@ -124,6 +127,16 @@ def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | 
                 return
     finally:
         view.close()
+
+
+def _first(chosen: "list[ElementInfo]", as_json: bool) -> "list[ElementInfo]":
+    """What is shown where nobody said what: all for machines, a screenful for people."""
+    if as_json or len(chosen) <= MOST_LINES:
+        return chosen
+    click.echo(
+        f"the first {MOST_LINES} of {len(chosen)} elements that are on; say which: `silo watch PATTERN`", err=True
+    )
+    return chosen[:MOST_LINES]
 
 
 def _frames(client: "Client", view: "View") -> "Iterator[Frame]":

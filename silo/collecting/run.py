@@ -22,7 +22,7 @@ from silo.collecting.segment import Segment
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.sources import Reference, abandoned
 from silo.errors import SegmentError
-from silo.model import LoggerOptions, Storage, Threads
+from silo.model import NO_EXTRAS, Extras, LoggerOptions, Storage, Threads
 from silo.runtime import (
     SEGMENT_SUFFIX,
     announce_segment,
@@ -48,6 +48,7 @@ class Run:
         clock: Callable[[], int],
         on_stop: Callable[[StopReason], None],
         after_end: Collect,
+        extras: Extras = NO_EXTRAS,
     ) -> None:
         """Lay out, allocate and touch the buffers. Raises SegmentError where there is no room for them."""
         plan = self._plan(options, elements, checked=options.checked)
@@ -64,7 +65,7 @@ class Run:
             announce_segment(path)
         self.segment = Segment(
             path,
-            self._schema(options, plan),
+            self._schema(options, plan, extras),
             plan.first_rows,
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is not Storage.FILE,
@@ -96,7 +97,7 @@ class Run:
         return next(path for path in map(folder.joinpath, names) if not path.exists())
 
     @staticmethod
-    def _schema(options: LoggerOptions, plan: Plan) -> SegmentSchema:
+    def _schema(options: LoggerOptions, plan: Plan, extras: Extras) -> SegmentSchema:
         pid = os.getpid()
         return SegmentSchema(
             logger=options.name,
@@ -119,6 +120,7 @@ class Run:
             logger_id=options.id,
             run=secrets.token_hex(8),
             pid_namespace=pid_namespace(),
+            extras=extras,
         )
 
     @property

@@ -20,7 +20,7 @@ from typing import TypeVar
 
 import msgspec
 
-from silo.model import BufferType, ElementInfo, ElementOptions, Entry
+from silo.model import NO_EXTRAS, BufferType, ElementInfo, ElementOptions, Entry, Extras
 
 MAGIC = int.from_bytes(b"SILOSEG1", "little")
 LAYOUT_VERSION = 2
@@ -150,6 +150,7 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     logger_id: str = ""
     run: str = ""
     pid_namespace: int = 0  # in which `pid` counts, 0 in older segments
+    extras: Extras = NO_EXTRAS
 
 
 def page_up(size_bytes: int) -> int:

@@ -39,6 +39,7 @@ def snapshot(source: RowSource) -> Recording:
         started_ns=schema.started_ns,
         time_looping=schema.time_buffer_type is BufferType.LOOPING,
         warnings=_warnings(source, elements, ticks),
+        extras=schema.extras,
     )
 
 

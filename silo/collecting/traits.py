@@ -16,6 +16,7 @@ import numpy as np
 
 from silo import kinds
 from silo.arguments import INT64, shown, text, whole
+from silo.calls import told
 from silo.collecting.sources import Expression, Reference, Source, Step, can_refer, express, read_steps, refer
 from silo.errors import ElementError, SiloError, SourceError
 from silo.model import Entry
@@ -134,6 +135,7 @@ class _Registered:
 _registry: dict[type, _Registered] = {}
 
 
+@told("silo.register")
 def register(
     cls: type, *fields: str, kinds: Mapping[str, str] | None = None, **computed: Callable[[Any], object]
 ) -> None:

@@ -273,6 +273,7 @@ def _facts(recording: Recording, channels: Sequence[Channel]) -> RecordingFacts:
         time_looping=recording.time_looping,
         warnings=recording.warnings,
         why=recording.why,
+        extras=recording.extras,
     )
 
 

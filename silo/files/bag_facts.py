@@ -9,7 +9,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from silo.model import BufferType, Entry
+from silo.model import NO_EXTRAS, BufferType, Entry, Extras
 from silo.recording import NO_FAILURES, Failures
 
 FACTS_ATTACHMENT = "silo/recording.json.zst"
@@ -65,6 +65,7 @@ class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     time_looping: bool = False
     warnings: tuple[str, ...] = ()
     why: str = ""
+    extras: Extras = NO_EXTRAS
 
 
 def pack_facts(facts: RecordingFacts) -> bytes:

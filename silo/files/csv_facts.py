@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.files import silo_format as form
+from silo.files.csv_fast import Filled
 from silo.model import Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
@@ -20,6 +21,9 @@ SIDECAR = ".json"
 VERSION = 1
 _LARGEST = 256 << 20
 _QUOTE = b'"'
+
+
+Column = NDArray[np.bytes_] | Filled  # texts of all cells, or the numbers of the filled ones
 
 
 class CsvElement(form.ElementFacts, frozen=True, omit_defaults=True):
@@ -78,9 +82,14 @@ def unpack(data: bytes) -> CsvFacts:
     return facts
 
 
-def restored(
-    facts: CsvFacts, names: Sequence[str], columns: Sequence[NDArray[np.bytes_]], time_ns: NDArray[np.int64]
-) -> Recording:
+def types_of(facts: CsvFacts) -> list[np.dtype[Any]] | None:
+    """The types of the columns but the first; None where one isn't known."""
+    found = [form.dtype_from(entry.dtype) for one in facts.elements for entry in one.entries]
+    known = [kind for kind in found if kind is not None]
+    return known if len(known) == len(found) else None
+
+
+def restored(facts: CsvFacts, names: Sequence[str], columns: Sequence[Column], time_ns: NDArray[np.int64]) -> Recording:
     """The recording as it was, of the cells of the table. Raises `NotThisTableError` if the facts don't fit."""
     if [entry.name for one in facts.elements for entry in one.entries] != list(names):
         raise NotThisTableError("its columns are others")
@@ -98,6 +107,7 @@ def restored(
         time_looping=facts.time_looping,
         warnings=facts.log.warnings,
         why=facts.log.why,
+        extras=facts.log.extras,
     )
 
 
@@ -119,11 +129,11 @@ def _element(facts: CsvElement, columns: Any) -> RecordedElement:
     first = facts.first or 0
     entries = []
     for entry in facts.entries:
-        cells: NDArray[np.bytes_] = next(columns)
-        places = np.flatnonzero(np.char.str_len(cells))
+        cells: Column = next(columns)
+        places = cells.places if isinstance(cells, Filled) else np.flatnonzero(np.char.str_len(cells))
         if facts.divider < 1 or len(places) != facts.count or not _in_step(places, first, facts.divider):
             raise NotThisTableError(f"'{entry.name}' has its samples at other ticks")
-        values = _values(cells[places], entry)
+        values = _values(cells.values if isinstance(cells, Filled) else cells[places], entry)
         entries.append(RecordedEntry(entry.name or "", Entry(entry.suffix, entry.dtype, entry.labels), values))
     return RecordedElement(
         name=facts.name,
@@ -145,8 +155,8 @@ def _in_step(places: NDArray[np.intp], first: int, divider: int) -> bool:
     return not len(places) or (int(places[0]) == first and bool((np.diff(places) == divider).all()))
 
 
-def _values(cells: NDArray[np.bytes_], entry: form.EntryFacts) -> NDArray[Any]:
-    """The cells in the type that was logged; strings stay bytes, as in every recording."""
+def _values(cells: NDArray[Any], entry: form.EntryFacts) -> NDArray[Any]:
+    """The cells, texts or numbers, in the type that was logged; strings stay bytes, as in every recording."""
     dtype = form.dtype_from(entry.dtype)
     try:
         if dtype is not None:
@@ -156,7 +166,7 @@ def _values(cells: NDArray[np.bytes_], entry: form.EntryFacts) -> NDArray[Any]:
     raise NotThisTableError(f"the values of '{entry.name}' are no {entry.dtype}")
 
 
-def _parsed(cells: NDArray[np.bytes_], dtype: np.dtype[Any]) -> NDArray[Any]:
+def _parsed(cells: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
     kind = dtype.kind
     if kind in "SUcV":
         texts = [cell.removeprefix(_QUOTE) for cell in cells.tolist()]

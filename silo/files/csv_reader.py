@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.csv_facts import NotThisTableError, restored, sidecar_of, unpack
+from silo.files.csv_facts import Column, NotThisTableError, restored, sidecar_of, types_of, unpack
+from silo.files.csv_fast import Filled, Numbers, read_numbers
 from silo.files.silo_format import decode_text, first_stamp
 from silo.kinds import regroup
 from silo.model import BufferType, Entry
@@ -61,9 +62,18 @@ def read_csv(path: str | os.PathLike[str]) -> Recording:
 
 def _parsed(data: bytes, path: Path) -> Recording:
     warnings: list[str] = []
+    facts = _facts_beside(path)
+    columns: Sequence[Column]
+    plain = _plain_table(data, facts)
+    if plain is not None:
+        head, numbers = plain
+        time_ns = _time(_text(head[0]), numbers.first)
+        return _as_recording(
+            path, "/log", [_text(cell) for cell in head[1:]], numbers.columns, time_ns, facts, warnings
+        )
     records = _records(data)
-    head = next(records, None)
-    if head is None:
+    head = next(records, [])
+    if not head:
         raise FileFormatError("it is empty")
     if _text(head[0]).endswith("time_s") and len(head) > 1 and re.fullmatch(rb"-?\d*", head[1]):
         names, columns, time_ns = _from_rows(head, records, warnings)
@@ -71,7 +81,34 @@ def _parsed(data: bytes, path: Path) -> Recording:
     else:
         names, columns, time_ns = _from_columns(head, records, warnings)
         prefix = "/log"
-    facts = _facts_beside(path)
+    return _as_recording(path, prefix, names, columns, time_ns, facts, warnings)
+
+
+def _plain_table(data: bytes, facts: bytes | None) -> tuple[list[bytes], Numbers] | None:
+    """The first record and the numbers of a plain table of columns; None for any other."""
+    line = data[: data.find(b"\n") + 1].rstrip(b"\r\n")
+    head = _split(line) if line.count(_QUOTE) % 2 == 0 and line else []
+    if len(head) < 2 or _text(head[0]).endswith("time_s"):
+        return None
+    types = None
+    if facts is not None:
+        try:
+            types = types_of(unpack(facts))
+        except NotThisTableError:
+            return None
+    numbers = read_numbers(data, len(head), types)
+    return None if numbers is None else (head, numbers)
+
+
+def _as_recording(
+    path: Path,
+    prefix: str,
+    names: Sequence[str],
+    columns: Sequence[Column],
+    time_ns: NDArray[np.int64],
+    facts: bytes | None,
+    warnings: list[str],
+) -> Recording:
     if facts is not None:
         try:
             recording = restored(unpack(facts), names, columns, time_ns)
@@ -242,8 +279,10 @@ def _converted(cells: NDArray[np.bytes_], dtype: np.dtype[Any]) -> NDArray[Any] 
         return None
 
 
-def _samples(cells: NDArray[np.bytes_]) -> _Samples | None:
-    """What a column holds, None if it is empty."""
+def _samples(cells: Column, rows: int) -> _Samples | None:
+    """What a column of a table with so many rows holds, None if it is empty."""
+    if isinstance(cells, Filled):
+        return _stepping(cells.places, cells.values, rows) if len(cells.places) else None
     places = np.flatnonzero(np.char.str_len(cells))
     if not len(places):
         return None
@@ -252,12 +291,16 @@ def _samples(cells: NDArray[np.bytes_]) -> _Samples | None:
     values = None if quoted.any() else _numbers(filled)
     if values is None:
         values = np.array([cell.removeprefix(_QUOTE) for cell in filled.tolist()], "S")
+    return _stepping(places, values, rows)
+
+
+def _stepping(places: NDArray[np.intp], values: NDArray[Any], rows: int) -> _Samples:
     steps = np.diff(places)
     divider = int(steps[0]) if len(steps) else 1
     if (steps == divider).all():
         return _Samples(values, int(places[0]), divider)
     # gaps without a pattern, as other tools leave them for NaN
-    dense = np.full(len(cells), np.nan) if values.dtype.kind in "iuf" else np.zeros(len(cells), values.dtype)
+    dense = np.full(rows, np.nan) if values.dtype.kind in "iuf" else np.zeros(rows, values.dtype)
     dense[places] = values
     return _Samples(dense, 0, 1)
 
@@ -267,11 +310,11 @@ def _recording(
     prefix: str,
     time_ns: NDArray[np.int64],
     names: Sequence[str],
-    columns: Sequence[NDArray[np.bytes_]],
+    columns: Sequence[Column],
     warnings: list[str],
 ) -> Recording:
-    found = [(name, samples) for name, cells in zip(names, columns, strict=True) if (samples := _samples(cells))]
     stamps = len(time_ns)
+    found = [(name, found) for name, cells in zip(names, columns, strict=True) if (found := _samples(cells, stamps))]
     likeness = [(s.first, s.divider, len(s.values), s.values.dtype.kind) for _, s in found]
     elements: list[RecordedElement] = []
     for group in regroup([name for name, _ in found], likeness):

@@ -5,6 +5,7 @@ folder of the logs, under a lock, so that several processes may save at once.
 """
 
 import fcntl
+import glob
 import os
 import re
 from collections.abc import Iterable
@@ -77,9 +78,9 @@ def check_name(name: str) -> str:
 
 
 def logger_of(stem: str) -> str:
-    """The logger that a log of this name (without ending) is of, empty for a name that somebody chose."""
-    match = _STEM.fullmatch(stem)
-    return match["logger"] if match else ""
+    """The logger that a log of this name (without ending) is of, or a capture; empty for a name that somebody chose."""
+    match = _STEM.match(stem)
+    return match["logger"] if match and stem[match.end() :][:1] in ("", "_") else ""
 
 
 def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> Path:
@@ -94,13 +95,39 @@ def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str]
     for path in (Path(which), place / which):
         if path.exists() and (path.is_file() or is_bag_folder(path)):
             return path
-    start = place / which
-    found = [path for path in _logs(start.parent) if path.name.startswith(start.name)]
+    found = _meant(which, place)
     if found:
         return max(found, key=_age_and_preference)
     if str(which).isdecimal():
         return _by_run(int(str(which)), place)
     raise LogNotFoundError(f"no log '{which}' in '{place.resolve()}'{_what_is_there(place)}")
+
+
+def find_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".") -> list[Path]:
+    """All logs of a folder, or that a glob or the start of a file name means, oldest first; of each save one file.
+
+    Raises `LogNotFoundError` if there is none.
+    """
+    place = Path(folder)
+    exact = [path for path in (Path(which), place / which) if path.exists() and (path.is_file() or is_bag_folder(path))]
+    found = exact[:1] or _meant(which, place)
+    if not found:
+        raise LogNotFoundError(f"no log '{which}' in '{place.resolve()}'{_what_is_there(place)}")
+    best: dict[Path, Path] = {}
+    for path in sorted(found, key=_age_and_preference):
+        best[path.with_suffix("")] = path
+    return list(best.values())
+
+
+def _meant(which: str | os.PathLike[str], folder: Path) -> list[Path]:
+    """The logs in a folder of that name, or whose names match a glob or start so."""
+    start = folder / which
+    if start.is_dir():
+        return list(_logs(start))
+    if any(letter in str(which) for letter in "*?["):
+        matching = (Path(found) for found in glob.glob(str(start), recursive=True))  # noqa: PTH207  # takes absolute patterns, too
+        return [path for path in matching if path.suffix in LOG_ENDINGS and (path.is_file() or is_bag_folder(path))]
+    return [path for path in _logs(start.parent) if path.name.startswith(start.name)]
 
 
 def _by_run(run: int, folder: Path) -> Path:

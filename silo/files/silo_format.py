@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from silo.kinds import SCALAR
-from silo.model import BufferType
+from silo.model import NO_EXTRAS, BufferType, Extras
 from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording
 
 BANNER = (
@@ -107,6 +107,7 @@ class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     warnings: tuple[str, ...] = ()
     why: str = ""
     span: tuple[int, int] = (0, 0)
+    extras: Extras = NO_EXTRAS
 
 
 def file_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
@@ -229,6 +230,7 @@ def log_facts(recording: Recording) -> LogFacts:
         warnings=tuple(plain_text(warning) for warning in recording.warnings),
         why=plain_text(recording.why),
         span=(int(recording.time_ns[0]), int(recording.time_ns[-1])) if len(recording.time_ns) else (0, 0),
+        extras=recording.extras,
     )
 
 

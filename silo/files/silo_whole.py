@@ -162,6 +162,7 @@ def read_whole(data: memoryview) -> Recording | None:
         time_looping=table.kinds[0].looping,
         warnings=facts.warnings,
         why=facts.why,
+        extras=facts.extras,
     )
 
 

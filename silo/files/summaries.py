@@ -93,6 +93,8 @@ def _of_csv(folder: int, name: str) -> Summary | None:
     try:
         with opened_file(folder, name + SIDECAR) as file, opened_file(folder, name):
             text = os.pread(file, _FIRST, 0)
+            if _CSV_FACTS_END not in text:  # of a log with many derived signals, limits and triggers
+                text = os.pread(file, _MOST, 0)
     except FileNotFoundError:
         return None
     # {"version": 1, "log": {...}, "elements": [...]}; within a text a line break is escaped

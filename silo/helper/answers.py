@@ -21,6 +21,7 @@ from silo.helper.requests import check_edits
 from silo.helper.robot import Robot
 from silo.helper.samples import check_samples, samples
 from silo.helper.saver import Saver
+from silo.helper.statistics import Surveyor
 from silo.ipc.messages import (
     AnyReply,
     ApplyEdits,
@@ -37,6 +38,7 @@ from silo.ipc.messages import (
     GetPiece,
     GetSamples,
     GetStatus,
+    GetSurvey,
     GetTable,
     GoesOn,
     Hello,
@@ -69,6 +71,7 @@ from silo.ipc.messages import (
     StatusReply,
     Stop,
     StreamOpened,
+    Survey,
     ViewOpened,
 )
 from silo.ipc.published import EventKind
@@ -109,6 +112,11 @@ class Answers:
         self._robot = robot
         self._pins = Pins()
         self._recordings = RecordingFolder()
+        self._surveyor = Surveyor(mirror)
+
+    def stop(self) -> None:
+        """End what goes on by itself."""
+        self._surveyor.stop()
 
     def answer(self, request: Request[Any]) -> bytes:
         """Return the encoded answer; waits for the robot process where it must."""
@@ -183,6 +191,10 @@ class Answers:
         self._pins.close(request.pin)
         return Done("the pin is closed")
 
+    @answers_to(GetSurvey)
+    def _survey(self, request: GetSurvey) -> Survey | Refused:
+        return self._surveyor.answer(_signed(request))
+
     @answers_to(ListScripts)
     def _list_scripts(self, _: ListScripts) -> Scripts:
         own = self._own_script
@@ -197,7 +209,8 @@ class Answers:
         from silo.settings.script import format_script
 
         if not request.path:
-            return ScriptText(str(self._own_script), format_script(self._mirror.now.table.elements))
+            now = self._mirror.now
+            return ScriptText(str(self._own_script), format_script(now.table.elements, extras=now.robot.extras))
         path = script_folder.resolve(request.path, self._own_script)
         return ScriptText(str(path), script_folder.read_text(path))
 
@@ -284,6 +297,8 @@ class Answers:
             text += f", {len(unknown)} names are not in the table"
         if script.unknown_keys:
             text += f", {len(script.unknown_keys)} keys are unknown and were left alone"
+        if script.extras is not None and script.extras != now.robot.extras:
+            text += "; its derived signals, limits and triggers are read when the program starts"
         self._events.publish(EventKind.SCRIPT_LOADED, text, by=request.client)
         return EditsApplied(reply.revision, reply.changed, unknown, script.warnings)
 
@@ -293,7 +308,8 @@ class Answers:
 
         path = script_folder.resolve(request.path, self._own_script)
         script_folder.check_target(path, overwrite=request.overwrite)
-        kept = write_script(path, self._mirror.now.table.elements)
+        now = self._mirror.now
+        kept = write_script(path, now.table.elements, now.robot.extras)
         text = f"script saved: {path}{kept_text(kept)}"
         self._events.publish(EventKind.SCRIPT_SAVED, text, by=request.client)
         return Done(text)

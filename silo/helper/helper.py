@@ -22,6 +22,7 @@ from silo.helper.control import Control
 from silo.helper.crash import after_crash
 from silo.helper.events import Events
 from silo.helper.journaling import Journaling
+from silo.helper.judge import Judge
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.publisher import Publisher
@@ -68,6 +69,7 @@ class Helper:
         self._term_s = 0.0  # when SIGTERM came
         self._deleted = ""  # the run whose files somebody deleted
         self._exit_code = 0
+        self._judge: Judge | None = None
 
     def run(self) -> int:
         """Serve until the robot process is gone and nobody needs the helper any more; returns the exit code."""
@@ -103,10 +105,13 @@ class Helper:
         publisher = Publisher(session, root, mirror, events)
         saver = Saver(mirror, events, self._robot)
         journaling = Journaling(mirror, events)
-        control = Control(session, root, Answers(mirror, events, publisher, saver, self._robot))
+        answers = Answers(mirror, events, publisher, saver, self._robot)
+        judge = self._judge = Judge(mirror, events)
+        control = Control(session, root, answers)
         publisher.start()
         saver.start()
         journaling.start()
+        judge.start()
         control.start()
         token = session.liveliness().declare_token(root.key("alive"))
         predecessors = PredecessorRecovery(mirror, events)
@@ -116,15 +121,18 @@ class Helper:
             ended = self._follow_robot(mirror, events, saver, path)
             if ended is _Ended.FILES_DELETED:
                 self._exit_code = FILES_DELETED
+                judge.stop("the helper process was replaced")
                 journaling.stop()
                 saver.stop()
             elif ended is _Ended.GOODBYE:
+                judge.stop("the program closed its logger")
                 journaling.stop()
                 events.publish(EventKind.CLOSED, "the robot program closed its logger")
                 saver.stop(SAVE_GRACE_S)
             else:
                 dead_mark(path).touch()  # first of all: who looks for the program may find its next start already
                 self._robot.lost()
+                judge.stop("the robot program died")
                 saver.finish()
                 journaling.stop()
                 news = after_crash(mirror, events)
@@ -132,8 +140,10 @@ class Helper:
         finally:
             token.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
             self._robot.lost()
+            judge.stop("the helper process ended")
             journaling.stop()
             control.stop()
+            answers.stop()
             publisher.stop()
             predecessors.stop(SAVE_GRACE_S)
             saver.stop(SAVE_GRACE_S)
@@ -178,6 +188,8 @@ class Helper:
         taken = self._robot.taken_runs()
         for offer, descriptor in taken:
             _take_run(mirror, offer, descriptor)
+            if self._judge is not None:
+                self._judge.take_run()
             self._deleted = "" if offer.named else offer.run
         return bool(taken)
 

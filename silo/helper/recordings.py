@@ -317,7 +317,7 @@ def _told(name: str) -> Iterator[None]:
 
 
 def _names(folder: int) -> list[str]:
-    return sorted(os.listdir(folder))  # noqa: PTH208  # an open folder, which no path knows
+    return sorted(os.listdir(folder))  # of an open folder, which no path knows
 
 
 def _inner(bag: int) -> list[str]:

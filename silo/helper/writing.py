@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import msgspec
 
@@ -27,7 +28,8 @@ class WriteOrder(msgspec.Struct, frozen=True):
     """What to write, and where; the arguments of `silo.files.write`.
 
     `of_dead`: the writer of the segment is gone, so that rows that aren't what it committed are damaged.
-    `journal`: write what this journal proves instead of a segment. `why` it is saved, in a few words.
+    `journal`: write what this journal proves instead of a segment; `log`: write this file again in other formats.
+    `why` it is saved, in a few words.
     """
 
     folder: str
@@ -37,6 +39,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     of_dead: bool = False
     journal: str = ""
     why: str = ""
+    log: str = ""
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -95,6 +98,21 @@ def write_apart(reader: SegmentReader | None, order: WriteOrder, progress: Calla
     )
 
 
+def _written(order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
+    if not order.log:
+        reader = JournalReader(order.journal) if order.journal else SegmentReader(f"/proc/self/fd/{sys.argv[1]}")
+        return _write(reader, order, progress)
+    from silo.files.formats import read_recording
+
+    try:
+        recording = read_recording(Path(order.log))
+        files = write(recording, order.folder, order.logger, order.types, order.name or None, progress)
+    except SiloError as error:
+        saved = list(error.saved) if isinstance(error, PartlySavedError) else []
+        return WriteReport(1.0, True, 0, saved, str(error))
+    return WriteReport(1.0, True, recording.offset, files)
+
+
 def main() -> None:
     """The writing process: the segment's file descriptor as argument, the order on standard input."""
     os.nice(NICER)
@@ -104,9 +122,8 @@ def main() -> None:
         sys.stdout.buffer.write(msgspec.json.encode(report) + b"\n")
         sys.stdout.buffer.flush()
 
-    reader = JournalReader(order.journal) if order.journal else SegmentReader(f"/proc/self/fd/{sys.argv[1]}")
     try:
-        say(_write(reader, order, lambda fraction: say(WriteReport(min(max(fraction, 0.0), 1.0)))))
+        say(_written(order, lambda fraction: say(WriteReport(min(max(fraction, 0.0), 1.0)))))
     except BrokenPipeError:
         # the helper was killed: what was written is removed, and nobody is left to be told
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -14,6 +14,8 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from silo.arguments import real, shown, text, texts, whole
+from silo.calls import told_class
+from silo.display import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError
 from silo.ipc.connection import Connection, Pending
 from silo.ipc.discovery import Discovery, Found, discover, not_found_text
@@ -34,6 +36,7 @@ from silo.ipc.messages import (
     GetPiece,
     GetSamples,
     GetStatus,
+    GetSurvey,
     GetTable,
     Hello,
     HelloReply,
@@ -61,12 +64,14 @@ from silo.ipc.messages import (
     StatusReply,
     Stop,
     StreamOpened,
+    Survey,
     Unsaved,
     ViewOpened,
     by_of,
     unsaved_of,
 )
 from silo.ipc.published import Event, EventKind
+from silo.ipc.words import FileTypes, file_types, full_name, why_silent
 from silo.model import Edit, FileType, SavedFile, Status, Table
 from silo.version import VERSION
 
@@ -85,16 +90,16 @@ RENEW_S = 2.0  # a third of a view's lease
 MAX_SAVES = 64
 LONGEST_S = 1e6  # that anybody waits
 
-__all__ = ["Client", "Discovery", "Found", "discover"]
+__all__ = ["Client", "Discovery", "Found", "connect", "discover"]
 
 
+@told_class("client", make="Client")
 class Client:
     """A connection to one logger. A context manager."""
 
     def __init__(self, found: Found, timeout_s: float = Ask.timeout_s) -> None:
         """Use `connect`. Raises ConnectionLostError."""
         self._timeout_s = timeout_s
-        self._elements: frozenset[str] = frozenset()  # names that the table had when a topic was asked for
         self._name = client_name()
         self._views: dict[Leased, float] = {}  # and streams and pins: all that has a lease
         self._renewals: dict[Leased, Pending] = {}
@@ -106,6 +111,7 @@ class Client:
         self._connection = Connection(found, timeout_s, self._name, self._renew_views)
         self._connection.on_event(self._note_save)
         self._connection.on_link(self._note_link)
+        self._connection.watch()
 
     @classmethod
     def connect(cls, logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> "Client":
@@ -126,6 +132,17 @@ class Client:
             labels = ", ".join(found.label for found in named)
             raise ConnectionLostError(f"several loggers are running, say which one you mean: {labels}")
         return cls(named[0], timeout_s)
+
+    def __repr__(self) -> str:
+        found = self.found
+        where = f" on {found.host}" if found.host else ""
+        return f"<Client of {found.label}{where}: {'connected' if self.connected else 'not connected'}>"
+
+    def _repr_html_(self) -> str:
+        found = self.found
+        state = "connected" if self.connected else "not connected"
+        rows = [("logger", found.label), ("user", found.user), ("host", found.host or "this one"), ("state", state)]
+        return html_table(f"Client of {found.label}", ("", ""), rows)
 
     # ------------------------------------------------------------------------------------------------ the connection
 
@@ -297,6 +314,16 @@ class Client:
                 resume=reply.resume, client=self._name,
             )  # fmt: skip
 
+    def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
+        """Return quantities (see `silo.ipc.surveys`) of elements or entries; of all elements without `names`."""
+        request = GetSurvey(
+            quantities=texts("quantities", quantities, "['mean', 'std']"),
+            names=texts("names", names, "['/log/joints/q']"),
+            reset=reset,
+            client=self._name,
+        )
+        return self._call(request)
+
     # ---------------------------------------------------------------------------------------------------- changing
 
     def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
@@ -341,12 +368,9 @@ class Client:
 
     # ------------------------------------------------------------------------------------------------------ saving
 
-    def save(self, types: Sequence[FileType] = (FileType.SILO,), name: str = "") -> int:
+    def save(self, types: FileTypes = (FileType.SILO,), name: str = "") -> int:
         """Begin to save in the helper process; returns the number of the job for `wait_saved`."""
-        if not isinstance(types, Sequence) or not all(isinstance(one, FileType) for one in types):
-            names = ", ".join(f"FileType.{one.name}" for one in FileType)
-            raise ElementError(f"types must be a list of {names}, got {shown(types)}; nothing is saved")
-        return self._call(Save(types=list(types), name=name, client=self._name)).job
+        return self._call(Save(types=file_types(types), name=name, client=self._name)).job
 
     def wait_saved(
         self, job: int, timeout_s: float = 600.0, progress: Callable[[float], None] | None = None
@@ -431,19 +455,15 @@ class Client:
         return view
 
     def topic(self, element: str) -> "Topic":
-        """Subscribe to every sample of a published element. Raises ElementError for one that the table lacks."""
+        """Subscribe to every sample of a published element: `for batch in client.topic("joints/q"): ...`.
+
+        element: its full name, or the name after the prefix. Raises ElementError for an unknown one.
+        """
         from silo.ipc.topic import Topic
 
-        name = text("element", element, "client.topic('/log/joints/q')")
-        if name not in self._elements:
-            self._elements = frozenset(info.name for info in self.table().elements)
-        if name not in self._elements:
-            from difflib import get_close_matches
-
-            near = get_close_matches(name, self._elements, 3, cutoff=0.4)
-            hint = f"did you mean {' or '.join(map(repr, near))}?" if near else "client.table() lists them"
-            raise ElementError(f"no element is called {shown(name)}: {hint}; nothing was subscribed to")
-        topic = Topic(name, self._connection.forget)
+        text("element", element, "client.topic('/log/joints/q')")
+        name = full_name(element, self.status(), self.table())
+        topic = Topic(name, self._connection.forget, lambda: why_silent(name, self.status(), self.table()))
         self._connection.attach(topic)
         return topic
 
@@ -549,6 +569,11 @@ class Client:
                 accept(reply)
         elif isinstance(reply, Refused):
             view.refuse(reply.text)
+
+
+def connect(logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> Client:
+    """Return `Client.connect`: a client of the logger of that name, or of the only one that runs."""
+    return Client.connect(logger, timeout_s, config)
 
 
 def _status(reply: StatusReply, told: Callable[[str], None] | None) -> Status:

@@ -67,7 +67,7 @@ class Connection:
     """A watched session to one logger."""
 
     def __init__(self, found: Found, timeout_s: float, who: str, on_round: Callable[[], None]) -> None:
-        """Connects. Raises ConnectionLostError, VersionError. `on_round` is called by the thread, 20 times a second."""
+        """Connects. Raises ConnectionLostError, VersionError. `on_round` is called 20 times a second after `watch`."""
         self.found = found
         self._who = who
         self._on_round = on_round
@@ -86,6 +86,9 @@ class Connection:
         self._open(found, timeout_s)
         self._known = {other.socket for other in self._namesakes()} | {found.socket}
         self._thread = threading.Thread(target=self._watch, name="silo-client")
+
+    def watch(self) -> None:
+        """Begin to watch the link, in a thread: what it calls may need the connection, which its owner has by now."""
         self._thread.start()
 
     # -------------------------------------------------------------------------------------------- one session

@@ -91,6 +91,22 @@ class EditsApplied(Reply, frozen=True):
     warnings: list[str] = []
 
 
+class Survey(Reply, frozen=True):
+    """`values`: float64 of shape `(quantities, names)`, NaN where a quantity isn't known.
+
+    Without names they are those of the table of `revision`, in its order. Statistics begin at `since_ns`; `skipped`
+    rows were overwritten before they could be read, because their buffer is very small. `jitter_s` is that of the loop:
+    the standard deviation of the time between its ticks, 0 where it isn't known.
+    """
+
+    revision: int
+    time_ns: int
+    since_ns: int
+    values: bytes
+    skipped: int = 0
+    jitter_s: float = 0.0
+
+
 class ViewOpened(Reply, frozen=True):
     """How to read the frames of a view.
 
@@ -474,6 +490,18 @@ class GetPiece(SlowAsk[Piece], frozen=True):
     offset: int
     count: int
     sum_only: bool = False
+
+
+class GetSurvey(SlowAsk[Survey], frozen=True):
+    """Quantities (`silo.ipc.surveys`) of some elements or entries, of all elements of the table without `names`.
+
+    Statistics are over every sample since this client asked first, or since its last `reset`; they end when it hasn't
+    asked for a minute.
+    """
+
+    quantities: list[str]
+    names: list[str] = []
+    reset: bool = False
 
 
 class OpenView(Ask[ViewOpened], frozen=True):

@@ -92,6 +92,9 @@ class EventKind(str, enum.Enum):
     DURABLE = "durable"  # the journal stopped or goes on
     DELETED = "deleted"  # somebody deleted a recording
     ENDED = "ended"  # a request that went on came to its end, well or not
+    TRIGGERED = "triggered"
+    CAPTURED = "captured"
+    BLIND = "blind"  # what a trigger can't see, or didn't
     OTHER = "other"
 
     @classmethod

@@ -1,7 +1,9 @@
 """The client's end of a topic: every sample of a published element, in batches of arrays."""
 
+import asyncio
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,8 +11,13 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
-from silo.errors import ConnectionLostError
+from silo.arguments import real
+from silo.errors import ConnectionLostError, ElementError
 from silo.ipc.keys import Root, unescape
+
+POLL_S = 0.01  # batches come 20 times per second
+SILENCE_S = 2.0  # after which an iteration asks why nothing comes
+LONGEST_S = 1e6
 
 
 @dataclass(frozen=True)
@@ -25,14 +32,25 @@ class Batch:
     time_ns: NDArray[np.int64]
     values: NDArray[Any]
 
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
 
 class Topic:
-    """A subscription. `read()` never waits; `missed` counts samples that were published and did not arrive."""
+    """A subscription. `read()` doesn't wait unless told to; `missed` counts samples that did not arrive.
 
-    def __init__(self, element: str, on_close: Callable[["Topic"], None]) -> None:
+    `for batch in topic:` and `async for batch in topic:` go on until the topic or its client is closed.
+    """
+
+    def __init__(
+        self, element: str, on_close: Callable[["Topic"], None], why_silent: Callable[[], str] = lambda: ""
+    ) -> None:
+        """why_silent: tells, when nothing comes for long, why nothing ever will; empty where something may."""
         self.element = element
         self.missed = 0
         self._on_close = on_close
+        self._why_silent = why_silent
+        self._closed = False
         self._lock = threading.Lock()
         self._subscriber: zenoh.Subscriber[zenoh.Handler[zenoh.Sample]] | None = None
         self._next = -1
@@ -50,8 +68,67 @@ class Topic:
         with self._lock:
             self._subscriber = None
 
-    def read(self) -> list[Batch]:
-        """Return the batches that came since the last call."""
+    def __repr__(self) -> str:
+        state = "closed" if self._closed else "open"
+        return f"<Topic {self.element}: {state}{f', {self.missed} samples missed' if self.missed else ''}>"
+
+    def __iter__(self) -> Iterator[Batch]:
+        """Yield batches as they come, until this or the client is closed.
+
+        Raises ElementError for an element that isn't published, ConnectionLostError when nobody answers any more.
+        """
+        heard_s = time.monotonic()
+        while not self._closed:
+            batches = self.read()
+            yield from batches
+            heard_s = self._heard(bool(batches), heard_s)
+            if not batches:
+                time.sleep(POLL_S)
+
+    async def __aiter__(self) -> AsyncIterator[Batch]:
+        """Yield batches as they come, for asyncio; ends and raises like the plain iteration."""
+        heard_s = time.monotonic()
+        while not self._closed:
+            batches = self.read()
+            for batch in batches:
+                yield batch
+            # the question why may take as long as an answer does
+            heard_s = await asyncio.to_thread(self._heard, bool(batches), heard_s) if self._late(heard_s) else heard_s
+            if batches:
+                heard_s = time.monotonic()
+            else:
+                await asyncio.sleep(POLL_S)
+
+    def _late(self, heard_s: float) -> bool:
+        return time.monotonic() - heard_s > SILENCE_S
+
+    def _heard(self, came: bool, heard_s: float) -> float:
+        """When something came last, or was asked for. Raises where nothing will come."""
+        if not came and not self._late(heard_s):
+            return heard_s
+        why = "" if came or self._closed else self._why_silent()
+        if why:
+            raise ElementError(why)
+        return time.monotonic()
+
+    def read(self, timeout_s: float = 0.0) -> list[Batch]:
+        """Return the batches that came since the last call; with a timeout, wait so long for the first.
+
+        Empty where nothing came in that time.
+        """
+        until_s = time.monotonic() + real("timeout_s", timeout_s, 0, LONGEST_S, "s")
+        while not (batches := self._take()) and not self._closed and time.monotonic() < until_s:
+            time.sleep(POLL_S)
+        return batches
+
+    async def read_async(self, timeout_s: float = 1.0) -> list[Batch]:
+        """Return like `read(timeout_s)`, for asyncio: other tasks go on meanwhile."""
+        until_s = time.monotonic() + real("timeout_s", timeout_s, 0, LONGEST_S, "s")
+        while not (batches := self._take()) and not self._closed and time.monotonic() < until_s:
+            await asyncio.sleep(POLL_S)
+        return batches
+
+    def _take(self) -> list[Batch]:
         batches: list[Batch] = []
         with self._lock:
             while self._subscriber is not None and (sample := self._subscriber.try_recv()) is not None:
@@ -66,6 +143,7 @@ class Topic:
         """End the subscription; closing twice is fine."""
         with self._lock:
             subscriber, self._subscriber = self._subscriber, None
+            self._closed = True
         if subscriber is not None:
             subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
         self._on_close(self)

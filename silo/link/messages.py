@@ -3,7 +3,7 @@
 import msgspec
 
 from silo.ipc.messages import AnyDo, AnyReply
-from silo.model import SavedFile, State, Table
+from silo.model import NO_EXTRAS, Extras, SavedFile, State, Table
 
 FILES_DELETED = 75  # exit code of a helper process that ends so that its successor makes its socket anew
 
@@ -22,6 +22,7 @@ class RobotState(msgspec.Struct, frozen=True, tag=True):
     reason: str
     by: str
     table: Table | None = None
+    extras: Extras = NO_EXTRAS
 
 
 class LinkRequest(msgspec.Struct, frozen=True, tag=True):

@@ -29,13 +29,14 @@ from silo.ipc.messages import (
 )
 from silo.ipc.refusals import refused_conflict, refused_running
 from silo.link.messages import RobotState
-from silo.model import Edit, ElementInfo, LoggerOptions, Problem, State, Table
+from silo.logger.keywords import UnsavedWord
+from silo.model import Edit, ElementInfo, Extras, LoggerOptions, Problem, State, Table
 from silo.settings.rules import refusal
 
 log = logging.getLogger("silo")
 
 # what `Logger.start` calls it; for the program itself a start clears without asking
-_UNSAVED = {Unsaved.REFUSE: "refuse", Unsaved.SAVE: "save", Unsaved.DISCARD: "clear"}
+_UNSAVED: dict[Unsaved, UnsavedWord] = {Unsaved.REFUSE: "refuse", Unsaved.SAVE: "save", Unsaved.DISCARD: "clear"}
 
 
 class Served(Protocol):
@@ -63,12 +64,14 @@ class Served(Protocol):
     def revision(self) -> int: ...
     @property
     def elements(self) -> list[ElementInfo]: ...
+    @property
+    def extras(self) -> Extras: ...
 
     def problems(self, edits: list[Edit], /) -> list[Problem]: ...
     def apply(self, edits: list[Edit], /) -> int: ...
-    def start(self, *, unsaved: str = "clear") -> None: ...
+    def start(self, *, unsaved: UnsavedWord = "clear") -> None: ...
     def stop(self) -> None: ...
-    def restart(self, *, unsaved: str = "clear") -> None: ...
+    def restart(self, *, unsaved: UnsavedWord = "clear") -> None: ...
     @property
     def saved_before_start(self) -> str: ...
     def note_saved(self, run_id: str, ticks: int, /) -> None: ...
@@ -90,6 +93,7 @@ def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
             reason=logger.stop_reason,
             by=by,
             table=Table(revision, logger.elements) if revision != table_sent else None,
+            extras=logger.extras,
         )
 
 

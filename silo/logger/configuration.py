@@ -5,33 +5,34 @@ The part of `Logger` that knows nothing of runs, segments and helper processes. 
 """
 
 import dataclasses
-import enum
 import logging
 import os
 import threading
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import msgspec
 from numpy.typing import DTypeLike, NDArray
 
 from silo.arguments import line, switch, text
 from silo.arguments import path as file_path
+from silo.calls import told_class, unknown_argument
 from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
 from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
-from silo.errors import ElementError, StateError
+from silo.errors import ArgumentError, ElementError, ScriptError, StateError
 from silo.kinds import STRUCT, struct_text
+from silo.logger.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.options import array_layout, edits_given, element_name, string_room
 from silo.logger.table import Table
 from silo.model import (
     DEFAULT_OPTIONS,
-    Action,
-    BufferType,
+    NO_EXTRAS,
     Edit,
     ElementInfo,
     ElementOptions,
+    Extras,
     LoggerOptions,
     Problem,
     join_name,
@@ -39,9 +40,13 @@ from silo.model import (
 from silo.settings.rules import option_problems, refusal
 from silo.settings.words import Settings, apply_settings, read_options
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack  # known to type checkers without being installed
+
 log = logging.getLogger("silo")
 
 
+@told_class("log")
 class Configuration:
     """The element table of a logger and all that changes it."""
 
@@ -50,8 +55,10 @@ class Configuration:
         self._lock = threading.RLock()
         self._table = Table(options.prefix)
         self._arena = Arena()
+        self._extras = NO_EXTRAS
         self._running = False
         self._updated = False
+        self._reads_script = True
         self._closed = False
 
     def _check_open(self) -> None:
@@ -65,10 +72,19 @@ class Configuration:
                 f"can't {what} while logger '{self.options.name}' runs: stop() it first; nothing was changed"
             )
 
-    def _warn_of_pending(self) -> None:
-        if self._table.pending:
-            names = ", ".join(element.info.name for element in self._table.pending)
-            log.warning("%s: added after the last update(), so not logged: call update() before start()", names)
+    def _adopt_late(self) -> None:
+        """Make what was added after the last `update()` part of the table, as the script wants it; others stay."""
+        late = [element.info for element in self._table.pending]
+        if not late:
+            return
+        options = [info.options for info in late]
+        if self._reads_script and Path(self.options.script).exists():
+            from silo.settings.script import apply_script, read_script
+
+            script = read_script(Path(self.options.script))
+            options = list(apply_script(script, late, self.options.frequency_hz).options)
+        self._table.adopt()
+        self._table.change({self._table.place(info.name): new for info, new in zip(late, options, strict=True)})
 
     def _tell(self) -> None:
         """Called after each change, for who has somebody to tell. Never waits."""
@@ -88,6 +104,25 @@ class Configuration:
         return self._table.infos
 
     @property
+    def name(self) -> str:
+        """The logger's name."""
+        return self.options.name
+
+    def __len__(self) -> int:
+        """How many elements the table has."""
+        return len(self._table.elements)
+
+    def __bool__(self) -> bool:
+        return True  # also without elements
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the elements."""
+        return iter([info.name for info in self._table.infos])
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and self._table.has(name)
+
+    @property
     def revision(self) -> int:
         """Grows with every change of the table."""
         return self._table.revision
@@ -98,21 +133,21 @@ class Configuration:
         self,
         source: object,
         name: str | None = None,
-        *,
-        attr: str | None = None,
         group: str = "",
         unit: str = "-",
-        divider: int | str = DEFAULT_OPTIONS.divider,
-        action: Action | str = DEFAULT_OPTIONS.action,
-        buffer_type: BufferType | str = DEFAULT_OPTIONS.buffer_type,
-        buffer_size: int | str | None = None,
-        enabled: bool | str = DEFAULT_OPTIONS.enabled,
+        divider: Number = DEFAULT_OPTIONS.divider,
+        action: AnyAction = DEFAULT_OPTIONS.action,
+        buffer_size: Number | None = None,
+        buffer_type: AnyBuffer = DEFAULT_OPTIONS.buffer_type,
+        *,
+        attr: str | None = None,
+        enabled: Switch = DEFAULT_OPTIONS.enabled,
         kind: str = "",
-        labels: type[enum.Enum] | Mapping[int, str] | None = None,
+        labels: Labels | None = None,
         description: str = "",
-        string_bytes: int | None = None,
+        string_bytes: SupportsIndex | None = None,
     ) -> None:
-        """Register a variable; it is part of the table after the next `update()`.
+        """Register a variable; it is part of the table after the next `update()` or `start()`.
 
         source: a NumPy array (any shape, strides and dtype), ctypes object, array.array, memoryview or mmap, read by
         reference; an object with `attr` (a dotted path), read each due tick; a function without arguments; a dataclass,
@@ -127,12 +162,12 @@ class Configuration:
         name = element_name(source, name, attr)
         group, unit = text("group", group, 'group="joints"'), line("unit", "-" if unit is None else unit, 'unit="Nm"')
         kind, description = text("kind", kind, 'kind="pose"'), text("description", description, 'description="..."')
-        string_bytes = string_room(string_bytes)
+        room = string_room(string_bytes)
         full = join_name(self.options.prefix, group, name)
         options = self._new_options(
             full, buffer_size, enabled=enabled, divider=divider, action=action, buffer_type=buffer_type
         )
-        parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=string_bytes)
+        parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=room)
         entries = tuple(
             entry_of(scalar, part.labels) for part in parts for scalar in part.scalars(strides_of(part.source))
         )
@@ -155,7 +190,7 @@ class Configuration:
         with self._lock:
             self._table.add(Element(info, tuple(parts)))
 
-    def _new_options(self, name: str, buffer_size: int | str | None, **given: Any) -> ElementOptions:
+    def _new_options(self, name: str, buffer_size: Number | None, **given: Any) -> ElementOptions:
         """The options of a new element. Raises ElementError."""
         if buffer_size is not None:
             given["buffer_size"] = buffer_size
@@ -174,7 +209,11 @@ class Configuration:
         return options
 
     def array(
-        self, name: str, shape: int | tuple[int, ...] = (), dtype: DTypeLike = float, **options: Any
+        self,
+        name: str,
+        shape: SupportsIndex | Sequence[SupportsIndex] = (),
+        dtype: DTypeLike = float,
+        **options: "Unpack[ElementKeywords]",
     ) -> NDArray[Any]:
         """Make a variable in silo's own memory and register it; takes the keywords of `add`.
 
@@ -182,6 +221,11 @@ class Configuration:
         """
         self._check_open()
         text("the element's name", name, 'log.array("q", 12)')
+        wrong = next((key for key in options if key not in ElementKeywords.__annotations__), "")
+        if wrong:
+            raise ArgumentError(
+                unknown_argument("log.array", wrong, ["shape", "dtype", *ElementKeywords.__annotations__])
+            )
         made = self._arena.array(*array_layout(shape, dtype))
         self.add(made, name, **options)
         return made
@@ -191,18 +235,29 @@ class Configuration:
 
         Raises StateError while running, ScriptError for a script with problems (nothing is changed then).
         """
-        switch("read_script", read_script)
+        read_script = switch("read_script", read_script)
         with self._lock:
             self._check_stopped("update the table")
             self._table.adopt()
             if read_script and Path(self.options.script).exists():
                 self.load_script()
-            self._updated = True
+            self._updated, self._reads_script = True, read_script
             self._tell()
+
+    # ------------------------------------------------------------------------------------ derived signals, limits
+
+    @property
+    def extras(self) -> Extras:
+        """Derived signals and limits, in the order in which they were given."""
+        return self._extras
+
+    @property
+    def _all_infos(self) -> list[ElementInfo]:
+        return [*self._table.infos, *(element.info for element in self._table.pending)]
 
     # ------------------------------------------------------------------------------------------------- options
 
-    def set(self, name: str = "/", **options: Any) -> int:
+    def set(self, name: str = "/", **options: "Unpack[OptionKeywords]") -> int:
         """Change options of an element or of a whole namespace, all or none; returns how many elements changed.
 
         Options: enabled, divider, action, buffer_type, buffer_size, as values or as words that `silo set` takes:
@@ -219,6 +274,21 @@ class Configuration:
             changed = self._table.change(dict(zip(places, made, strict=True)))
             self._tell()
             return changed
+
+    def remove(self, name: str) -> int:
+        """Forget an element or a whole namespace; returns how many elements went.
+
+        Its samples of the last run stay until the next start. Raises StateError while running, ElementError for unknown
+        names.
+        """
+        text("the element's or namespace's name", name, 'log.remove("joints/q")')
+        with self._lock:
+            self._check_stopped("remove elements")
+            if not name.strip(" /"):
+                raise ElementError("remove what? log.remove('/') would be everything: name an element or a namespace")
+            gone = self._table.remove(name)
+            self._tell()
+            return gone
 
     def enable(self, name: str = "/") -> int:
         """Log an element or a namespace."""
@@ -252,13 +322,23 @@ class Configuration:
             self._check_stopped("load a script")
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self.options.frequency_hz)
+            extras = self._extras if script.extras is None else self._extras_of(script.extras, file)
             self._table.set_all(plan.options)
+            self._extras = extras
             self._tell()
         for warning in script.warnings:
             log.warning("%s", warning)
         for unknown in plan.unknown:
             log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]
+
+    def _extras_of(self, given: Extras, file: Path) -> Extras:
+        from silo.settings.script_extras import checked_extras
+
+        try:
+            return checked_extras(given, self._table.infos, self.options.prefix)
+        except ElementError as error:
+            raise ScriptError(f"{file}: {error}; nothing was changed") from error
 
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the configuration of every element to a script, whole or not at all; returns its path.
@@ -269,7 +349,7 @@ class Configuration:
 
         self._check_open()
         target = self._script_path(path)
-        kept = write_script(target, self.elements)
+        kept = write_script(target, self.elements, self._extras)
         if kept:
             log.warning("%s: script saved%s", target, kept_text(kept))
         return target

@@ -3,52 +3,81 @@
 Before `init` the default logger is a `NullLogger`: library code may add and collect whether or not anybody logs.
 """
 
-import os
-from collections.abc import Iterable
-from typing import Any
-
-from numpy.typing import DTypeLike, NDArray
+import inspect
+import logging
+from collections.abc import Callable
+from functools import wraps
+from typing import Concatenate, ParamSpec, TypeVar
 
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
 from silo.logger.serving import Serving
-from silo.model import FileType, SavedFile
+
+log = logging.getLogger("silo")
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 _default: Logger | NullLogger = NullLogger()
+_early: list[str] = []  # what was called before there was a logger
 
 
-def init(name: str = "silo", **options: Any) -> Logger:
-    """Make the default logger; takes the arguments of `silo.Logger`. What a previous one holds is saved."""
-    global _default  # noqa: PLW0603  # the one logger of the program
-    if isinstance(_default, Logger):
-        _default.abandon()
-    _default = made = Logger(name, **options)
-    return made
+def _making(kind: Callable[P, Logger]) -> Callable[P, Logger]:
+    """Return `init`, with the arguments of the class."""
+
+    @wraps(Logger.__init__, assigned=())
+    def init(*args: P.args, **kwargs: P.kwargs) -> Logger:
+        global _default  # noqa: PLW0603  # the one logger of the program
+        if isinstance(_default, Logger):
+            _default.abandon()
+        made = kind(*args, **kwargs)
+        if _early:
+            log.warning(
+                "%s before silo.init() went to a logger that does nothing: call silo.init() first", ", ".join(_early)
+            )
+            _early.clear()
+        _default = made
+        return made
+
+    init.__name__ = init.__qualname__ = "init"
+    init.__doc__ = "Make the default logger; takes the arguments of `silo.Logger`. What a previous one holds is saved."
+    init.__signature__ = inspect.signature(kind)  # type: ignore[attr-defined]  # for help() and editors
+    return init
 
 
-def logger() -> Logger | NullLogger:
-    """Return the default logger."""
-    return _default
+def _of_default(method: Callable[Concatenate[Logger, P], R], early: bool = False) -> Callable[P, R]:
+    """Return a method of whichever logger is the default one, with its arguments and types."""
+    name = method.__name__
+
+    @wraps(method)
+    def function(*args: P.args, **kwargs: P.kwargs) -> R:
+        if early and isinstance(_default, NullLogger):
+            _note_early(f"silo.{name}()")
+        found: R = getattr(_default, name)(*args, **kwargs)
+        return found
+
+    signature = inspect.signature(method)
+    function.__doc__ = f"`Logger.{name}` of the default logger.\n\n{inspect.getdoc(method) or ''}"
+    function.__signature__ = signature.replace(parameters=list(signature.parameters.values())[1:])  # type: ignore[attr-defined]
+    function.__qualname__ = name
+    return function
 
 
-def add(source: object, name: str | None = None, **options: Any) -> None:
-    """`Logger.add` of the default logger."""
-    _default.add(source, name, **options)
+def _note_early(what: str) -> None:
+    if what not in _early:
+        _early.append(what)
 
 
-def array(name: str, shape: int | tuple[int, ...] = (), dtype: DTypeLike = float, **options: Any) -> NDArray[Any]:
-    """Return `Logger.array` of the default logger."""
-    return _default.array(name, shape, dtype, **options)
-
-
-def update(*, read_script: bool = True) -> None:
-    """`Logger.update` of the default logger."""
-    _default.update(read_script=read_script)
-
-
-def start(*, unsaved: str = "clear") -> None:
-    """`Logger.start` of the default logger."""
-    _default.start(unsaved=unsaved)
+init = _making(Logger)
+add = _of_default(Logger.add, early=True)
+array = _of_default(Logger.array, early=True)
+update = _of_default(Logger.update)
+start = _of_default(Logger.start)
+stop = _of_default(Logger.stop)
+restart = _of_default(Logger.restart)
+save = _of_default(Logger.save)
+serve = _of_default(Logger.serve)
+close = cleanup = _of_default(Logger.close)
 
 
 def collect() -> None:
@@ -56,36 +85,12 @@ def collect() -> None:
     _default.collect()
 
 
-def stop() -> None:
-    """`Logger.stop` of the default logger."""
-    _default.stop()
+def get_logger() -> Logger | NullLogger:
+    """Return the default logger: what `silo.init` made, before that one with the same methods that does nothing."""
+    if isinstance(_default, NullLogger):
+        _note_early("silo.get_logger()")
+    return _default
 
-
-def restart(*, unsaved: str = "clear") -> None:
-    """`Logger.restart` of the default logger."""
-    _default.restart(unsaved=unsaved)
-
-
-def save(
-    types: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
-    name: str | None = None,
-    folder: str | os.PathLike[str] | None = None,
-) -> list[SavedFile]:
-    """Return `Logger.save` of the default logger."""
-    return _default.save(types, name, folder)
-
-
-def serve(*, group: str | None = None, config: str | os.PathLike[str] | None = None) -> Any:
-    """Return `Logger.serve` of the default logger; returns a context manager."""
-    return _default.serve(group=group, config=config)
-
-
-def close() -> None:
-    """`Logger.close` of the default logger."""
-    _default.close()
-
-
-cleanup = close
 
 __all__ = [
     "Serving",
@@ -94,8 +99,8 @@ __all__ = [
     "cleanup",
     "close",
     "collect",
+    "get_logger",
     "init",
-    "logger",
     "restart",
     "save",
     "serve",

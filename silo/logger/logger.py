@@ -8,20 +8,30 @@ import functools
 import logging
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
 from silo.arguments import path, text
+from silo.calls import told_class
 from silo.collecting.clocks import nanosecond_clock
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
+from silo.display import MOST_ROWS, html_table
 from silo.errors import StateError
-from silo.logger.configuration import Configuration
+from silo.logger.conditions import Conditions
 from silo.logger.current_run import CurrentRun
+from silo.logger.elements import LoggedElement, look_at, newest_text
+from silo.logger.keywords import AnyStorage, AnyThreads, FileTypes, UnsavedWord
 from silo.logger.new_values import NewValues, NewValuesReader
-from silo.logger.options import file_types, logger_options, serving_config, serving_group, warn_if_not_durable
+from silo.logger.options import (
+    file_types,
+    logger_options,
+    serving_config,
+    serving_group,
+    warn_if_not_durable,
+)
 from silo.logger.predecessors import look_back
 from silo.logger.unclosed import drop_journals, end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
 from silo.model import FileType, SavedFile, State, Storage, Threads
@@ -37,7 +47,8 @@ def _idle() -> None:
     """`collect()` of a logger that isn't running."""
 
 
-class Logger(Configuration):
+@told_class("log", make="silo.Logger", leave=("collect",))
+class Logger(Conditions):
     """Logs variables of a control program, by reference, once per control tick.
 
     frequency: control ticks per second (Hz). max_time: how long fixed and growing logs may become (s), 0 for no limit.
@@ -63,11 +74,11 @@ class Logger(Configuration):
         prefix: str = "/log",
         clock: Callable[[], int | float] | None = None,
         folder: str | os.PathLike[str] = ".",
-        storage: str | Storage = Storage.MEMORY,
+        storage: AnyStorage = Storage.MEMORY,
         size_tiers: int = 3,
         memory_limit_mb: int = 1024,
         checked: bool = False,
-        threads: str | Threads = Threads.SINGLE,
+        threads: AnyThreads = Threads.SINGLE,
     ) -> None:
         options = logger_options(
             name=name,
@@ -111,7 +122,7 @@ class Logger(Configuration):
         if collect is _idle:
             vars(self).pop("collect", None)
 
-    def start(self, *, unsaved: str = "clear") -> None:
+    def start(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Clear all buffers and begin to log; calls `update()` first if that was never done.
 
         unsaved: what becomes of data of the last run that is in no file: `"clear"` drops it, `"save"` saves it first,
@@ -131,13 +142,16 @@ class Logger(Configuration):
             if not self._updated:
                 self.update()
             self._present.settle(unsaved, self.options)
-            self._warn_of_pending()
+            self._adopt_late()
+            self._warn_of_triggers(served=self._serving is not None)
             warn_if_not_durable(self.options, served=self._serving is not None)
             if self._present.number == 0:
                 look_back(self.options, served=self._serving is not None and self._serving.is_up)
             self._present.number += 1
             stopped = functools.partial(self._stop_by_itself, self._present.number)
-            make = functools.partial(Run, self.options, self._table.elements, self._clock, stopped, self._collect_now)
+            make = functools.partial(
+                Run, self.options, self._table.elements, self._clock, stopped, self._collect_now, self.extras
+            )
             run = self._present.replace(make, self.options, self._let_go, self._hand_over)
             self._new_values = NewValuesReader()
             self._reason = ""
@@ -168,7 +182,7 @@ class Logger(Configuration):
                 self._reason = STOP_TEXTS[StopReason.ASKED]
                 self._tell()
 
-    def restart(self, *, unsaved: str = "clear") -> None:
+    def restart(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Stop and start: the buffers are cleared, `unsaved` as for `start`. After an error the logger is stopped."""
         with self._lock:
             self._check_open()
@@ -232,6 +246,41 @@ class Logger(Configuration):
                 raise StateError("nothing was logged yet: call start() and collect() first")
             return self._present.run.reader.snapshot()
 
+    def element(self, name: str) -> LoggedElement:
+        """Return one element: its options, the newest value, how many samples its buffer holds. Also `log[name]`.
+
+        name: the full name, or the name after the prefix. Raises ElementError for an unknown one.
+        """
+        text("the element's name", name, 'log["joints/q"]')
+        with self._lock:
+            info = self._table.elements[self._table.place(name)].info
+            run = None if self._closed else self._present.run
+            return look_at(info, run.reader if run is not None else None)
+
+    def __getitem__(self, name: str) -> LoggedElement:
+        return self.element(name)
+
+    def __repr__(self) -> str:
+        return f"<Logger {self._about()}>"
+
+    def _about(self) -> str:
+        state = "closed" if self._closed else self.state.value
+        reason = f" ({self._reason})" if self._reason and not self._running else ""
+        held = f", {self.ticks} ticks{', not saved' if self.has_unsaved else ''}" if self._present.number else ""
+        pending = f", {len(self._table.pending)} added since" if self._table.pending else ""
+        return f"{self.name}: {len(self)} elements{pending}, {self.options.frequency_hz:g} Hz, {state}{reason}{held}"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (one.name, one.unit, "on" if one.options.enabled else "off", one.options.divider,
+             one.options.action.name.lower(), f"{one.options.buffer_type.name.lower()} {one.options.buffer_size}",
+             one.held, newest_text(one))
+            for one in (self.element(name) for name in list(self)[: MOST_ROWS + 1])
+        ]  # fmt: skip
+        heads = ("element", "unit", "log", "divider", "action", "buffer", "held", "newest")
+        more = f"{len(self)} elements in all" if len(self) > MOST_ROWS else ""
+        return html_table(f"Logger {self._about()}", heads, rows[:MOST_ROWS], more)
+
     def read_new_values(self, name: str) -> NewValues:
         """Return all samples of an element since the last such call, oldest first.
 
@@ -247,7 +296,7 @@ class Logger(Configuration):
 
     def save(
         self,
-        types: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        types: FileTypes = (FileType.SILO,),
         name: str | None = None,
         folder: str | os.PathLike[str] | None = None,
     ) -> list[SavedFile]:

@@ -25,6 +25,13 @@ class NewValues:
     values: NDArray[Any]
     missed: int
 
+    def __repr__(self) -> str:
+        missed = f", {self.missed} missed" if self.missed else ""
+        return f"<NewValues {len(self)} of {self.values.dtype} {self.values.shape[1:]}{missed}>"
+
+    def __len__(self) -> int:
+        return len(self.time_ns)
+
 
 class NewValuesReader:
     """Remembers, for one run, up to where each element was read."""
@@ -46,10 +53,11 @@ class NewValuesReader:
         begin, end = max(begin, since), max(end, since)
         self._next[name] = end
         kept = rows.part(begin, end)
-        return NewValues(kept.time_ns.copy(), _values(element, kept), begin - since)
+        return NewValues(kept.time_ns.copy(), sample_values(element, kept), begin - since)
 
 
-def _values(element: ElementSchema, rows: Rows) -> NDArray[Any]:
+def sample_values(element: ElementSchema, rows: Rows) -> NDArray[Any]:
+    """Return the samples in rows, shape `(n, *shape)`, or a structured array of shape `(n,)` where types differ."""
     columns = [rows.column(entry) for entry in element.entries]
     types = {column.dtype for column in columns}
     if len(types) == 1:

@@ -1,22 +1,35 @@
 """A logger that does nothing, with the interface of `Logger`: code that logs need not care whether anybody does."""
 
-import enum
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from silo.arguments import path as file_path
+from silo.calls import told_class
+from silo.logger.elements import LoggedElement
+from silo.logger.keywords import (
+    AnyAction,
+    AnyBuffer,
+    AnyStorage,
+    AnyThreads,
+    ElementKeywords,
+    FileTypes,
+    Labels,
+    Number,
+    OptionKeywords,
+    Switch,
+    UnsavedWord,
+)
 from silo.logger.new_values import NewValues
 from silo.logger.options import array_layout
 from silo.model import (
     DEFAULT_OPTIONS,
-    Action,
-    BufferType,
+    NO_EXTRAS,
     Edit,
     ElementInfo,
     FileType,
@@ -27,6 +40,9 @@ from silo.model import (
     Threads,
 )
 from silo.recording import Recording
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack  # known to type checkers without being installed
 
 
 class NullServing:
@@ -46,6 +62,7 @@ class NullServing:
         """Do nothing."""
 
 
+@told_class("log", make="silo.NullLogger", leave=("collect",))
 class NullLogger:
     """Takes every call of `Logger` and logs nothing. `array` returns ordinary zeros, so that the program works on."""
 
@@ -70,41 +87,78 @@ class NullLogger:
         prefix: str = "/log",
         clock: Callable[[], int | float] | None = None,
         folder: str | os.PathLike[str] = ".",
-        storage: str | Storage = Storage.MEMORY,
+        storage: AnyStorage = Storage.MEMORY,
         size_tiers: int = 3,
         memory_limit_mb: int = 1024,
         checked: bool = False,
-        threads: str | Threads = Threads.SINGLE,
+        threads: AnyThreads = Threads.SINGLE,
     ) -> None:
         self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
         self.elements: list[ElementInfo] = []
         self.source_failures: dict[str, int] = {}
+        self.extras = NO_EXTRAS
 
     def add(
         self,
         source: object,
         name: str | None = None,
-        *,
-        attr: str | None = None,
         group: str = "",
         unit: str = "-",
-        divider: int | str = DEFAULT_OPTIONS.divider,
-        action: Action | str = DEFAULT_OPTIONS.action,
-        buffer_type: BufferType | str = DEFAULT_OPTIONS.buffer_type,
-        buffer_size: int | str | None = None,
-        enabled: bool | str = DEFAULT_OPTIONS.enabled,
+        divider: Number = DEFAULT_OPTIONS.divider,
+        action: AnyAction = DEFAULT_OPTIONS.action,
+        buffer_size: Number | None = None,
+        buffer_type: AnyBuffer = DEFAULT_OPTIONS.buffer_type,
+        *,
+        attr: str | None = None,
+        enabled: Switch = DEFAULT_OPTIONS.enabled,
         kind: str = "",
-        labels: type[enum.Enum] | Mapping[int, str] | None = None,
+        labels: Labels | None = None,
         description: str = "",
-        string_bytes: int | None = None,
+        string_bytes: SupportsIndex | None = None,
     ) -> None:
         """Register nothing."""
 
     def array(
-        self, name: str, shape: int | tuple[int, ...] = (), dtype: DTypeLike = float, **options: Any
+        self,
+        name: str,
+        shape: SupportsIndex | Sequence[SupportsIndex] = (),
+        dtype: DTypeLike = float,
+        **options: "Unpack[ElementKeywords]",
     ) -> NDArray[Any]:
         """Return zeros of this shape and type. Raises like `Logger.array`."""
         return np.zeros(*array_layout(shape, dtype))
+
+    def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
+        """Derive nothing."""
+
+    def limit(
+        self,
+        name: str,
+        bounds: Sequence[float | None],
+        *,
+        persistence: int = 1,
+        hysteresis: float = 0.0,
+        stale: float | str = 0.0,
+        when: str = "",
+    ) -> None:
+        """Limit nothing."""
+
+    def trigger(
+        self,
+        name: str,
+        when: str,
+        *,
+        pre: float | str = 0.0,
+        post: float | str = 0.0,
+        edge: str = "rising",
+        rearm: str = "",
+        persist: float | str = 0.0,
+        holdoff: float | str = 0.0,
+        mode: str = "normal",
+        save: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        keep: int = 0,
+    ) -> None:
+        """Capture nothing."""
 
     def update(self, *, read_script: bool = True) -> None:
         """Do nothing."""
@@ -112,17 +166,21 @@ class NullLogger:
     def collect(self) -> None:
         """Do nothing."""
 
-    def start(self, *, unsaved: str = "clear") -> None:
+    def start(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Do nothing."""
 
     def stop(self) -> None:
         """Do nothing."""
 
-    def restart(self, *, unsaved: str = "clear") -> None:
+    def restart(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Do nothing."""
 
-    def set(self, name: str = "/", **options: Any) -> int:
+    def set(self, name: str = "/", **options: "Unpack[OptionKeywords]") -> int:
         """Change nothing; 0 elements."""
+        return 0
+
+    def remove(self, name: str) -> int:
+        """Forget nothing; 0 elements."""
         return 0
 
     def enable(self, name: str = "/") -> int:
@@ -149,13 +207,43 @@ class NullLogger:
         """Return an empty recording."""
         return Recording(self.options.name, np.empty(0, np.int64), 0, ())
 
+    @property
+    def name(self) -> str:
+        """The logger's name."""
+        return self.options.name
+
+    def element(self, name: str) -> LoggedElement:
+        """Return an element without options and values of its own."""
+        return LoggedElement(ElementInfo(name, "-", "scalar", (), (), DEFAULT_OPTIONS))
+
+    def __getitem__(self, name: str) -> LoggedElement:
+        return self.element(name)
+
+    def __len__(self) -> int:
+        return 0
+
+    def __bool__(self) -> bool:
+        return True  # as any logger
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __contains__(self, name: object) -> bool:
+        return False
+
+    def __repr__(self) -> str:
+        return f"<NullLogger {self.name}: logs nothing>"
+
+    def _repr_html_(self) -> str:
+        return "<p><b>NullLogger</b>: logs nothing; silo.init() or silo.Logger() make one that does</p>"
+
     def read_new_values(self, name: str) -> NewValues:
         """Return no values."""
         return NewValues(np.empty(0, np.int64), np.empty(0), 0)
 
     def save(
         self,
-        types: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        types: FileTypes = (FileType.SILO,),
         name: str | None = None,
         folder: str | os.PathLike[str] | None = None,
     ) -> list[SavedFile]:

@@ -10,11 +10,11 @@ import secrets
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 
-from silo.arguments import line, path, real, shown, switch, text, whole
+from silo.arguments import line, path, real, shown, switch, text, whole, word
 from silo.collecting.traits import MAX_ENTRIES
 from silo.errors import ElementError, SourceError
 from silo.model import Edit, ElementOptions, FileType, LoggerOptions, Storage, Threads, join_name
@@ -42,11 +42,11 @@ def logger_options(
 ) -> LoggerOptions:
     """Return options with absolute paths. Raises ElementError that names the argument, its value and its range."""
     if not NAME_PATTERN.fullmatch(text("the logger's name", name, 'silo.Logger("robot")')):
-        raise ElementError(f"logger name {name!r}: 1 to 40 letters, digits, '_', '-' or '.', a letter or digit first")
-    if not isinstance(storage, str) or storage not in set(Storage):
-        raise ElementError(f"storage must be 'memory', 'disk' or 'file', got {shown(storage)}")
-    if not isinstance(threads, str) or threads not in set(Threads):
-        raise ElementError(f"threads must be 'single' or 'serialized', got {shown(threads)}")
+        likely = re.sub(r"[^A-Za-z0-9_.-]+", "_", name).lstrip("_.-")[:40]
+        way_out = f"; write silo.Logger({likely!r})" if likely else ""
+        raise ElementError(
+            f"logger name {name!r}: 1 to 40 letters, digits, '_', '-' or '.', a letter or digit first{way_out}"
+        )
     return LoggerOptions(
         name=name,
         frequency_hz=real("frequency", frequency, 0, 1e6, "Hz", include_low=False),
@@ -54,11 +54,11 @@ def logger_options(
         prefix=_prefix(prefix),
         script=_absolute("script", script),
         folder=_absolute("folder", folder),
-        storage=Storage(storage),
+        storage=word("storage", storage, Storage),
         size_tiers=whole("size_tiers", size_tiers, 1, 1000),
         memory_limit_mb=whole("memory_limit_mb", memory_limit_mb, 1, 10**9),
         checked=switch("checked", checked),
-        threads=Threads(threads),
+        threads=word("threads", threads, Threads),
         id=secrets.token_hex(4),
     )
 
@@ -79,6 +79,11 @@ def element_name(source: object, name: object, attr: object) -> str:
             f"log.add takes the variable first and its name second, got {shown(source)} and a {type(name).__name__}; "
             f'write log.add({source if source.isidentifier() else "variable"}, "{source}")'
         )
+    if name is None and attr is None and isinstance(source, str):
+        raise ElementError(
+            f"log.add takes the variable first and its name second, got {shown(source)} alone; write "
+            f'log.add({source if source.isidentifier() else "variable"}, "{source}")'
+        )
     if name is not None:
         given = text("the element's name", name, f'log.add({type(source).__name__.lower()}, "name")')
         if given and not given.strip(" /"):
@@ -91,7 +96,7 @@ def element_name(source: object, name: object, attr: object) -> str:
     return found
 
 
-def string_room(given: int | None) -> int | None:
+def string_room(given: SupportsIndex | None) -> int | None:
     """The bytes to keep for a string, None for as many as it has now, 64 at least. Raises ElementError."""
     return None if given is None else whole("string_bytes", given, 1, MAX_STRING_BYTES)
 
@@ -158,10 +163,28 @@ def file_type(given: object) -> FileType:
 
     found = formats.file_type(given) if isinstance(given, str) else None
     if found is None:
-        near = get_close_matches(str(given).lower(), formats.SAVED_NAMES, 1) if isinstance(given, str) else []
-        hint = f"; did you mean '{near[0]}'?" if near else ""
-        raise ElementError(f"unknown file type {shown(given)}; there are {formats.savable()}{hint}")
+        raise ElementError(f"unknown file type {shown(given)}; there are {formats.savable()}{_type_hint(given)}")
     return found
+
+
+def _type_hint(given: object) -> str:
+    from silo.files import formats
+
+    if not isinstance(given, str):
+        return ""
+    word = given.strip().lower()
+    if word == "binary":
+        return "; did you mean 'silo'?"
+    several = [part.strip() for part in re.split("[,; +]+", word) if part.strip()]
+    if len(several) > 1 and all(formats.file_type(part) is not None for part in several):
+        return f"; write {several}"
+    if "." in word.lstrip("."):
+        return f"; the name is an argument of its own: log.save('csv', name={Path(given).stem!r})"
+    other = next((one for one in formats.FORMATS if word.removeprefix(".") in (one.name, one.ending[1:])), None)
+    if other is not None:
+        return f"; silo.open_log(...).save('run{other.ending}') or `silo convert` writes {other.ending} from those"
+    near = get_close_matches(word, formats.SAVED_NAMES, 1)
+    return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def serving_group(given: str | None) -> str | None:

@@ -1,6 +1,7 @@
 """The element table: what is registered, under which name, with which options. Its owner does the locking."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from fnmatch import fnmatchcase
 
 import msgspec
 
@@ -45,6 +46,37 @@ class Table:
             self._places = {element.info.name: place for place, element in enumerate(self.elements)}
             self.revision += 1
 
+    def remove(self, name: str) -> int:
+        """Forget an element or a namespace, also what waits for `adopt`. Returns how many there were.
+
+        Raises ElementError for a name that nothing has. The others keep their order.
+        """
+        try:
+            gone = {self.elements[place].info.name for place in self.select(name)}
+        except ElementError:
+            gone = set()
+            if not (waiting := self._waiting(name)):
+                raise
+        else:
+            waiting = self._waiting(name)
+        gone |= waiting
+        for element in [*self.elements, *self.pending]:
+            if element.info.name in gone:
+                self._names.discard(element.info.name)
+                self._entry_names -= {element.info.name + entry.suffix for entry in element.info.entries}
+        kept = tuple(element for element in self.elements if element.info.name not in gone)
+        self.pending = [element for element in self.pending if element.info.name not in gone]
+        if len(kept) < len(self.elements):
+            self.elements = kept
+            self._places = {element.info.name: place for place, element in enumerate(kept)}
+            self.revision += 1
+        return len(gone)
+
+    def _waiting(self, name: str) -> set[str]:
+        fulls = (join_name("", "", name), join_name(self.prefix, "", name))
+        names = [element.info.name for element in self.pending]
+        return {one for one in names for full in fulls if one == full or one.startswith(full.rstrip("/") + "/")}
+
     def release(self) -> None:
         """Let go of the variables, so that the program may resize or close what holds them. The rows stay."""
         self.elements = tuple(Element(element.info, ()) for element in self.elements)
@@ -54,6 +86,10 @@ class Table:
     def infos(self) -> list[ElementInfo]:
         """The rows of the table."""
         return [element.info for element in self.elements]
+
+    def has(self, name: str) -> bool:
+        """Whether an element has this name, with or without the prefix."""
+        return any(candidate in self._places for candidate in (name, join_name(self.prefix, "", name)))
 
     def place(self, name: str) -> int:
         """Return where an element stands, by its full name or the name after the prefix. Raises ElementError."""
@@ -66,7 +102,12 @@ class Table:
         """Return an element, or every element of a namespace; all for `/` or an empty name. Raises ElementError."""
         if not name.strip("/"):
             return list(range(len(self.elements)))
-        for full in (join_name("", "", name), join_name(self.prefix, "", name)):
+        fulls = (join_name("", "", name), join_name(self.prefix, "", name))
+        if any(letter in name for letter in "*?["):
+            matching = [place for other, place in self._places.items() if any(fnmatchcase(other, f) for f in fulls)]
+            if matching:
+                return matching
+        for full in fulls:
             if full in self._places:
                 return [self._places[full]]
             inside = [place for other, place in self._places.items() if other.startswith(full + "/")]
@@ -79,8 +120,11 @@ class Table:
             return "; it was added after the last update(): call update() first"
         from difflib import get_close_matches
 
-        near = get_close_matches(join_name(self.prefix, "", name), self._places, 1, 0.6)
-        return f"; did you mean '{near[0]}'?" if near else f"; the table has {len(self.elements)} elements"
+        # without the prefix, which would make all names alike
+        bare = {full.removeprefix(f"{self.prefix}/"): full for full in self._places}
+        asked = join_name("", "", name).removeprefix(f"{self.prefix}/").lstrip("/")
+        near = get_close_matches(asked, bare, 1, 0.6) or [one for one in bare if one.rsplit("/", 1)[-1] == asked][:1]
+        return f"; did you mean '{bare[near[0]]}'?" if near else f"; the table has {len(self.elements)} elements"
 
     def change(self, changes: Mapping[int, ElementOptions]) -> int:
         """Give elements new options, all or none. Returns how many differ; the revision grows if any does."""

@@ -20,7 +20,8 @@ import msgspec
 import yaml
 
 from silo.errors import SaveError, ScriptError
-from silo.model import ElementInfo, ElementOptions, FieldChange
+from silo.model import NO_EXTRAS, ElementInfo, ElementOptions, Extras, FieldChange
+from silo.settings.script_extras import format_extras
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
 from silo.settings.words import Settings, phrase
 from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
@@ -40,6 +41,7 @@ class Script:
     path: Path
     elements: tuple[ScriptElement, ...]
     unknown_keys: tuple[UnknownKey, ...] = ()
+    extras: Extras | None = None  # derived signals and limits, None where the script says nothing of them
 
     @property
     def warnings(self) -> list[str]:
@@ -112,7 +114,7 @@ def parse_script(text: str, path: str | os.PathLike[str]) -> Script:
             elements = tuple(reader.elements(root))
     if reader.problems:
         raise ScriptError(_message(path, reader.problems + [(key.line, key.text) for key in reader.unknown]))
-    return Script(path, elements, tuple(reader.unknown))
+    return Script(path, elements, tuple(reader.unknown), reader.extras)
 
 
 def _message(path: Path, problems: list[tuple[int, str]]) -> str:
@@ -168,10 +170,11 @@ def _nearest(name: str, names: Sequence[str]) -> str:
 # ------------------------------------------------------------------------------------------------------------ writing
 
 
-def format_script(table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = ()) -> str:
+def format_script(table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = (), extras: Extras = NO_EXTRAS) -> str:
     """The script that gives `table` its present options: all of them, in order, as the original writes it.
 
-    `kept` are keys that silo doesn't know: they stand again where they stood, without their comments.
+    `kept` are keys that silo doesn't know: they stand again where they stood, without their comments. `extras` stand in
+    keys that the original doesn't know.
     """
     places: dict[tuple[str, str], list[Pair]] = {}
     for key in kept:
@@ -196,7 +199,7 @@ def format_script(table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = ())
             f"    action: {int(now.action)}\n"
             f"{unknown('element', info.name, 4)}"
         )
-    return "".join([*lines, unknown("below", "", 0)])
+    return "".join([*lines, format_extras(extras), unknown("below", "", 0)])
 
 
 def _quoted(name: str) -> str:
@@ -206,11 +209,12 @@ def _quoted(name: str) -> str:
     return _NOT_PRINTABLE.sub(lambda match: f"\\u{ord(match[0]):04x}", text)
 
 
-def write_script(path: str | os.PathLike[str], table: Sequence[ElementInfo]) -> list[str]:
+def write_script(path: str | os.PathLike[str], table: Sequence[ElementInfo], extras: Extras | None = None) -> list[str]:
     """Write `format_script(table)` to `path`, whole or not at all; a script that stands there is replaced.
 
     Keys of that script that silo doesn't know are kept, as far as their elements are in the table; returns them, as
-    `note` or `note of /log/x`. Raises `ScriptError` when the file can't be written; what stood there is then untouched.
+    `note` or `note of /log/x`. Without `extras` (None), those of that script are kept too. Raises `ScriptError` when
+    the file can't be written; what stood there is then untouched.
     """
     from silo.files.atomic import atomic_file  # with its package, NumPy and more: nothing that a reader should pay for
 
@@ -218,8 +222,9 @@ def write_script(path: str | os.PathLike[str], table: Sequence[ElementInfo]) -> 
     try:
         mode = stat.S_IMODE(final.stat().st_mode) if final.exists() else None
         names = {"", *(info.name for info in table)}
-        kept = [key for key in _unknown_keys(final) if key.element in names]
-        text = format_script(table, kept).encode()
+        unknown, old = _kept(final)
+        kept = [key for key in unknown if key.element in names]
+        text = format_script(table, kept, old if extras is None else extras).encode()
         with atomic_file(final) as file:
             file.write(text)
             if mode is not None:
@@ -231,20 +236,20 @@ def write_script(path: str | os.PathLike[str], table: Sequence[ElementInfo]) -> 
     return [key.label for key in kept]
 
 
-def _unknown_keys(path: Path) -> list[UnknownKey]:
-    """The unknown keys of a script that is about to be replaced; none where nobody can read it as one."""
+def _kept(path: Path) -> tuple[list[UnknownKey], Extras]:
+    """The unknown keys and extras of a script that is about to be replaced; none where nobody can read it as one."""
     if not path.is_file():
-        return []
+        return [], NO_EXTRAS
     reader = Reader()
     try:
         with path.open("rb") as file:
             root = compose(file.read(MAX_SCRIPT_BYTES).decode("utf-8-sig"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError):
-        return []  # it is replaced, as it was asked for
+        return [], NO_EXTRAS  # it is replaced, as it was asked for
     with collector_paused():
         for _ in reader.elements(root):
             pass
-    return reader.unknown
+    return reader.unknown, reader.extras or NO_EXTRAS
 
 
 def kept_text(kept: Sequence[str]) -> str:

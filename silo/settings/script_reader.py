@@ -11,8 +11,9 @@ from typing import Any, Literal
 
 import yaml
 
-from silo.model import Action, BufferType
+from silo.model import Action, BufferType, Extras
 from silo.settings.rules import OPTION, shorten
+from silo.settings.script_extras import KEYS, read_extras
 from silo.settings.words import Amount, Change, UnreadableError, read_text, read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, line_of
 
@@ -69,6 +70,7 @@ class Reader:
     def __init__(self) -> None:
         self.problems: list[tuple[int, str]] = []
         self.unknown: list[UnknownKey] = []
+        self.extras: Extras | None = None
 
     def report(self, line: int, text: str) -> None:
         """Note a problem."""
@@ -79,7 +81,9 @@ class Reader:
         if root is None:
             self.report(1, "the script is empty; it must start with `log_elements:`")
             return
-        listed = self._mapping(root, "", ("log_elements",), "a script")
+        known = ("log_elements", *KEYS) if isinstance(root, yaml.MappingNode) else ("log_elements",)
+        listed = self._mapping(root, "", known, "a script")
+        self.extras = read_extras(listed, self.report)
         if "log_elements" not in listed:
             if not self.problems and not self.unknown:
                 self.report(line_of(root), "`log_elements:` is missing")

@@ -10,8 +10,9 @@ import re
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from numbers import Integral
+from enum import Enum
 
+from silo.arguments import shown, truth, whole_hint, whole_number
 from silo.errors import ElementError
 from silo.model import Action, BufferType, ElementOptions, Problem, buffer_size_for
 from silo.settings.rules import OPTION, OPTIONS, RANGES, Option, OptionValue, refusal, shorten
@@ -134,6 +135,14 @@ def read_word(option: Option, text: str) -> bool | Action | BufferType | None:
     return next((word.value for word in option.words if folded in word.spellings), None)
 
 
+def _near_word(option: Option, text: str) -> str:
+    spellings = {spelling: word.word for word in option.words for spelling in word.spellings if len(spelling) > 2}
+    folded = text.strip().lower().rsplit(".", 1)[-1]  # `Action.SAVE`
+    near = [folded] if folded in spellings else get_close_matches(folded, spellings, 1, 0.75)
+    near = near or ["looping"] * (option.name == "buffer_type" and folded in ("ring", "circular", "rolling"))
+    return f"; did you mean '{spellings[near[0]]}'?" if near else ""
+
+
 def read_text(option: Option, text: str, *, relative: bool = True) -> OptionValue | Change:
     """What was typed for an option. Raises UnreadableError that names the option, its range and the text.
 
@@ -142,7 +151,7 @@ def read_text(option: Option, text: str, *, relative: bool = True) -> OptionValu
     if option.words:
         value = read_word(option, text.strip().removeprefix("="))
         if value is None:
-            raise UnreadableError(option.problem(shorten(text.strip()) or "nothing"))
+            raise UnreadableError(f"{option.problem(shorten(text.strip()) or 'nothing')}{_near_word(option, text)}")
         return value
     typed = text.strip()
     match = _NUMBER.fullmatch(typed)
@@ -182,13 +191,26 @@ def read_value(option: Option, value: object) -> OptionValue | Change:
     """What a program gave for an option: a value, its number, or words. Raises UnreadableError."""
     if isinstance(value, str) and not isinstance(value, Action | BufferType):
         return read_text(option, value)
-    number = int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None  # NumPy's too
+    found = truth(value)
+    number = whole_number(value) if found is None else None
     for word in option.words:
-        if value is word.value or number == int(word.value):
+        if value is word.value or found is word.value or (number is not None and number == int(word.value)):
             return word.value
     if option.words or number is None:
-        raise UnreadableError(option.problem(shorten(repr(value))))
+        raise UnreadableError(f"{option.problem(shorten(_plainly(value)))}{_hint(option, value)}")
     return number
+
+
+def _plainly(value: object) -> str:
+    return str(value) if isinstance(value, Enum) else shown(value)
+
+
+def _hint(option: Option, value: object) -> str:
+    """What to write instead of something that is no value of an option."""
+    if isinstance(value, Action | BufferType):
+        other = OPTION["action" if isinstance(value, Action) else "buffer_type"]
+        return f", which is for {other.label}: write {other.name}={other.word_of(value).word!r}"
+    return "" if option.words else whole_hint(option.name, value)
 
 
 def read_options(options: Mapping[str, object], name: str = "") -> Settings:

@@ -3,6 +3,7 @@
 Each flow is a coroutine that runs in a worker of the app; errors of the logger are shown as they are worded.
 """
 
+import time
 from collections.abc import Sequence
 
 from rich.text import Text
@@ -11,8 +12,10 @@ from silo.errors import RefusedError
 from silo.ipc.messages import RefusedWhy, Unsaved
 from silo_tui.context import Context
 from silo_tui.model import text
+from silo_tui.model.changes import cost_of
+from silo_tui.model.fields import Field, phrase_for
 from silo_tui.model.table import PendingChange
-from silo_tui.screens.dialogs import Choice, Prompt, Question, diff_text
+from silo_tui.screens.dialogs import Choice, Prompt, Question, cost_text, diff_text
 from silo_tui.sessions.live import why
 
 GONE = "the robot program is gone: start it again, silo-tui follows"
@@ -163,11 +166,20 @@ async def _ask_to_apply(context: Context, changes: Sequence[PendingChange]) -> s
     keep, discard = Choice("keep", "Keep them pending"), Choice("discard", "Discard all edits")
     body = Text()
     if context.session.running:
-        body.append(f"The logger runs, and a running logger takes no edits. {SPLIT}\n\n", style="bold")
-        body.append_text(diff_text(changes))
+        body.append_text(_what_changes(context, changes))
+        body.append(f"\nThe logger runs, and a running logger takes no edits. {SPLIT}", style="bold")
         return await _ask_around(context, title, body, keep, "stop, apply, start again", "a", [discard])
-    body.append_text(diff_text(changes))
+    body.append_text(_what_changes(context, changes))
     return await context.app.push_screen_wait(Question(title, body, [Choice("apply", "Apply", "a"), keep, discard]))
+
+
+def _what_changes(context: Context, changes: Sequence[PendingChange]) -> Text:
+    """Return the edits in groups, and what the table takes before and after."""
+    session, table = context.session, context.session.table
+    frequency_hz = session.status.frequency_hz
+    now = cost_of(table.elements, table.server, frequency_hz)
+    after = cost_of(table.elements, table.values, frequency_hz)
+    return diff_text(changes, table.prefix, cost_text(now, after, session.short_name(after.shortest)))
 
 
 async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> bool:
@@ -218,27 +230,37 @@ async def _settle_conflicts(context: Context) -> bool:
     return True
 
 
-async def load_script(context: Context, path: str = "") -> None:
-    """Choose a script, shows what it would change, loads it."""
+async def _chosen_script(context: Context, path: str) -> str:
+    """Return the script to load once its difference was seen; empty: none is to be loaded."""
     from silo_tui.screens.scripts import ScriptsDialog, script_diff_text
 
-    session = context.session
-    link = context.link
-    chosen: str | None = path
+    link, name, seen = context.link, path, False
     if not path:
         scripts = await link.read(lambda client: client.scripts())
-        chosen = await context.app.push_screen_wait(ScriptsDialog(link, scripts))
-    if not chosen:
+        dialog = ScriptsDialog(link, scripts)
+        chosen: str | None = await context.app.push_screen_wait(dialog)
+        name = chosen or ""
+        seen = dialog.previewed == name
+    if not name:
+        return ""
+    diff = await link.read(lambda client: client.diff_script(name))
+    if not diff.changes:
+        unknown = f"; {len(diff.unknown)} names of it are not in the table" if diff.unknown else ""
+        context.say(f"{name} says what the logger has already: nothing to load{unknown}")
+        return ""
+    if seen:
+        return name
+    choices = [Choice("load", f"Load {name}", "l"), Choice("no", "Don't")]
+    question = Question(f"Load {diff.path}?", script_diff_text(diff), choices)
+    return name if await context.app.push_screen_wait(question) == "load" else ""
+
+
+async def load_script(context: Context, path: str = "") -> None:
+    """Choose a script, shows what it would change, loads it."""
+    session, link = context.session, context.link
+    name = await _chosen_script(context, path)
+    if not name:
         return
-    name = chosen
-    if path:
-        diff = await link.read(lambda client: client.diff_script(name))
-        choices = [Choice("load", f"Load {name}", "l"), Choice("no", "Don't")]
-        if (
-            await context.app.push_screen_wait(Question(f"Load {diff.path}?", script_diff_text(diff), choices))
-            != "load"
-        ):
-            return
     fields, elements = session.table.pending_count
     if fields:
         edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
@@ -300,7 +322,10 @@ async def may_leave(context: Context) -> bool:
     if not fields:
         return True
     edits = f"{text.plural(fields, 'pending edit')} in {text.plural(elements, 'row')}"
-    return await _confirmed(context, f"Leave {context.session.name}?", f"{edits} of it would be lost.", "Leave")
+    if not await _confirmed(context, f"Leave {context.session.name}?", f"{edits} of it would be lost.", "Leave"):
+        return False
+    forget_edits(context)
+    return True
 
 
 async def leave(context: Context) -> None:
@@ -311,7 +336,47 @@ async def leave(context: Context) -> None:
         body = f"{edits} would be lost. The logger goes on either way."
         if not await _confirmed(context, "Quit without applying?", body, "Quit"):
             return
+        forget_edits(context)
     context.app.exit()
+
+
+def forget_edits(context: Context) -> None:
+    """Drop what is pending, so that it isn't offered at the next start."""
+    table = context.session.table
+    table.discard(list(range(len(table))))
+    context.keep_edits()
+
+
+async def take_up_edits(context: Context) -> None:
+    """Offer edits that a lost terminal, or a kill, left behind."""
+    from silo_tui.sessions import kept
+
+    session = context.session
+    files = kept.left_behind(session.status.host, session.name)
+    edits = [edit for found in files.values() for edit in found.edits]
+    newest_s = max((found.time_s for found in files.values()), default=0.0)
+    when = time.strftime("%d %b %H:%M", time.localtime(newest_s))
+    body = Text(f"They were pending when silo-tui ended, {when}. The logger has none of them.\n\n")
+    changes = []
+    for edit in edits:
+        if session.table.row(edit.name) is not None and 0 <= edit.field < len(Field):
+            field = Field(edit.field)
+            old, new = phrase_for(field, edit.old), phrase_for(field, edit.new)
+            changes.append(PendingChange(edit.name, field.label, old, new, None))
+    body.append_text(diff_text(changes, session.table.prefix))
+    choices = [Choice("take", "Take them up again, pending", "t"), Choice("later", "Ask again next time"),
+               Choice("drop", "Drop them", "d")]  # fmt: skip
+    question = Question(f"Not applied: {text.plural(len(edits), 'edit')} of {session.name}", body, choices)
+    answer = await context.app.push_screen_wait(question)
+    if answer not in {"take", "drop"}:
+        return
+    for path in files:
+        path.unlink(missing_ok=True)
+    if answer == "take":
+        taken = session.table.take_up(edits)
+        context.table_changed()
+        context.say(f"{text.plural(taken, 'edit')} pending again; u takes them back")
+    context.keep_edits()
 
 
 async def _confirmed(context: Context, title: str, body: str, label: str) -> bool:

@@ -3,10 +3,12 @@
 import asyncio
 from collections.abc import Sequence
 
-from silo.errors import SiloError
+from silo.errors import RefusedError, SiloError
 from silo_tui.commands import flows
-from silo_tui.commands.runner import CommandRunner
+from silo_tui.commands.runner import CommandRunner, open_view
 from silo_tui.context import Context
+from silo_tui.layouts import files, views
+from silo_tui.layouts.layout import Layout
 from silo_tui.screens.loggers import LoggersScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.demo import Demo
@@ -21,13 +23,17 @@ DEMO_LOOK_S = 0.1
 class Opener:
     """Looks for loggers in a thread and opens one: `wanted` is the name asked for, `demo` the one we started."""
 
-    def __init__(self, context: Context, finder: ClientFinder, wanted: str, demo: Demo | None, rate_hz: float) -> None:
+    def __init__(
+        self, context: Context, finder: ClientFinder, wanted: str, demo: Demo | None, rate_hz: float, view: str = ""
+    ) -> None:
         self.demo = demo
         self._context = context
         self._app = context.app
         self._finder = finder
         self._wanted = wanted
-        self._rate_hz = rate_hz
+        self._view = view  # put on the screen of the first logger that is opened
+        self.rate_hz = rate_hz
+        self._kept: Layout | None = None
         self._failed: dict[str, str] = {}  # by key, why it could not be opened: not tried again by itself
 
     @property
@@ -63,7 +69,10 @@ class Opener:
             if self.demo is not None:
                 problem = self.demo.ended() or problem
             chosen = self._choice(found.loggers)
-            if chosen is not None and not problem and await self._open(chosen):
+            screen = self._app.screen
+            # not while settings or help are read: opening would take them away
+            here = isinstance(screen, LoggersScreen)
+            if chosen is not None and not problem and here and await self._open(chosen):
                 return
             screen = self._app.screen
             if isinstance(screen, LoggersScreen):
@@ -105,7 +114,31 @@ class Opener:
         self._failed.pop(logger.key, None)
         context.table_changed()
         context.status_changed()
+        context.say_settings_problems()
+        await self._show_view()
         return True
+
+    async def _show_view(self) -> None:
+        """Put the view that was asked for on the screen, or the one that was left last, if that is wished."""
+        context, view = self._context, self._view
+        self._view = ""
+        try:
+            if view:
+                await open_view(context, view)
+            elif context.settings.view == "last" and (file := files.last_of(context.session.name)).exists():
+                await views.show(context, files.load_file(file)[0])
+        except (RefusedError, ValueError) as error:
+            context.say(str(error))
+
+    def keep_view(self) -> None:
+        """Keep what is on the screen for the next time, if that is wished."""
+        layout = views.capture(self._context) if self._context.settings.view == "last" else None
+        if layout is not None and layout != self._kept:
+            self._kept = layout
+            try:
+                files.save(files.last_of(self._context.session.name), layout)
+            except SiloError as error:
+                self._context.say(str(error))
 
     async def _let_go(self) -> None:
         """Close the logger that is open; in a thread, because a frozen one takes seconds."""
@@ -115,7 +148,7 @@ class Opener:
 
     async def _attach(self, session: Session, logger: FoundLogger) -> None:
         client = await asyncio.to_thread(self._finder.connect, logger)
-        link = Link(client, self._app.post_message, self._rate_hz)
+        link = Link(client, self._app.post_message, self.rate_hz)
         try:
             await session.attach(link)
         except (SiloError, OSError):

@@ -30,7 +30,8 @@ class CommandProvider(Provider):
     def _commands(self) -> list[Command]:
         if not isinstance(self.screen, SiloScreen):
             return []
-        return [command for command in commands_for(self.screen.scope) if not command.hidden]
+        keys = self.screen.context.settings.keys
+        return [command for command in commands_for(self.screen.scope, keys) if not command.hidden]
 
     def _title(self, command: Command) -> str:
         return f"{command.label}  ({command.key_text})"

@@ -15,7 +15,8 @@ from silo.settings.words import completions, read_settings
 from silo_tui.actions import BY_WORD, Command
 from silo_tui.commands import flows
 from silo_tui.context import Context
-from silo_tui.model import command_line
+from silo_tui.layouts import files, views
+from silo_tui.model import command_line, text
 from silo_tui.screens.table import TableScreen
 
 
@@ -40,6 +41,7 @@ class CommandRunner:
             "sorts": lambda: context.session.rows.sorts,
             "names": lambda: context.session.table.names,
             "types": lambda: SAVED_NAMES,
+            "views": lambda: ["save", *files.names()],
             "themes": lambda: sorted(context.app.available_themes),
         }
         source = sources.get(command.typed.completes) if command.typed is not None else None
@@ -128,7 +130,7 @@ class CommandRunner:
         """Carry out `:sort COLUMN`."""
         if len(spelled.arguments) != 1 or spelled.arguments[0] not in self._context.session.rows.sorts:
             raise ValueError(f"sort by one of {', '.join(self._context.session.rows.sorts)}")
-        self._context.session.rows.sort = spelled.arguments[0]
+        self._context.session.rows.order_by(spelled.arguments[0])
         self._context.table_changed()
 
     def word_mark(self, spelled: command_line.Spelled) -> None:
@@ -153,6 +155,26 @@ class CommandRunner:
             raise ValueError(f"themes: {', '.join(sorted(self._context.app.available_themes))}")
         self._context.app.theme = spelled.arguments[0]
 
+    def word_view(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:view NAME`, `:view save NAME`; without a name, tell those that there are."""
+        if spelled.arguments[:1] == ("save",) and len(spelled.arguments) > 1:
+            self._save_view(" ".join(spelled.arguments[1:]))
+        elif spelled.arguments:
+            self._context.run_flow(open_view(self._context, " ".join(spelled.arguments)))
+        else:
+            known = files.names()
+            self._context.say(f"views: {', '.join(known)}" if known else "no views yet; `:view save NAME` makes one")
+
+    def _save_view(self, name: str) -> None:
+        layout = views.capture(self._context)
+        if layout is None:
+            raise RefusedError("no logger is open: there is nothing to keep")
+        file = files.place(name)
+        again = file.exists()
+        files.save(file, layout)
+        plots = f" with {text.plural(len(layout.plots), 'plot')}" if layout.plots else ""
+        self._context.say(f"view {name} {'written over' if again else 'kept'}{plots}; silo-tui --view {name} opens it")
+
     def word_picture(self, spelled: command_line.Spelled) -> None:
         """Carry out `:picture [FILE]`."""
         # os.path: a `~name` that nobody has stays as it is, and is told of as a folder that is not there
@@ -167,6 +189,16 @@ class CommandRunner:
             self._context.fail(f"can't write the picture: {error}")
             return
         self._context.say(f"picture of the screen: {path.absolute()}")
+
+
+async def open_view(context: Context, name: str) -> None:
+    """Put a view on the screen; say what of it isn't there. RefusedError where there is none of that name."""
+    try:
+        layout, problems = files.load(name)
+    except ValueError as error:
+        raise RefusedError(str(error)) from error
+    missing = await views.show(context, layout)
+    context.say("; ".join(filter(None, [f"view {name}", missing, *problems[:1]])))
 
 
 def picture(app: App[Any]) -> str:

@@ -149,6 +149,17 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str
     return " ".join(pieces)
 
 
+def component_text(element: ElementInfo, reading: Reading, chosen: int, width: int, *, named: bool = True) -> str:
+    """Return the norm (1) or one entry (2, 3 ...) of a vector, with what it is before it."""
+    if chosen == 1:
+        norm = float(np.sqrt(np.square(reading.newest).sum()))
+        return f"|{len(element.entries)}| " + text.number(norm, max(6, width - 4))
+    entry = element.entries[chosen - 2]
+    label = f"{entry.suffix} " if named and len(entry.suffix) + 7 <= width else ""
+    word = reading.texts.get(chosen - 2)
+    return label + entry_text(entry, float(reading.newest[chosen - 2]), word, max(6, width - len(label)))
+
+
 def fill_share(held: int, buffer_size: int) -> float:
     """Return how full a buffer is, 0 ... 1; a growing one may hold more than its first size."""
     return min(1.0, held / buffer_size) if buffer_size > 0 else 0.0

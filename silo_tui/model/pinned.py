@@ -9,7 +9,7 @@ import asyncio
 import math
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -22,9 +22,6 @@ from silo_tui.model.plots import SECOND_NS, SPANS_S, Plotted, signs_of
 from silo_tui.model.recorded import SHORT_SPANS_S, Facts
 from silo_tui.model.source import PlotSource, Samples
 
-if TYPE_CHECKING:
-    from silo.ipc.samples import Samples as RawSamples
-
 SLICES = 32  # the span is fetched in so many pieces
 QUICK_S = 10.0  # what isn't looked at is fetched too where all of it comes within that time
 
@@ -35,7 +32,7 @@ class PinReader(Protocol):
     async def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Return columns of what is pinned."""
 
-    async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> "dict[str, RawSamples]":
+    async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> dict[str, Samples]:
         """Return samples of what is pinned with `start_ns <= time stamp < end_ns`."""
 
 
@@ -176,7 +173,7 @@ class PinnedSource:
                 self.problem = str(error)
                 return False
             self._slice_s, self.problem = time.monotonic() - began_s, ""
-            self._slices[number] = {name: (some.time_ns, some.values) for name, some in found.items()}
+            self._slices[number] = found
             return True
 
     def _has(self, start_ns: int, end_ns: int) -> bool:

@@ -8,10 +8,12 @@ of it is stored, so that it can't go stale.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.model import Edit, ElementInfo, Table
+from silo_tui.model.facts import NOTHING
 from silo_tui.model.fields import Field, Ints, options_of, phrase_for, rows_of
 
 Mask = NDArray[np.bool_]
@@ -28,6 +30,15 @@ class PendingChange:
     old: str
     new: str
     theirs: str | None
+
+
+class KeptEdit(msgspec.Struct, frozen=True, array_like=True):
+    """A pending edit by name, with the value that it was made on."""
+
+    name: str
+    field: int
+    old: int
+    new: int
 
 
 @dataclass(frozen=True)
@@ -56,6 +67,8 @@ class TableState:
         self.elements: list[ElementInfo] = []
         self.names: list[str] = []
         self.folded: list[str] = []
+        self.prefix = ""  # that all names share, without a slash at its end; not shown
+        self.facts = NOTHING  # the newest survey
         self.revision = -1
         self.version = 0  # grows with every change, so that caches can tell
         self._row_of: dict[str, int] = {}
@@ -192,6 +205,27 @@ class TableState:
     def redo(self) -> str | None:
         """Do the last undone step again and return its label; None when there is none."""
         return self._move(self._redo, self._undo, back=False)
+
+    def kept(self) -> list[KeptEdit]:
+        """Return the pending edits as they may be taken up again later."""
+        return [
+            KeptEdit(self.names[row], int(field), int(self._based_on[field, row]), int(self._wanted[field, row]))
+            for row, field in np.argwhere(self.pending.T)
+        ]
+
+    def take_up(self, edits: Sequence[KeptEdit]) -> int:
+        """Want kept edits again, in one undo step, and return how many; what was changed meanwhile is a conflict."""
+        known = [(edit, row) for edit in edits if (row := self.row(edit.name)) is not None and 0 <= edit.field < FIELDS]
+        known = [(edit, row) for edit, row in known if self._server[edit.field, row] != edit.new]
+        if not known:
+            return 0
+        rows: Rows = np.unique([row for _, row in known])
+        before = self._layer(rows)
+        for edit, row in known:
+            self._edited[edit.field, row] = True
+            self._wanted[edit.field, row], self._based_on[edit.field, row] = edit.new, edit.old
+        self._remember(f"{len(known)} kept edits", rows, before)
+        return len(known)
 
     # ------------------------------------------------------------------------------------------- the logger's side
 

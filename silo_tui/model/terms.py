@@ -14,10 +14,12 @@ from silo.model import ElementInfo
 from silo_tui.model.fields import Field, synonym
 from silo_tui.model.table import Mask, TableState
 
-_COMPARE: dict[str, Callable[[Any, Any], Any]] = {
+COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     ">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le, "=": operator.eq, ":": operator.eq,
     "!=": operator.ne,
 }  # fmt: skip
+
+_SCALES = {"k": 1e3, "M": 1e6, "G": 1e9}
 
 Test = Callable[[TableState, Mask], Mask]
 
@@ -41,6 +43,15 @@ class Term:
         return self.names[0] + (">" if self.compares else ":")
 
 
+def read_number(text: str) -> float | None:
+    """Return a number, also as `1k`, `2.5M`; None for what is none."""
+    scale = _SCALES.get(text[-1:], 1.0)
+    try:
+        return float(text[:-1] if scale != 1.0 else text) * scale
+    except ValueError:
+        return None
+
+
 def negate(test: Test) -> Test:
     """Return the test that passes what `test` doesn't."""
     return lambda table, marked: ~test(table, marked)
@@ -50,11 +61,10 @@ def number_term(names: tuple[str, ...], field: Field) -> Term:
     """Return a term that compares a field with a number."""
 
     def read(sign: str, value: str) -> Test | str:
-        try:
-            number = float(value)
-        except ValueError:
+        number = read_number(value)
+        if number is None:
             return f"{names[0]}{sign}{value}: {value!r} is no number"
-        compare = _COMPARE[sign]
+        compare = COMPARE[sign]
         return lambda table, marked: np.asarray(compare(table.values[field], number), np.bool_)
 
     return Term(names, read, compares=True)

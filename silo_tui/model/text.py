@@ -1,6 +1,7 @@
 """Numbers, times, sizes and names as short text that fits a column."""
 
 import math
+from datetime import datetime
 from pathlib import PurePosixPath
 
 SUFFIXES = "kMGT"
@@ -128,6 +129,11 @@ def span(seconds: float) -> str:
         if abs(seconds) < limit:
             return f"{seconds * scale:.4g} {unit}"
     return f"{seconds / 3600:.4g} h"
+
+
+def clock(time_ns: int) -> str:
+    """Return `13:07:32` of a time stamp in this terminal's time zone; a dash for none."""
+    return f"{datetime.fromtimestamp(time_ns / 1e9):%H:%M:%S}" if time_ns > 0 else "-"
 
 
 def size(size_bytes: float) -> str:

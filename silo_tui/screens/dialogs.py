@@ -13,9 +13,13 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
+from silo_tui.model import text
+from silo_tui.model.changes import Change, Cost, groups_of
 from silo_tui.model.table import PendingChange
 
 MAX_LINES = 400
+MAX_GROUPS = 60
+LARGEST = 4  # groups
 BORDER_AND_TITLE_ROWS = 5
 
 
@@ -30,6 +34,8 @@ class Choice:
 
 class ListDialog(ModalScreen[str | None]):
     """A list to choose from, below or above a body that scrolls; answers None on Esc."""
+
+    KEYS_HERE = "Enter Chooses  j k Move  PgDn PgUp Scroll  Esc Back"
 
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape,q", "leave", "Back", show=False),
@@ -64,8 +70,10 @@ class ListDialog(ModalScreen[str | None]):
 class Question(ListDialog):
     """Asks; answers with the value of a choice. The first choice has the focus."""
 
-    def __init__(self, title: str, body: Text | str, choices: Sequence[Choice]) -> None:
+    def __init__(self, title: str, body: Text | str, choices: Sequence[Choice], begin: str = "") -> None:
+        """`begin` is the choice that has the focus at first, else the first one: the harmless one."""
         super().__init__()
+        self._begin = next((at for at, choice in enumerate(choices) if choice.value == begin), 0)
         self._title = title
         self._body = body
         self._choices = list(choices)
@@ -87,7 +95,7 @@ class Question(ListDialog):
     def on_mount(self) -> None:
         """Give the focus to the first choice."""
         self.query_one(OptionList).focus()
-        self.query_one(OptionList).highlighted = 0
+        self.query_one(OptionList).highlighted = self._begin
 
     def on_resize(self, event: events.Resize) -> None:
         """Let a long body scroll: the choices are always on the screen."""
@@ -106,13 +114,25 @@ class Question(ListDialog):
 class Prompt(ModalScreen[str | None]):
     """One line to type; None on Esc."""
 
+    KEYS_HERE = "Enter Takes it  Esc Back"
+
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
         Binding("escape", "leave", "Back", show=False)
     ]
 
+    AUTO_FOCUS = ""
+
     def __init__(self, title: str, body: str, value: str = "", placeholder: str = "") -> None:
         super().__init__()
         self._title, self._body, self._value, self._placeholder = title, body, value, placeholder
+        self._early: list[events.Key] = []
+        self._there = self._typed = False
+
+    def take_early(self, keys: Sequence[events.Key]) -> None:
+        """Take over what was typed before this was there."""
+        self._early = list(keys)
+        if self._there:
+            self._put_early()
 
     def compose(self) -> ComposeResult:
         """Yield title, body, input."""
@@ -122,8 +142,47 @@ class Prompt(ModalScreen[str | None]):
             yield Input(self._value, placeholder=self._placeholder, compact=True)
 
     def on_mount(self) -> None:
-        """Give the focus to the line."""
-        self.query_one(Input).focus()
+        """Put what was typed early into the line, in place of what it suggests; then give it the focus."""
+        self._there = True
+        self._put_early()
+        self.call_later(self._take_keys)
+
+    def _put_early(self) -> None:
+        """Put what was typed early before what was typed since."""
+        keys, self._early = self._early, []
+        line = self.query_one(Input)
+        since = line.value if self._typed else ""
+        for at, event in enumerate(keys):
+            if at == 0:
+                self._typed, line.value = True, ""
+            self._type(event)
+        if keys:
+            line.value += since
+            line.cursor_position = len(line.value)
+
+    def _take_keys(self) -> None:
+        if self.is_active:
+            self.query_one(Input).select_on_focus = not self._typed  # the next letter would replace what is selected
+            self.set_focus(self.query_one(Input))
+
+    def on_key(self, event: events.Key) -> None:
+        """Take what is typed before the line has the focus."""
+        if self.focused is None and event.key != "escape":
+            event.stop()
+            event.prevent_default()
+            if not self._typed:
+                self._typed, self.query_one(Input).value = True, ""  # what is suggested stands selected
+            self._type(event)
+
+    def _type(self, event: events.Key) -> None:
+        line = self.query_one(Input)
+        if event.key == "enter":
+            self.dismiss(line.value.strip())
+        elif event.key == "backspace":
+            line.value = line.value[:-1]
+        elif event.is_printable and event.character:
+            line.value += event.character
+        line.cursor_position = len(line.value)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Answer with the line."""
@@ -134,18 +193,50 @@ class Prompt(ModalScreen[str | None]):
         self.dismiss(None)
 
 
-def diff_text(changes: Sequence[PendingChange], width: int = 64) -> Text:
-    """Return pending edits as old → new, an element a paragraph."""
-    lines = Text()
-    previous = ""
-    for change in changes[:MAX_LINES]:
-        if change.name != previous:
-            lines.append(f"{change.name}\n", style="bold")
-            previous = change.name
-        lines.append(f"  {change.field:<12} {change.old} → {change.new}")
-        if change.theirs is not None:
-            lines.append(f"   ! theirs now: {change.theirs}")
-        lines.append("\n")
-    if len(changes) > MAX_LINES:
-        lines.append(f"and {len(changes) - MAX_LINES} more\n", style="dim")
+def diff_text(changes: Sequence[PendingChange], prefix: str = "", cost: Text | None = None) -> Text:
+    """Return pending edits as old → new, equal ones together; then what somebody else has changed meanwhile.
+
+    `cost` stands behind the largest groups, where it is seen on a small terminal too.
+    """
+    lines = groups_text(changes, prefix, 0, None if cost is None else LARGEST)
+    if cost is not None:
+        lines.append_text(cost).append_text(groups_text(changes, prefix, LARGEST))
+    for change in [change for change in changes if change.theirs is not None][:MAX_LINES]:
+        lines.append(f"! {change.name}: {change.field} is {change.theirs} now, by somebody else\n", style="bold")
     return lines
+
+
+def groups_text(changes: Sequence[Change], prefix: str = "", begin: int = 0, end: int | None = None) -> Text:
+    """Return changes in groups, the largest first: those from `begin` to `end`, and how many come after."""
+    lines = Text()
+    groups = groups_of(changes, prefix)
+    end = min(len(groups), MAX_GROUPS if end is None else end)
+    counted = len(str(groups[0].count)) if groups else 1
+    for group in groups[begin:end]:
+        lines.append(f"{group.count:>{counted}} × {group.pattern}", style="bold")
+        lines.append(f"  {group.words}\n")
+    rest = sum(group.count for group in groups[end:])
+    if rest:
+        lines.append(f"and {rest} more\n")
+    return lines
+
+
+def cost_text(now: Cost, after: Cost, short_name: str) -> Text:
+    """Return what a table takes now and will take, with a sign at what gets worse."""
+    lines = Text()
+    lines.append(f"{'':<10}{'now':>16}{'after':>16}\n", style="dim")
+    held = [f"{each.shortest_s:.3g} … {each.longest_s:.3g} s" for each in (now, after)]
+    memory = [text.size(each.memory_bytes) for each in (now, after)]
+    _cost(lines, "memory", memory, after.memory_bytes > now.memory_bytes)
+    disk = [text.size(each.disk_bytes_s) + "/s" for each in (now, after)]
+    _cost(lines, "to a file", disk, after.disk_bytes_s > now.disk_bytes_s)
+    topics = [text.size(each.topic_bytes_s) + "/s" for each in (now, after)]
+    _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
+    _cost(lines, "held", held, after.shortest_s < now.shortest_s, f"shortest: {short_name}" if short_name else "")
+    return lines
+
+
+def _cost(lines: Text, title: str, amounts: Sequence[str], worse: bool, note: str = "") -> None:
+    old, new = amounts
+    lines.append(f"{title:<10}{old:>16}{new:>16} {'▲' if worse else ' '} ")
+    lines.append(note + "\n", style="dim")

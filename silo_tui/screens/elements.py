@@ -2,6 +2,7 @@
 """What the tables of a logger and of a file share: layout, cursor, filter, marks, order."""
 
 from abc import abstractmethod
+from collections.abc import Sequence
 
 from textual import events
 from textual.app import ComposeResult
@@ -20,7 +21,11 @@ from silo_tui.widgets.inspector import Inspector
 from silo_tui.widgets.live_pane import LivePane
 
 WIDE = 110
+INSPECTOR_FROM = 170  # cells from which the inspector opens by itself
 DEBOUNCE_S = 0.15
+FILTER_HINTS = """words in any order   a|b either   -not   ~regex   "with blank"   /glob/*
+unit:Nm on:no div>1 size>=1k kind:vector   value>60 |value|>60 std>1 rate<95%
+changed<1s   marked pending conflict alarm nan frozen slow off"""
 FILTER_KEYS = "Enter keeps the filter  Tab completes  Esc clears it"
 
 
@@ -49,7 +54,7 @@ class ElementsScreen(SiloScreen):
         self.live_head = Static("", id="live-head", markup=False)
         self.table_head = TableHead(table)
         self._read_only = read_only
-        self._inspector_wanted = True
+        self._inspector_wanted: bool | None = None
         self._view_timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
@@ -67,6 +72,8 @@ class ElementsScreen(SiloScreen):
             yield self.inspector
         yield Static("", id="empty", markup=False)
         yield self.info
+        yield Static("", id="filter-notes", markup=False)
+        # right below the screen: what it tells would come later than the next key by another level
         yield Line(self._complete_filter, self.filter_hint, "filter-line")
         yield from self.lines()
         yield KeyBar(self.scope, read_only=self._read_only)
@@ -78,6 +85,7 @@ class ElementsScreen(SiloScreen):
     def on_mount(self) -> None:
         """Give the keys to the table."""
         self.table.focus()
+        self.settings_changed()
         self._lay_out(self.app.size.width)
 
     def on_resize(self, event: events.Resize) -> None:
@@ -85,7 +93,8 @@ class ElementsScreen(SiloScreen):
         self._lay_out(event.size.width)
 
     def _lay_out(self, width: int) -> None:
-        self.inspector.display = self._inspector_wanted and width >= WIDE
+        wanted = width >= INSPECTOR_FROM if self._inspector_wanted is None else self._inspector_wanted
+        self.inspector.display = wanted and width >= WIDE
         inspector_width = self.inspector_width(width)
         self.inspector.styles.width = inspector_width
         self.lay_out_pane(width, width - (inspector_width if self.inspector.display else 0))
@@ -111,6 +120,7 @@ class ElementsScreen(SiloScreen):
         self.pane.live_changed()
         self.inspector.refresh()
         self.info.refresh()
+        self.update_keys()
         self._show_emptiness()
         self.request_view_soon()
 
@@ -139,12 +149,18 @@ class ElementsScreen(SiloScreen):
         """Show the result of something."""
         self.info.say(words)
 
+    def say_whole(self, words: str) -> bool:
+        """Show a long message over the keys, in as many lines as it takes: it covers no value."""
+        self.info.say(words, whole=True)
+        return True
+
     def _show_emptiness(self) -> None:
         empty = self.query_one("#empty", Static)
         nothing = not len(self.session.rows.shown) and bool(len(self.session.table))
         empty.display = nothing
         if nothing:
-            empty.update(f"No element passes the filter {self.session.rows.filter.text!r}. Esc clears it.")
+            why = self._why_none()
+            empty.update(f"No element passes the filter {self.session.rows.filter.text!r} ({why}). Esc clears it.")
 
     # ------------------------------------------------------------------------------------------------ the view
 
@@ -179,7 +195,7 @@ class ElementsScreen(SiloScreen):
         self._move(0)
 
     def command_bottom(self) -> None:
-        self._move(len(self.session.rows.shown) - 1)
+        self._move(len(self.session.rows.tree.lines) - 1)
 
     def command_half_down(self) -> None:
         self._move(self.session.rows.position + max(1, self.table.size.height // 2))
@@ -193,6 +209,7 @@ class ElementsScreen(SiloScreen):
         self.query_one(KeyBar).show_instead(FILTER_KEYS)
         self.query_one("#filter-line", Line).begin(self.session.rows.filter.text)
         self.info.display = False
+        self._show_filter()
 
     def command_mark(self) -> None:
         self.session.rows.toggle_mark()
@@ -216,14 +233,51 @@ class ElementsScreen(SiloScreen):
         self.info.refresh()
 
     def command_sort(self) -> None:
-        self.say(f"sorted by {self.session.rows.next_sort()}")
+        from silo_tui.screens.order import OrderDialog
+
+        rows = self.session.rows
+        self.app.push_screen(OrderDialog(rows.sorts, rows.sort, rows.arrow), self._order_by)
+
+    def _order_by(self, order: str | None) -> None:
+        if order is None:
+            return
+        self.session.rows.order_by(order)
+        self.session.rows.move_to(0)  # who orders wants to see what is on top
+        self.order_changed()
+        self.table_changed()
+
+    def order_changed(self) -> None:
+        """Follow another order: heads, and what has to be known for it."""
+        self.live_head.update(self.pane.head)
+
+    def command_fold(self) -> None:
+        self.say(self.session.rows.fold())
+        self.table_changed()
+
+    def command_component(self) -> None:
+        self.say(self.session.rows.next_component())
+        self.table_changed()
+
+    def on_table_head_picked(self, event: TableHead.Picked) -> None:
+        """Sort by the column whose head was clicked."""
+        self.session.rows.sort = event.order
+        self.say(f"sorted by {event.order}")
         self.table_changed()
 
     def command_inspector(self) -> None:
-        self._inspector_wanted = not self._inspector_wanted
+        self._inspector_wanted = not self.inspector.display
         if self.app.size.width < WIDE:
             self.say(f"the inspector needs {WIDE} columns; this terminal has {self.app.size.width}")
         self._lay_out(self.app.size.width)
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return what a range or a filter asks for."""
+        rows = self.session.rows
+        if rows.anchor is not None:
+            return (("range", "Mark the range"), ("back", "Leave it"))
+        if rows.filter.text:
+            return (("filter", "Filter"), ("back", "All again"))
+        return ()
 
     def command_back(self) -> None:
         """Leave the range, then the filter, then the marks; never pending edits."""
@@ -265,8 +319,40 @@ class ElementsScreen(SiloScreen):
     def _filter_by(self, words: str) -> None:
         self.session.rows.set_filter(words)
         self.table_changed()
+        self._show_filter()
+
+    def _show_filter(self) -> None:
+        """Show what passes the filter while it is typed, and what is the matter with it."""
+        line, notes = self.query_one("#filter-line", Line), self.query_one("#filter-notes", Static)
+        notes.display = line.display
+        if not line.display:
+            return
+        rows, found = self.session.rows, self.session.rows.filter
+        hidden = f" │ {rows.hidden_marked} marked are hidden" if rows.hidden_marked else ""
+        count = f"{len(rows.shown)} of {len(self.session.table)}{hidden}"
+        room = self.app.size.width - 2 - len(count)
+        words = FILTER_HINTS if not line.value else ""
+        if found.problems:
+            begin, end = found.places[0]
+            words = f"{' ' * begin}{'^' * (end - begin)} {found.problems[0]}; left out meanwhile"
+            if len(words) >= room:  # the reason whole, where both have no room on one line
+                words = f"{found.problems[0]}\n{' ' * begin}{'^' * (end - begin)}"
+        elif not len(rows.shown) and len(self.session.table):
+            words = self._why_none()
+        *above, last = words.split("\n")
+        above += [last] if len(last) >= room else []
+        notes.update("\n".join([*above, f"{'' if len(last) >= room else last:<{max(0, room)}}{count}"]))
+
+    def _why_none(self) -> str:
+        """Return which term takes everything away."""
+        blocked = self.session.rows.filter.blocked_by(self.session.table, self.session.rows.marked)
+        if blocked is None:
+            return f"0 of {len(self.session.table)}: each of two terms takes all away"
+        term, count = blocked
+        return f"0 of {len(self.session.table)}; without {term}: {count}"
 
     def _back_to_table(self) -> None:
+        self.query_one("#filter-notes").display = False
         self.query_one(KeyBar).show_instead("")
         self.info.ask("")
         self.info.display = True

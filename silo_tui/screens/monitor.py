@@ -333,6 +333,20 @@ class MonitorScreen(SiloScreen):
         self.stack.redraw()
         self.line.refresh()
 
+    def on_plot_stack_pointed(self, event: PlotStack.Pointed) -> None:
+        """Choose the plot that was clicked, and put the cursor there."""
+        self._choose(event.index)
+        if event.column is not None:
+            self.window.cursor = event.column
+            self.stack.redraw()
+        self.line.refresh()
+        self.update_keys()
+
+    def on_plot_stack_wheeled(self, event: PlotStack.Wheeled) -> None:
+        """Do what the keys for it do."""
+        names = ("closer", "wider") if event.zooms else ("plot_up", "plot_down")
+        self.action_command(names[event.step > 0])
+
     def command_scale(self) -> None:
         self.window.fixed_scale = not self.window.fixed_scale
         self.stack.redraw()
@@ -359,6 +373,13 @@ class MonitorScreen(SiloScreen):
             return
         end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
         self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s))
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return what a pause or a cursor asks for."""
+        live = self.source.live
+        paused = (("pause", "Go on"),) if self.window.paused and live else ()
+        back = "No cursor" if self.window.cursor is not None else "Live" if self.window.paused and live else ""
+        return (*paused, ("cursor_left", "Cursor"), ("back", back)) if back else paused
 
     def command_back(self) -> None:
         """Leave the cursor, then the pause, then the screen."""

@@ -147,6 +147,8 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
                 self.dismiss(self._files)
                 return
             self._result("\n".join(f"{file.path}\n  {text.size(file.size_bytes)}" for file in event.files))
+            for done in [*self.query(CheckLine), self.query_one("#save-name"), bar]:
+                done.display = False  # three formats and where they are don't fit 80x24 together
             self.query_one("#save-go", Button).label = "Close"
             self.query_one("#save-no").display = False
             self.query_one("#save-hint", Static).update("Enter or Esc closes")

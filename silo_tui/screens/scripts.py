@@ -9,10 +9,8 @@ from textual.widgets.option_list import Option
 from silo.errors import SiloError
 from silo.ipc.messages import ScriptDiff, Scripts
 from silo_tui.model import text
-from silo_tui.screens.dialogs import ListDialog
+from silo_tui.screens.dialogs import ListDialog, groups_text
 from silo_tui.sessions.link import Link
-
-MAX_LINES = 300
 
 
 class ScriptsDialog(ListDialog):
@@ -22,6 +20,7 @@ class ScriptsDialog(ListDialog):
         super().__init__()
         self._link = link
         self._scripts = scripts
+        self.previewed = ""  # the script whose difference stands on the screen
 
     def compose(self) -> ComposeResult:
         """Yield list and preview."""
@@ -55,6 +54,7 @@ class ScriptsDialog(ListDialog):
 
     async def _preview(self, name: str) -> None:
         preview = self.query_one("#preview", Static)
+        self.previewed = ""
         preview.update("…")
         try:
             diff = await self._link.read(lambda client: client.diff_script(name))
@@ -62,6 +62,7 @@ class ScriptsDialog(ListDialog):
             preview.update(f"It can't be loaded:\n{error}")
         else:
             preview.update(script_diff_text(diff))
+            self.previewed = name
 
 
 def script_diff_text(diff: ScriptDiff) -> Text:
@@ -72,14 +73,7 @@ def script_diff_text(diff: ScriptDiff) -> Text:
     else:
         elements = len({change.name for change in diff.changes})
         lines.append(f"It would change {text.plural(elements, 'element')}:\n")
-    previous = ""
-    for change in diff.changes[:MAX_LINES]:
-        if change.name != previous:
-            lines.append(f"{change.name}\n", style="bold")
-            previous = change.name
-        lines.append(f"  {change.field:<12} {change.old} → {change.new}\n")
-    if len(diff.changes) > MAX_LINES:
-        lines.append(f"and {len(diff.changes) - MAX_LINES} more\n")
+    lines.append_text(groups_text(diff.changes))
     if diff.warnings:
         lines.append("\n" + "\n".join(diff.warnings) + "\n")
     if diff.unknown:

@@ -1,33 +1,45 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The table of a logger: its elements with their live columns, and everything that edits them."""
 
+import time
 from collections.abc import Callable
 from typing import ClassVar
 
 from textual.app import ComposeResult
 from textual.binding import Binding
+from textual.timer import Timer
 
-from silo.errors import SiloError
+from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo.settings.words import examples
 from silo_tui.actions import bindings_for
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
+from silo_tui.model.orders import STEADY, TREE
 from silo_tui.model.table_columns import LIVE_COLUMNS
+from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.elements import WIDE, ElementsScreen
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import LiveSource, Session
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FLAGS, ElementTable
+from silo_tui.widgets.fact_columns import ColumnSet, pane_columns
 from silo_tui.widgets.inputs import CellEditor, Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
 from silo_tui.widgets.live_pane import TREND, VALUE, LivePane
 
 COLUMN_NS = 200_000_000
 COLUMNS = 120
+SURVEY_S, JUDGE_S = 1.0, 0.5
+KEEP_S = 0.3  # after an edit, until it is kept
+QUIET_S = 3.0  # so long after a key no row moves by itself
+WIDE_SET = 150  # cells from which settings and statistics stand side by side
 NAME_ROOM = 20  # a trend is shown only where names keep this
 TABLE_WIDTH = FLAGS + sum(1 + column.width for column in LIVE_COLUMNS)
+FIELD_KEYS = {
+    Field.DIVIDER: "d", Field.BUFFER_SIZE: "s", Field.BUFFER_TYPE: "b", Field.ACTION: "p", Field.ENABLED: "t",
+}  # fmt: skip
 EDITOR_KEYS = "Enter sets it  Esc leaves it as it was"
 COMMAND_KEYS = "Enter does it  Tab completes  Esc leaves"
 
@@ -36,7 +48,7 @@ class TableScreen(ElementsScreen):
     """Elements, their options, their newest values."""
 
     scope = "table"
-    filter_hint = "words, globs, unit:Nm on:no div>1 dirty"
+    filter_hint = ""
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("table")
 
     def __init__(
@@ -48,10 +60,21 @@ class TableScreen(ElementsScreen):
         read_only: bool,
     ) -> None:
         table = ElementTable(session, LIVE_COLUMNS)
+        self.column_set = ColumnSet()
+        self._key_s = 0.0  # monotonic, of the last key
+        self._top_wanted = False
+        self._offered = False
+        self._kept_version = -1
+        self._keep_timer: Timer | None = None
+        self._field_chosen = False  # by ← →: until then `e` asks which, for a toggle is no harmless guess
+        self._surveying = False
+        self._reset_wanted = False
+        self._survey_s = 0.0
+        self._no_survey = ""
         super().__init__(
             session,
             table,
-            LivePane(session, table),
+            LivePane(session, table, pane_columns(self.column_set)),
             Inspector(session),
             (StatusBar(session, read_only=read_only), Banner(session)),
             read_only=read_only,
@@ -71,12 +94,117 @@ class TableScreen(ElementsScreen):
 
     def lay_out_pane(self, width: int, rest: int) -> None:
         """Give values more room on a wide screen; a trend where names keep theirs."""
+        self.column_set.screen_width = width
+        settings = self.column_set.name == "settings" or width >= WIDE_SET
+        self.table.choose(LIVE_COLUMNS if settings else LIVE_COLUMNS[:1])
         value_width = VALUE if width < WIDE else 14 if width < 140 else 17 if width < 170 else 24
         self.pane.lay_out(value_width, trend=False)
         rest -= self.pane.wanted_width + TABLE_WIDTH
         self.pane.lay_out(value_width, trend=width >= WIDE and rest - TREND - 1 >= NAME_ROOM)
 
+    # -------------------------------------------------------------------------------------- what is measured
+
+    def on_mount(self) -> None:
+        """Give the keys to the table, and measure from now on."""
+        self.set_interval(JUDGE_S, self._judge)
+
+    def _judge(self) -> None:
+        """Survey once a second, twice where a filter asks for what is measured."""
+        session, now_s = self.session, time.monotonic()
+        period_s = JUDGE_S if session.rows.filter.measured else SURVEY_S
+        due = now_s - self._survey_s >= period_s - JUDGE_S / 2
+        if self._surveying or not due or self.context.upper_screen is not self or not session.connected:
+            return
+        self._survey_s, self._surveying = now_s, True
+        self.run_worker(self._survey(), group="survey")
+
+    async def _survey(self) -> None:
+        reset, self._reset_wanted = self._reset_wanted, False
+        names = self.session.table.names
+        details = [names[row] for row in self.table.rows_on_screen()]
+        details += self.table.entries_on_screen()
+        details += [self.pane.shown_name(row) for row in self.table.rows_on_screen()]
+        try:
+            await self.session.survey(list(dict.fromkeys(details)), self.column_set.quantities, reset=reset)
+        except RefusedError as refused:  # a logger of an older silo
+            if self._no_survey != str(refused):
+                self._no_survey = str(refused)
+                self.say(f"no statistics and signs: {refused}")
+        except SiloError:
+            return  # a lost link is told by the banner
+        else:
+            self._survey_came(time.monotonic())
+        finally:
+            self._surveying = False
+
+    def _survey_came(self, now_s: float) -> None:
+        """Draw what was measured; a live order moves rows only while nobody is at the keys."""
+        rows = self.session.rows
+        if self._top_wanted and rows.live and rows.wanted() <= set(self.session.table.facts.quantities):
+            rows.refresh()
+            rows.move_to(0)
+            self._top_wanted = False
+        if rows.filter.measured or (rows.live and now_s - self._key_s >= QUIET_S):
+            before = self.table.rows_on_screen()
+            rows.refresh(now_s if rows.filter.measured else None)
+            self.table.rows_changed()
+            if set(self.table.rows_on_screen()) - set(before):
+                self._survey_s = 0.0  # nothing was measured of these yet
+            self._show_filter()
+            self.request_view_soon()
+        elif rows.sort == TREE:
+            self.table.refresh()
+        self.pane.live_changed()
+        self.info.refresh()
+
+    def action_command(self, command_id: str) -> None:
+        """Do what a key asks for; rows don't move under it."""
+        self._key_s = time.monotonic()
+        self._top_wanted = False
+        super().action_command(command_id)
+
+    def order_changed(self) -> None:
+        """Show the order at once, with what is known; and measure what it needs."""
+        super().order_changed()
+        self._survey_s = self._key_s = 0.0
+        self._top_wanted = self.session.rows.live  # until what it is by was measured
+        self._judge()
+
+    def command_columns(self) -> None:
+        words = self.column_set.step()
+        self._lay_out(self.app.size.width)
+        self._survey_s = 0.0
+        self._judge()
+        since = text.clock(self.session.table.facts.since_ns)
+        self.say(f"columns: {words}" + (f" of every sample since {since}; Z from now" if words == "statistics" else ""))
+        self.table_changed()
+
+    def command_zero(self) -> None:
+        self._reset_wanted, self._survey_s = True, 0.0
+        self._judge()
+        self.say("statistics from now")
+
     # ------------------------------------------------------------------------------------ what the app tells us
+
+    def table_changed(self) -> None:
+        """Follow a change; keep what is pending, and offer once what an earlier start kept."""
+        super().table_changed()
+        table = self.session.table
+        if not len(table) or self.session.link is None or self._read_only:
+            return
+        if not self._offered:
+            self._offered = True
+            self.context.offer_edits()
+        elif table.version != self._kept_version:
+            self._kept_version = table.version
+            if self._keep_timer is not None:
+                self._keep_timer.stop()
+            self._keep_timer = self.set_timer(KEEP_S, self.context.keep_edits)
+
+    def settings_changed(self) -> None:
+        """Show the columns that are wanted."""
+        self.table.choose_columns(self.context.settings.columns)
+        self.table_head.refresh()
 
     def live_changed(self, frame: Frame) -> None:
         """Show new values; ask once for what was in frames that got lost: the logger still has it."""
@@ -104,6 +232,7 @@ class TableScreen(ElementsScreen):
         if row is not None and table.names[row] not in names and table.server[Field.ENABLED, row]:
             names.append(table.names[row])
         self.session.watch(ViewRequest(tuple(names), tuple(plots), COLUMN_NS))
+        self._survey_s = 0.0
         self._plan_columns(plots)
 
     def _plan_columns(self, plots: list[str]) -> None:
@@ -129,9 +258,11 @@ class TableScreen(ElementsScreen):
         self.inspector.refresh()
 
     def command_left(self) -> None:
+        self._field_chosen = True
         self._choose_field(self.table.field_beside(-1))
 
     def command_right(self) -> None:
+        self._field_chosen = True
         self._choose_field(self.table.field_beside(1))
 
     def _choose_field(self, field: Field) -> None:
@@ -142,30 +273,92 @@ class TableScreen(ElementsScreen):
     # ------------------------------------------------------------------------------------------------- editing
 
     def command_edit(self) -> None:
-        self.edit_field(self.table.field)
+        if self._field_chosen:
+            self.edit_field(self.table.field)
+        elif self._targets_known():
+            count = len(self.session.rows.targets())
+            choices = [Choice(str(int(field)), field.label, key) for field, key in FIELD_KEYS.items()]
+            self.app.push_screen(
+                Question(f"Edit what of {text.plural(count, 'element')}?", "", choices), self._edit_chosen
+            )
+
+    def _edit_chosen(self, answer: str | None) -> None:
+        if answer is not None:
+            self.edit_field(Field(int(answer)))
+
+    def _targets_known(self) -> bool:
+        if len(self.session.rows.targets()):
+            return True
+        self.say("nothing to edit here")
+        return False
 
     def on_element_table_picked(self, event: ElementTable.Picked) -> None:
         """Edit the cell under the cursor when it is clicked."""
+        self._field_chosen = self._field_chosen or event.field is not None
         self.action_command("edit")
 
     def edit_field(self, field: Field) -> None:
-        """Step a field on, or opens the editor over its cell."""
+        """Turn logging on or off, let one of a few values be chosen, or open the editor over the cell."""
+        if self._targets_known():
+            self._sure_of_hidden(lambda: self._edit_field(field))
+
+    def _sure_of_hidden(self, then: Callable[[], None]) -> None:
+        """Ask first where what is marked is hidden: nobody sees what would be changed."""
         rows = self.session.rows
-        if rows.row is None:
+        hidden, count = rows.hidden_targets, len(rows.targets())
+        if not hidden:
+            then()
             return
+        names = [self.session.short_name(rows.table.names[row]) for row in rows.targets() if row not in set(rows.shown)]
+        body = "Hidden by the filter:\n" + "\n".join(names[:8]) + (f"\nand {hidden - 8} more" if hidden > 8 else "")
+        title = f"{hidden} of the {text.plural(count, 'marked element')} are hidden. Change all {count}?"
+        choices = [Choice("no", "No"), Choice("all", f"All {count}", "y")]
+        if count > hidden:
+            choices.append(
+                Choice("shown", f"Only the {count - hidden} that are shown; the others lose their marks", "s")
+            )
+
+        def answered(answer: str | None) -> None:
+            if answer == "shown":
+                hide = rows.marked.copy()
+                hide[rows.shown] = False
+                rows.marked &= ~hide
+                self._marks_changed()
+            if answer in {"all", "shown"}:
+                then()
+
+        self.app.push_screen(Question(title, body, choices), answered)
+
+    def _edit_field(self, field: Field) -> None:
         self._choose_field(field)
-        targets = rows.targets()
+        targets = self.session.rows.targets()
         # of what is edited, not of the cursor's row, which needn't be marked
-        value = int(self.session.table.values[field, targets[0] if len(targets) else rows.row])
-        if field.cycles:
+        value = int(self.session.table.values[field, targets[0]])
+        if field is Field.ENABLED:
             self._set(field, next_value(field, value))
+        elif field.cycles:
+            self._choose_value(field, value)
         else:
             self._open_editor(str(value), select=True)
+
+    def _choose_value(self, field: Field, value: int) -> None:
+        """Let one of a few values be chosen from a list."""
+        count = len(self.session.rows.targets())
+        words = field.option.words
+        choices = [Choice(str(int(each.value)), phrase_for(field, int(each.value)), each.cell[0]) for each in words]
+
+        def answered(answer: str | None) -> None:
+            if answer is not None:
+                self._set(field, int(answer))
+
+        title = f"{field.label} of {text.plural(count, 'element')}"
+        self.app.push_screen(Question(title, f"now {phrase_for(field, value)}", choices, str(value)), answered)
 
     def _open_editor(self, value: str, *, select: bool) -> None:
         field, count = self.table.field, len(self.session.rows.targets())
         self.query_one(CellEditor).open(field, self.table.cell_region(), value, select=select)
-        self.info.ask(f"{field.label} of {text.plural(count, 'element')}: {examples(field.option)}")
+        hidden = "" if field in self.table.field_spans() else " (its column is not shown: C)"
+        self.info.ask(f"{field.label} of {text.plural(count, 'element')}{hidden}: {examples(field.option)}")
         self.query_one(KeyBar).show_instead(EDITOR_KEYS)
 
     def command_toggle(self) -> None:
@@ -184,8 +377,8 @@ class TableScreen(ElementsScreen):
         self.edit_field(Field.ACTION)
 
     def command_edit_all(self) -> None:
-        if self.session.rows.row is not None:
-            self._open_editor("=", select=False)
+        if self._targets_known():
+            self._sure_of_hidden(lambda: self._open_editor("=", select=False))
 
     def _set(self, field: Field, value: int) -> None:
         targets = self.session.rows.targets()
@@ -193,7 +386,7 @@ class TableScreen(ElementsScreen):
         self._edited(f"{field.label} {phrase_for(field, value)}: {changed} changed" if changed else "nothing to change")
 
     def _edited(self, words: str) -> None:
-        if self.session.rows.filter.text or self.session.rows.sort not in {"name", "added"}:
+        if self.session.rows.filter.text or self.session.rows.sort not in STEADY:
             self.session.rows.refresh()
         self.say(words)
         self.table_changed()
@@ -207,6 +400,9 @@ class TableScreen(ElementsScreen):
         self._edited(f"done again: {label}" if label else "nothing to do again")
 
     def command_discard(self) -> None:
+        self._sure_of_hidden(self._discard)
+
+    def _discard(self) -> None:
         count = self.session.table.discard(self.session.rows.targets())
         self._edited(
             f"{text.plural(count, 'edit')} discarded; u brings them back" if count else "nothing is pending here"

@@ -106,6 +106,11 @@ class Link:
             request = self._request
         self.watch(request)
 
+    def set_rate(self, rate_hz: float) -> None:
+        """Ask for frames this often from now on."""
+        self._rate_hz = rate_hz
+        self.watch_again()
+
     def frame(self) -> Frame | None:
         """Return the newest frame of what was requested last; None when nothing new came."""
         view = self._view

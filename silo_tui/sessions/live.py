@@ -19,6 +19,7 @@ from silo.ipc.published import Event, EventKind
 from silo.model import ElementInfo, State, Status
 from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
+from silo_tui.model.facts import Facts
 from silo_tui.model.fields import options_of, rows_of
 from silo_tui.model.live import LiveValues
 from silo_tui.model.rows import RowList
@@ -58,6 +59,7 @@ class Session:
         self.frame_at = 0.0  # monotonic, of the newest frame
         self.lost_since: float | None = None  # monotonic, when the link was lost
         self.saves: dict[int, Event] = {}  # the newest event of each save
+        self.jitter_s = 0.0  # of the loop, as the newest survey says
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
     # ------------------------------------------------------------------------------------------------ what is
@@ -159,6 +161,25 @@ class Session:
         found = await self._link.read(lambda client: client.samples([name], start_ns, end_ns + 1))
         return found[name].time_ns, found[name].values
 
+    async def survey(self, details: Sequence[str], quantities: Sequence[str], *, reset: bool = False) -> None:
+        """Measure anew: what filter and order need of all elements, `quantities` of elements and entries `details`."""
+        wanted = sorted(self.rows.wanted())
+        found = await self._link.read(lambda client: client.survey(wanted, reset=reset))
+        arrays = np.frombuffer(found.values).reshape(len(wanted), -1)
+        if found.revision != self.table.revision or arrays.shape[1] != len(self.table):
+            return  # of a table that we haven't read yet
+        told: dict[str, dict[str, float]] = {}
+        if details and quantities:
+            names, asked = list(details), list(quantities)
+            some = await self._link.read(lambda client: client.survey(asked, names))
+            columns = np.frombuffer(some.values).reshape(len(asked), -1)
+            told = {
+                name: dict(zip(asked, column, strict=True))
+                for name, column in zip(names, columns.T.tolist(), strict=True)
+            }
+        self.table.facts = Facts(dict(zip(wanted, arrays, strict=True)), found.since_ns, found.time_ns, told)
+        self.jitter_s = found.jitter_s
+
     def change(self, settings: Settings) -> int:
         """Edit the targets of the table as typed, all or none, in one undo step; return how many cells changed.
 
@@ -205,8 +226,10 @@ class Session:
         """Take a status over."""
         if status.started_ns != self.status.started_ns and self.status is not NO_STATUS:
             self.live.forget()
+            self.table.facts = Facts()
             self.columns = ColumnStore(self.columns.names, self.columns.count, self.columns.column_ns)
         self.status = status
+        self.table.prefix = status.prefix.rstrip("/")
         self.measured_hz, self.ticks, self.lost_total = status.measured_hz, status.ticks, status.lost
 
     async def take_event(self, event: Event) -> None:

@@ -2,17 +2,23 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, cast
 
 from rich.text import Text
 from textual.app import RenderResult
 from textual.widget import Widget
 
+from silo.ipc.surveys import SLOW_SHARE
 from silo.model import State
-from silo_tui.actions import Command, footer_for
+from silo_tui.actions import BY_ID, Command, footer_for, with_keys
 from silo_tui.model import text
+from silo_tui.model.orders import STEADY
 from silo_tui.model.plots import PlotWindow
 from silo_tui.sessions.live import Session
+from silo_tui.terminal import thin_head
 
+STATISTICS = ("max", "min", "mean", "std")
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
 
@@ -62,7 +68,16 @@ class StatusBar(Widget):
         if self.size.width >= 100:
             line.append(" elements")
         rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz
-        line.append(f"  {rate:.4g} Hz")
+        slow = session.running and session.connected and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
+        line.append(f"  {rate:.4g} Hz", style=f"bold {color(variables, 'warning')}" if slow else "")
+        if slow:
+            jitter = (
+                f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}"
+                if session.jitter_s and self.size.width >= 100
+                else ""
+            )
+            words = f" << of {status.frequency_hz:.4g}{jitter}"
+            line.append(words, style=f"bold {color(variables, 'warning')}")
         if self.size.width >= 100:
             line.append(f"  {text.count(session.ticks)} ticks")
         lost = session.lost_total
@@ -73,6 +88,8 @@ class StatusBar(Widget):
             durable = f"  durable to tick {text.count(status.durable_ticks)}"
             if line.cell_len + len(durable) <= self.size.width:
                 line.append(durable)
+        if thin := thin_head(self.app):
+            line.append(f"  {thin}", style=color(variables, "warning"))
         return line
 
 
@@ -121,18 +138,20 @@ class Banner(Widget):
 class InfoLine(Widget):
     """Marks, pending edits, filter, and what was done last."""
 
-    DEFAULT_CSS = "InfoLine { height: 1; padding: 0 1; }"
+    DEFAULT_CSS = "InfoLine { height: auto; min-height: 1; max-height: 6; padding: 0 1; }"
 
     def __init__(self, session: Session) -> None:
         super().__init__()
         self.session = session
         self._said = ""
         self._prompt = ""
+        self._whole = False
 
-    def say(self, words: str) -> None:
-        """Show a result until the next one."""
+    def say(self, words: str, *, whole: bool = False) -> None:
+        """Show a result until the next one; `whole`: in as many lines as it takes, marked as a failure."""
+        had, self._whole = self._whole, whole
         self._said = words
-        self.refresh()
+        self.refresh(layout=had or whole)
 
     def ask(self, words: str) -> None:
         """Show what is to be typed, alone, whatever happens meanwhile; empty: no more."""
@@ -143,6 +162,8 @@ class InfoLine(Widget):
         """Return the line."""
         if self._prompt:
             return Text(self._prompt, no_wrap=True, overflow="ellipsis")
+        if self._whole:
+            return Text(self._said, style=f"bold {color(self.app.theme_variables, 'error')}")
         session, rows = self.session, self.session.rows
         parts: list[str] = []
         if rows.anchor is not None:
@@ -160,10 +181,18 @@ class InfoLine(Widget):
         if rows.filter.text:
             parts.append(f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}")
             parts += [f"? {problem}" for problem in rows.filter.problems[:1]]
+        if rows.sort not in STEADY:
+            since = f" since {text.clock(session.table.facts.since_ns)}" if rows.sort in STATISTICS else ""
+            parts.append(f"by {rows.sort} {rows.arrow}{since}")
         if self._said:
             parts.append(self._said)
-        if not parts and len(rows.shown):
-            parts.append(f"{rows.position + 1} of {len(rows.shown)}")
+        if not parts and len(rows.tree.lines):
+            branches = len(rows.tree.branches)
+            parts.append(
+                f"{len(rows.shown)} in {text.plural(branches, 'name space')}"
+                if branches
+                else f"{rows.position + 1} of {len(rows.tree.lines)}"
+            )
         while self._said and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
             parts.pop(0)  # what was said last is read whole
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
@@ -195,42 +224,60 @@ class MonitorLine(Widget):
 
 
 class KeyBar(Widget):
-    """The keys that matter here, as many as fit; a click does what the key does."""
+    """The keys that matter now, as many as fit; help and quit always at its end. A click does what the key does."""
 
     DEFAULT_CSS = "KeyBar { height: 1; }"
+    LAST = ("help", "quit")
 
     def __init__(self, scope: str, *, read_only: bool = False) -> None:
         super().__init__()
         self.auto_links = False
-        self._commands = footer_for(scope, read_only=read_only)
+        self._scope, self._read_only = scope, read_only
         self._instead = ""
+        self._drawn: list[Command] = []
 
     def show_instead(self, words: str) -> None:
-        """Show other keys for a while; empty: those of the screen again."""
+        """Show other keys for a while, of a line to type in or a dialog; empty: those of the screen again."""
         self._instead = words
         self.refresh()
+
+    def update(self) -> None:
+        """Paint anew if other keys count now."""
+        if self._commands() != self._drawn:
+            self.refresh()
+
+    def _commands(self) -> list[Command]:
+        """Return what is shown, most wanted first: what the screen's mode asks for, then the rest."""
+        app, screen = cast(Any, self.app), cast(Any, self.screen)
+        keys = app.context.settings.keys
+        in_mode = [replace(with_keys(keys, BY_ID[each]), label=label) for each, label in screen.mode_keys()]
+        known = {command.id for command in in_mode}
+        shown = footer_for(self._scope, read_only=self._read_only, keys=keys)
+        return [*in_mode, *(command for command in shown if command.id not in known)]
 
     def render(self) -> RenderResult:
         """Return as many keys as fit, those wanted most first."""
         if self._instead:
-            return Text(f" {self._instead}", no_wrap=True, overflow="ellipsis")
-        fitting = self._fitting()
-        key_color = color(self.app.theme_variables, "primary")
+            style = f"bold {color(self.app.theme_variables, 'foreground')}"
+            return Text(f" {self._instead}", style, no_wrap=True, overflow="ellipsis")
+        self._drawn = self._commands()
+        last = [command for each in self.LAST for command in self._drawn if command.id == each]
+        end = Text("  ", no_wrap=True).join(self._word(command) for command in last)
+        room = self.size.width - 2 - len(end)
         line = Text(" ", no_wrap=True, overflow="ellipsis")
-        for command in fitting:
-            style = f"bold {key_color}" if not self.app.no_color else "bold"
-            line.append(command.footer_key, style=style)
-            line.append(f" {command.label}  ")
-            start = len(line) - len(command.footer_key) - len(command.label) - 3
-            line.apply_meta({"@click": f"screen.command('{command.id}')"}, start, len(line) - 2)
-        return line
-
-    def _fitting(self) -> list[Command]:
-        room = self.size.width - 1
-        found = []
-        for command in self._commands:
-            room -= len(command.footer_key) + len(command.label) + 3
-            if room < -2:
+        for command in self._drawn:
+            if command in last:
+                continue
+            word = self._word(command)
+            if len(line) + len(word) + 1 > room:
                 break
-            found.append(command)
-        return found
+            line.append_text(word).append("  ")
+        line.append(" " * (room + 1 - len(line)))
+        return line.append_text(end)
+
+    def _word(self, command: Command) -> Text:
+        key_color = color(self.app.theme_variables, "primary")
+        word = Text(command.footer_key, style=f"bold {key_color}" if not self.app.no_color else "bold")
+        word = Text().append_text(word).append(f" {command.label}")
+        word.apply_meta({"@click": f"screen.command('{command.id}')"}, 0, len(word))
+        return word

@@ -3,7 +3,7 @@
 Measured: Textual's DataTable needs 4 - 7 s for 10,000 rows and 130 ms per update; this needs the lines on the screen.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -19,8 +19,11 @@ from textual.strip import Strip
 
 from silo_tui.model import text
 from silo_tui.model.fields import Field, Ints
+from silo_tui.model.names import fitting_names
+from silo_tui.model.orders import ADDED, NAME, TREE
 from silo_tui.model.rows import RowList
 from silo_tui.model.table_columns import LiveRow, TableColumn, shown_columns
+from silo_tui.model.tree import entry_of, row_of
 from silo_tui.sessions.live import Session
 
 FLAGS = 2
@@ -55,12 +58,14 @@ class ElementTable(ScrollView, can_focus=True):
         super().__init__()
         self.session = session
         self.field = Field.ENABLED
-        self._columns = columns
+        self._all_columns = self._columns = columns
         self._facts = facts or (lambda row, values: LiveRow(session.table.elements[row], values))
         self._strips: dict[tuple[object, ...], Strip] = {}
         self._styles: dict[str, Style] = {}
         self._masks_of = (-1, -1)
         self._drawn: tuple[int, int] = (-1, -1)
+        self._names: list[str] = []
+        self._names_of: tuple[int, int, int, str] | None = None
 
     @property
     def rows(self) -> RowList:
@@ -111,13 +116,44 @@ class ElementTable(ScrollView, can_focus=True):
     def rows_on_screen(self) -> list[int]:
         """Return the elements that are visible now."""
         top = self.scroll_offset.y
-        return [int(row) for row in self.rows.shown[top : top + max(1, self.size.height)]]
+        lines = self.rows.tree.lines[top : top + max(1, self.size.height)].tolist()
+        return list(dict.fromkeys(row for line in lines if (row := row_of(line)) is not None))
+
+    def entries_on_screen(self) -> list[str]:
+        """Return the full names of the entries that have a line of their own now."""
+        top = self.scroll_offset.y
+        found = []
+        for line in self.rows.tree.lines[top : top + max(1, self.size.height)].tolist():
+            row, entry = row_of(line), entry_of(line)
+            if row is not None and entry is not None:
+                found.append(
+                    self.session.table.elements[row].name + self.session.table.elements[row].entries[entry].suffix
+                )
+        return found
+
+    def choose(self, columns: Sequence[TableColumn[Any]]) -> None:
+        """Show other columns."""
+        self._columns = columns
+        self._strips.clear()
+        self.refresh()
 
     # ---------------------------------------------------------------------------------------------- changing
 
+    @property
+    def chosen_columns(self) -> tuple[str, ...]:
+        """The titles of the columns that were chosen; none: all."""
+        return () if len(self._columns) == len(self._all_columns) else tuple(each.title for each in self._columns)
+
+    def choose_columns(self, titles: Collection[str]) -> list[str]:
+        """Show the columns of these titles, all where there is none; return those that there aren't."""
+        self._columns = [column for column in self._all_columns if column.title in titles] or self._all_columns
+        self._strips.clear()
+        self.refresh()
+        return [title for title in titles if not any(column.title == title for column in self._all_columns)]
+
     def rows_changed(self) -> None:
         """Follow a change of the rows, their order or their values."""
-        self.virtual_size = Size(self.size.width, len(self.rows.shown))
+        self.virtual_size = Size(self.size.width, len(self.rows.tree.lines))
         self.show_cursor()
         self.refresh()
 
@@ -126,7 +162,7 @@ class ElementTable(ScrollView, can_focus=True):
         height = max(1, self.size.height)
         top, position = round(self.scroll_y), self.rows.position
         wanted = min(max(top, position - height + 1), position)
-        wanted = max(0, min(wanted, max(0, len(self.rows.shown) - height)))
+        wanted = max(0, min(wanted, max(0, len(self.rows.tree.lines) - height)))
         if wanted != top:
             self.scroll_to(y=wanted, animate=False, force=True, immediate=True)
             self.refresh()
@@ -151,7 +187,7 @@ class ElementTable(ScrollView, can_focus=True):
     def on_resize(self) -> None:
         """Draw columns of another width."""
         self._strips.clear()
-        self.virtual_size = Size(self.size.width, len(self.rows.shown))
+        self.virtual_size = Size(self.size.width, len(self.rows.tree.lines))
         self.call_after_refresh(self.show_cursor)
 
     def notify_style_update(self) -> None:
@@ -163,7 +199,7 @@ class ElementTable(ScrollView, can_focus=True):
     def on_click(self, event: events.Click) -> None:
         """Put the cursor there, edit where it was already, mark in front of a name."""
         position = event.y + self.scroll_offset.y
-        if position >= len(self.rows.shown):
+        if position >= len(self.rows.tree.lines):
             return
         field = self.field_at(event.x)
         if event.x < FLAGS:
@@ -185,20 +221,26 @@ class ElementTable(ScrollView, can_focus=True):
         """Return one element."""
         position = y + self.scroll_offset.y
         width = self.size.width
-        if position >= len(self.rows.shown):
+        if position >= len(self.rows.tree.lines):
             return Strip.blank(width, self._style("table--row"))
         self._refresh_masks()
-        row = int(self.rows.shown[position])
+        line = int(self.rows.tree.lines[position])
         is_cursor = position == self.rows.position
+        row = row_of(line)
+        if row is None or entry_of(line) is not None:
+            return Strip(list(self._other_segments(line, position, is_cursor=is_cursor)), width)
         key = (
             row, width, int(self.field) if is_cursor else -1, bool(self.rows.marked[row]), bool(self._range[row]),
+            self.rows.tree.depth(position), self.rows.sort == TREE, row in self.rows.leaving,
+            self.session.table.names[row] in self.rows.unfolded,
             self._values[:, row].tobytes(), self._pending[:, row].tobytes(), self._conflicts[:, row].tobytes(),
         )  # fmt: skip
         strip = self._strips.get(key)
         if strip is None:
             if len(self._strips) > MAX_STRIPS:
                 self._strips.clear()
-            strip = Strip(list(self._segments(row, is_cursor=is_cursor)), width)
+            depth = self.rows.tree.depth(position)
+            strip = Strip(list(self._segments(row, depth, is_cursor=is_cursor)), width)
             self._strips[key] = strip
         return strip
 
@@ -221,25 +263,63 @@ class ElementTable(ScrollView, can_focus=True):
             self._styles[key] = style
         return self._styles[key]
 
-    def _segments(self, row: int, *, is_cursor: bool) -> Iterator[Segment]:
+    def _other_segments(self, line: int, position: int, *, is_cursor: bool) -> Iterator[Segment]:
+        """Yield a branch, or one entry of a vector."""
+        base = ["table--row", "table--cursor"] if is_cursor else ["table--row"]
+        row, entry = row_of(line), entry_of(line)
+        indent = "  " * self.rows.tree.depth(position)
+        if row is not None and entry is not None:
+            suffix = self.session.table.elements[row].entries[entry].suffix
+            words = f"{indent or '  '}  {suffix}"
+            room = self.size.width - FLAGS
+            yield Segment("  ", self._style(*base))
+            yield Segment(self._fitted(words, room), self._style(*base, *([] if is_cursor else ["table--quiet"])))
+            return
+        branch = self.rows.tree.branches[-1 - line]
+        pending, conflicts = self._pending[:, branch.rows].any(), self._conflicts[:, branch.rows].any()
+        flag, flag_style = ("!", "table--conflict") if conflicts else ("*" if pending else " ", "table--pending")
+        yield Segment(flag, self._style(*base, flag_style))
+        marked = bool(self.rows.marked[branch.rows].all())
+        yield Segment(">" if marked else " ", self._style(*base, "table--marked"))
+        sign = "►" if branch.path in self.rows.folded else "▼"
+        name = f"{indent}{sign} {branch.label}"
+        width = self.name_width
+        yield Segment(self._fitted(name, width), self._style(*base, *(["table--marked"] if marked else [])))
+        bits = self.session.table.facts.signs(len(self.session.table))[branch.rows]
+        some = int((bits != 0).sum())
+        words = f" {len(branch.rows)}" + (f"   {some} of them with a sign" if some else "")
+        room = self.size.width - FLAGS - width
+        yield Segment(self._fitted(words, room), self._style(*base, *([] if is_cursor else ["table--quiet"])))
+
+    def _tree_name(self, row: int, depth: int, width: int) -> str:
+        """Return the last level of a name, whole where it fits, behind what shows how deep it lies."""
+        element = self.session.table.elements[row]
+        several = len(element.entries) > 1
+        sign = ("▼ " if element.name in self.rows.unfolded else "► ") if several else "  "
+        label = element.name.rpartition("/")[2] + (f" |{len(element.entries)}|" if several else "")
+        words = f"{'  ' * depth}{sign}{label}"
+        return words if len(words) <= width else self._name_in(row, width)
+
+    def _segments(self, row: int, depth: int, *, is_cursor: bool) -> Iterator[Segment]:
         values, pending, conflicts = self._values[:, row], self._pending[:, row], self._conflicts[:, row]
         marked = bool(self.rows.marked[row]) or bool(self._range[row])
         base = ["table--row"]
-        if not values[Field.ENABLED] and not is_cursor:
+        if (not values[Field.ENABLED] or row in self.rows.leaving) and not is_cursor:
             base.append("table--off")
         if bool(self._range[row]):
             base.append("table--range")
         if is_cursor:
             base.append("table--cursor")
-        flag, flag_style = (" ", "table--quiet")
+        flag, flag_style = (" ", "table--row")
         if conflicts.any():
             flag, flag_style = "!", "table--conflict"
         elif pending.any():
             flag, flag_style = "*", "table--pending"
         yield Segment(flag, self._style(*base, flag_style))
-        yield Segment(">" if marked else " ", self._style(*base, "table--marked"))
+        yield Segment(">" if marked else " ", self._style(*base, *(["table--marked"] if marked else [])))
         width = self.name_width
-        name = self._fitted(text.shorten_left(self.session.short_name(self.session.table.names[row]), width), width)
+        in_tree = self.rows.sort == TREE
+        name = self._fitted(self._tree_name(row, depth, width) if in_tree else self._name_in(row, width), width)
         yield Segment(name, self._style(*base, *(["table--marked"] if marked else [])))
         quiet = [] if is_cursor else ["table--quiet"]  # grey on the cursor's line is hard to read in 16 colours
         facts = self._facts(row, values)
@@ -258,6 +338,15 @@ class ElementTable(ScrollView, can_focus=True):
                 styles.append("table--cell")
             yield Segment(" ", self._style(*base))
             yield from self._cell(word, styles, bool(pending[column.field]))
+
+    def _name_in(self, row: int, width: int) -> str:
+        """Return a name as this table at this width has it: made once for all, so that scrolling changes nothing."""
+        names = self.session.table.names
+        made_for = (id(names), len(names), width, self.session.table.prefix)
+        if self._names_of != made_for:
+            self._names = fitting_names([self.session.short_name(name) for name in names], width)
+            self._names_of = made_for
+        return self._names[row]
 
     def _cell(self, word: str, styles: list[str], underlined: bool) -> Iterator[Segment]:
         """Underline the word alone, not the room around it."""
@@ -287,18 +376,34 @@ class TableHead(ScrollView):
     DEFAULT_CSS = "TableHead { height: 1; width: 1fr; scrollbar-size: 0 0; }"
     COMPONENT_CLASSES: ClassVar[set[str]] = {"head--text", "head--field"}
 
+    @dataclass
+    class Picked(Message):
+        """The head of a column was clicked that gives an order."""
+
+        order: str
+
     def __init__(self, table: ElementTable) -> None:
         super().__init__()
         self._table = table
+
+    def on_click(self, event: events.Click) -> None:
+        """Ask for the order by this column."""
+        start = FLAGS + self._table.name_width
+        order = "name" if event.x < start else ""
+        for column, width in self._table.shown:
+            order = column.order if start < event.x <= start + width else order
+            start += 1 + width
+        if order:
+            self.post_message(self.Picked(order))
 
     def render_line(self, y: int) -> Strip:
         """Return the one line."""
         plain, chosen = self.get_component_rich_style("head--text"), self.get_component_rich_style("head--field")
         sort = self._table.rows.sort
-        mark = {"name": " ↓name", "added": " ↓added"}.get(sort, " name")
+        mark = {TREE: " ↓name", NAME: " ↓name", ADDED: " ↓added"}.get(sort, " name")
         segments = [Segment(" " * (FLAGS - 1) + mark.ljust(self._table.name_width + 1), plain)]
         for column, width in self._table.shown:
-            word = (("↓" if sort == column.order else "") + column.title)[:width]
+            word = ((self._table.rows.arrow if sort == column.order else "") + column.title)[:width]
             word = word.rjust(width) if column.right else word.ljust(width)
             is_chosen = column.field is not None and column.field is self._table.field
             segments += [Segment(" ", plain), Segment(word, chosen if is_chosen else plain)]

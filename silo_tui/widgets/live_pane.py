@@ -4,6 +4,7 @@ They are a widget of their own, because Textual resends all that is left of a ch
 frame was 11 - 20 kB; apart, it is 3 kB.
 """
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -17,11 +18,13 @@ from textual.widget import Widget
 
 from silo.ipc.published import NotLive
 from silo.model import BufferType, State
-from silo_tui.model.columns import hold_piece
 from silo_tui.model.fields import Field
-from silo_tui.model.live import fill_share, value_text
-from silo_tui.model.plots import trend
+from silo_tui.model.live import component_text, fill_share, value_text
+from silo_tui.model.sparklines import trends
+from silo_tui.model.table import Rows
+from silo_tui.model.tree import entry_of, row_of
 from silo_tui.sessions.live import Session
+from silo_tui.terminal import pace_of
 from silo_tui.widgets.element_table import ElementTable
 
 VALUE, TREND = 11, 10
@@ -38,6 +41,8 @@ class PaneColumn:
     width: "Callable[[LivePane], int]"
     draw: "Callable[[LivePane, int], tuple[str, str]]"
     right: bool = False
+    branch: "Callable[[LivePane, Rows], tuple[str, str]] | None" = None  # of the elements below a branch
+    entry: "Callable[[LivePane, int, int], tuple[str, str]] | None" = None  # of one entry of an element
 
 
 class LivePane(Widget):
@@ -45,7 +50,7 @@ class LivePane(Widget):
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "live--row", "live--cursor", "live--quiet", "live--value", "live--stale", "live--lost", "live--trend",
-        "live--full", "live--rail",
+        "live--full", "live--rail", "live--caution",
     }  # fmt: skip
     DEFAULT_CSS = "LivePane { height: 1fr; width: 18; }"
 
@@ -59,6 +64,10 @@ class LivePane(Widget):
         self._styles: dict[str, Style] = {}
         self._lines: dict[int, Content] = {}  # as they were painted
         self._ready: dict[int, Content] = {}  # found to differ, not painted yet
+        self.digits_fewer: int = 0  # of values, on a thin link
+        self._trends: dict[int, str] = {}  # by row; all of them are drawn together, once a second
+        self._trends_of: object = None
+        self._trends_due_s = 0.0
 
     def lay_out(self, value_width: int, *, trend: bool) -> None:
         """Take more room where there is some."""
@@ -66,6 +75,7 @@ class LivePane(Widget):
         self.trend_width = TREND if trend else 0
         self.styles.width = self.wanted_width
         self._ready.clear()
+        self._trends.clear()
         self.refresh()
 
     @property
@@ -85,6 +95,14 @@ class LivePane(Widget):
 
     def live_changed(self) -> None:
         """Paint the lines that read differently now."""
+        pace, now_s = pace_of(self.app), time.monotonic()
+        self.digits_fewer = pace.digits_fewer
+        store = self.session.columns
+        # what came of the past is shown at once
+        if now_s >= self._trends_due_s or self._trends_of != (store, store.past_until_ns):
+            self._trends.clear()
+            self._trends_of = (store, store.past_until_ns)
+            self._trends_due_s = now_s + pace.trend_s
         for line in range(self.size.height):
             content = self._content(line)
             if self._lines.get(line) != content:
@@ -131,36 +149,58 @@ class LivePane(Widget):
         top = self._table.scroll_offset.y
         position = top + line
         rows = self.session.rows
-        if position >= len(rows.shown):
+        if position >= len(rows.tree.lines):
             return False, (), " "
         is_cursor = position == rows.position
-        pieces = self._pieces(int(rows.shown[position]))
+        pieces = self._pieces(int(rows.tree.lines[position]))
         if is_cursor:  # grey on the cursor's line is hard to read in 16 colours
             pieces = [(words, "" if style == "live--quiet" else style) for words, style in pieces]
         return is_cursor, tuple(pieces), self._rail(line, top)
 
     def _rail(self, line: int, top: int) -> str:
-        total, height = len(self.session.rows.shown), max(1, self.size.height)
+        total, height = len(self.session.rows.tree.lines), max(1, self.size.height)
         if total <= height:
             return " "
         length = max(1, height * height // total)
         start = round((height - length) * top / (total - height))
         return "▐" if start <= line < start + length else " "
 
-    def _pieces(self, row: int) -> list[tuple[str, str]]:
+    def _pieces(self, line: int) -> list[tuple[str, str]]:
+        row, entry = row_of(line), entry_of(line)
         pieces = [(" ", "")]
         for place, (column, width) in enumerate(self.shown):
-            words, style = column.draw(self, row)
+            words, style = "", ""
+            if row is None:
+                if column.branch is not None:
+                    words, style = column.branch(self, self.session.rows.tree.branches[-1 - line].rows)
+            elif entry is None:
+                words, style = column.draw(self, row)
+            elif column.entry is not None:
+                words, style = column.entry(self, row, entry)
             pieces.append((" " * (place > 0) + _fitted(words, width, column), style))
         return pieces
 
+    def entry_name(self, row: int, entry: int) -> str:
+        """Return the full name of an entry."""
+        element = self.session.table.elements[row]
+        return element.name + element.entries[entry].suffix
+
+    def shown_name(self, row: int) -> str:
+        """Return of what the row tells: the element, or the entry of it that was chosen."""
+        name = self.session.table.names[row]
+        chosen = self.session.rows.components.get(name, 0)
+        return self.entry_name(row, chosen - 2) if chosen >= 2 else name
+
     def trend(self, row: int) -> str:
         """Return the newest columns of the first entry, drawn."""
-        names = self.session.table.entry_names(row)
-        columns = self.session.columns
-        if not names or not self.session.table.is_live(row) or columns.row(names[0]) is None:
-            return " " * self.trend_width
-        return trend(hold_piece(columns.piece(names[0], columns.end, 2 * self.trend_width), 4), self.trend_width)
+        if row not in self._trends:
+            table = self.session.table
+            rows = [row, *self._table.rows_on_screen()]
+            drawn = [each for each in rows if table.is_live(each) and table.entry_names(each)]
+            names = [table.entry_names(each)[0] for each in drawn]
+            self._trends = dict.fromkeys(rows, " " * self.trend_width)
+            self._trends |= zip(drawn, trends(self.session.columns, names, self.trend_width), strict=True)
+        return self._trends[row]
 
 
 def _fitted(words: str, width: int, column: PaneColumn) -> str:
@@ -199,12 +239,26 @@ def _value(pane: LivePane, row: int) -> tuple[str, str]:
     if session.running and reading.why in WHY_NOT_LIVE:  # what it kept last isn't its value
         return WHY_NOT_LIVE[reading.why], "live--quiet"
     style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"
-    return value_text(element, reading, pane.value_width), style
+    width = pane.value_width - pane.digits_fewer
+    # an order by value is one of norms
+    chosen = session.rows.components.get(element.name, 1 if session.rows.sort in {"value", "|value|"} else 0)
+    if chosen and len(element.entries) > 1 and all(entry.dtype[1:2] in "biuf" for entry in element.entries):
+        return component_text(element, reading, chosen, width), style
+    return value_text(element, reading, width), style
+
+
+def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
+    words, style = _value(pane, row)
+    element = pane.session.table.elements[row]
+    reading = pane.session.live.readings.get(element.name)
+    if reading is None or style not in {"live--value", "live--stale"}:
+        return words, style
+    return component_text(element, reading, entry + 2, pane.value_width, named=False), style
 
 
 LIVE_PANE = (
     PaneColumn(lambda pane: "fill", lambda pane: 4, _fill),
-    PaneColumn(lambda pane: "value", lambda pane: pane.value_width, _value, right=True),
+    PaneColumn(lambda pane: "value", lambda pane: pane.value_width, _value, right=True, entry=_entry_value),
     PaneColumn(
         lambda pane: "trend",
         lambda pane: pane.trend_width,

@@ -14,7 +14,7 @@ from silo_tui.model.table_columns import span_words, type_word
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar, color
 from silo_tui.widgets.element_table import ElementTable
-from silo_tui.widgets.inspector import Inspector
+from silo_tui.widgets.inspector import Inspector, Lines
 from silo_tui.widgets.live_pane import LivePane, PaneColumn
 from silo_tui.widgets.plot_stack import PlotStack
 
@@ -72,7 +72,7 @@ class RecordedInspector(Inspector):
         """Of the time that the element has samples of."""
         return self.store
 
-    def _facts(self, pane: Text, element: ElementInfo, row: int, reading: Reading | None) -> None:
+    def _facts(self, pane: Lines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         report = self._file.rows_of[element.name]
         if element.description:
             pane.append(element.description + "\n", style=self._quiet)
@@ -95,7 +95,7 @@ class RecordedInspector(Inspector):
             pane.append(", ".join(shown) + more + "\n", style=self._quiet)
         pane.append(f"\nat {self._file.seconds:.6g} s:", style=self._quiet)
 
-    def _values(self, pane: Text, element: ElementInfo, row: int, reading: Reading | None) -> None:
+    def _values(self, pane: Lines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         if reading is None or not reading.held:
             none = not self._file.rows_of[element.name].samples
             pane.append("\nno samples in this file\n" if none else "\nno sample yet\n", style=self._quiet)

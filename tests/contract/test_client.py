@@ -407,3 +407,44 @@ def test_a_pin_is_no_more_when_it_was_closed(side, client):
     assert client.samples([Q], pin=pin)[Q].why == "it is not in this pin"
     pin.close()
     assert refusal(lambda: client.samples([X], pin=pin)).why is RefusedWhy.NOT_FOUND
+
+
+# --------------------------------------------------------------------------------------------------- measuring
+
+
+def measured(client, quantity, name):
+    return np.frombuffer(client.survey([quantity], [name]).values)[0]
+
+
+def test_a_survey_without_names_is_of_the_whole_table_in_its_order(side, client):
+    survey = client.survey(["held", "signs"])
+    assert np.frombuffer(survey.values).reshape(2, -1).shape == (2, 5)
+    assert survey.revision == client.table().revision
+
+
+def test_a_survey_tells_elements_entries_and_what_is_saved_only(side, client):
+    client.start()
+    client.survey(["max"])
+    side.ticks(50)
+    entry = next(element for element in client.table().elements if element.name == Q).entries[1]
+    wanted = [X, Q, Q + entry.suffix, KEPT]
+    deadline = time.monotonic() + DEADLINE_S
+    found = np.full(4, np.nan)
+    while not np.isfinite(found).all():
+        assert time.monotonic() < deadline, found
+        found = np.frombuffer(client.survey(["max"], wanted).values)
+    assert np.isnan(measured(client, "max", "/log/nix"))
+    assert np.isnan(measured(client, "max", WORD))
+
+
+def test_a_quantity_that_is_none_is_refused(client):
+    assert refusal(client.survey, ["beauty"]).why is RefusedWhy.INVALID
+
+
+def test_statistics_begin_when_a_client_asks_first_and_after_its_reset(side, client):
+    client.start()
+    side.ticks(5)
+    first = client.survey(["max"]).since_ns
+    side.ticks(5)
+    assert client.survey(["max"]).since_ns == first > 0
+    assert client.survey(["max"], reset=True).since_ns > first

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo.analysis import units
+from silo import units
 from silo.analysis.signals import Signal
 from silo.errors import ElementError
 

@@ -16,6 +16,7 @@ import silo
 from silo.errors import ConnectionLostError
 from silo.ipc import discovery
 from silo.ipc.client import Client
+from silo.ipc.connection import Connection
 from silo.ipc.discovery import discover, survey
 from silo.ipc.published import EventKind
 from tests.waiting import DEADLINE_S
@@ -35,6 +36,20 @@ def test_logger_is_found_by_name_label_and_when_it_is_the_only_one(bench) -> Non
     for name in ("bot", f"bot.{os.getpid()}", ""):
         with Client.connect(name) as client:
             assert client.status().logger == "bot"
+
+
+def test_the_link_is_watched_once_its_owner_is_ready(bench, until) -> None:
+    (found,) = discover().loggers
+    ready = False
+    rounds = []
+    connection = Connection(found, DEADLINE_S, "a test", lambda: rounds.append(ready))
+    try:
+        ready = True
+        connection.watch()
+        until(lambda: rounds)
+    finally:
+        connection.close()
+    assert all(rounds)
 
 
 def test_two_loggers_of_a_name_must_be_told_apart(bench, robots) -> None:
@@ -160,6 +175,7 @@ def test_table_of_ten_thousand_elements_arrives(runtime, tmp_path) -> None:
 PERSON = """
 import os, sys, encodings.idna
 from silo.ipc.client import Client
+from silo.ipc.connection import Connection
 from silo.errors import SiloError
 groups = [int(group) for group in sys.argv[1:]]
 os.setgroups(groups), os.setgid(54322), os.setuid(54322)

@@ -18,7 +18,7 @@ MISTAKES = {
     "a script that is half a character": (lambda c: c.read_script("\ud800"), "ReadScript can't be sent"),
     "save a number": (lambda c: c.save(5), "types must be a list of FileType.SILO"),
     "save None": (lambda c: c.save(None), "types must be a list of"),
-    "save by words": (lambda c: c.save(["csv"]), "FileType.CSV"),
+    "save by words": (lambda c: c.save(["cvs"]), "got 'cvs'; did you mean 'csv'?"),
     "save under half a character": (lambda c: c.save([FileType.CSV], "\ud800"), "Save can't be sent"),
     "wait for a list": (lambda c: c.wait_saved([]), "job (the number that save() returned) must be"),
     "wait for text seconds": (lambda c: c.wait_saved(1, "a"), "timeout_s must be from 0"),
@@ -26,6 +26,9 @@ MISTAKES = {
     "view one name": (lambda c: c.view("/log/x"), "values must be a list of texts, got '/log/x'"),
     "view None": (lambda c: c.view(None), "values must be a list of texts"),
     "columns beyond 64 bits": (lambda c: c.view([], [], 5, 10**30), "OpenView can't be sent"),
+    "a keyword misspelt": (lambda c: c.save(type="csv"), "client.save() has no argument 'type', did you mean 'types'?"),
+    "a topic that is not there": (lambda c: c.topic("/log/nope"), "has no element '/log/nope'; it has 8 elements"),
+    "a topic misspelt": (lambda c: c.topic("matrx"), "did you mean '/log/matrix'?"),
     "a topic of a number": (lambda c: c.topic(5), "element must be a text"),
     "a topic of half a character": (lambda c: c.topic("\ud800"), "whole characters"),
 }

@@ -148,7 +148,18 @@ def test_a_folder_that_is_not_there_yet_is_told(tmp_path):
 
 # --------------------------------------------------------------------------------------------------- hostile names
 
-HOSTILE = ["", ".", "..", "../x.silo", "/etc/passwd", "a/../../x.silo", "x\0.silo", ".hidden.silo", "x\n.silo", "y" * 300]
+HOSTILE = [
+    "",
+    ".",
+    "..",
+    "../x.silo",
+    "/etc/passwd",
+    "a/../../x.silo",
+    "x\0.silo",
+    ".hidden.silo",
+    "x\n.silo",
+    "y" * 300,
+]
 
 
 @pytest.mark.parametrize("name", HOSTILE)

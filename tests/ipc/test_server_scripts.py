@@ -44,7 +44,8 @@ def test_unknown_keys_are_told_with_their_line_and_kept(bench, client, heard) ->
     bench.script.write_text(SCRIPT + "    dividr: 3\nversion: 2\n")
     warnings = [
         f"{bench.script}:5: element '/log/x': unknown key 'dividr' in an element; did you mean 'divider'?",
-        f"{bench.script}:6: unknown key 'version' in a script; known are log_elements",
+        f"{bench.script}:6: unknown key 'version' in a script; "
+        "known are log_elements, derived_signals, signal_limits, triggers",
     ]
     assert (
         client.diff_script().warnings == client.load_script().warnings == [f"{w}; it was left alone" for w in warnings]

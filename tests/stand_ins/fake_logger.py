@@ -23,10 +23,12 @@ from silo.ipc.messages import (
     ScriptDiff,
     Scripts,
     ScriptText,
+    Survey,
     Unsaved,
 )
 from silo.ipc.published import Event, EventKind, NotLive
 from silo.ipc.samples import Samples
+from silo.ipc.surveys import QUANTITIES
 from silo.ipc.versions import PROTOCOL
 from silo.model import (
     Action,
@@ -203,6 +205,8 @@ class FakeClient:
         self.save_error = ""
         self.views: list[FakeView] = []
         self.pins: list[FakePin] = []
+        self.since_ns = 0  # of the statistics
+        self.facts: dict[str, dict[str, float]] = {}  # measured values that a test sets, by quantity and name
         self._recorded: dict[str, ElementOptions] = {}  # what the held recording was made with
         self._event: Callable[[Event], None] = lambda event: None
         self._link: Callable[[bool], None] = lambda connected: None
@@ -534,6 +538,43 @@ class FakeClient:
             grid.add(row, bins_of(some.time_ns, column_ns), some.values)
         bases = dict(enumerate(grid.bases))
         return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases, pin.opened.end_ns)
+
+    def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
+        self._ask()
+        unknown = [quantity for quantity in quantities if quantity not in QUANTITIES]
+        if unknown:
+            raise refused(RefusedWhy.INVALID, f"no survey: {unknown[0]!r} is no quantity")
+        if reset or not self.since_ns:
+            self.since_ns = self.now_ns
+        known = {info.name: info for info in self.elements}
+        entries = {info.name + entry.suffix: info for info in self.elements for entry in info.entries}
+        rows = [
+            [self._measured(quantity, name, known.get(name) or entries.get(name)) for name in names or known]
+            for quantity in quantities
+        ]
+        values = np.array(rows, float).tobytes()
+        return Survey(self.revision, self.now_ns, self.since_ns, values)
+
+    def _measured(self, quantity: str, name: str, info: ElementInfo | None) -> float:
+        if info is None or not info.options.enabled or not self.ticks:
+            return math.nan
+        if name in self.facts.get(quantity, {}):
+            return self.facts[quantity][name]
+        held = _held(info.options, self.ticks)
+        is_entry = name != info.name or len(info.entries) == 1
+        suffixes = [name] if is_entry else [info.name + entry.suffix for entry in info.entries]
+        moments = np.array([self.seconds]) if quantity == "value" else np.arange(0, max(self.seconds, 1 / HZ), 1 / HZ)
+        of = {
+            "signs": 0.0, "rate": HZ / info.options.divider, "share": 1.0, "jitter": 0.0002, "changed": 0.0,
+            "fill": held / info.options.buffer_size, "held": held, "count": float(self.ticks),
+        }  # fmt: skip
+        if quantity in of:
+            return of[quantity]
+        if any(entry.dtype[1:2] not in "biuf" for entry in info.entries):
+            return math.nan
+        samples = np.array([signal(each, moments) for each in suffixes])
+        norms = samples[0] if is_entry else np.sqrt(np.square(samples).sum(axis=0))
+        return float({"value": np.mean, "min": np.min, "max": np.max, "mean": np.mean, "std": np.std}[quantity](norms))
 
     def view(self, values: Sequence[str], plots: Sequence[str], rate_hz: float, column_ns: int) -> FakeView:
         self._ask()

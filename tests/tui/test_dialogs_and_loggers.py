@@ -204,9 +204,15 @@ def test_every_command_has_its_method():
     from silo_tui.screens.file_table import FileTableScreen
     from silo_tui.screens.loggers import LoggersScreen
     from silo_tui.screens.monitor import MonitorScreen
+    from silo_tui.screens.settings import SettingsScreen
 
     screens = {"table": TableScreen, "monitor": MonitorScreen, "detail": DetailScreen, "loggers": LoggersScreen}
-    screens |= {"file": FileTableScreen, "file_monitor": FileMonitorScreen, "file_detail": FileDetailScreen}
+    screens |= {
+        "file": FileTableScreen,
+        "file_monitor": FileMonitorScreen,
+        "file_detail": FileDetailScreen,
+        "settings": SettingsScreen,
+    }
     for command in COMMANDS:
         for scope in command.scopes if "any" not in command.scopes else screens:
             assert hasattr(screens[scope], f"command_{command.id}") or hasattr(SiloApp, f"command_{command.id}"), (

@@ -118,7 +118,7 @@ async def test_a_wide_table_shows_values_and_the_inspector(path, on_file):
         await screen.shows("at 19.9975 s")
         await screen.shows("stand")
         await screen.shows("bob")
-        await screen.press("G")
+        await screen.press("i", "G")
         await screen.shows("divider   40")
 
 
@@ -127,6 +127,7 @@ async def test_the_inspector_says_at_how_many_ticks_an_element_could_not_be_read
     mode = replace(element("mode", np.arange(TICKS)), failures=Failures(3, ((5, 6), (9, 9))))
     write_silo(recording(elements=(mode,)), found)
     async with on_file(found, (160, 50)) as screen:
+        await screen.press("i")
         await screen.shows("not read  at 3 ticks")
 
 
@@ -141,9 +142,12 @@ async def test_the_filter_and_marks_work_as_on_a_logger(path, on_file):
 
 async def test_sorting_leaves_out_what_files_don_t_tell(path, on_file):
     async with on_file(path) as screen:
-        for sort in ("added", "unit", "div", "size", "buf", "name"):
-            await screen.press("o")
-            assert screen.session.rows.sort == sort
+        assert screen.session.rows.sorts == ("tree", "name", "added", "unit", "div", "size", "buf")
+        await screen.press("o")
+        await screen.shows("the other way round")
+        assert "last change" not in screen.text
+        await screen.press("u")
+        await screen.until(lambda: screen.session.rows.sort == "unit")
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -49,7 +49,7 @@ async def test_an_element_that_is_only_saved_has_its_value_too(fake, opened):
         await screen.type("/solver_cost")
         await screen.until(lambda: fake.views and fake.views[-1].values == ("/log/state/solver_cost",))
         value = float(signal("/log/state/solver_cost", np.array([fake.seconds]))[0])
-        await screen.shows(f"{value:.2f}")
+        await screen.shows(f"{value:.4f}")
 
 
 async def test_a_full_buffer_says_so_instead_of_an_old_value(fake, opened):
@@ -128,9 +128,11 @@ async def test_what_can_t_be_is_said_and_the_editor_stays(fake, opened):
         assert screen.session.table.pending_count == (0, 0)
 
 
-async def test_enter_steps_through_the_values_of_the_field_under_the_cursor(fake, opened):
+async def test_enter_lets_a_value_of_the_field_under_the_cursor_be_chosen(fake, opened):
     async with opened(fake) as screen:
         await screen.press("l", "l", "enter")
+        await screen.shows("now save and publish")
+        await screen.press("p")
         assert screen.value(FIRST, Field.ACTION) == "publish"
 
 
@@ -308,7 +310,7 @@ async def test_letters_of_two_cells_don_t_move_the_columns(new_fake, robot, open
     odd = msgspec.structs.replace(robot[0], name="/log/関節/角度")
     async with opened(new_fake([odd, *robot[1:3]])) as screen:
         lines = [line for line in screen.text.splitlines() if "[x]" in line]
-        assert {cell_len(line[: line.index("[x]")]) for line in lines} == {36}
+        assert {cell_len(line[: line.index("[x]")]) for line in lines} == {33}
 
 
 async def test_keys_that_come_all_at_once_keep_their_order(fake, opened):
@@ -324,3 +326,28 @@ async def test_tab_doesn_t_leave_an_editor_behind(fake, opened):
         await screen.press("d", "tab", "9", "enter")
         assert screen.value(FIRST, Field.DIVIDER) == "9"
         assert not screen.app.screen.query_one("#cell-editor").display
+
+
+async def test_the_filter_says_how_many_pass_and_what_its_terms_may_be(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("slash")
+        await screen.shows("changed<1s   marked pending")
+        await screen.type("torque LF")
+        await screen.shows("3 of 72")
+        assert "changed<1s" not in screen.text
+
+
+async def test_a_term_that_can_t_be_read_is_underlined_where_it_stands(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque div>x LF")
+        await screen.shows("^^^^^")
+        lines = screen.text.splitlines()
+        under = next(at for at, line in enumerate(lines) if "^^^^^" in line)
+        assert lines[under].index("^^^^^") == lines[under + 1].index("div>x")
+        assert len(screen.session.rows.shown) == 3
+
+
+async def test_a_filter_that_leaves_nothing_says_which_term_takes_it(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque LF unit:V")
+        await screen.shows("0 of 72; without unit:V: 3")

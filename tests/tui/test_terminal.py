@@ -1,15 +1,23 @@
 """The app in a real terminal that goes away, stalls, or asks it to end."""
 
+import codecs
+import fcntl
 import os
 import pty
+import re
 import select
 import signal
 import subprocess
 import sys
+import termios
+import time
 from pathlib import Path
 
 import pytest
 
+from silo_tui.terminal.answers import ALIVE_QUERY
+from silo_tui.terminal.parser import QUERY
+from tests.tui.emulator import Emulator
 from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = pytest.mark.slow
@@ -38,8 +46,14 @@ print("ended in order", flush=True)
 
 
 class Terminal:
-    def __init__(self):
-        self.master, slave = pty.openpty()
+    def __init__(self, *, answers=False):
+        self.master, self.slave = pty.openpty()
+        slave = self.slave
+        self.answers = answers
+        self.held = None  # answers that are on their way, where they are held back
+        self.glass = Emulator(80, 24)
+        self.decode = codecs.getincrementaldecoder("utf-8")().decode
+        self.rest = ""
         self.stalls, told = os.pipe()
         fake = Path(__file__).parents[1] / "stand_ins" / "fake_logger.py"
         code = PROGRAM.format(fake=str(fake), told=told)
@@ -49,7 +63,6 @@ class Terminal:
             preexec_fn=_take_terminal,  # noqa: PLW1509 - no threads here
             env={**os.environ, "TERM": "xterm-256color", "COLUMNS": "80", "LINES": "24", "PYTHONPATH": str(ROOT)},
         )  # fmt: skip
-        os.close(slave)
         os.close(told)
         self.seen = b""
 
@@ -67,10 +80,33 @@ class Terminal:
 
     def read(self, timeout):
         if select.select([self.master], [], [], timeout)[0]:
-            try:
-                self.seen += os.read(self.master, 65536)
-            except OSError:  # the other end is closed
-                self.seen += b""
+            data = os.read(self.master, 65536)
+            self.seen += data
+            self.show(self.rest + self.decode(data))
+
+    def show(self, words):
+        begun = _BEGUN.search(words)
+        self.rest = begun[0] if begun else ""
+        words = words[: len(words) - len(self.rest)]
+        self.glass.feed(words)
+        for found in _QUERIES.findall(words) if self.answers else ():
+            self.answer(b"\x1b[?2026;2$y" if found == QUERY else b"\x1b[0n")
+
+    def answer(self, words):
+        if self.held is None:
+            os.write(self.master, words)
+        else:
+            self.held.append(words)
+
+    def until_shown(self, words):
+        def comes():
+            self.read(0.1)
+            return words in self.glass.text
+
+        wait_until(comes)
+
+    def press(self, keys):
+        os.write(self.master, keys)
 
     def drain_until_exit(self):
         def is_over():
@@ -81,21 +117,34 @@ class Terminal:
         return self.process.returncode
 
 
-def _take_terminal():
-    import fcntl
-    import termios
+_BEGUN = re.compile("\x1b(?:\\[[0-?]*[ -/]*|\\][^\x07\x1b]*)?\\Z")
+_QUERIES = re.compile("|".join(re.escape(query) for query in (QUERY, ALIVE_QUERY)))
 
+
+def _take_terminal():
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+
+def _end(terminal):
+    if terminal.process.poll() is None:
+        terminal.process.kill()
+        terminal.process.wait()
+    os.close(terminal.stalls)
 
 
 @pytest.fixture
 def terminal():
     found = Terminal()
     yield found
-    if found.process.poll() is None:
-        found.process.kill()
-        found.process.wait()
-    os.close(found.stalls)
+    _end(found)
+
+
+@pytest.fixture
+def answering():
+    """A terminal that says how far it has read."""
+    found = Terminal(answers=True)
+    yield found
+    _end(found)
 
 
 def test_sigterm_ends_it_in_order(terminal):
@@ -107,6 +156,7 @@ def test_sigterm_ends_it_in_order(terminal):
 
 def test_a_terminal_that_goes_away_ends_it(terminal):
     terminal.until(b"RUNNING")
+    os.close(terminal.slave)
     os.close(terminal.master)
     assert terminal.process.wait(DEADLINE_S) is not None
 
@@ -122,7 +172,73 @@ def test_a_stalled_terminal_doesn_t_keep_it_from_ending(terminal):
 def test_after_a_stall_it_goes_on_where_it_is(terminal):
     terminal.until(b"RUNNING")
     terminal.until_stalled()
-    terminal.seen = b""
-    terminal.until(b"Hz")
-    os.write(terminal.master, b"q")
+    before = terminal.glass.text
+    wait_until(lambda: terminal.read(0.1) or (terminal.glass.text != before and "lost" in terminal.glass.text))
+    terminal.press(b"q")
     assert terminal.drain_until_exit() == 0
+
+
+def test_a_key_shows_though_the_terminal_has_not_answered(answering):
+    answering.until_shown("RUNNING")
+    answering.until_shown("1 of ")
+    answering.held = []
+    answering.press(b"j")
+    answering.until_shown("2 of ")
+
+
+def test_nothing_piles_up_for_a_terminal_that_is_slow_to_answer(answering):
+    answering.until_shown("RUNNING")
+    answering.until_shown("1 of ")
+    answering.held, answering.seen = [], b""
+    wait_until(lambda: answering.read(0.1) or answering.held)
+    begin = time.monotonic()
+    while time.monotonic() < begin + 1.5:  # as long as the answers are not yet overdue
+        answering.read(0.1)
+    assert len(answering.seen) < 8_000
+
+
+def test_answers_that_come_at_the_end_are_not_typed_into_the_shell(answering):
+    answering.until_shown("RUNNING")
+    answering.held, answering.seen = [], b""
+    wait_until(lambda: answering.read(0.1) or answering.held)
+    answering.press(b"q")
+    answering.until(b"\x1b[?2004l")  # it is leaving
+    for words in answering.held:
+        os.write(answering.master, words)
+    answering.held = None
+    assert answering.drain_until_exit() == 0
+    termios.tcsetattr(answering.slave, termios.TCSANOW, _raw(answering.slave))
+    assert not select.select([answering.slave], [], [], 0)[0]
+
+
+def _raw(descriptor):
+    found = termios.tcgetattr(descriptor)
+    found[3] &= ~termios.ICANON
+    return found
+
+
+def test_suspended_and_back_it_paints_the_whole_screen(answering):
+    answering.until_shown("RUNNING")
+    answering.press(b"\x1a")
+    answering.until(b"\x1b[?1049l")
+    wait_until(lambda: Path(f"/proc/{answering.process.pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "T")
+    answering.glass.feed("\x1b[2J\x1b[1;1H$ fg")
+    answering.process.send_signal(signal.SIGCONT)
+    answering.until_shown("RUNNING")
+    answering.until_shown("space Mark")
+    assert "$ fg" not in answering.glass.text
+    assert b"\x1b[?2026$p" not in answering.seen[answering.seen.rindex(b"\x1b[?1049h") :].split(b"\x1b[?1004h")[0]
+    answering.press(b"q")
+    assert answering.drain_until_exit() == 0
+
+
+def test_stopped_from_outside_it_paints_the_whole_screen_when_it_goes_on(answering):
+    answering.until_shown("RUNNING")
+    answering.until_shown("space Mark")
+    answering.process.send_signal(signal.SIGSTOP)
+    wait_until(lambda: Path(f"/proc/{answering.process.pid}/stat").read_text().rsplit(")", 1)[1].split()[0] == "T")
+    answering.read(0)
+    answering.glass.feed("\x1b[2J")
+    answering.process.send_signal(signal.SIGCONT)
+    answering.until_shown("space Mark")
+    answering.until_shown("RUNNING")

@@ -1,5 +1,7 @@
 """One logger for the whole program, as functions of the module."""
 
+import inspect
+
 import numpy as np
 import pytest
 
@@ -12,8 +14,9 @@ from silo.logger.null import NullLogger
 @pytest.fixture(autouse=True)
 def fresh_default(monkeypatch):
     monkeypatch.setattr(default, "_default", NullLogger())
+    monkeypatch.setattr(default, "_early", [])
     yield
-    default.logger().close()
+    silo.get_logger().close()
 
 
 @pytest.fixture
@@ -28,7 +31,7 @@ def test_before_init_nothing_is_logged():
     silo.add(np.zeros(1), "x")
     silo.start()
     silo.collect()
-    assert isinstance(default.logger(), NullLogger)
+    assert isinstance(silo.get_logger(), NullLogger)
     assert silo.array("q", 2).tolist() == [0, 0]
 
 
@@ -79,3 +82,30 @@ def test_cleanup_is_close(init):
     silo.cleanup()
     assert not log.is_running
     assert silo.cleanup is silo.close
+
+
+def test_get_logger_is_the_default_logger_with_every_method(init):
+    log = init()
+    assert silo.get_logger() is log
+    silo.array("x")
+    silo.update()
+    assert silo.get_logger().set("x", divider=2) == 1
+
+
+def test_what_came_before_init_is_told_of(init, caplog):
+    silo.get_logger()
+    silo.add(np.zeros(1), "x")
+    init()
+    assert "silo.get_logger(), silo.add() before silo.init() went to a logger that does nothing" in caplog.text
+
+
+def test_an_init_that_came_first_is_told_nothing(init, caplog):
+    init()
+    silo.add(np.zeros(1), "x")
+    init()
+    assert "does nothing" not in caplog.text
+
+
+def test_the_functions_have_the_arguments_of_the_methods():
+    assert str(inspect.signature(silo.add)) == str(inspect.signature(Logger.add)).replace("(self, ", "(")
+    assert "frequency" in inspect.signature(silo.init).parameters

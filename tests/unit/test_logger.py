@@ -133,12 +133,89 @@ def test_what_is_added_while_running_waits_for_the_next_update(counting):
     assert [info.name for info in logger.elements] == ["/log/x", "/log/later"]
 
 
-def test_what_was_added_but_not_updated_is_warned_of_at_start(counting, caplog):
+def test_what_is_added_after_an_update_is_logged_from_the_next_start(counting):
     logger = counting()
     logger.stop()
     logger.add(np.zeros(1), "later")
     logger.start()
-    assert "/log/later: added after the last update()" in caplog.records[-1].getMessage()
+    logger.collect()
+    logger.stop()
+    assert [(e.name, e.count) for e in logger.snapshot().elements] == [("/log/x", 1), ("/log/later", 1)]
+
+
+def test_what_is_added_late_is_set_by_the_script_and_the_others_keep_what_was_set_since(new_logger, tmp_path):
+    script = tmp_path / "late.yaml"
+    script.write_text(
+        "log_elements: [{name: /log/x, enabled: true, divider: 7}, {name: /log/y, enabled: true, divider: 5}]"
+    )
+    logger = new_logger(script=script)
+    logger.array("x")
+    logger.update()
+    logger.set("x", divider=2)
+    logger.array("y")
+    logger.start()
+    assert [info.options.divider for info in logger.elements] == [2, 5]
+
+
+def test_what_is_added_late_is_not_set_by_a_script_that_was_not_to_be_read(new_logger, tmp_path):
+    script = tmp_path / "late.yaml"
+    script.write_text("log_elements: [{name: /log/y, enabled: true, divider: 5}]")
+    logger = new_logger(script=script)
+    logger.update(read_script=False)
+    logger.array("y")
+    logger.start()
+    assert logger.elements[0].options.divider == 1
+
+
+def test_an_element_that_is_removed_is_logged_no_more_and_the_others_keep_their_options(new_logger):
+    logger = new_logger()
+    for name in "abc":
+        logger.array(name, group="g")
+    logger.update()
+    logger.set("g/c", divider=3)
+    revision = logger.revision
+    assert logger.remove("g/b") == 1
+    assert logger.revision > revision
+    assert [(info.name, info.options.divider) for info in logger.elements] == [("/log/g/a", 1), ("/log/g/c", 3)]
+    logger.start()
+    logger.collect()
+    assert [e.name for e in logger.snapshot().elements] == ["/log/g/a", "/log/g/c"]
+
+
+def test_a_namespace_is_removed_with_what_waits_for_the_next_update(new_logger):
+    logger = new_logger()
+    logger.array("a", group="g")
+    logger.array("x")
+    logger.update()
+    logger.array("b", group="g")
+    assert logger.remove("g") == 2
+    logger.update()
+    assert [info.name for info in logger.elements] == ["/log/x"]
+
+
+def test_the_name_of_a_removed_element_can_be_given_again(new_logger):
+    logger = new_logger()
+    logger.array("x", 3)
+    logger.update()
+    logger.remove("x")
+    logger.array("x", 2)
+    logger.update()
+    assert logger.elements[0].shape == (2,)
+
+
+def test_what_was_logged_of_a_removed_element_can_still_be_saved(new_logger):
+    logger = new_logger()
+    logger.array("x")
+    logger.start()
+    logger.collect()
+    logger.stop()
+    logger.remove("x")
+    assert [e.name for e in logger.snapshot().elements] == ["/log/x"]
+
+
+def test_removing_while_running_is_refused(counting):
+    with pytest.raises(StateError, match="can't remove elements while logger 'test' runs"):
+        counting().remove("x")
 
 
 def test_update_is_refused_while_running(counting):
@@ -867,3 +944,8 @@ def test_what_was_saved_is_no_longer_unsaved(counting):
 def test_an_unknown_file_type_is_refused_with_those_that_there_are(counting):
     with pytest.raises(ElementError, match="unknown file type 'xls'; there are silo, csv and bag"):
         counting().save("xls")
+
+
+def test_a_logger_has_no_hook_for_missing_names():
+    # with one, Python looks `log.collect` up 8 ns slower in each tick
+    assert not hasattr(silo.Logger, "__getattr__")

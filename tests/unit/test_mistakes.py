@@ -1,6 +1,6 @@
 """Natural mistakes at every door of the Python API: each is told of by an error of silo that names what is wrong.
 
-A call with too many or unknown arguments, or an operator that signals lack, is Python's own TypeError.
+An operator that signals lack is Python's own TypeError.
 """
 
 import datetime
@@ -83,6 +83,82 @@ ADD = {
     "what fails when looked into": (lambda log: log.add(Hostile(), "h"), "looking into Hostile failed"),
     "a hostile name": (lambda log: log.add(Z, Hostile()), "got a Hostile"),
 }
+CALLS = {
+    "an argument misspelt": (
+        lambda log: log.add(Z, "z", dividr=2),
+        "log.add() has no argument 'dividr', did you mean 'divider'?",
+    ),
+    "the original's bufferSize": (
+        lambda log: log.add(Z, "z", bufferSize=9),
+        "did you mean 'buffer_size'?: write buffer_size=1000",
+    ),
+    "the original's bufferType": (lambda log: log.add(Z, "z", bufferType=1), "did you mean 'buffer_type'?"),
+    "a word of set": (lambda log: log.add(Z, "z", size=9), "did you mean 'buffer_size'?"),
+    "another word of set": (lambda log: log.add(Z, "z", buffer="looping"), "did you mean 'buffer_type'?"),
+    "a rate": (lambda log: log.add(Z, "z", rate=50), 'write divider=2 (every second tick) or divider="50Hz"'),
+    "units": (lambda log: log.add(Z, "z", units="m"), "did you mean 'unit'?"),
+    "a type": (lambda log: log.add(Z, "z", type="pose"), "did you mean 'kind'?"),
+    "a thing unheard of": (lambda log: log.add(Z, "z", colour=2), "no argument 'colour', it takes source, name, group"),
+    "nothing": (lambda log: log.add(), "log.add() needs source: write log.add(source, name=..."),
+    "a name alone": (lambda log: log.add("tau"), 'write log.add(tau, "tau")'),
+    "a name twice": (lambda log: log.add(Z, "z", name="z"), "got 'name' twice"),
+    "too much by place": (lambda log: log.add(Z, "z", "", "-", 1, 1, 9, 1, 5), "takes 8 arguments by place"),
+    "buffer size and type exchanged": (
+        lambda log: log.add(Z, "z", "", "-", 1, silo.Action.SAVE, silo.BufferType.LOOPING, 100),
+        "buffer type must be",
+    ),
+    "a type for a size": (
+        lambda log: log.add(Z, "z", buffer_size=silo.BufferType.LOOPING),
+        "buffer size must be a whole number from 1 to 2147483647, got 1, which is for buffer type: write "
+        "buffer_type='looping'",
+    ),
+    "a type for an action": (
+        lambda log: log.add(Z, "z", action=silo.BufferType.LOOPING),
+        "which is for buffer type: write buffer_type='looping'",
+    ),
+    "an action for a type": (
+        lambda log: log.add(Z, "z", buffer_type=silo.Action.SAVE),
+        "which is for action: write action='save'",
+    ),
+    "an action misspelt": (lambda log: log.add(Z, "z", action="pubish"), "got pubish; did you mean 'publish'?"),
+    "a member's name": (lambda log: log.add(Z, "z", action="Action.SAVE"), "did you mean 'save'?"),
+    "a ring": (lambda log: log.add(Z, "z", buffer_type="ring"), "did you mean 'looping'?"),
+    "a whole float": (lambda log: log.add(Z, "z", divider=500 / 100), "got 5.0; write divider=5"),
+    "half a tick": (lambda log: log.add(Z, "z", divider=2.5), "got 2.5; nothing was changed"),
+    "several dividers": (lambda log: log.add(Z, "z", divider=np.array([1, 2])), "divider must be a whole number"),
+    "a number for an action": (lambda log: log.add(Z, "z", action=7), "save (1), both (0) or publish (2), got 7"),
+    "None for a divider": (lambda log: log.add(Z, "z", divider=None), "divider must be a whole number"),
+    "a short kind": (lambda log: log.add(np.zeros(4), "z", kind="quat"), "unknown kind 'quat'"),
+    "a kind in capitals": (lambda log: log.add(np.zeros(4), "z", kind="Quaternion"), "did you mean 'quaternion'?"),
+    "array of nothing": (lambda log: log.array(), "log.array() needs name: write log.array(name, shape=..."),
+    "array with a misspelt argument": (
+        lambda log: log.array("q", 3, unt="rad"),
+        "log.array() has no argument 'unt', did you mean 'unit'?",
+    ),
+    "array with a unit by place": (
+        lambda log: log.array("q", 3, float, "rad"),
+        "takes 3 arguments by place (name, shape, dtype), got 4",
+    ),
+    "update by place": (
+        lambda log: log.update(False),
+        "takes no arguments by place, got 1; name the others: read_script=False",
+    ),
+    "update as the original": (lambda log: log.update(readScript=True), "did you mean 'read_script'?"),
+    "set a number by place": (lambda log: log.set("z", 2), "log.set() takes 1 argument by place (name), got 2"),
+    "start by place": (lambda log: log.start(True), "name the others: unsaved=True"),
+    "serve a group by place": (lambda log: log.serve("robot"), "name the others: group='robot'"),
+    "serve misspelt": (lambda log: log.serve(groups="x"), "did you mean 'group'?"),
+    "save by type": (lambda log: log.save(type="csv"), "log.save() has no argument 'type', did you mean 'types'?"),
+    "save to a path": (lambda log: log.save("csv", path="x"), "did you mean 'folder'?"),
+    "read nothing": (lambda log: log.read_new_values(), "needs name: write log.read_new_values(name)"),
+    "enable with a switch": (
+        lambda log: log.enable("z", False),
+        "log.enable() takes 1 argument by place (name), got 2",
+    ),
+    "close with an argument": (lambda log: log.close(True), "log.close() takes no arguments by place, got 1"),
+    "remove nothing": (lambda log: log.remove("/"), "name an element or a namespace"),
+    "remove what isn't there": (lambda log: log.remove("nope"), "no element or namespace 'nope'"),
+}
 ARRAY = {
     "a negative length": (lambda log: log.array("a", -1), "each length of shape must be a whole number from 0"),
     "a negative length in a tuple": (lambda log: log.array("a", (2, -3)), "got -3"),
@@ -107,6 +183,14 @@ ARRAY = {
     "a number for a unit": (lambda log: log.array("a", 3, unit=5), "unit must be a text"),
 }
 TABLE = {
+    "set a setting misspelt": (lambda log: log.set("z", dividr=2), "no setting 'dividr'; did you mean 'divider'?"),
+    "set a name misspelt": (
+        lambda log: log.set("zz", divider=2),
+        "no element or namespace 'zz'; did you mean '/log/z'?",
+    ),
+    "set a setting twice": (lambda log: log.set("z", divider=2, div=3), "divider is given twice"),
+    "set text for a switch": (lambda log: log.set("z", enabled="maybe"), "enabled must be on or off, got maybe"),
+    "remove a number": (lambda log: log.remove(5), "name must be a text, got 5"),
     "set a number": (lambda log: log.set(5, divider=5), "name must be a text, got 5"),
     "set None": (lambda log: log.set(None, divider=5), "name must be a text"),
     "set a list": (lambda log: log.set(["x", "z"], divider=2), "one call for each"),
@@ -129,6 +213,10 @@ DATA = {
     "save a number": (lambda log: log.save(5), "unknown file type 5; there are"),
     "save None": (lambda log: log.save(None), "unknown file type None"),
     "save a wrong word": (lambda log: log.save(["cvs"]), "did you mean 'csv'?"),
+    "save two in one text": (lambda log: log.save("csv, silo"), "write ['csv', 'silo']"),
+    "save a name as type": (lambda log: log.save("run.csv"), "log.save('csv', name='run')"),
+    "save what is converted": (lambda log: log.save("parquet"), "`silo convert` writes .parquet"),
+    "save as the original": (lambda log: log.save("binary"), "did you mean 'silo'?"),
     "save bytes": (lambda log: log.save(b"csv"), "unknown file type b'csv'"),
     "save an array": (lambda log: log.save(Z), "unknown file type"),
     "save under a number": (lambda log: log.save("csv", 5), "name must be a text, got 5"),
@@ -144,6 +232,31 @@ DATA = {
     "serve by a folder": (lambda log: log.serve(config="."), "config must be a file"),
 }
 MADE = {
+    "a short word for frequency": (
+        lambda: silo.Logger("a", freq=500),
+        "silo.Logger() has no argument 'freq', did you mean 'frequency'?",
+    ),
+    "the rate": (lambda: silo.Logger("a", rate=500), "did you mean 'frequency'?"),
+    "the name of the option": (lambda: silo.Logger("a", frequency_hz=500), "did you mean 'frequency'?"),
+    "the frequency by place": (
+        lambda: silo.Logger("a", 500),
+        "takes 1 argument by place (name), got 2; name the others: frequency=500",
+    ),
+    "a frequency with its unit": (lambda: silo.Logger("a", frequency="500Hz"), "got '500Hz'; write frequency=500"),
+    "a time with its unit": (lambda: silo.Logger("a", max_time="10 s"), "write max_time=10"),
+    "a blank in the name": (lambda: silo.Logger("my robot"), "write silo.Logger('my_robot')"),
+    "a storage misspelt": (lambda: silo.Logger("a", storage="dsik"), "did you mean storage='disk'?"),
+    "threads misspelt": (lambda: silo.Logger("a", threads="serialised"), "did you mean threads='serialized'?"),
+    "whole tiers in a float": (lambda: silo.Logger("a", size_tiers=2.0), "write size_tiers=2"),
+    "init misspelt": (lambda: silo.init("a", freq=500), "did you mean 'frequency'?"),
+    "add misspelt": (lambda: silo.add(Z, "z", dividr=2), "did you mean 'divider'?"),
+    "add to nothing misspelt": (lambda: NullLogger("a").add(Z, "z", dividr=2), "did you mean 'divider'?"),
+    "nothing made misspelt": (lambda: NullLogger("a", freq=2), "did you mean 'frequency'?"),
+    "open nothing": (silo.open_log, "silo.open_log() needs which"),
+    "register nothing": (silo.register, "silo.register() needs cls"),
+    "one frame": (lambda: silo.vector_at_position("a"), "needs position_frame"),
+    "a method of a logger": (lambda: silo.set("x", divider=2), "has no attribute 'set'; write silo.get_logger().set"),
+    "another word for open_log": (lambda: silo.load("x"), "did you mean 'silo.open_log'?"),
     "a float overflows": (lambda: silo.Logger("a", frequency=10**400), "frequency must be above 0"),
     "a list for storage": (lambda: silo.Logger("a", storage=["memory"]), "storage must be"),
     "a dict for threads": (lambda: silo.Logger("a", threads={}), "threads must be"),
@@ -259,6 +372,73 @@ def test_what_add_is_given_is_told_of_and_the_table_stays(mistake, log):
     told(lambda: call(log), words)
     log.update()
     assert log.elements == []
+
+
+@pytest.mark.parametrize("mistake", CALLS)
+def test_a_wrong_call_is_told_of_and_the_table_stays(mistake, log):
+    call, words = CALLS[mistake]
+    told(lambda: call(log), words)
+    log.update()
+    assert log.elements == []
+
+
+def test_a_wrong_call_is_a_type_error_too(log):
+    with pytest.raises(TypeError):
+        log.add(Z, "z", dividr=2)
+
+
+def test_a_type_error_of_the_programs_own_is_not_taken_for_a_wrong_call(log):
+    class Own:
+        @property
+        def x(self):
+            return len(5)
+
+    with pytest.raises(silo.SourceError, match="has no len"):
+        log.add(Own(), attr="x")
+
+
+GIVEN = {
+    "a number of NumPy": ({"divider": np.int64(2)}, "divider", 2),
+    "an array of one": ({"divider": np.array(2)}, "divider", 2),
+    "a rate": ({"divider": "50Hz"}, "divider", 2),
+    "a word": ({"action": "publish"}, "action", silo.Action.PUBLISH),
+    "a word in capitals": ({"action": "SAVE_AND_PUBLISH"}, "action", silo.Action.SAVE_AND_PUBLISH),
+    "a word with blanks": ({"action": "save and publish"}, "action", silo.Action.SAVE_AND_PUBLISH),
+    "an action's number": ({"action": np.int32(2)}, "action", silo.Action.PUBLISH),
+    "a buffer": ({"buffer_type": "growing"}, "buffer_type", silo.BufferType.GROWING),
+    "the original's buffer": ({"buffer_type": "EXPONENTIALLY_GROWING"}, "buffer_type", silo.BufferType.GROWING),
+    "a time": ({"buffer_size": "10 s"}, "buffer_size", 1000),
+    "a bool of NumPy": ({"enabled": np.False_}, "enabled", False),
+    "a word for off": ({"enabled": "no"}, "enabled", False),
+}
+
+
+@pytest.mark.parametrize("what", GIVEN)
+def test_options_are_taken_as_words_numbers_and_members(what, log):
+    given, option, value = GIVEN[what]
+    log.add(Z, "z", **given)
+    log.update()
+    assert getattr(log.elements[0].options, option) == value
+
+
+def test_arguments_of_the_original_are_taken_in_its_order(log):
+    log.add(Z, "z", "joints", "rad", 2, "publish", 100, "growing")
+    log.update()
+    (info,) = log.elements
+    assert (info.name, info.unit) == ("/log/joints/z", "rad")
+    assert info.options == silo.ElementOptions(True, 2, silo.Action.PUBLISH, silo.BufferType.GROWING, 100)
+
+
+def test_words_of_the_logger_are_taken_in_any_case(new_logger):
+    made = new_logger(storage="MEMORY", threads="Serialized", checked=np.True_)
+    assert (made.options.storage, made.options.threads) == (silo.Storage.MEMORY, silo.Threads.SERIALIZED)
+    assert made.options.checked is True
+
+
+def test_members_are_found_by_their_names():
+    assert silo.Action("publish") is silo.Action.PUBLISH
+    assert silo.BufferType("Growing") is silo.BufferType.GROWING
+    assert silo.FileType("csv") is silo.FileType.CSV
 
 
 @pytest.mark.parametrize("mistake", ARRAY)

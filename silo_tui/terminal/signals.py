@@ -1,17 +1,12 @@
-"""What depends on the terminal that we run in: SSH, a stalled link, a terminal that went away."""
+"""What tells of the terminal from outside: SSH, and signals that it went away."""
 
 import os
 import signal
 import threading
 from asyncio import AbstractEventLoop
 from collections.abc import Callable
-from typing import Any
 
-from textual.app import App
-
-# a frame is one or two writes; more of them waiting means that the terminal takes them slower than we paint
-BACKLOG_LIMIT = 2
-GRACE_S = 3.0
+GRACE_S = 1.5
 
 
 def over_ssh() -> bool:
@@ -19,15 +14,9 @@ def over_ssh() -> bool:
     return any(name in os.environ for name in ("SSH_CONNECTION", "SSH_TTY", "SSH_CLIENT"))
 
 
-def backed_up(app: App[Any]) -> bool:
-    """Return whether the terminal lags: then live paints wait. With 30 writes queued Textual's event loop blocks.
-
-    The queue is private to Textual; this is the only place that looks at it.
-    """
-    driver = app._driver
-    writer = getattr(driver, "_writer_thread", None)
-    queue = getattr(writer, "_queue", None)
-    return queue is not None and queue.qsize() > BACKLOG_LIMIT
+def mouse_wanted(word: str) -> bool:
+    """Return whether the mouse is taken, by the word of the settings."""
+    return not over_ssh() if word == "auto" else word == "on"
 
 
 def end_on_signals(loop: AbstractEventLoop, leave: Callable[[], None], last_words: Callable[[], None]) -> None:

@@ -101,6 +101,12 @@ def factor(unit: str, to: str) -> float | None:
     return mine / theirs if words == other_words else None
 
 
+def size(unit: str) -> float | None:
+    """Return what one of this unit is in SI units without prefix (`ms`: 0.001); None where it isn't known."""
+    mine, words = _meaning(unit)
+    return mine if all(word == "cycle" or _known(word) for word in words) else None
+
+
 def _times(one: Mapping[str, Fraction], other: Mapping[str, Fraction], exponent: Fraction | int = 1) -> Formula:
     made = dict(one)
     for word, own in other.items():

@@ -1,0 +1,108 @@
+"""Limits and conditions judged on a recording: what `silo check` finds. Pure functions on a `Recording`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from silo.analysis.expressions import RecordingJudge
+from silo.judging.binding import bind
+from silo.judging.evaluation import FALSE, TRUE, UNOBSERVABLE
+from silo.judging.extras import bind_limits, scalar_names
+from silo.judging.limits import Level, Limit, Violation
+from silo.model import SignalLimits
+from silo.recording import Recording
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One limit of one scalar, or one condition, and what became of it. Times are seconds since the log's start.
+
+    `violations` counts stretches, `samples` the samples in them. `worst` is `RED_HIGH` ... , `GREEN` where there was no
+    violation, `UNOBSERVABLE` where nothing could be judged. Of a condition there is no peak.
+    """
+
+    what: str
+    worst: str
+    violations: int = 0
+    samples: int = 0
+    first_s: float | None = None
+    peak: float | None = None
+    peak_s: float | None = None
+    unit: str = ""
+    stale: int = 0
+
+    @property
+    def violated(self) -> bool:
+        """Whether it was, if only for one sample."""
+        return self.violations > 0 or self.stale > 0
+
+
+def check(
+    recording: Recording, limits: Sequence[SignalLimits], never: Sequence[str] = (), always: Sequence[str] = ()
+) -> list[Finding]:
+    """Return what limits and conditions found, in their order: each scalar of a signal is one finding.
+
+    `never` are conditions that must not be true, `always` ones that must not be false. Raises ElementError, with the
+    place in the expression where it is one.
+    """
+    judge = RecordingJudge(recording)
+    found = [finding for one in limits for finding in _limited(judge, recording, one)]
+    found += [_conditioned(judge, recording, text, TRUE, f"never {text}") for text in never]
+    return found + [_conditioned(judge, recording, text, FALSE, f"always {text}") for text in always]
+
+
+def _limited(judge: RecordingJudge, recording: Recording, limits: SignalLimits) -> list[Finding]:
+    rule, expressions = bind_limits(limits, judge.catalogue)
+    signal = expressions[0]
+    limit = Limit(rule, max(signal.width, 1))
+    found: list[dict[int, Violation]] = [{} for _ in limit.states]
+    judged_any = np.zeros(len(limit.states), bool)
+    start_ns = last_ns = int(recording.time_ns[0]) if len(recording.time_ns) else 0
+    for judged in judge.batches(*expressions):
+        if not len(judged.ticks):
+            continue
+        # held values of a slower signal are no new samples
+        own = np.ones(len(judged.ticks), bool)
+        if len(expressions) > 1:
+            own = judge.has_sample(signal, judged.ticks)
+        values = judged.numbers()[own].reshape(-1, len(limit.states))
+        context = judged.codes(1)[own] if len(expressions) > 1 else None
+        for violation in limit.feed(judged.ticks[own], judged.time_ns[own], values, context):
+            found[violation.entry][violation.number] = violation
+        fine = ~np.isnan(values) if context is None else ~np.isnan(values) & (context == TRUE)[:, None]
+        judged_any |= fine.any(axis=0)
+        last_ns = int(judged.time_ns[-1])
+    limit.check_stale(last_ns)
+    names = scalar_names(signal, judge.catalogue, limits.name)
+    return [
+        _finding(name, violations, stale=state.stale_count, unit=signal.unit, start_ns=start_ns, known=known)
+        for name, violations, state, known in zip(
+            names, found, limit.states, judged_any.tolist(), strict=True
+        )
+    ]  # fmt: skip
+
+
+def _finding(name: str, found: dict[int, Violation], *, stale: int, unit: str, start_ns: int, known: bool) -> Finding:
+    violations = list(found.values())
+    if not violations:
+        return Finding(name, Level.GREEN.name if known else "UNOBSERVABLE", unit=unit, stale=stale)
+    most = max(violations, key=lambda one: (abs(one.worst), abs(one.peak)))
+    return Finding(
+        name, most.worst.name, len(violations), sum(one.samples for one in violations),
+        (violations[0].first_ns - start_ns) * 1e-9, most.peak, (most.peak_ns - start_ns) * 1e-9, unit, stale,
+    )  # fmt: skip
+
+
+def _conditioned(judge: RecordingJudge, recording: Recording, text: str, bad: int, what: str) -> Finding:
+    """Each stretch of ticks at which a condition is what it must not be is one violation."""
+    bound = bind(text, judge.catalogue).condition()
+    batches = list(judge.batches(bound))
+    codes = np.concatenate([judged.codes() for judged in batches] or [np.zeros(0, np.int8)])
+    times = np.concatenate([judged.time_ns for judged in batches] or [np.zeros(0, np.int64)])
+    wrong = codes == bad
+    if not wrong.any():
+        return Finding(what, "UNOBSERVABLE" if (codes == UNOBSERVABLE).all() else Level.GREEN.name)
+    begins = np.flatnonzero(wrong & ~np.concatenate([[False], wrong[:-1]]))
+    first_s = float(times[begins[0]] - recording.time_ns[0]) * 1e-9
+    return Finding(what, "VIOLATED", len(begins), int(wrong.sum()), first_s)

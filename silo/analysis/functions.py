@@ -1,0 +1,190 @@
+"""NumPy's functions on signals: what keeps its meaning keeps its unit, what would lose it is refused in words.
+
+`Signal.__array_ufunc__` and `Signal.__array_function__` come here. Reductions give plain numbers, as for arrays.
+"""
+
+import operator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from silo import units
+from silo.analysis.arithmetic import combined, compared, wide
+from silo.analysis.samples import Samples
+from silo.errors import ElementError
+
+One = TypeVar("One", bound=Samples)
+
+_SIGNS = {
+    np.add: "+", np.subtract: "-", np.multiply: "*", np.true_divide: "/", np.floor_divide: "//", np.power: "**",
+    np.float_power: "**", np.remainder: "%", np.fmod: "%", np.maximum: "max", np.minimum: "min", np.fmax: "max",
+    np.fmin: "min", np.hypot: "hypot", np.arctan2: "arctan2",
+}  # fmt: skip
+_COMPARISONS = {
+    np.less: (operator.lt, "<"), np.less_equal: (operator.le, "<="), np.greater: (operator.gt, ">"),
+    np.greater_equal: (operator.ge, ">="), np.equal: (operator.eq, "=="), np.not_equal: (operator.ne, "!="),
+}  # fmt: skip
+_KEEP = {
+    np.negative, np.positive, np.absolute, np.fabs, np.floor, np.ceil, np.rint, np.trunc, np.conjugate,
+}  # fmt: skip
+_POWERS = {np.sqrt: 0.5, np.square: 2.0, np.cbrt: 1 / 3, np.reciprocal: -1.0}
+_OF_ANGLES = {np.sin, np.cos, np.tan}
+_TO_ANGLES = {np.arcsin, np.arccos, np.arctan}
+_OF_NUMBERS = {
+    np.exp, np.exp2, np.expm1, np.log, np.log2, np.log10, np.log1p, np.sinh, np.cosh, np.tanh, np.arcsinh, np.arccosh,
+    np.arctanh,
+}  # fmt: skip
+_TESTS = {np.isnan, np.isfinite, np.isinf, np.signbit, np.sign, np.logical_not}
+_LOGIC = {
+    np.logical_and: "and", np.logical_or: "or", np.logical_xor: "xor", np.bitwise_and: "&", np.bitwise_or: "|",
+    np.bitwise_xor: "^", np.left_shift: "<<", np.right_shift: ">>",
+}  # fmt: skip
+# of functions that are no ufuncs: those whose result is a signal of the same unit
+_KEPT = {np.clip, np.round, np.around, np.nan_to_num, np.unwrap, np.real, np.imag, np.cumsum, np.copy}
+_JOINING = {np.concatenate, np.append, np.hstack}  # of whatever stamps
+
+
+def ufunc_of(signal: One, ufunc: np.ufunc, method: str, inputs: tuple[Any, ...], keywords: dict[str, Any]) -> Any:
+    """Return what a ufunc makes of signals, numbers and arrays. Raises ElementError for what has no meaning."""
+    if keywords.get("out") is not None:
+        raise ElementError(
+            f"np.{ufunc.__name__} can't write signals into an array (out=, or array += signal): write "
+            "array = array + signal.values"
+        )
+    if method != "__call__" or set(keywords) - {"out", "dtype", "where"} or keywords.get("where", True) is not True:
+        plain = [one.values if isinstance(one, Samples) else one for one in inputs]
+        _check_together(ufunc.__name__, inputs)
+        return getattr(ufunc, method)(*plain, **keywords)
+    if len(inputs) == 1:
+        return _unary(signal, ufunc)
+    if len(inputs) != 2:
+        raise _no_meaning(ufunc)
+    swapped = not isinstance(inputs[0], Samples)
+    one, other = (inputs[1], inputs[0]) if swapped else inputs
+    if ufunc in _COMPARISONS:
+        function, sign = _COMPARISONS[ufunc]
+        return compared(one, other, function, sign, swapped)
+    if ufunc in _LOGIC:
+        return logical(one, other, ufunc, _LOGIC[ufunc], swapped)
+    if ufunc not in _SIGNS:
+        raise _no_meaning(ufunc)
+    made = combined(one, other, ufunc, _SIGNS[ufunc], swapped)
+    return replace(made, unit="rad") if ufunc is np.arctan2 else made
+
+
+def logical(one: One, other: Any, function: Callable[[Any, Any], Any], sign: str, swapped: bool = False) -> One:
+    """Return `&`, `|` and `^` of bools or whole numbers; units have no meaning then."""
+    kinds = [np.asarray(each.values if isinstance(each, Samples) else each).dtype.kind for each in (one, other)]
+    if not set(kinds) <= set("biu"):
+        raise ElementError(
+            f"'{one.name}' {sign} ... takes truths or whole numbers: write (a > 1) & (b < 2), with parentheses"
+        )
+    bare = [replace(each, unit="-") if isinstance(each, Samples) else each for each in (one, other)]
+    truths = kinds == ["b", "b"]
+
+    def apply(left: Any, right: Any) -> Any:
+        return function(np.asarray(left, bool), np.asarray(right, bool)) if truths else function(left, right)
+
+    made: One = combined(bare[0], bare[1], apply, sign, swapped)
+    return made
+
+
+def _unary(signal: One, ufunc: np.ufunc) -> One:
+    name, unit, values = ufunc.__name__, signal.unit, wide(signal)
+    if ufunc in _KEEP:
+        pass
+    elif ufunc in _POWERS:
+        unit = unit if unit in ("", "-") else units.power(unit, _POWERS[ufunc])
+        values = values.astype(np.promote_types(values.dtype, np.float64)) if ufunc is not np.square else values
+    elif ufunc in _OF_ANGLES or ufunc in _OF_NUMBERS or ufunc in _TO_ANGLES:
+        values, unit = values * _plain_factor(signal, name), "rad" if ufunc in _TO_ANGLES else "-"
+    elif ufunc in (np.deg2rad, np.radians, np.rad2deg, np.degrees):
+        before, unit = ("deg", "rad") if ufunc in (np.deg2rad, np.radians) else ("rad", "deg")
+        if signal.unit not in ("", "-") and not units.same(signal.unit, before):
+            raise ElementError(f"np.{name} takes '{before}', but '{signal.name}' is in '{signal.unit}'")
+    elif ufunc in _TESTS:
+        unit = "-"
+    elif ufunc is np.invert and signal.values.dtype.kind in "biu":
+        values, unit = signal.values, "-"
+    else:
+        raise _no_meaning(ufunc)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        made = ufunc(values)
+    return replace(signal, name=f"{name}({signal.name})", values=made, unit=unit, labels={})
+
+
+def _plain_factor(signal: Samples, name: str) -> float:
+    """By what values are multiplied to be plain numbers (radians, of angles)."""
+    factor = 1.0 if signal.unit in ("", "-") else units.factor(signal.unit, "rad")
+    if factor is None:
+        raise ElementError(
+            f"np.{name} takes numbers or angles, but '{signal.name}' is in '{signal.unit}'; divide it by a reference "
+            "of that unit, or drop the unit by .with_unit('-')"
+        )
+    return factor
+
+
+def _plain_angle(signal: Samples) -> None:
+    if signal.unit not in ("", "-") and not units.same(signal.unit, "rad"):
+        raise ElementError(
+            f"np.unwrap takes radians, but '{signal.name}' is in '{signal.unit}'; write np.unwrap(signal.to('rad'))"
+        )
+
+
+def _no_meaning(ufunc: np.ufunc) -> ElementError:
+    return ElementError(f"np.{ufunc.__name__} has no meaning for signals; for plain arrays write signal.values")
+
+
+def function_of(function: Callable[..., Any], args: Any, keywords: dict[str, Any]) -> Any:
+    """Return what another function of NumPy makes: plain arrays and numbers, or a signal where its samples stay.
+
+    Raises ElementError where several signals differ in unit or stamps.
+    """
+    signals = list(_signals([args, keywords]))
+    _check_together(function.__name__, signals, stamps=function not in _JOINING)
+    if function is np.unwrap and signals and "period" not in keywords:
+        _plain_angle(signals[0])
+    made = function(*_plain(args), **_plain(keywords))
+    first = args[0] if args else None
+    if function in _KEPT and isinstance(first, Samples) and np.shape(made) == first.values.shape:
+        name = f"{function.__name__}({first.name})"
+        return replace(first, name=name, values=made, labels={})
+    return made
+
+
+def _check_together(name: str, given: Any, stamps: bool = True) -> None:
+    signals = list(_signals(given))
+    for other in signals[1:]:
+        one = signals[0]
+        if not units.same(one.unit, other.unit) and "b" not in (one.dtype.kind, other.dtype.kind):
+            raise ElementError(
+                f"np.{name} of '{one.name}' and '{other.name}': the unit of one is '{one.unit}', of the other "
+                f"'{other.unit}'; convert one by .to(...), or take .values"
+            )
+        if stamps and not np.array_equal(one.time_ns, other.time_ns):
+            raise ElementError(
+                f"np.{name} of '{one.name}' and '{other.name}': they have samples at different times; write "
+                "other.resample(one) first"
+            )
+
+
+def _signals(given: Any) -> Iterator[Samples]:
+    if isinstance(given, Samples):
+        yield given
+    elif isinstance(given, list | tuple):
+        for one in given:
+            yield from _signals(one)
+    elif isinstance(given, dict):
+        yield from _signals(list(given.values()))
+
+
+def _plain(given: Any) -> Any:
+    if isinstance(given, Samples):
+        return given.values
+    if isinstance(given, list | tuple):
+        return type(given)([_plain(one) for one in given])
+    if isinstance(given, dict):
+        return {key: _plain(one) for key, one in given.items()}
+    return given

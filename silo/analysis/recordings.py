@@ -1,0 +1,69 @@
+"""Parts of a recording, and the same at other times: what `Log.clip` and `Log.resample` give.
+
+Pure functions on a `Recording`; values stay views of the file where they can.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.model import BufferType
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+
+def clipped(recording: Recording, first_ns: int, last_ns: int) -> Recording:
+    """Return the ticks with stamps from `first_ns` to `last_ns`, both included, and what was logged at them."""
+    low = int(np.searchsorted(recording.time_ns, first_ns, side="left"))
+    high = max(low, int(np.searchsorted(recording.time_ns, last_ns, side="right")))
+    elements = tuple(_between(element, low, high) for element in recording.elements)
+    offset = recording.offset - (len(recording.time_ns) - high)
+    return replace(recording, time_ns=recording.time_ns[low:high], offset=max(offset, 0), elements=elements)
+
+
+def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
+    """The samples of an element that belong to the ticks `low <= tick < high`."""
+    begin = min(max(0, -((element.first - low) // element.divider)), element.count)
+    end = min(max(begin, -((element.first - high) // element.divider)), element.count)
+    first = element.first + begin * element.divider - low
+    entries = tuple(replace(entry, values=entry.values[begin:end]) for entry in element.entries)
+    # a stretch from the middle is what a growing buffer would have held
+    return replace(element, first=max(first, 0), entries=entries, buffer_type=BufferType.GROWING)
+
+
+def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) -> Recording:
+    """Return every element at the same stamps: the value that held, or, of real numbers, what lies between.
+
+    Stamps before an element's first sample have none of it; with `linear` those after its last neither.
+    """
+    elements = tuple(_at(recording, element, time_ns, linear) for element in recording.elements)
+    rate = None
+    if len(time_ns) > 1:
+        rate = float((len(time_ns) - 1) / ((time_ns[-1] - time_ns[0]) * 1e-9))
+    return replace(
+        recording, time_ns=time_ns, offset=len(time_ns), elements=elements, frequency_hz=rate, time_looping=False
+    )
+
+
+def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int64], linear: bool) -> RecordedElement:
+    stop = element.first + element.count * element.divider
+    own = recording.time_ns[element.first : stop : element.divider]
+    places = np.searchsorted(own, time_ns, side="right") - 1
+    begin = int(np.searchsorted(places, 0))
+    smooth = linear and all(e.values.dtype.kind == "f" for e in element.entries)
+    end = int(np.searchsorted(time_ns, own[-1], side="right")) if smooth and len(own) else len(time_ns)
+    places = places[begin : max(begin, end)]
+    wanted = time_ns[begin : max(begin, end)]
+
+    def values(entry: RecordedEntry) -> NDArray[Any]:
+        if not smooth or not len(own):
+            return entry.values[places]
+        zero = own[0]  # doubles hold nanoseconds only over a few months
+        made = np.interp((wanted - zero).astype(float), (own - zero).astype(float), entry.values.astype(float))
+        found: NDArray[Any] = made.astype(entry.values.dtype)
+        return found
+
+    entries = tuple(replace(entry, values=values(entry)) for entry in element.entries)
+    first = begin if len(places) else 0
+    return replace(element, divider=1, first=first, entries=entries, buffer_type=BufferType.GROWING)

@@ -1,0 +1,159 @@
+"""Wrong calls, told in the words of the caller: an argument that isn't there, one too many, one that is missing.
+
+`told` stands over the functions and classes that programs call. It costs a call 0.1 us and nothing else; `collect()` is
+left out. Type checkers see the signatures as they are.
+"""
+
+import inspect
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+from silo.errors import ArgumentError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+C = TypeVar("C", bound=type)
+
+# what people call an argument, by what it is called here; of several, the first that the function has
+SYNONYMS = {
+    "frequency": ("freq", "hz", "rate", "frequencyhz", "samplerate", "fs"),
+    "divider": ("decimation", "every", "rate", "freq", "frequency", "hz"),
+    "max_time": ("duration", "maxlogtime", "maxloggingtime", "seconds", "maxtimes"),
+    "buffer_size": ("size", "length", "capacity", "samples", "bufsize", "buffer"),
+    "buffer_type": ("buffer", "buf", "mode"),
+    "action": ("act", "publish", "logaction"),
+    "enabled": ("on", "log", "logging", "enable", "active"),
+    "description": ("desc", "doc", "help", "comment"),
+    "kind": ("type",),
+    "types": ("type", "filetype", "filetypes", "format", "formats", "ending"),
+    "folder": ("path", "dir", "directory", "outdir", "collectpath"),
+    "name": ("filename", "title", "log"),
+    "group": ("namespace", "ns", "prefix"),
+    "prefix": ("namespace", "ns", "group"),
+    "script": ("config", "yaml", "file", "scriptfilename"),
+    "source": ("var", "variable", "value", "array", "data"),
+    "timeout_s": ("timeout",),
+    "start_s": ("start", "begin", "t0", "tmin"),
+    "stop_s": ("stop", "end", "t1", "tmax"),
+    "dtype": ("type",),
+    "string_bytes": ("strlen", "stringlength", "maxlength"),
+}
+EXAMPLES = {"divider": 'divider=2 (every second tick) or divider="50Hz"', "buffer_size": 'buffer_size=1000 or "10s"'}
+
+
+def told(label: str, bound: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Make a function raise ArgumentError for a wrong call. `label` is how it is called: `log.add`.
+
+    bound: its first argument is the object, or the class, that the caller doesn't write.
+    """
+
+    def wrapped(function: Callable[P, R]) -> Callable[P, R]:
+        @wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> R:
+            try:
+                return function(*args, **kwargs)
+            except TypeError as error:
+                # raised within the function, it has passed through more than this frame
+                if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+                    raise
+                raise ArgumentError(call_problem(label, function, args, kwargs, bound) or str(error)) from None
+
+        return call
+
+    return wrapped
+
+
+def told_class(label: str, make: str = "", leave: Iterable[str] = ()) -> Callable[[C], C]:
+    """Put `told` over all public methods of a class, and over making one if that is written `make`."""
+
+    def wrapped(cls: C) -> C:
+        done: dict[object, object] = {}  # an alias stays the same function
+        for name, found in list(vars(cls).items()):
+            if name in leave or (name.startswith("_") and not (make and name == "__init__")):
+                continue
+            shown = make if name == "__init__" else f"{label}.{name}"
+            if inspect.isfunction(found):
+                setattr(cls, name, done.setdefault(found, told(shown, bound=True)(found)))
+            elif isinstance(found, classmethod):
+                setattr(cls, name, classmethod(told(f"{cls.__name__}.{name}", bound=True)(found.__func__)))
+        return cls
+
+    return wrapped
+
+
+def call_problem(
+    label: str, function: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any], bound: bool = False
+) -> str:
+    """What is wrong in a call, empty if nothing is."""
+    parameters = list(inspect.signature(function).parameters.values())
+    if bound:
+        parameters, args = parameters[1:], args[1:]
+    keywords = [p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    by_place = [p.name for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    others = any(p.kind is p.VAR_KEYWORD for p in parameters)
+    for key in kwargs:
+        if key not in keywords and not others:
+            return unknown_argument(label, key, keywords)
+    taken = by_place[: len(args)]
+    twice = next((name for name in taken if name in kwargs), "")
+    if twice:
+        return f"{label}() got {twice!r} twice, by its place and by its name; nothing was done"
+    missing = [p.name for p in parameters if p.default is p.empty and p.name in keywords]
+    missing = [name for name in missing if name not in taken and name not in kwargs]
+    if missing:
+        # the names of required arguments come first in each signature
+        return f"{label}() needs {' and '.join(missing)}: write {label}({', '.join(_usage(parameters))})"
+    if len(args) > len(by_place) and not any(p.kind is p.VAR_POSITIONAL for p in parameters):
+        left = [name for name in keywords if name not in by_place and name not in kwargs]
+        way_out = f"; name the others: {left[0]}={_shown(args[len(by_place)])}" if left else ""
+        if others:
+            way_out = "; name the others: divider=5, action='publish'"
+        listed = f" ({', '.join(by_place)})" if by_place else ""
+        most = f"{len(by_place) or 'no'} argument{'' if len(by_place) == 1 else 's'}"
+        return f"{label}() takes {most} by place{listed}, got {len(args)}{way_out}; nothing was done"
+    return ""
+
+
+def unknown_argument(label: str, key: str, known: Iterable[str]) -> str:
+    """The message for an argument that a function lacks, with what was meant."""
+    known = list(known)
+    if not known:
+        return f"{label}() takes no arguments, got {key!r}; nothing was done"
+    found = _meant(key, known)
+    if found:
+        example = f": write {EXAMPLES[found]}" if found in EXAMPLES else ""
+        return f"{label}() has no argument {key!r}, did you mean {found!r}?{example}; nothing was done"
+    return f"{label}() has no argument {key!r}, it takes {', '.join(known)}; nothing was done"
+
+
+def _meant(key: str, known: list[str]) -> str:
+    plain = {_plain(name): name for name in known}
+    asked = _plain(key)
+    if asked in plain:  # bufferSize, buffersize, BUFFER_SIZE
+        return plain[asked]
+    near = get_close_matches(asked, plain, 1, 0.75)
+    if near:
+        return plain[near[0]]
+    synonym = next((name for name, words in SYNONYMS.items() if asked in words and name in known), "")
+    near = [] if synonym else get_close_matches(asked, plain, 1, 0.6)
+    return synonym or (plain[near[0]] if near else "")
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", "").lower()
+
+
+def _usage(parameters: list[inspect.Parameter]) -> list[str]:
+    usage = [p.name for p in parameters if p.default is p.empty and p.kind is p.POSITIONAL_OR_KEYWORD]
+    optional = [f"{p.name}=..." for p in parameters if p.default is not p.empty]
+    return [*usage, *optional[:3], *(["..."] if len(optional) > 3 else [])]
+
+
+def _shown(value: object) -> str:
+    try:
+        words = " ".join(repr(value).split())
+    except Exception:  # noqa: BLE001  # the mistake that is told of is another one
+        words = "..."
+    return words if len(words) <= 40 else "..."

@@ -1,0 +1,100 @@
+"""`silo check FILE`: limits and conditions judged on a log, with an exit code for scripts."""
+
+import sys
+from typing import TYPE_CHECKING
+
+import click
+import msgspec
+
+from silo.cli.common import show_rows
+from silo.errors import SiloError
+
+if TYPE_CHECKING:
+    from silo.analysis.checking import Finding
+    from silo.model import SignalLimits
+
+EXIT_VIOLATED = 1
+EXIT_UNJUDGED = 2  # the file or an expression can't be read, or nothing was given to judge by
+
+
+@click.command("check")
+@click.argument("file")
+@click.option("-l", "--limit", "limits", multiple=True, metavar="NAME=LIMITS",
+              help="red_low,yellow_low,yellow_high,red_high of a signal; - for one that there isn't.")  # fmt: skip
+@click.option("--when", default="", metavar="EXPRESSION", help="Judge the limits given here only where this holds.")
+@click.option("--never", multiple=True, metavar="EXPRESSION", help="Must be true at no tick.")
+@click.option("--always", multiple=True, metavar="EXPRESSION", help="Must be false at no tick.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
+def check_command(
+    file: str, limits: tuple[str, ...], when: str, never: tuple[str, ...], always: tuple[str, ...], as_json: bool
+) -> int:
+    """Judge a log by the limits that stand in it, and by what is given here. Every sample counts.
+
+    \b
+    Examples:
+      silo check run.silo
+      silo check run.silo --limit joints/tau=-40,-30,30,40 --when 'controller/mode == STANCE'
+      silo check run.silo --never 'abs(base/roll) > 0.6' --always 'battery/voltage > 21V'
+
+    \b
+    Exit codes:
+      0  nothing was violated        1  something was        2  it could not be judged
+    """
+    from silo.analysis.checking import check
+    from silo.files.formats import read_recording
+    from silo.files.naming import find_log
+
+    try:
+        recording = read_recording(find_log(file))
+        asked = [*recording.extras.limits, *(_limits(text, when) for text in limits)]
+        if not (asked or never or always):
+            raise click.UsageError(
+                "the log has no limits: give some, --limit joints/tau=-40,-30,30,40 or --never 'abs(base/roll) > 0.6'"
+            )
+        found = check(recording, asked, never, always)
+    except SiloError as error:
+        click.echo(f"silo: {error}", err=True)
+        return EXIT_UNJUDGED
+    _show(found, as_json=as_json)
+    for warning in recording.warnings:
+        click.echo(f"warning: {warning}", err=True)
+    return EXIT_VIOLATED if any(one.violated for one in found) else 0
+
+
+def _limits(text: str, when: str) -> "SignalLimits":
+    from silo.model import SignalLimits
+
+    name, sign, rest = text.rpartition("=")
+    words = [word.strip() for word in rest.split(",")]
+    if not sign or not name.strip() or len(words) != 4:
+        raise click.UsageError(
+            f"'{text}' are no limits: write NAME=red_low,yellow_low,yellow_high,red_high, - for one that there isn't"
+        )
+    try:
+        low, warn_low, warn_high, high = (None if word in ("-", "") else float(word) for word in words)
+    except ValueError:
+        raise click.UsageError(f"'{text}': a limit is a number, or - where there is none") from None
+    return SignalLimits(name.strip(), (low, warn_low, warn_high, high), when=when)
+
+
+def _show(found: "list[Finding]", *, as_json: bool) -> None:
+    if as_json:
+        click.echo(msgspec.json.encode(found).decode())
+        return
+    worst_first = sorted(found, key=lambda one: (not one.violated, not one.worst.startswith(("RED", "VIOLATED"))))
+    rows = [["what", "worst", "times", "samples", "first", "peak", "at"]]
+    for one in worst_first:
+        peak = "" if one.peak is None else f"{one.peak:.6g}{'' if one.unit in ('', '-') else ' ' + one.unit}"
+        word = one.worst.lower().replace("_", " ")
+        rows.append([
+            one.what, word + (f", stale {one.stale}x" if one.stale else ""), str(one.violations), str(one.samples),
+            _at(one.first_s), peak, _at(one.peak_s),
+        ])  # fmt: skip
+    show_rows(rows, right=(2, 3, 4, 5, 6))
+    violated = sum(one.violated for one in found)
+    click.echo(f"{violated} of {len(found)} violated" if violated else f"nothing violated ({len(found)} judged)")
+    sys.stdout.flush()
+
+
+def _at(seconds: float | None) -> str:
+    return "" if seconds is None else f"{seconds:.6g} s"

@@ -1,0 +1,21 @@
+"""How things show themselves in notebooks: a caption and a table, as HTML without styles of its own."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+MOST_ROWS = 60  # in a notebook; nobody reads 10,000
+
+
+def html_table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[object]], more: str = "") -> str:
+    """Return a table; of many rows the first, and how many there are besides."""
+    shown = list(rows)
+    left = len(shown) - MOST_ROWS
+    body = "".join(_row(row, "td") for row in shown[:MOST_ROWS])
+    below = f"<p>and {left} more</p>" if left > 0 else ""
+    note = f"<p>{escape(more)}</p>" if more else ""
+    head = f"<thead>{_row(heads, 'th')}</thead>" if shown else ""
+    return f"<p><b>{escape(caption)}</b></p><table>{head}<tbody>{body}</tbody></table>{below}{note}"
+
+
+def _row(cells: Sequence[object], tag: str) -> str:
+    return "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"

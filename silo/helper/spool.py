@@ -1,0 +1,126 @@
+"""The rows of one capture while it is under way: copied from the rings at once, before anything overwrites them."""
+
+import dataclasses
+
+import msgspec
+import numpy as np
+
+from silo.collecting.reasons import LostWhy
+from silo.collecting.rows import Rows
+from silo.collecting.schema import TIME_RING, ElementSchema, SegmentSchema
+from silo.collecting.segment_reader import SegmentReader
+from silo.collecting.snapshot import snapshot
+from silo.judging.triggers import Capture
+from silo.model import BufferType, CaptureFacts
+from silo.recording import Failures, Recording
+
+
+class Spool:
+    """Rows of ticks `capture.first` to `capture.last` of all elements that are saved: a `RowSource`."""
+
+    def __init__(self, trigger: str, capture: Capture, reader: SegmentReader) -> None:
+        self.trigger = trigger
+        self.capture = capture
+        self._reader = reader
+        elements = [element for element in reader.schema.elements if element.info.options.action.saves]
+        self._rings = {TIME_RING, *(element.ring for element in elements)}
+        self._parts: dict[int, list[Rows]] = {ring: [] for ring in self._rings}
+        self._next = {ring: -(-capture.first // self._divider(ring)) for ring in self._rings}
+        self._missing = 0
+        self.ended = ""
+
+    def _divider(self, ring: int) -> int:
+        return self._reader.schema.rings[ring].divider
+
+    def extend(self, capture: Capture) -> None:
+        """Take in that more fires made the capture longer."""
+        self.capture = capture
+
+    def append(self, until: int) -> bool:
+        """Copy the rows of ticks before `until` that are new; whether the capture is whole then."""
+        end = min(until, self.capture.last + 1)
+        for ring in self._rings:
+            stop = -(-end // self._divider(ring))
+            if stop <= self._next[ring]:
+                continue
+            rows = self._reader.rows(ring, self._next[ring], stop - self._next[ring])
+            if rows.first > self._next[ring]:
+                # they were overwritten before: what is whole begins here
+                self._missing = max(self._missing, (rows.first - self._next[ring]) * self._divider(ring))
+                self._parts[ring] = []
+                rows = self._reader.rows(ring, rows.first, max(stop - rows.first, 0))
+            if len(rows):
+                self._parts[ring].append(Rows(rows.ring, rows.first, rows.words))
+                self._next[ring] = rows.first + len(rows)
+        return until > self.capture.last
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of the rows that it holds."""
+        return sum(part.words.nbytes for parts in self._parts.values() for part in parts)
+
+    # ------------------------------------------------------------------------------------------ as a row source
+
+    @property
+    def schema(self) -> SegmentSchema:
+        """What the rows hold, every buffer as large as what it has of the capture."""
+        schema = self._reader.schema
+        rings = tuple(msgspec.structs.replace(ring, buffer_type=BufferType.LOOPING) for ring in schema.rings)
+        elements = []
+        for element in schema.elements:
+            if element.ring in self._rings:
+                size = max(1, sum(map(len, self._parts[element.ring])))
+                options = msgspec.structs.replace(
+                    element.info.options, buffer_type=BufferType.LOOPING, buffer_size=size
+                )
+                info = msgspec.structs.replace(element.info, options=options)
+                elements.append(msgspec.structs.replace(element, info=info))
+        return msgspec.structs.replace(
+            schema, rings=rings, elements=tuple(elements), time_buffer_type=BufferType.LOOPING,
+            time_buffer_size=max(1, sum(map(len, self._parts[TIME_RING]))),
+        )  # fmt: skip
+
+    @property
+    def ticks(self) -> int:
+        """One more than the last tick of the capture."""
+        return self._next[TIME_RING]
+
+    def rows(self, ring: int, since: int, limit: int | None = None) -> Rows:
+        """Rows of the capture with index `since` and later."""
+        parts = self._parts[ring]
+        layout = self._reader.schema.rings[ring]
+        if not parts:
+            return Rows(layout, self._next[ring], np.zeros((0, layout.row_words), np.uint64))
+        whole = Rows(layout, parts[0].first, np.concatenate([part.words for part in parts]))
+        begin = max(since, whole.first)
+        return whole.part(begin, whole.first + len(whole) if limit is None else begin + limit)
+
+    def ring_lost(self, ring: int) -> int:
+        """Rows of a ring that could not be kept."""
+        return self._reader.ring_lost(ring)
+
+    def lost_whys(self) -> tuple[LostWhy, ...]:
+        """Why rows could not be kept."""
+        return self._reader.lost_whys()
+
+    def failures(self, element: ElementSchema) -> Failures:
+        """At which ticks an element could not be read."""
+        return self._reader.failures(element)
+
+    def recording(self) -> Recording:
+        """What was captured, with what there is to say of it."""
+        capture = self.capture
+        found = snapshot(self)
+        ended = [self.ended] if self.ended else []
+        if self._missing:
+            ended.append(f"the first {self._missing} ticks were overwritten before they could be copied")
+        facts = CaptureFacts(
+            self.trigger, capture.number, capture.first, capture.last, tuple(fire.tick for fire in capture.fires),
+            tuple(fire.time_ns for fire in capture.fires), "; ".join(ended),
+        )  # fmt: skip
+        extras = msgspec.structs.replace(found.extras, capture=facts)
+        # of buffers of the size of a capture the snapshot thinks that they are short
+        warnings = [text for text in found.warnings if not text.startswith("the oldest samples of")]
+        return dataclasses.replace(
+            found, extras=extras, warnings=(*warnings, *(f"capture of '{self.trigger}': {text}" for text in ended))
+        )

@@ -1,0 +1,429 @@
+"""Surveys: statistics, rates and signs of all elements of a logger, over every sample that passes.
+
+Nothing is done until a client asks; then one thread reads each new row of each ring once, ten times a second, and adds
+it up with NumPy, until nobody has asked for a minute. Each client has statistics of its own, so that a reset of one
+doesn't touch those of another. Measured: 10,000 elements at 400 Hz cost 5 % of a core of the helper process.
+"""
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.collecting.rows import Rows
+from silo.collecting.schema import ElementSchema, EntrySchema
+from silo.collecting.segment_reader import SegmentReader
+from silo.columns import Floats
+from silo.errors import SegmentError
+from silo.helper.mirror import Mirror
+from silo.helper.newest import NewestValues
+from silo.ipc.messages import GetSurvey, Refused, RefusedWhy, Survey
+from silo.ipc.surveys import NOT_FINITE, QUANTITIES, signs_of
+from silo.model import BufferType, State
+
+log = logging.getLogger(__name__)
+
+PERIOD_S = 0.1
+LEASE_S = 60.0
+MAX_CLIENTS = 8
+MAX_NAMES = 20_000
+WINDOW_S = 2.0  # over which rates are measured, or ten periods
+STAMPS = 512  # of which the jitter is reckoned
+BLOCK_BYTES = 4 * 2**20
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Entries of one type in a row: which items of that size they are, and their columns."""
+
+    dtype: np.dtype[Any]
+    swapped: bool
+    items: NDArray[np.intp]
+    columns: NDArray[np.intp]
+
+
+class _Columns:
+    """Makes of the rows of a ring a matrix of float64: a column per entry, then one per vector: its norm."""
+
+    def __init__(self, elements: Sequence[tuple[int, tuple[EntrySchema, ...]]]) -> None:
+        """`elements` are numbers of elements with their entries in this ring."""
+        self.entries: list[tuple[int, int]] = []  # (element, entry) of the first columns
+        self.norms: list[int] = []  # elements of the columns after these
+        by_type: dict[tuple[str, bool], list[tuple[int, int]]] = {}
+        self._starts: list[int] = []
+        self._vectors: list[int] = []
+        for number, entries in elements:
+            usable = [entry for entry in entries if np.dtype(entry.entry.dtype).kind in "biuf"]
+            if len(entries) > 1 and len(usable) == len(entries):
+                self.norms.append(number)
+                self._starts.append(len(self._vectors))
+                self._vectors += range(len(self.entries), len(self.entries) + len(entries))
+            for place, entry in enumerate(entries):
+                if entry in usable:
+                    by_type.setdefault((entry.entry.dtype, entry.swapped), []).append(
+                        (len(self.entries), entry.byte_offset)
+                    )
+                    self.entries.append((number, place))
+        self._groups = [_group(name, swapped, found) for (name, swapped), found in by_type.items()]
+
+    def __len__(self) -> int:
+        return len(self.entries) + len(self.norms)
+
+    def of(self, rows: Rows) -> Floats:
+        """Return shape `(len(rows), len(self))`."""
+        found = np.empty((len(rows), len(self)))
+        data = np.ascontiguousarray(rows.words).view(np.uint8)
+        for group in self._groups:
+            items = data.view(f"u{group.dtype.itemsize}") if group.items.ndim == 1 else data
+            picked = np.ascontiguousarray(items[:, group.items.reshape(-1)]).view(group.dtype)
+            if group.swapped:
+                picked = picked.byteswap()
+            found[:, group.columns] = picked
+        if self.norms:
+            with np.errstate(over="ignore", invalid="ignore"):
+                squares = np.square(found[:, self._vectors])
+                found[:, len(self.entries) :] = np.sqrt(np.add.reduceat(squares, self._starts, axis=1))
+        return found
+
+
+def _group(name: str, swapped: bool, found: list[tuple[int, int]]) -> _Group:
+    dtype = np.dtype(name)
+    columns, offsets = np.array(found, np.intp).T
+    if dtype.itemsize in {1, 2, 4, 8} and not (offsets % dtype.itemsize).any():
+        return _Group(dtype, swapped, offsets // dtype.itemsize, columns)
+    return _Group(dtype, swapped, offsets[:, None] + np.arange(dtype.itemsize), columns)
+
+
+class Sums:
+    """Minimum, maximum, mean and standard deviation of many signals over all finite samples that were added."""
+
+    def __init__(self, count: int) -> None:
+        self.since_ns = 0
+        self.low, self.high = np.full(count, np.inf), np.full(count, -np.inf)
+        self.number = np.zeros(count, np.int64)
+        self._base = np.full(count, np.nan)  # sums of what is left of it lose no digits
+        self._sum, self._squares = np.zeros(count), np.zeros(count)
+
+    def add(self, slots: slice, block: Floats, *, all_finite: bool) -> None:
+        """Add samples, shape `(n, number of slots)`."""
+        base = self._base[slots]
+        new = np.isnan(base)
+        if new.any():
+            finite = np.isfinite(block)
+            first = block[np.argmax(finite, axis=0), np.arange(block.shape[1])]
+            base[new & finite.any(axis=0)] = first[new & finite.any(axis=0)]
+        with np.errstate(invalid="ignore", over="ignore"):
+            if all_finite:
+                self.low[slots] = np.minimum(self.low[slots], block.min(axis=0))
+                self.high[slots] = np.maximum(self.high[slots], block.max(axis=0))
+                rest = block - base
+                self.number[slots] += len(block)
+            else:
+                finite = np.isfinite(block)
+                self.low[slots] = np.minimum(self.low[slots], np.where(finite, block, np.inf).min(axis=0))
+                self.high[slots] = np.maximum(self.high[slots], np.where(finite, block, -np.inf).max(axis=0))
+                rest = np.where(finite, block - base, 0.0)
+                self.number[slots] += finite.sum(axis=0)
+            self._sum[slots] += rest.sum(axis=0)
+            self._squares[slots] += np.einsum("ij,ij->j", rest, rest)
+
+    def of(self, quantity: str) -> Floats:
+        """Return one of `min`, `max`, `mean`, `std`, `count`, NaN where there is no sample."""
+        if quantity == "count":
+            return self.number.astype(float)
+        if quantity in {"min", "max"}:
+            found = self.low if quantity == "min" else self.high
+            return np.where(self.number > 0, found, np.nan)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            mean = self._sum / self.number
+            if quantity == "mean":
+                return self._base + mean
+            return np.sqrt(np.maximum(self._squares / self.number - mean * mean, 0.0))
+
+
+@dataclass
+class _Ring:
+    """What is followed of one ring."""
+
+    number: int
+    columns: _Columns
+    slots: slice
+    cursor: int
+    last: Floats | None = None
+    stamps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    marks: "deque[tuple[float, int, int]]" = field(default_factory=deque)  # (monotonic s, head, stamp)
+    moved_s: float = 0.0
+    rate: float = np.nan
+    jitter: float = np.nan
+
+
+class Tally:
+    """All that is followed of one run; `advance` takes in what came since."""
+
+    def __init__(self, reader: SegmentReader) -> None:
+        self.reader = reader
+        elements = reader.schema.elements
+        self.numbers = {element.info.name: number for number, element in enumerate(elements)}
+        by_ring: dict[int, list[tuple[int, tuple[EntrySchema, ...]]]] = {}
+        self._ring_of = np.zeros(len(elements), np.intp)
+        for number, element in enumerate(elements):
+            ring, entries = _where(element)
+            by_ring.setdefault(ring, []).append((number, entries))
+            self._ring_of[number] = ring
+        self.lead = np.full(len(elements), -1, np.intp)
+        self.slot_of: dict[str, int] = {}
+        self._rings: list[_Ring] = []
+        count = 0
+        for ring, members in sorted(by_ring.items()):
+            columns = _Columns(members)
+            for slot, (number, place) in enumerate(columns.entries, count):
+                info = elements[number].info
+                self.slot_of[info.name + info.entries[place].suffix] = slot
+                if len(info.entries) == 1:
+                    self.lead[number] = slot
+            for slot, number in enumerate(columns.norms, count + len(columns.entries)):
+                self.lead[number] = slot
+            self._rings.append(_Ring(ring, columns, slice(count, count + len(columns)), reader.head(ring)))
+            count += len(columns)
+        self.count = count
+        self.newest = np.full(count, np.nan)
+        self.changed_ns = np.zeros(count, np.int64)
+        self.skipped = 0  # rows that were overwritten before they were read
+        self._sizes = NewestValues(reader, elements, [0] * len(elements))
+        options = [element.info.options for element in elements]
+        self._limits = np.array([max(1, each.buffer_size) for each in options], np.int64)
+        self._fixed = np.array([each.buffer_type is BufferType.FIXED for each in options], np.bool_)
+        self._own = np.array([_where(element)[0] == element.live_ring for element in elements], np.bool_)
+        self._periods = np.array([each.divider / reader.schema.frequency_hz for each in options])
+        self._may_freeze = np.array([_is_number(element) for element in elements], np.bool_)
+
+    def sums(self) -> Sums:
+        """Return statistics that begin now."""
+        sums = Sums(self.count)
+        sums.since_ns = self.reader.last_time_ns
+        return sums
+
+    def advance(self, now_s: float, all_sums: Sequence[Sums]) -> None:
+        """Take in every row that came since the last time."""
+        for ring in self._rings:
+            head = self.reader.head(ring.number)
+            block = max(1, BLOCK_BYTES // (8 * (len(ring.columns) + self.reader.schema.rings[ring.number].row_words)))
+            while ring.cursor < head:
+                rows = self.reader.rows(ring.number, ring.cursor, block)
+                if not len(rows):
+                    self.skipped += head - ring.cursor
+                    ring.cursor = head
+                    break
+                self.skipped += rows.first - ring.cursor
+                ring.cursor = rows.first + len(rows)
+                self._take(ring, rows, all_sums)
+                ring.moved_s = now_s
+            _measure(ring, now_s, self.reader.schema.frequency_hz)
+
+    @property
+    def jitter_s(self) -> float:
+        """Standard deviation of the time between ticks, 0 where it isn't known: that of the ring with most rows."""
+        fastest = max(self._rings, key=lambda ring: ring.cursor, default=None)
+        return 0.0 if fastest is None or np.isnan(fastest.jitter) else fastest.jitter
+
+    def _take(self, ring: _Ring, rows: Rows, all_sums: Sequence[Sums]) -> None:
+        stamps = rows.time_ns
+        ring.stamps = np.concatenate([ring.stamps, stamps])[-STAMPS:]
+        if not len(ring.columns):
+            return
+        block = ring.columns.of(rows)
+        all_finite = bool(np.isfinite(block).all())
+        for sums in all_sums:
+            sums.add(ring.slots, block, all_finite=all_finite)
+        before = block[:1] if ring.last is None else ring.last[None]
+        if ring.last is None:
+            self.changed_ns[ring.slots] = stamps[0]
+        differs = np.concatenate([before, block[:-1]]) != block
+        changed = differs.any(axis=0)
+        newest = len(block) - 1 - np.argmax(differs[::-1], axis=0)
+        self.changed_ns[ring.slots][changed] = stamps[newest[changed]]
+        ring.last = block[-1].copy()
+        self.newest[ring.slots] = ring.last
+
+    def quantity(self, name: str, sums: Sums, *, running: bool) -> tuple[Floats, bool]:
+        """Return a quantity: per slot (True), or per element of the run (False)."""
+        if name in {"min", "max", "mean", "std", "count"}:
+            return sums.of(name), True
+        if name == "value":
+            return self.newest, True
+        if name == "changed":
+            return self._changed_s(), True
+        if name in {"rate", "share", "jitter"}:
+            return self._timing(name, running=running), False
+        if name in {"fill", "held"}:
+            held = self._sizes.held()
+            return (held.astype(float) if name == "held" else np.minimum(1.0, held / self._limits)), False
+        return self._signs(running=running), False
+
+    def _changed_s(self) -> Floats:
+        age = (self.reader.last_time_ns - self.changed_ns) / 1e9
+        return np.where(self.changed_ns > 0, np.maximum(age, 0.0), np.nan)
+
+    def _timing(self, name: str, *, running: bool) -> Floats:
+        by_ring = np.full(len(self.reader.schema.rings), np.nan)
+        for ring in self._rings:
+            by_ring[ring.number] = ring.jitter if name == "jitter" else ring.rate
+        found = by_ring[self._ring_of]
+        if not running:
+            return np.full(len(found), np.nan)
+        return found * self._periods if name == "share" else found
+
+    def _signs(self, *, running: bool) -> Floats:
+        value = np.append(self.newest, 0.0)[self.lead]
+        finite = np.isfinite(value) | (np.append(self.changed_ns, 0)[self.lead] == 0)  # nothing came yet
+        if not running:
+            return np.where(finite, 0, NOT_FINITE).astype(float)
+        full = self._fixed & ~self._own & (self._sizes.held() >= self._limits)  # a full one stands still rightly
+        share = np.where(full, np.nan, self._timing("share", running=True))
+        changed_s = np.where(self.lead >= 0, np.append(self._changed_s(), np.nan)[self.lead], np.nan)
+        may_freeze = self._may_freeze & ~full & ~np.isnan(changed_s)
+        return signs_of(finite, changed_s, self._periods, may_freeze, share, self._sizes.lost()).astype(float)
+
+
+def _where(element: ElementSchema) -> tuple[int, tuple[EntrySchema, ...]]:
+    """Return the ring in which every sample passes, else the element's own buffer."""
+    if element.live_ring >= 0 and len(element.live_entries) == len(element.info.entries):
+        return element.live_ring, element.live_entries
+    return element.ring, element.entries
+
+
+def _is_number(element: ElementSchema) -> bool:
+    return all(entry.dtype[1:2] in "iuf" and not entry.labels for entry in element.info.entries)
+
+
+def _measure(ring: _Ring, now_s: float, frequency_hz: float) -> None:
+    """Measure rate and jitter of a ring over the last two seconds, or ten of its periods."""
+    if not len(ring.stamps):
+        return
+    ring.marks.append((now_s, ring.cursor, int(ring.stamps[-1])))
+    period_s = 1.0 / ring.rate if ring.rate > 0 else 1.0 / frequency_hz
+    while len(ring.marks) > 2 and now_s - ring.marks[1][0] > max(WINDOW_S, 10 * min(period_s, 60.0)):
+        ring.marks.popleft()
+    first_s, first, first_ns = ring.marks[0]
+    rows = ring.cursor - first
+    if len(ring.stamps) > 2:
+        ring.jitter = float(np.std(np.diff(ring.stamps))) / 1e9
+    waited_s = now_s - ring.moved_s
+    if rows > 1 and ring.stamps[-1] > first_ns and waited_s < max(2 * period_s, 0.5):
+        ring.rate = rows / ((int(ring.stamps[-1]) - first_ns) / 1e9)
+    elif rows >= 0 and now_s > first_s and waited_s >= max(2 * period_s, 0.5):
+        ring.rate = rows / (now_s - first_s)
+
+
+@dataclass
+class _Asker:
+    sums: Sums
+    asked_s: float
+
+
+class Surveyor:
+    """Answers surveys; follows the rings in a thread of its own while anybody asks."""
+
+    def __init__(self, mirror: Mirror) -> None:
+        self._mirror = mirror
+        self._lock = threading.Lock()
+        self._wake = threading.Event()
+        self._tally: Tally | None = None
+        self._path = ""
+        self._askers: dict[str, _Asker] = {}
+        self._thread: threading.Thread | None = None
+        self._stopped = False
+
+    def answer(self, request: GetSurvey) -> Survey | Refused:
+        """Return what was asked for; the first time the statistics begin."""
+        unknown = [name for name in request.quantities if name not in QUANTITIES]
+        if unknown or not request.quantities:
+            what = f"{unknown[0][:40]!r} is no quantity" if unknown else "no quantity was asked for"
+            return Refused(RefusedWhy.INVALID, f"no survey: {what}; there are {', '.join(QUANTITIES)}")
+        if len(request.names) > MAX_NAMES:
+            return Refused(RefusedWhy.INVALID, f"no survey: at most {MAX_NAMES} names, got {len(request.names)}")
+        with self._lock:
+            now_s = time.monotonic()
+            self._begin(now_s)
+            asker = self._askers.get(request.client)
+            if asker is None and len(self._askers) >= MAX_CLIENTS:
+                return Refused(RefusedWhy.FAILED, f"no survey: {MAX_CLIENTS} clients have statistics; close one first")
+            if self._tally is not None and (asker is None or request.reset):
+                asker = self._askers[request.client] = _Asker(self._tally.sums(), now_s)
+            if asker is not None:
+                asker.asked_s = now_s
+            return self._survey(request, asker.sums if asker is not None else None)
+
+    def _survey(self, request: GetSurvey, sums: Sums | None) -> Survey:
+        now, tally = self._mirror.now, self._tally
+        names = request.names or [info.name for info in now.table.elements]
+        values = np.full((len(request.quantities), len(names)), np.nan)
+        if tally is None or sums is None:
+            return Survey(now.table.revision, 0, 0, values.tobytes())
+        numbers = np.array([tally.numbers.get(name, -1) for name in names], np.intp)
+        leads = np.append(tally.lead, -1)[numbers]
+        slots = np.where(leads >= 0, leads, [tally.slot_of.get(name, -1) for name in names] if request.names else -1)
+        running = now.state is State.RUNNING
+        for place, quantity in enumerate(request.quantities):
+            found, per_slot = tally.quantity(quantity, sums, running=running)
+            values[place] = np.append(found, np.nan)[slots if per_slot else numbers]
+        return Survey(
+            now.table.revision,
+            tally.reader.last_time_ns,
+            sums.since_ns,
+            values.tobytes(),
+            tally.skipped,
+            tally.jitter_s,
+        )
+
+    def _begin(self, now_s: float) -> None:
+        if self._thread is None and not self._stopped:
+            self._follow_run()
+            self._thread = threading.Thread(target=self._follow, name="silo statistics", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        with self._lock:
+            self._stopped, thread = True, self._thread
+        self._wake.set()
+        if thread is not None:
+            thread.join()
+
+    def _follow(self) -> None:
+        while not self._wake.wait(PERIOD_S):
+            with self._lock:
+                try:
+                    self._round(time.monotonic())
+                except SegmentError:
+                    self._tally, self._path = None, ""  # it was replaced; the next round opens the new one
+                except Exception:
+                    log.exception("the statistics failed; they begin anew")
+                    self._tally, self._path = None, ""
+                if not self._askers:
+                    self._thread, self._tally, self._path = None, None, ""
+                    return
+
+    def _round(self, now_s: float) -> None:
+        self._askers = {name: asker for name, asker in self._askers.items() if now_s - asker.asked_s < LEASE_S}
+        self._follow_run()
+        if self._tally is not None:
+            self._tally.advance(now_s, [asker.sums for asker in self._askers.values()])
+
+    def _follow_run(self) -> None:
+        """Go over to a new run; its statistics are its own."""
+        path = self._mirror.segment
+        if path == self._path and self._tally is not None:
+            return
+        reader = self._mirror.open_reader()
+        self._tally = Tally(reader) if reader is not None else None
+        self._path = path if reader is not None else ""
+        if self._tally is not None:
+            for asker in self._askers.values():
+                asker.sums = self._tally.sums()

@@ -1,0 +1,40 @@
+"""What a survey of a logger's elements tells: the names of its quantities and the rules of its signs.
+
+The helper process measures, `silo_tui` and other clients show; both read the words here.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.columns import Floats
+
+# per element; of several entries it is their norm
+QUANTITIES = (
+    "value", "min", "max", "mean", "std", "count", "rate", "share", "jitter", "changed", "fill", "held", "signs",
+)  # fmt: skip
+"""`value` newest; `min` to `count` of all finite samples since the reset; `rate` in Hz and `share` of the nominal one;
+`jitter` the standard deviation of the time between samples in s; `changed` seconds since the value last changed, `fill`
+0 ... 1 and `held` samples of the buffer; `signs` bits."""
+
+NOT_FINITE, FROZEN, SLOW, LOST = 1, 2, 4, 8
+SLOW_SHARE = 0.95
+FROZEN_PERIODS = 100
+FROZEN_S = 1.0
+
+
+def signs_of(
+    finite: NDArray[np.bool_], changed_s: Floats, period_s: Floats, may_freeze: NDArray[np.bool_], share: Floats,
+    lost: NDArray[np.int64],
+) -> NDArray[np.int64]:  # fmt: skip
+    """Return the bits of what is the matter with each element.
+
+    A value is frozen that didn't change for 100 of its periods and a second. `may_freeze` tells numbers from switches
+    and states, which stand still rightly; where a time or a share isn't known (NaN) its sign is left out.
+    """
+    frozen = may_freeze & (changed_s > np.maximum(FROZEN_PERIODS * period_s, FROZEN_S))
+    return (
+        np.where(~finite, NOT_FINITE, 0)
+        | np.where(frozen, FROZEN, 0)
+        | np.where(share < SLOW_SHARE, SLOW, 0)
+        | np.where(lost > 0, LOST, 0)
+    ).astype(np.int64)

@@ -1,0 +1,67 @@
+"""What callers of a client write, and what it stands for: types of files, names of elements."""
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+from typing import Literal, TypeAlias
+
+from silo.arguments import shown
+from silo.errors import ConnectionLostError, ElementError
+from silo.model import FileType, State, Status, Table, join_name
+
+FileTypeWord: TypeAlias = Literal["silo", "csv", "bag"]
+FileTypes: TypeAlias = Sequence[FileType | FileTypeWord] | FileType | FileTypeWord
+
+
+def full_name(name: str, status: Status, table: Table) -> str:
+    """The full name of an element, given with or without the prefix. Raises ElementError with the nearest one."""
+    names = [info.name for info in table.elements]
+    for candidate in (name, join_name(status.prefix, "", name)):
+        if candidate in names:
+            return candidate
+    bare = {one.removeprefix(f"{status.prefix}/"): one for one in names}
+    near = get_close_matches(name.removeprefix(f"{status.prefix}/").strip("/"), bare, 1, 0.6)
+    hint = f"; did you mean '{bare[near[0]]}'?" if near else f"; it has {len(names)} elements, see client.table()"
+    raise ElementError(f"logger '{status.logger}' has no element {shown(name)}{hint}")
+
+
+def why_silent(name: str, status: Status, table: Table) -> str:
+    """Why no sample of an element comes and none will; empty where one may.
+
+    Raises ConnectionLostError where the robot program is dead.
+    """
+    info = next((one for one in table.elements if one.name == name), None)
+    if info is None:
+        return f"logger '{status.logger}' has no element '{name}' any more"
+    if not info.options.enabled or not info.options.action.publishes:
+        off = "is off" if not info.options.enabled else "is saved but not published"
+        return (
+            f"'{name}' {off}, so nothing comes: stop the logger, `silo set {status.logger} {name} on action=both`, "
+            "and start it again"
+        )
+    if status.state is State.DEAD:
+        raise ConnectionLostError(status.reason)
+    return ""
+
+
+def file_types(given: object) -> list[FileType]:
+    """The file types to save in, given as members or words. Raises ElementError."""
+    asked = [given] if isinstance(given, str | FileType) else given
+    if isinstance(asked, bytes) or not isinstance(asked, Sequence):
+        raise ElementError(f"types must be a list of {_type_names()}, got {shown(given)}; nothing is saved")
+    return [_file_type(one) for one in asked]
+
+
+def _file_type(given: object) -> FileType:
+    if isinstance(given, FileType):
+        return given
+    words = {kind.name.lower(): kind for kind in FileType}
+    asked = given.strip().lower().lstrip(".") if isinstance(given, str) else ""
+    if asked in words:
+        return words[asked]
+    near = get_close_matches(asked, words, 1) if asked else []
+    hint = f"; did you mean '{near[0]}'?" if near else ""
+    raise ElementError(f"types must be a list of {_type_names()}, got {shown(given)}{hint}; nothing is saved")
+
+
+def _type_names() -> str:
+    return ", ".join(f"FileType.{one.name} ('{one.name.lower()}')" for one in FileType)

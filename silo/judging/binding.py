@@ -1,0 +1,363 @@
+"""Expressions bound to signals: names looked up, labels and units replaced by numbers, widths checked.
+
+A name is an element, a scalar of one (with its suffix), or either without the prefix, from behind any `/`; a pattern
+names several. What an element of several scalars gives is a vector. The result knows where each value stands, and is
+what `silo.judging.evaluation` computes.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+
+import numpy as np
+
+from silo import units
+from silo.judging.catalogue import OFF, Catalogue, Known
+from silo.judging.parsing import Call, Comparison, Expression, Name, Node, Number, Operation, parse
+from silo.judging.tokens import ExpressionError
+
+__all__ = [
+    "OFF",
+    "Bound",
+    "Catalogue",
+    "Column",
+    "Computed",
+    "Constant",
+    "Known",
+    "Part",
+    "Remembered",
+    "Signal",
+    "bind",
+    "columns_of",
+]
+
+MOST_WIDTH = 1000  # scalars in a vector
+MOST_WINDOW_S = 60.0
+
+_STEPS = ("prev", "diff", "rate")
+_NUMERIC = "biufMm"
+
+
+@dataclass(frozen=True)
+class Column:
+    """Where one scalar comes from: element and entry by number, and the source of the element."""
+
+    element: int
+    entry: int
+    source: int
+
+
+# ------------------------------------------------------------------------------------------------ what is computed
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number."""
+
+    value: float
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A scalar, or a vector of several."""
+
+    columns: tuple[Column, ...]
+    vector: bool
+
+
+@dataclass(frozen=True)
+class Computed:
+    """What `operator` makes of the parts: an operation, a comparison, or a function without memory."""
+
+    operator: str
+    parts: tuple["Part", ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Remembered:
+    """A function that remembers samples of its part: a step, or a window of `window_ns`. Compared by identity."""
+
+    function: str
+    part: "Part"
+    window_ns: int
+    sources: tuple[int, ...]
+
+
+Part = Constant | Signal | Computed | Remembered
+
+
+@dataclass(frozen=True)
+class Bound:
+    """An expression with its signals. `width` is 0 for a scalar, else the length of its vector.
+
+    `sources` has every source that it is judged at, with its divider; empty where all its signals are off.
+    """
+
+    expression: Expression
+    root: Part
+    width: int
+    unit: str
+    logical: bool
+    labels: Mapping[int, str]
+    columns: tuple[Column, ...]
+    sources: Mapping[int, int]
+
+    def condition(self) -> "Bound":
+        """Return the same, where it is one truth. Raises ExpressionError for a vector."""
+        if self.width:
+            raise self.expression.error(
+                f"this has {self.width} values, a condition one: write any(...) or all(...)", self.expression.root
+            )
+        return self
+
+
+@dataclass
+class _Found:
+    """A part while it is bound. `unit` is None where it takes any; `literal` is a number that was typed."""
+
+    part: Part
+    width: int = 0
+    unit: str | None = None
+    logical: bool = False
+    literal: bool = False
+    labels: Mapping[int, str] = field(default_factory=dict)
+
+
+def bind(expression: Expression | str, catalogue: Catalogue) -> Bound:
+    """Return an expression bound to these elements. Raises ExpressionError with the place, and the nearest names."""
+    if isinstance(expression, str):
+        expression = parse(expression)
+    binder = _Binder(expression, catalogue)
+    found = binder.bind(expression.root)
+    columns = tuple(dict.fromkeys(columns_of(found.part)))
+    dividers = {column.source: catalogue.elements[column.element].divider for column in columns}
+    dividers.pop(OFF, None)
+    if not columns:
+        raise expression.error("this names no signal, so it never changes", expression.root)
+    return Bound(
+        expression, found.part, found.width, found.unit or "-", found.logical, found.labels, columns,
+        dict(sorted(dividers.items())),
+    )  # fmt: skip
+
+
+def columns_of(part: Part) -> list[Column]:
+    """Return all scalars that a part depends on."""
+    if isinstance(part, Signal):
+        return list(part.columns)
+    if isinstance(part, Computed):
+        return [column for one in part.parts for column in columns_of(one)]
+    return columns_of(part.part) if isinstance(part, Remembered) else []
+
+
+class _Binder:
+    """Binds one expression, from its leaves to its root."""
+
+    def __init__(self, expression: Expression, catalogue: Catalogue) -> None:
+        self._expression = expression
+        self._catalogue = catalogue
+
+    def _error(self, reason: str, node: Node) -> ExpressionError:
+        return self._expression.error(reason, node)
+
+    def bind(self, node: Node) -> _Found:
+        """Return the part that a node means."""
+        if isinstance(node, Number):
+            return _Found(Constant(node.value), unit=node.unit or None, literal=True)
+        if isinstance(node, Name):
+            return self._name(node)
+        if isinstance(node, Comparison):
+            return self._comparison(node)
+        if isinstance(node, Operation):
+            return self._operation(node)
+        return self._call(node)
+
+    # --------------------------------------------------------------------------------------------------- names
+
+    def _name(self, node: Name, labels: Mapping[int, str] | None = None) -> _Found:
+        found = self._catalogue.find(node.text)
+        if not found and (derived := self._catalogue.before(node.text)) is not None:
+            one, catalogue = derived
+            inner = parse(one.expression)
+            part = _Binder(inner, catalogue).bind(inner.root)
+            return replace(part, unit=one.unit if one.unit not in ("", "-") else part.unit)
+        pattern = any(letter in node.text for letter in "*?[")
+        if not found:
+            raise self._error(self._unknown(node, labels or {}), node)
+        if len(found) > 1 and not pattern:
+            names = [self._catalogue.name(*place) for place in found]
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            raise self._error(f"'{node.text}' may be {', '.join(names[:3])}{more}: write more of the name", node)
+        columns = []
+        for place, entry in found:
+            element = self._catalogue.elements[place]
+            numbers = range(len(element.entries)) if entry is None else (entry,)
+            for number in numbers:
+                if np.dtype(element.entries[number].dtype).kind not in _NUMERIC:
+                    raise self._error(
+                        f"'{self._catalogue.name(place, entry)}' is no number ({element.entries[number].dtype})", node
+                    )
+            columns += [Column(place, number, element.source) for number in numbers]
+        if not 1 <= len(columns) <= MOST_WIDTH:
+            raise self._error(f"'{node.text}' has {len(columns)} values; 1 to {MOST_WIDTH} go together", node)
+        entries = [self._catalogue.elements[column.element].entries[column.entry] for column in columns]
+        given = {self._catalogue.elements[column.element].unit for column in columns}
+        unit = given.pop() if len(given) == 1 else ""
+        vector = pattern or len(columns) > 1
+        same = all(entry.labels == entries[0].labels for entry in entries)
+        return _Found(
+            Signal(tuple(columns), vector), len(columns) if vector else 0, None if unit in ("", "-") else unit,
+            np.dtype(entries[0].dtype).kind == "b", labels=(entries[0].labels or {}) if same else {},
+        )  # fmt: skip
+
+    def _unknown(self, node: Name, labels: Mapping[int, str]) -> str:
+        text = node.text
+        near = self._catalogue.near(text)
+        if "[" in text and (bare := re.sub(r"\[(\d+)\]", r"_\1", text)) != text:
+            return f"no signal matches '{text}'; one scalar of an array is named '{bare}'"
+        close = get_close_matches(text, labels.values(), 1) if labels else []
+        if close:
+            return f"there is no label '{text}'; did you mean {close[0]}?"
+        if labels and "/" not in text:
+            return f"'{text}' is neither a label ({', '.join(list(labels.values())[:8])}) nor a signal"
+        if "/" in text.strip("/") and all(self._catalogue.find(part) for part in text.split("/", 1)):
+            return f"no signal '{text}'; a division has blanks on both sides: {text.replace('/', ' / ', 1)}"
+        hint = f"; did you mean {', '.join(near)}?" if near else f"; there are {len(self._catalogue.elements)} elements"
+        matches = "matches" if any(letter in text for letter in "*?[") else "is named"
+        return f"no signal {matches} '{text}'{hint}"
+
+    # ---------------------------------------------------------------------------------------------- operations
+
+    def _comparison(self, node: Comparison) -> _Found:
+        found: list[_Found | None] = [None if isinstance(one, Name) else self.bind(one) for one in node.operands]
+        # labels last: which are meant tells what they are compared with
+        for at, one in enumerate(node.operands):
+            if isinstance(one, Name) and (self._catalogue.find(one.text) or self._catalogue.before(one.text)):
+                found[at] = self._name(one)
+        sides: list[_Found] = []
+        for at, one in enumerate(node.operands):
+            beside = [
+                side.labels for place in (at - 1, at + 1) if 0 <= place < len(found) and (side := found[place])
+            ]  # fmt: skip
+            labels = next((names for names in beside if names), {})
+            value = next((number for number, label in labels.items() if isinstance(one, Name) and label == one.text),
+                         None)  # fmt: skip
+            known = found[at]
+            if value is not None:
+                sides.append(_Found(Constant(float(value)), literal=True))
+            elif known is None:
+                assert isinstance(one, Name)
+                sides.append(self._name(one, labels))
+            else:
+                sides.append(known)
+        sides = self._in_one_unit(sides, node.operands)
+        width = self._width(sides, node)
+        pairs = tuple(
+            Computed(operator, (sides[at].part, sides[at + 1].part)) for at, operator in enumerate(node.operators)
+        )
+        return _Found(pairs[0] if len(pairs) == 1 else Computed("and", pairs), width, logical=True)
+
+    def _operation(self, node: Operation) -> _Found:
+        sides = [self.bind(one) for one in node.operands]
+        operator = node.operator
+        if operator == "neg":
+            inner = sides[0]
+            if isinstance(inner.part, Constant):
+                return replace(inner, part=Constant(-inner.part.value))
+            return replace(inner, part=Computed(operator, (inner.part,)), logical=False, labels={})
+        width = self._width(sides, node)
+        if operator in ("and", "or", "not"):
+            return _Found(Computed(operator, tuple(side.part for side in sides)), width, logical=True)
+        unit = None
+        if operator in "+-%":
+            sides = self._in_one_unit(sides, node.operands)
+            unit = next((side.unit for side in sides if side.unit), None)
+        elif operator in "*/":
+            left, right = (side.unit or "-" for side in sides)
+            unit = units.product(left, right) if operator == "*" else units.quotient(left, right)
+        elif sides[0].unit and isinstance(sides[1].part, Constant):
+            unit = units.power(sides[0].unit, sides[1].part.value)
+        parts = tuple(side.part for side in sides)
+        literal = all(side.literal for side in sides)
+        return _Found(Computed(operator, parts), width, None if unit in (None, "-") else unit, literal=literal)
+
+    def _width(self, sides: Sequence[_Found], node: Node) -> int:
+        widths = sorted({side.width for side in sides if side.width})
+        if len(widths) > 1:
+            raise self._error(f"vectors of {' and '.join(map(str, widths))} values don't go together", node)
+        return widths[0] if widths else 0
+
+    def _in_one_unit(self, sides: Sequence[_Found], nodes: Sequence[Node]) -> list[_Found]:
+        """The sides in the unit of the first that is no literal; literals beside what has no unit in SI units."""
+        unit = next((side.unit for side in sides if side.unit and not side.literal), None)
+        made = []
+        for side, node in zip(sides, nodes, strict=True):
+            if not side.unit or side.unit == unit:
+                made.append(side)
+                continue
+            factor = units.factor(side.unit, unit) if unit else units.size(side.unit)
+            if factor is None:
+                wanted = f"doesn't go with '{unit}'" if unit else "isn't known"
+                raise self._error(f"the unit '{side.unit}' {wanted}; leave it out, or multiply by a number", node)
+            scaled: Part = Computed("*", (side.part, Constant(factor))) if factor != 1 else side.part
+            if isinstance(side.part, Constant):
+                scaled = Constant(side.part.value * factor)
+            made.append(replace(side, part=scaled, unit=unit, labels={}))
+        return made
+
+    # ----------------------------------------------------------------------------------------------- functions
+
+    def _call(self, node: Call) -> _Found:
+        name = node.function
+        sides = [self.bind(one) for one in node.arguments]
+        if name in ("mean", "std") or (name in ("min", "max") and len(sides) == 2 and _is_time(node.arguments[1])):
+            return self._window(node, sides)
+        first = sides[0]
+        if name in _STEPS:
+            unit = units.quotient(first.unit, "s") if name == "rate" and first.unit else first.unit
+            part = Remembered(name, first.part, 0, self._sources(first.part, node))
+            keeps = name == "prev"
+            return _Found(part, first.width, unit, keeps and first.logical, labels=first.labels if keeps else {})
+        if name in ("any", "all", "isnan"):
+            gathered, width = (self._gathered(sides, node), 0) if name != "isnan" else ((first.part,), first.width)
+            return _Found(Computed(name, gathered), width, logical=True)
+        if name in ("norm", "sum") or (name in ("min", "max") and len(sides) == 1):
+            sides = self._in_one_unit(sides, node.arguments)
+            unit = next((side.unit for side in sides if side.unit), None)
+            return _Found(Computed(f"{name}_of", self._gathered(sides, node)), 0, unit)
+        width = self._width(sides, node)
+        if name in ("min", "max", "hypot", "atan2"):
+            sides = self._in_one_unit(sides, node.arguments)
+        unit = next((side.unit for side in sides if side.unit), None)
+        if name == "sqrt":
+            unit = units.power(unit, 0.5) if unit else None
+        elif name in ("sin", "cos", "tan", "atan2"):
+            unit = "rad" if name == "atan2" else None
+        return _Found(Computed(name, tuple(side.part for side in sides)), width, unit)
+
+    def _gathered(self, sides: Sequence[_Found], node: Call) -> tuple[Part, ...]:
+        if len(sides) == 1 and not sides[0].width:
+            raise self._error(f"{node.function} takes a vector, a pattern or several values; this is one", node)
+        return tuple(side.part for side in sides)
+
+    def _window(self, node: Call, sides: Sequence[_Found]) -> _Found:
+        duration = node.arguments[1]
+        if not _is_time(duration):
+            raise self._error(f"the time of a window is missing its unit: {node.function}(x, 50ms)", duration)
+        assert isinstance(duration, Number)
+        seconds = duration.value * (units.factor(duration.unit, "s") or 0.0)
+        if not 1e-9 <= seconds <= MOST_WINDOW_S:
+            raise self._error(f"a window is above 0 and at most {MOST_WINDOW_S:g} s long", duration)
+        inner = sides[0]
+        part = Remembered(node.function, inner.part, round(seconds * 1e9), self._sources(inner.part, node))
+        return _Found(part, inner.width, inner.unit)
+
+    def _sources(self, part: Part, node: Node) -> tuple[int, ...]:
+        columns = columns_of(part)
+        if not columns:
+            raise self._error("this names no signal, so it never changes", node)
+        return tuple(sorted({column.source for column in columns}))
+
+
+def _is_time(node: Node) -> bool:
+    return isinstance(node, Number) and bool(node.unit) and units.factor(node.unit, "s") is not None

@@ -1,0 +1,330 @@
+"""Bound expressions computed over batches of rows, with what they remember from one batch to the next.
+
+An expression is judged at every tick where one of its signals has a sample; the others hold. A held value is good until
+the next sample of its signal would be due: after that (rows were lost, a buffer ended, an element is off) it is
+unobservable, and so is what depends on it, unless the rest decides (`false and ...`). A NaN is unobservable too where
+it is compared. `prev`, `diff` and `rate` step per sample of their own signals, windows use time stamps; after samples
+that are missing both begin anew. However the rows are cut into batches, the results are the same, to the last bit.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.judging.binding import OFF, Bound, Computed, Constant, Part, Remembered, Signal, columns_of
+from silo.judging.operations import OPERATIONS, REDUCING, Truth, Value, as_numbers, as_truth, columned, raw, spread
+from silo.judging.windows import Window
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+FALSE, TRUE, UNOBSERVABLE = 0, 1, -1
+
+
+@dataclass(frozen=True)
+class SourceRows:
+    """New rows of one source: ticks and time stamps of shape `(n,)`, and by (element, entry) values of that shape."""
+
+    ticks: Ints
+    time_ns: Ints
+    columns: Mapping[tuple[int, int], Floats]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What expressions gave at ticks of shape `(n,)`, one value each: shape `(n,)`, or `(n, k)` for a vector.
+
+    `seen[i]`, shape `(n,)`, tells where every signal of expression i had a value; None where all had.
+    """
+
+    ticks: Ints
+    time_ns: Ints
+    values: tuple[Value, ...]
+    seen: tuple[Bools | None, ...]
+
+    def numbers(self, which: int = 0) -> Floats:
+        """Return the results of an expression as float64, NaN where they are unobservable."""
+        value = self.values[which]
+        return as_numbers(value) if isinstance(value, Truth) else value  # type: ignore[no-any-return]
+
+    def codes(self, which: int = 0) -> NDArray[np.int8]:
+        """Return the results of a condition: TRUE, FALSE or UNOBSERVABLE. A number is true where it isn't 0."""
+        truth = as_truth(self.values[which])
+        codes = truth.true.astype(np.int8)
+        if truth.unknown is not None:
+            codes[truth.unknown] = UNOBSERVABLE
+        return codes  # type: ignore[no-any-return]
+
+
+@dataclass
+class _Source:
+    """A source as it was left by the batch before: its last tick (None before the first) and values."""
+
+    divider: int
+    tick: int | None = None
+    values: dict[tuple[int, int], float] = field(default_factory=dict)
+
+
+class _Grid:
+    """The ticks of one batch at which some sources have samples, and where each of them stands there."""
+
+    def __init__(self, sources: Sequence[int], known: Mapping[int, _Source], rows: Mapping[int, SourceRows]) -> None:
+        here = [rows[source] for source in sources if source in rows and len(rows[source].ticks)]
+        first = here[0] if here else _NO_ROWS
+        self.ticks, self.time_ns = first.ticks, first.time_ns
+        # sources of one divider, which is nearly all there is, have samples at the same ticks
+        self.alike = len(here) == len(sources) and all(_same(first.ticks, one.ticks) for one in here[1:])
+        if here and not self.alike:
+            self.ticks, found = np.unique(np.concatenate([one.ticks for one in here]), return_index=True)
+            self.time_ns = np.concatenate([one.time_ns for one in here])[found]
+        self._places: dict[int, NDArray[np.intp]] = {}
+        self._missing: dict[int, Bools | None] = {}
+        self._sources = sources
+        self._known = known
+        self._rows = rows
+
+    def places(self, source: int) -> NDArray[np.intp]:
+        """Which row of a source holds at each tick; -1 for the last one of the batch before."""
+        found = self._places.get(source)
+        if found is None:
+            ticks = self._rows[source].ticks if source in self._rows else _NO_ROWS.ticks
+            found = self._places[source] = np.searchsorted(ticks, self.ticks, "right") - 1
+        return found
+
+    def missing(self, source: int) -> Bools | None:
+        """Where a source has no value, as a sample that was due isn't there; None: nowhere."""
+        if self.alike:
+            return None
+        if source not in self._missing:
+            ticks = self._held_ticks(source)
+            lost = self.ticks - ticks >= self._known[source].divider
+            self._missing[source] = lost if lost.any() else None
+        return self._missing[source]
+
+    def _held_ticks(self, source: int) -> Ints:
+        before = self._known[source].tick
+        ticks = self._rows[source].ticks if source in self._rows else _NO_ROWS.ticks
+        with_before = np.concatenate([[_NEVER if before is None else before], ticks])
+        return np.asarray(with_before[self.places(source) + 1], np.int64)
+
+    def breaks(self) -> NDArray[np.intp]:
+        """Places before which samples of one of the sources are missing."""
+        found = [self._breaks_of(source) for source in self._sources]
+        return found[0] if len(found) == 1 else np.unique(np.concatenate(found))
+
+    def _breaks_of(self, source: int) -> NDArray[np.intp]:
+        divider, before = self._known[source].divider, self._known[source].tick
+        ticks = self._rows[source].ticks if source in self._rows else _NO_ROWS.ticks
+        if not len(ticks):
+            return _NOWHERE
+        begin = int(ticks[0]) - divider if before is None else before
+        if int(ticks[-1]) - begin == len(ticks) * divider:
+            return _NOWHERE
+        late = ticks[np.flatnonzero(np.diff(ticks, prepend=begin) > divider)]
+        return np.searchsorted(self.ticks, late)
+
+    def held(self, source: int, column: Floats, before: Any) -> Floats:
+        """A column of a source (or of what is computed at its ticks) with the value that holds at each tick."""
+        if self.alike:
+            return column
+        with_before = np.concatenate([np.asarray(before, np.float64)[None], column])
+        return self.without_missing((source,), with_before[self.places(source) + 1])
+
+    def without_missing(self, sources: Sequence[int], values: Floats) -> Floats:
+        """The values with NaN where one of the sources has none. May change them in place."""
+        for source in sources:
+            missing = self.missing(source)
+            if missing is not None:
+                values[missing] = np.nan
+        return values
+
+
+_NEVER = np.iinfo(np.int64).min // 2
+_NOWHERE = np.zeros(0, np.intp)
+_NO_ROWS = SourceRows(np.zeros(0, np.int64), np.zeros(0, np.int64), {})
+
+
+def _same(one: Ints, other: Ints) -> bool:
+    return one is other or (len(one) == len(other) and bool((one == other).all()))
+
+
+@dataclass
+class _Memory:
+    """What a remembering function keeps: its last result, the sample before, its window."""
+
+    last: Any = np.nan
+    sample: Any = np.nan
+    time_ns: int = 0
+    window: Window | None = None
+
+
+class Evaluator:
+    """Computes expressions over the rows of one run, batch after batch. A new run needs a new one.
+
+    The expressions are judged together, at every tick where a signal of any of them has a sample.
+    """
+
+    def __init__(self, *expressions: Bound) -> None:
+        self._roots = [expression.root for expression in expressions]
+        dividers = {source: divider for one in expressions for source, divider in one.sources.items()}
+        self._sources = {source: _Source(dividers[source]) for source in sorted(dividers)}
+        self._seen_by = [sorted({column.source for column in one.columns}) for one in expressions]
+        self._wanted: dict[int, set[tuple[int, int]]] = {source: set() for source in self._sources}
+        for expression in expressions:
+            for column in expression.columns:
+                if column.source != OFF:
+                    self._wanted[column.source].add((column.element, column.entry))
+        self._memories: dict[Remembered, _Memory] = {}
+        for expression in expressions:
+            self._remember(expression.root)
+        self._key = tuple(self._sources)
+        # of one batch
+        self._rows: Mapping[int, SourceRows] = {}
+        self._grids: dict[tuple[int, ...], _Grid] = {}
+        self._made: dict[Remembered, Floats] = {}
+
+    @property
+    def sources(self) -> tuple[int, ...]:
+        """The sources that are needed."""
+        return self._key
+
+    def _remember(self, part: Part) -> None:
+        if isinstance(part, Computed):
+            for one in part.parts:
+                self._remember(one)
+        elif isinstance(part, Remembered):
+            window = Window(part.function, part.window_ns) if part.window_ns else None
+            self._memories[part] = _Memory(window=window)
+            self._remember(part.part)
+
+    def feed(self, rows: Mapping[int, SourceRows]) -> Judged:
+        """Judge the next rows of each source.
+
+        A batch is whole up to some tick: no later one may bring a row with a tick that an earlier one went beyond.
+        """
+        self._rows, self._grids, self._made = rows, {}, {}
+        grid = self._grid(self._key)
+        count = len(grid.ticks)
+        with np.errstate(all="ignore"):
+            for part in reversed(self._memories):  # the innermost were noted last, and others need them
+                self._made[part] = self._remembered(part)
+            values = tuple(spread(self._value(root, grid), count) for root in self._roots)
+        seen = tuple(self._seen(sources, grid) for sources in self._seen_by)
+        self._keep()
+        self._rows, self._grids, self._made = {}, {}, {}
+        return Judged(grid.ticks, grid.time_ns, values, seen)
+
+    def _seen(self, sources: Sequence[int], grid: _Grid) -> Bools | None:
+        if OFF in sources:
+            return np.zeros(len(grid.ticks), bool)
+        missing = [lost for source in sources if (lost := grid.missing(source)) is not None]
+        return ~np.logical_or.reduce(missing) if missing else None
+
+    def _grid(self, sources: tuple[int, ...]) -> _Grid:
+        found = self._grids.get(sources)
+        if found is None:
+            found = self._grids[sources] = _Grid(sources, self._sources, self._rows)
+        return found
+
+    def _keep(self) -> None:
+        """Note the last row of each source; the arrays of the batch are free then."""
+        for source, rows in self._rows.items():
+            if source in self._sources and len(rows.ticks):
+                kept = self._sources[source]
+                kept.tick = int(rows.ticks[-1])
+                if len(self._sources) > 1:  # alone it never has to hold
+                    kept.values = {key: float(rows.columns[key][-1]) for key in self._wanted[source]}
+        for part, memory in self._memories.items():
+            if part in self._made and len(self._made[part]):
+                memory.last = self._made[part][-1].copy()
+
+    # ------------------------------------------------------------------------------------------------ values
+
+    def _value(self, part: Part, grid: _Grid) -> Value:
+        if isinstance(part, Constant):
+            return part.value
+        if isinstance(part, Signal):
+            columns = [self._column(column.element, column.entry, column.source, grid) for column in part.columns]
+            return np.stack(columns, axis=1) if part.vector else columns[0]
+        if isinstance(part, Remembered):
+            return self._recalled(part, grid)
+        values = [self._value(one, grid) for one in part.parts]
+        if part.operator == "isnan":
+            return self._isnan(part, values[0], grid)
+        # a scalar beside a vector meets each of its values
+        if any(raw(value).ndim == 2 for value in values if not isinstance(value, float)):
+            values = [columned(value) for value in values]
+        return OPERATIONS[part.operator](values)
+
+    def _isnan(self, part: Computed, value: Value, grid: _Grid) -> Truth:
+        """Whether a value is no number: of what has no sample at all nobody can tell."""
+        numbers: Any = spread(as_numbers(value), len(grid.ticks))
+        true = np.isnan(numbers)
+        seen = self._seen(sorted({column.source for column in columns_of(part)}), grid)
+        if seen is None:
+            return Truth(true)
+        unknown = np.broadcast_to(~seen if true.ndim == 1 else ~seen[:, None], true.shape)
+        return Truth(true & ~unknown, unknown)
+
+    def _column(self, element: int, entry: int, source: int, grid: _Grid) -> Floats:
+        key = element, entry
+        if source == OFF:
+            return np.full(len(grid.ticks), np.nan)
+        rows = self._rows.get(source)
+        column = rows.columns[key] if rows is not None and len(rows.ticks) else _NO_VALUES
+        return grid.held(source, column, self._sources[source].values.get(key, np.nan))
+
+    def _recalled(self, part: Remembered, grid: _Grid) -> Floats:
+        """What a remembering function gave, held at the ticks of a grid."""
+        made, own = self._made[part], self._grid_of(part)
+        if own is None:
+            return np.full((len(grid.ticks), *made.shape[1:]), np.nan)
+        if own is grid or (grid.alike and own.alike):
+            return made
+        before = np.broadcast_to(self._memories[part].last, (1, *made.shape[1:]))
+        places = np.searchsorted(own.ticks, grid.ticks, "right")
+        return grid.without_missing(part.sources, np.concatenate([before, made])[places])
+
+    def _grid_of(self, part: Remembered) -> _Grid | None:
+        return None if OFF in part.sources else self._grid(part.sources)
+
+    def _remembered(self, part: Remembered) -> Floats:
+        """The results of a remembering function at the ticks of its own signals."""
+        memory, grid = self._memories[part], self._grid_of(part)
+        if grid is None:
+            return np.full((0, *_trailing(part.part)), np.nan)
+        value = self._value(part.part, grid)
+        samples = as_numbers(value) if isinstance(value, Truth) else value
+        if not len(grid.ticks):
+            return samples  # type: ignore[no-any-return]
+        breaks = grid.breaks()
+        if memory.window is not None:
+            made = memory.window.feed(grid.time_ns, samples, breaks)
+            return grid.without_missing(part.sources, made)
+        before = np.concatenate([np.broadcast_to(memory.sample, (1, *samples.shape[1:])), samples[:-1]])
+        before[breaks] = np.nan
+        made = before if part.function == "prev" else samples - before
+        if part.function == "rate":
+            elapsed = np.diff(grid.time_ns, prepend=memory.time_ns) * 1e-9
+            elapsed[elapsed <= 0] = np.nan  # the clock was set back: no rate can be told
+            made = made / (elapsed if made.ndim == 1 else elapsed[:, None])
+        memory.sample, memory.time_ns = samples[-1].copy(), int(grid.time_ns[-1])
+        return grid.without_missing(part.sources, made)
+
+
+_NO_VALUES = np.zeros(0)
+
+
+def _trailing(part: Part) -> tuple[int, ...]:
+    """The shape of one value of a part."""
+    if isinstance(part, Signal):
+        return (len(part.columns),) if part.vector else ()
+    if isinstance(part, Remembered):
+        return _trailing(part.part)
+    if isinstance(part, Constant) or part.operator in REDUCING:
+        return ()
+    return max((_trailing(one) for one in part.parts), key=len)

@@ -1,0 +1,149 @@
+"""Derived signals and limits that belong to a log: checked when they are given, bound when rows are read."""
+
+import re
+from collections.abc import Sequence
+
+import msgspec
+
+from silo import units
+from silo.arguments import real, shown
+from silo.errors import ElementError
+from silo.judging.binding import Bound, Catalogue, Known, bind
+from silo.judging.limits import LimitRule, limit_rule
+from silo.judging.tokens import ExpressionError
+from silo.judging.triggers import Held, Mode, Slope, TriggerRule
+from silo.model import BufferType, Derived, ElementInfo, Extras, SignalLimits, TriggerOptions
+
+MOST_DERIVED = 200
+MOST_LIMITS = 1000
+MOST_TRIGGERS = 100
+MOST_STALE_S = MOST_TRIGGER_S = 86_400.0
+
+_TIME = re.compile(r"\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*([a-zµμ]*)\s*")
+
+
+def seconds(argument: str, given: object, most_s: float) -> float:
+    """Return a time given in seconds, or as text with its unit (`20ms`). Raises ElementError."""
+    if isinstance(given, str):
+        found = _TIME.fullmatch(given)
+        factor = units.factor(found[2], "s") if found and found[2] else None
+        if found is None or factor is None:
+            raise ElementError(f"{argument} must be a time such as 0.5s or 20ms, got {shown(given)}")
+        given = float(found[1]) * factor
+    return real(argument, given, 0, most_s, "s")
+
+
+def table_catalogue(elements: Sequence[ElementInfo], prefix: str, derived: Sequence[Derived] = ()) -> Catalogue:
+    """Return what expressions may name in a table of elements; whether they are logged plays no part."""
+    known = [Known(info.name, info.entries, info.unit, info.options.divider, info.options.divider) for info in elements]
+    return Catalogue(known, prefix, derived)
+
+
+def with_derived(extras: Extras, one: Derived, elements: Sequence[ElementInfo], prefix: str) -> Extras:
+    """Return the extras with one more derived signal, or with a new expression for one of that name.
+
+    Raises ElementError for a name that an element has, ExpressionError for what can't be computed.
+    """
+    if len(extras.derived) >= MOST_DERIVED:
+        raise ElementError(f"at most {MOST_DERIVED} signals are derived; nothing was changed")
+    names = {info.name for info in elements}
+    if one.name in names or any(one.name == info.name + entry.suffix for info in elements for entry in info.entries):
+        raise ElementError(f"'{one.name}' is an element already: derive it under another name; nothing was changed")
+    made = [one if old.name == one.name else old for old in extras.derived]
+    derived = tuple(made) if one in made else (*extras.derived, one)
+    for place, each in enumerate(derived):  # what stands on it must still fit
+        bind(each.expression, table_catalogue(elements, prefix, derived[:place]))
+    return msgspec.structs.replace(extras, derived=derived)
+
+
+def with_limits(extras: Extras, one: SignalLimits, elements: Sequence[ElementInfo], prefix: str) -> Extras:
+    """Return the extras with limits of one more signal, or with new ones for it. Raises ElementError."""
+    if len(extras.limits) >= MOST_LIMITS:
+        raise ElementError(f"at most {MOST_LIMITS} signals have limits; nothing was changed")
+    catalogue = table_catalogue(elements, prefix, extras.derived)
+    bind_limits(one, catalogue)
+    kept = tuple(old for old in extras.limits if old.name != one.name)
+    return msgspec.structs.replace(extras, limits=(*kept, one))
+
+
+def with_trigger(extras: Extras, one: TriggerOptions, elements: Sequence[ElementInfo], prefix: str) -> Extras:
+    """Return the extras with one more trigger, or with a new one of that name. Raises ElementError."""
+    if len(extras.triggers) >= MOST_TRIGGERS:
+        raise ElementError(f"at most {MOST_TRIGGERS} triggers are set; nothing was changed")
+    catalogue = table_catalogue(elements, prefix, extras.derived)
+    trigger_rule(one, 1.0)  # its words and times make sense
+    for text in filter(None, (one.when, one.rearm)):
+        bind(text, catalogue).condition()
+    if not one.name or "/" in one.name or not one.name.isprintable() or one.name.startswith("."):
+        raise ElementError(f"the name of trigger '{one.name}' stands in names of files; take letters and digits")
+    kept = tuple(old for old in extras.triggers if old.name != one.name)
+    return msgspec.structs.replace(extras, triggers=(*kept, one))
+
+
+def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
+    """Return what a trigger does, in ticks. Raises ElementError for words and times that make no sense."""
+    name = f"of trigger '{options.name}'"
+
+    def ticks(what: str, given_s: float) -> int:
+        return round(real(f"{what} {name}", given_s, 0, MOST_TRIGGER_S, "s") * frequency_hz)
+
+    try:
+        slope, mode = Slope(options.slope), Mode(options.mode)
+    except ValueError as error:
+        raise ElementError(
+            f"edge {name} must be rising, falling, level, enter or leave, its mode normal or single: {error}"
+        ) from None
+    if mode is Mode.AUTO:
+        raise ElementError(f"mode {name} must be normal or single; nothing was changed")
+    return TriggerRule(
+        ticks("pre", options.pre_s),
+        ticks("post", options.post_s),
+        slope,
+        ticks("persist", options.persist_s),
+        ticks("holdoff", options.holdoff_s),
+        mode,
+    )
+
+
+def held_by(elements: Sequence[ElementInfo]) -> list[Held]:
+    """Return what buffers of the elements that are saved hold, for `check_pre`."""
+    return [
+        Held(info.name, now.divider, now.buffer_size, now.buffer_type is BufferType.LOOPING,
+             now.buffer_type is BufferType.GROWING)
+        for info in elements
+        if (now := info.options).enabled and now.action.saves
+    ]  # fmt: skip
+
+
+def rule_of(limits: SignalLimits) -> LimitRule:
+    """Return the rule that limits stand for. Raises ElementError."""
+    name = f"limits of '{limits.name}'"
+    stale_ns = round(real(f"stale of {name}", limits.stale_s, 0, MOST_STALE_S, "s") * 1e9)
+    if all(bound is None for bound in limits.bounds) and stale_ns:
+        return LimitRule(stale_ns=stale_ns)
+    return limit_rule(limits.bounds, limits.persistence, limits.hysteresis, stale_ns, name)
+
+
+def bind_limits(limits: SignalLimits, catalogue: Catalogue) -> tuple[LimitRule, tuple[Bound, ...]]:
+    """Return the rule of limits, and the expressions to judge together: the signal, and its context if it has one.
+
+    Raises ElementError, for a name that isn't there ExpressionError.
+    """
+    rule = rule_of(limits)
+    # a name of any letters
+    quoted = f"`{limits.name}`" if "`" not in limits.name else limits.name
+    try:
+        signal = bind(quoted, catalogue)
+    except ExpressionError as error:
+        raise ElementError(f"limits of '{limits.name}': {error.reason}; nothing was changed") from None
+    if not limits.when:
+        return rule, (signal,)
+    return rule, (signal, bind(limits.when, catalogue).condition())
+
+
+def scalar_names(bound: Bound, catalogue: Catalogue, name: str) -> list[str]:
+    """Return the names of the values that a bound name has: those of its scalars, or numbered ones if it is derived."""
+    plain = catalogue.find(name)
+    if plain:
+        return [catalogue.name(column.element, column.entry) for column in bound.columns]
+    return [f"{name}_{at}" for at in range(bound.width)] if bound.width else [name]

@@ -1,0 +1,318 @@
+"""Limits of signals, judged on every sample: red and yellow bounds in the words of COSMOS.
+
+A violation of one sample is never missed: its peak and its time are kept, whatever the state shows. The state follows
+after `persistence` samples in a row, and leaves a range only `hysteresis` inside of it, so that noise at a bound is one
+alarm. It stays to be acknowledged after the value is well again.
+"""
+
+import enum
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.arguments import real, shown, whole
+from silo.errors import ElementError
+from silo.judging.evaluation import TRUE
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+MOST_PERSISTENCE = 1_000_000
+_ORDER = "(red_low, yellow_low, yellow_high, red_high), None for a bound that there isn't"
+
+
+class Level(enum.IntEnum):
+    """Where a value is. The larger its distance from 0, the worse."""
+
+    RED_LOW = -2
+    YELLOW_LOW = -1
+    GREEN = 0
+    YELLOW_HIGH = 1
+    RED_HIGH = 2
+
+
+@dataclass(frozen=True)
+class LimitRule:
+    """Bounds of each scalar of a signal: a value at a bound is within it. Infinite where there is none.
+
+    `persistence` samples in a row make a state, `hysteresis` is how far inside a bound it ends. `stale_ns`: no value
+    that is new for so long is an alarm too; 0 for never.
+    """
+
+    red_low: float = -math.inf
+    yellow_low: float = -math.inf
+    yellow_high: float = math.inf
+    red_high: float = math.inf
+    persistence: int = 1
+    hysteresis: float = 0.0
+    stale_ns: int = 0
+
+    def level(self, value: float) -> Level:
+        """Return where a value is; a NaN is in no range, and not judged."""
+        if value > self.yellow_high:
+            return Level.RED_HIGH if value > self.red_high else Level.YELLOW_HIGH
+        if value < self.yellow_low:
+            return Level.RED_LOW if value < self.red_low else Level.YELLOW_LOW
+        return Level.GREEN
+
+
+def limit_rule(
+    bounds: object, persistence: int = 1, hysteresis: float = 0.0, stale_ns: int = 0, name: str = "limits"
+) -> LimitRule:
+    """Return the rule of four bounds as a program gives them. Raises ElementError."""
+    given = list(bounds) if isinstance(bounds, tuple | list) else []
+    if len(given) != 4 or all(bound is None for bound in given):
+        raise ElementError(f"{name} must be {_ORDER}, got {shown(bounds)}; nothing was changed")
+    each = f"each of {name} {_ORDER},"
+    low = [-math.inf if bound is None else real(each, bound, -1e308, 1e308, "") for bound in given[:2]]
+    high = [math.inf if bound is None else real(each, bound, -1e308, 1e308, "") for bound in given[2:]]
+    # red alone: what goes beyond it goes beyond yellow there too
+    yellow_low = low[0] if given[1] is None else low[1]
+    yellow_high = high[1] if given[2] is None else high[0]
+    if not low[0] <= yellow_low < yellow_high <= high[1]:
+        raise ElementError(f"{name} must rise: {_ORDER}, got {shown(bounds)}; nothing was changed")
+    return LimitRule(
+        low[0], yellow_low, yellow_high, high[1], whole(f"persistence of {name}", persistence, 1, MOST_PERSISTENCE),
+        real(f"hysteresis of {name}", hysteresis, 0, (yellow_high - yellow_low) / 2, ""), stale_ns,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Samples in a row (but for such as are not judged) of one scalar beyond a yellow bound.
+
+    `worst` is the worst range it was in, `peak` the value farthest beyond, at `peak_tick`. `last_tick` is its newest
+    sample; while `over` is False it may go on.
+    """
+
+    number: int
+    entry: int
+    worst: Level
+    first_tick: int
+    first_ns: int
+    last_tick: int
+    peak: float
+    peak_tick: int
+    peak_ns: int
+    samples: int
+    over: bool = False
+
+
+@dataclass(frozen=True)
+class Acknowledgement:
+    """Who has seen an alarm, and when."""
+
+    who: str
+    time_ns: int
+
+
+@dataclass
+class EntryState:
+    """How one scalar stands. `alarm` is the worst that is not acknowledged, GREEN where there is none."""
+
+    level: Level = Level.GREEN
+    stale: bool = False
+    count: int = 0  # violations so far
+    violation: Violation | None = None  # the newest
+    alarm: Level = Level.GREEN
+    acknowledged: Acknowledgement | None = None
+    since_tick: int = -1  # of the state
+    pending: Level = Level.GREEN  # what the newest samples ask for
+    pending_samples: int = 0  # that do so, 0 where they agree with the state
+    fresh_ns: int | None = None  # when the value was new
+    last: float = math.nan
+    stale_count: int = 0
+    stale_alarm: bool = False
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the newest violation may go on."""
+        return self.violation is not None and not self.violation.over
+
+
+@dataclass
+class Limit:
+    """The limits of one signal of `width` scalars, over all its samples."""
+
+    rule: LimitRule
+    width: int = 1
+    states: list[EntryState] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.states = [EntryState() for _ in range(self.width)]
+
+    def feed(
+        self, ticks: Ints, time_ns: Ints, values: Floats, context: NDArray[np.int8] | None = None
+    ) -> list[Violation]:
+        """Take the next samples in; returns the violations that began, grew or ended, as they are then.
+
+        `values` has shape `(n,)` or `(n, width)`. Where a `context` is not TRUE nothing is judged, and what was pending
+        begins anew; None: it always is. NaN samples are no value.
+        """
+        if not len(ticks):
+            return []
+        columns = values.reshape(len(values), -1)
+        judged = None if context is None else context == TRUE
+        found: list[Violation] = []
+        for entry in self._stirred(columns, context):
+            found += self._feed_entry(entry, self.states[entry], ticks, time_ns, columns[:, entry], judged)
+        return found
+
+    def check_stale(self, now_ns: int) -> list[int]:
+        """Return the scalars that have become stale by now: nothing new came for `stale_ns`."""
+        return [entry for entry, state in enumerate(self.states) if self._check_stale(state, now_ns)]
+
+    def acknowledge(self, who: str, time_ns: int) -> int:
+        """Note that somebody has seen the alarms; returns how many there were."""
+        alarms = [state for state in self.states if state.alarm or state.stale_alarm]
+        for state in alarms:
+            state.alarm, state.stale_alarm = Level.GREEN, False
+            state.acknowledged = Acknowledgement(who, time_ns)
+        return len(alarms)
+
+    def worst(self) -> Level:
+        """Return the worst state of all scalars."""
+        return max((state.level for state in self.states), key=abs, default=Level.GREEN)
+
+    # ------------------------------------------------------------------------------------------------ the rules
+
+    def _stirred(self, columns: Floats, context: Any) -> list[int]:
+        """The scalars that must be looked at: nearly always all samples are green, and nothing waits for them."""
+        if context is not None or self.rule.stale_ns:
+            return list(range(self.width))
+        # False too where there is a NaN
+        green = (columns.min(axis=0) >= self.rule.yellow_low) & (columns.max(axis=0) <= self.rule.yellow_high)
+        return [
+            entry
+            for entry, (state, quiet) in enumerate(zip(self.states, green.tolist(), strict=True))
+            if not quiet or state.level or state.pending_samples or state.is_open
+        ]
+
+    def _feed_entry(
+        self, entry: int, state: EntryState, ticks: Ints, time_ns: Ints, values: Floats, judged: Any
+    ) -> list[Violation]:
+        missing = np.isnan(values)
+        if self.rule.stale_ns:
+            self._freshen(state, time_ns, values, missing)
+        # a NaN says nothing, what is out of context ends everything
+        codes = np.where(missing, _SKIP, self._levels(values))
+        if judged is not None:
+            codes = np.where(judged, codes, _OUT)
+        starts = [0, *(np.flatnonzero(codes[1:] != codes[:-1]) + 1).tolist()]
+        found: dict[int, Violation] = {}
+        for start, stop in zip(starts, [*starts[1:], len(codes)], strict=True):
+            code, run = int(codes[start]), slice(start, stop)
+            if code == _SKIP:
+                continue
+            level = Level.GREEN if code == _OUT else Level(code)
+            for changed in self._violate(entry, state, ticks[run], time_ns[run], values[run], level):
+                found[changed.number] = changed
+            if code == _OUT:
+                state.pending_samples = 0
+                self._move(state, Level.GREEN, int(ticks[start]))
+            else:
+                self._persist(state, ticks[run], values[run], level)
+        return list(found.values())
+
+    def _levels(self, values: Floats) -> NDArray[np.int8]:
+        rule = self.rule
+        high = (values > rule.yellow_high).astype(np.int8) + (values > rule.red_high)
+        low = (values < rule.yellow_low).astype(np.int8) + (values < rule.red_low)
+        return (high - low).astype(np.int8)
+
+    def _violate(
+        self, entry: int, state: EntryState, ticks: Ints, time_ns: Ints, values: Floats, level: Level
+    ) -> list[Violation]:
+        """Begin, go on with or end the violation by samples of one range."""
+        changed = []
+        before = state.violation if state.is_open else None
+        if before is not None and before.worst * level <= 0:
+            state.violation = replace(before, over=True)
+            changed.append(state.violation)
+            before = None
+        if level is Level.GREEN:
+            return changed
+        at = int(np.argmax(values)) if level > 0 else int(np.argmin(values))
+        peak, peak_tick, peak_ns = float(values[at]), int(ticks[at]), int(time_ns[at])
+        if before is None:
+            state.count += 1
+            state.violation = Violation(
+                state.count, entry, level, int(ticks[0]), int(time_ns[0]), int(ticks[-1]), peak, peak_tick, peak_ns,
+                len(ticks),
+            )  # fmt: skip
+        else:
+            if peak <= before.peak if level > 0 else peak >= before.peak:
+                peak, peak_tick, peak_ns = before.peak, before.peak_tick, before.peak_ns
+            state.violation = replace(
+                before, worst=max(before.worst, level, key=abs), last_tick=int(ticks[-1]), peak=peak,
+                peak_tick=peak_tick, peak_ns=peak_ns, samples=before.samples + len(ticks),
+            )  # fmt: skip
+        return [*changed, state.violation]
+
+    def _persist(self, state: EntryState, ticks: Ints, values: Floats, level: Level) -> None:
+        """Change the state after enough samples in a row that ask for it."""
+        held = self._held(state.level, level, values)
+        starts = [0, *(np.flatnonzero(held[1:] != held[:-1]) + 1).tolist()]
+        for start, stop in zip(starts, [*starts[1:], len(held)], strict=True):
+            if level is state.level or held[start]:
+                state.pending, state.pending_samples = state.level, 0
+                continue
+            if level is not state.pending:
+                state.pending, state.pending_samples = level, 0
+            needed = self.rule.persistence - state.pending_samples
+            if needed <= stop - start:
+                state.pending_samples = 0
+                self._move(state, level, int(ticks[start + needed - 1]))
+                return  # the rest of them is of this range too
+            state.pending_samples += stop - start
+
+    def _held(self, state: Level, level: Level, values: Floats) -> NDArray[np.bool_]:
+        """Where values that are less bad than the state are still within its hysteresis."""
+        rule = self.rule
+        if not rule.hysteresis or abs(level) >= abs(state) or level * state < 0:
+            return np.zeros(len(values), bool)
+        low, high = (rule.red_low, rule.red_high) if abs(state) == 2 else (rule.yellow_low, rule.yellow_high)
+        held: NDArray[np.bool_] = values > high - rule.hysteresis if state > 0 else values < low + rule.hysteresis
+        return held
+
+    def _move(self, state: EntryState, level: Level, tick: int) -> None:
+        if level is state.level:
+            return
+        state.level, state.since_tick = level, tick
+        if abs(level) > abs(state.alarm):
+            state.alarm, state.acknowledged = level, None
+
+    def _freshen(self, state: EntryState, time_ns: Ints, values: Floats, missing: NDArray[np.bool_]) -> None:
+        """Note when values were new, and how often one came too late."""
+        known = values[~missing]
+        new = known != np.concatenate([[state.last], known[:-1]])
+        stamps = time_ns[~missing][new]
+        if state.fresh_ns is None:
+            state.fresh_ns = int(time_ns[0])
+        if len(stamps):
+            late = np.diff(stamps, prepend=state.fresh_ns) > self.rule.stale_ns
+            self._note_stale(state, int(late.sum()) - int(state.stale and late[0]))
+            state.fresh_ns, state.stale = int(stamps[-1]), False
+        if len(known):
+            state.last = float(known[-1])
+        self._check_stale(state, int(time_ns[-1]))
+
+    def _check_stale(self, state: EntryState, now_ns: int) -> bool:
+        rule = self.rule
+        if not rule.stale_ns or state.stale or state.fresh_ns is None or now_ns - state.fresh_ns <= rule.stale_ns:
+            return False
+        state.stale = True
+        self._note_stale(state, 1)
+        return True
+
+    def _note_stale(self, state: EntryState, times: int) -> None:
+        if times:
+            state.stale_count += times
+            state.stale_alarm, state.acknowledged = True, None
+
+
+# beside the levels: out of context, and no value
+_OUT, _SKIP = 9, 8

@@ -1,0 +1,176 @@
+"""Operations of expressions on whole arrays: numbers, and truths that may be unknown.
+
+Truths follow Kleene: what is known decides where it can (`false and unknown` is false), else the result is unknown. A
+NaN is unknown where it is compared.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Truths of any shape; where `unknown` (None: nowhere) they are neither true nor false, and `true` is False."""
+
+    true: Any
+    unknown: Any = None
+
+
+Value = Truth | Any  # else float64, or a float
+
+
+def raw(value: Value) -> Any:
+    """Return numbers or truths as an array."""
+    return np.asarray(value.true if isinstance(value, Truth) else value)
+
+
+def columned(value: Value) -> Value:
+    """Return a value per tick as a column beside vectors."""
+    if isinstance(value, Truth):
+        unknown = value.unknown
+        return Truth(columned(value.true), None if unknown is None else columned(unknown))
+    return value[:, None] if isinstance(value, np.ndarray) and value.ndim == 1 else value
+
+
+def spread(value: Value, count: int) -> Value:
+    """Return a value as an array with one row per tick."""
+    if isinstance(value, Truth):
+        true = np.broadcast_to(value.true, (count,)) if np.ndim(value.true) == 0 else value.true
+        unknown = value.unknown
+        if unknown is not None and np.shape(unknown) != true.shape:
+            unknown = np.broadcast_to(unknown, true.shape)
+        return Truth(true, unknown)
+    return np.full(count, value) if np.ndim(value) == 0 else value
+
+
+def as_numbers(value: Value) -> Any:
+    """Return a value as float64; a truth is 1 or 0, NaN where it is unknown."""
+    if not isinstance(value, Truth):
+        return value
+    numbers = np.asarray(value.true, np.float64)
+    return numbers if value.unknown is None else np.where(value.unknown, np.nan, numbers)
+
+
+def as_truth(value: Value) -> Truth:
+    """Return a value as truths: what isn't 0 is true, of a NaN nobody can tell."""
+    if isinstance(value, Truth):
+        return value
+    unknown = _nan_in(value)
+    true = np.not_equal(value, 0.0)
+    return Truth(true, None) if unknown is None else Truth(true & ~unknown, unknown)
+
+
+def _nan_in(value: Any) -> Any:
+    """Where there is a NaN, None if nowhere."""
+    if isinstance(value, float):
+        return None  # constants are numbers
+    found = np.isnan(value)
+    return found if found.any() else None
+
+
+def _either(one: Any, other: Any) -> Any:
+    if one is None or other is None:
+        return other if one is None else one
+    return one | other
+
+
+def _and(values: list[Value]) -> Truth:
+    truths = [as_truth(value) for value in values]
+    true = truths[0].true
+    for truth in truths[1:]:
+        true = true & truth.true
+    if all(truth.unknown is None for truth in truths):
+        return Truth(true)
+    false: Any = False  # one that is false decides
+    for truth in truths:
+        false = false | (~truth.true if truth.unknown is None else ~(truth.true | truth.unknown))
+    return Truth(true, ~(true | false))
+
+
+def _not(values: list[Value]) -> Truth:
+    truth = as_truth(values[0])
+    return Truth(~truth.true if truth.unknown is None else ~(truth.true | truth.unknown), truth.unknown)
+
+
+def _or(values: list[Value]) -> Truth:
+    return _not([_and([_not([value]) for value in values])])
+
+
+def _comparison(function: Any) -> Any:
+    def compared(values: list[Value]) -> Truth:
+        left, right = as_numbers(values[0]), as_numbers(values[1])
+        unknown = _either(_nan_in(left), _nan_in(right))
+        true = function(left, right)
+        if unknown is None:
+            return Truth(true)
+        return Truth(true & ~unknown, np.broadcast_to(unknown, np.shape(true)))
+
+    return compared
+
+
+def _numeric(function: Any) -> Any:
+    def applied(values: list[Value]) -> Any:
+        made = as_numbers(values[0])
+        if len(values) == 1:
+            return function(made)
+        for value in values[1:]:
+            made = function(made, as_numbers(value))
+        return made
+
+    return applied
+
+
+def _reduced(function: Any) -> Any:
+    def applied(values: list[Value]) -> Any:
+        return function(_side_by_side([as_numbers(value) for value in values]))
+
+    return applied
+
+
+def _side_by_side(values: list[Any]) -> Any:
+    """Scalars and vectors as one vector per tick."""
+    if len(values) == 1:
+        return values[0]
+    count = max((len(value) for value in values if np.ndim(value)), default=1)
+    return np.concatenate([_as_columns(value, count) for value in values], axis=1)
+
+
+def _as_columns(value: Any, count: int) -> Any:
+    if np.ndim(value) == 2:
+        return value
+    return np.broadcast_to(np.asarray(value).reshape(-1, 1), (count, 1))
+
+
+def _any(values: list[Value]) -> Truth:
+    return _not([_all([_not([value]) for value in values])])
+
+
+def _all(values: list[Value]) -> Truth:
+    truths = [as_truth(value) for value in values]
+    true = _side_by_side([truth.true for truth in truths])
+    if all(truth.unknown is None for truth in truths):
+        return Truth(true.all(axis=1))
+    unknown = _side_by_side(
+        [np.zeros(np.shape(truth.true), bool) if truth.unknown is None else truth.unknown for truth in truths]
+    )
+    every, false = true.all(axis=1), ~(true | unknown).all(axis=1)
+    return Truth(every, ~(every | false))
+
+
+REDUCING = ("any", "all", "norm_of", "sum_of", "min_of", "max_of")
+
+OPERATIONS: dict[str, Any] = {
+    "and": _and, "or": _or, "not": _not, "any": _any, "all": _all,
+    "<": _comparison(np.less), "<=": _comparison(np.less_equal), ">": _comparison(np.greater),
+    ">=": _comparison(np.greater_equal), "==": _comparison(np.equal), "!=": _comparison(np.not_equal),
+    "+": _numeric(np.add), "-": _numeric(np.subtract), "*": _numeric(np.multiply), "/": _numeric(np.divide),
+    "%": _numeric(np.mod), "**": _numeric(np.power), "neg": _numeric(np.negative), "abs": _numeric(np.abs),
+    "min": _numeric(np.minimum), "max": _numeric(np.maximum), "sqrt": _numeric(np.sqrt), "sin": _numeric(np.sin),
+    "cos": _numeric(np.cos), "tan": _numeric(np.tan), "atan2": _numeric(np.arctan2), "hypot": _numeric(np.hypot),
+    "norm_of": _reduced(lambda vector: np.sqrt(np.sum(vector * vector, axis=1))),
+    "sum_of": _reduced(lambda vector: np.sum(vector, axis=1)),
+    "min_of": _reduced(lambda vector: np.min(vector, axis=1)),
+    "max_of": _reduced(lambda vector: np.max(vector, axis=1)),
+}  # fmt: skip

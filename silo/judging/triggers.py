@@ -1,0 +1,256 @@
+"""When a trigger fires, and which ticks its captures hold: rules on results of conditions, exact to the tick.
+
+The words are those of oscilloscopes and of NI-DAQmx reference triggers. Ticks are nominal: clocks may jump, ticks
+don't. Results come in batches of any size; what comes out is the same.
+"""
+
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.errors import ElementError
+from silo.judging.evaluation import FALSE, TRUE, UNOBSERVABLE
+
+SLACK_S = 1.0  # what a ring must hold beyond `pre`, so that a late judge still finds the oldest row
+
+Codes = NDArray[np.int8]
+Ints = NDArray[np.int64]
+
+
+class Slope(str, enum.Enum):
+    """What fires: the condition turns true, turns false, or is true. `enter` and `leave` are the first two."""
+
+    RISING = "rising"
+    FALLING = "falling"
+    LEVEL = "level"
+
+    @classmethod
+    def _missing_(cls, value: object) -> "Slope | None":
+        return {"enter": cls.RISING, "leave": cls.FALLING}.get(str(value))
+
+
+class Mode(str, enum.Enum):
+    """NORMAL captures each fire, SINGLE one and then disarms, AUTO captures without a fire too when none comes."""
+
+    NORMAL = "normal"
+    SINGLE = "single"
+    AUTO = "auto"
+
+
+@dataclass(frozen=True)
+class TriggerRule:
+    """What a trigger does, all times in ticks.
+
+    It fires where its condition has turned true and stayed so for `persist` ticks, and captures `[k - pre, k + post]`.
+    Then it must rearm: by its rearm condition, or, without, by the condition having been false. Within `holdoff` ticks
+    after a fire, turns are ignored. In AUTO mode it fires by itself `patience` ticks after the end of a capture.
+    """
+
+    pre: int
+    post: int
+    slope: Slope = Slope.RISING
+    persist: int = 0
+    holdoff: int = 0
+    mode: Mode = Mode.NORMAL
+    patience: int = 0
+
+
+@dataclass(frozen=True)
+class Fire:
+    """A trigger fired at a tick; `forced` where its condition did not say so."""
+
+    tick: int
+    time_ns: int
+    forced: bool = False
+
+
+@dataclass(frozen=True)
+class Capture:
+    """Ticks `first ... last` around the fires in it, both included."""
+
+    number: int
+    first: int
+    last: int
+    fires: tuple[Fire, ...]
+
+
+class TriggerState(str, enum.Enum):
+    """What a trigger does now."""
+
+    DISARMED = "disarmed"
+    ARMED = "armed"
+    FIRING = "firing"
+    HOLDOFF = "holdoff"
+    UNOBSERVABLE = "unobservable"
+
+
+@dataclass
+class Trigger:
+    """A trigger over the results of its conditions."""
+
+    rule: TriggerRule
+    armed: bool = True
+    captures: int = 0  # begun so far
+    fires: int = 0
+    capture: Capture | None = None  # the newest one; more fires may extend it
+    _ready: bool = True  # rearmed since the last fire
+    _turned: bool = False  # the condition turned true while that counted
+    _known: int = UNOBSERVABLE  # the last result that was one
+    _now: int = UNOBSERVABLE
+    _since: int | None = None  # from when on it is true without a break
+    _holdoff_end: int = 0
+    _patient_until: int | None = None
+    _tick: int = -1  # the newest that was judged
+    _new: list[Capture] = field(default_factory=list)
+
+    def feed(self, ticks: Ints, time_ns: Ints, condition: Codes, rearm: Codes | None = None) -> list[Capture]:
+        """Take the next results in; returns the captures that began or grew, each as it is at the end of the batch.
+
+        `condition` and `rearm` hold TRUE, FALSE, UNOBSERVABLE at each tick; `rearm` None: there is no such condition.
+        """
+        self._new = []
+        if not len(ticks):
+            return []
+        if self.rule.slope is Slope.FALLING:
+            condition = np.where(condition == UNOBSERVABLE, condition, 1 - condition).astype(np.int8)
+        changes = condition[1:] != condition[:-1]
+        if rearm is not None:
+            changes |= rearm[1:] != rearm[:-1]
+        starts = [0, *(np.flatnonzero(changes) + 1).tolist()]
+        for start, stop in zip(starts, [*starts[1:], len(ticks)], strict=True):
+            self._stretch(ticks[start:stop], time_ns[start:stop], int(condition[start]),
+                          None if rearm is None else int(rearm[start]))  # fmt: skip
+        self._tick, self._now = int(ticks[-1]), int(condition[-1])
+        return self._new
+
+    def force(self, tick: int, time_ns: int) -> list[Capture]:
+        """Fire now, whatever the condition says, armed or not. `tick` is not before the last that was judged."""
+        self._new = []
+        self._fire(tick, time_ns, forced=True)
+        return self._new
+
+    def arm(self, tick: int) -> None:
+        """Watch again from this tick on, also after the one capture of SINGLE mode."""
+        if not self.armed:
+            self.armed, self._ready = True, True
+            self._turned, self._patient_until = False, None
+            self._holdoff_end = tick
+
+    def disarm(self) -> None:
+        """Fire no more until `arm`. A capture that began goes on."""
+        self.armed, self._turned = False, False
+
+    def state(self, tick: int) -> TriggerState:
+        """What it does at a tick, fit to show."""
+        if self.capture is not None and tick <= self.capture.last:
+            return TriggerState.FIRING
+        if not self.armed:
+            return TriggerState.DISARMED
+        if self._now == UNOBSERVABLE:
+            return TriggerState.UNOBSERVABLE
+        return TriggerState.HOLDOFF if tick < self._holdoff_end else TriggerState.ARMED
+
+    # ----------------------------------------------------------------------------------------------- the rules
+
+    def _stretch(self, ticks: Ints, time_ns: Ints, condition: int, rearm: int | None) -> None:
+        """Take in ticks at all of which the results are these."""
+        level = self.rule.slope is Slope.LEVEL
+        rearms = (condition == FALSE or level) if rearm is None else rearm == TRUE
+        self._ready = self._ready or rearms
+        if condition != TRUE:
+            self._since = None
+            if condition == FALSE:
+                self._turned = False
+        elif self._since is None:
+            self._since = int(ticks[0])
+            counts = self.armed and self._ready and self._since >= self._holdoff_end
+            self._turned = self._turned or level or (self._known == FALSE and counts)
+        if condition != UNOBSERVABLE:
+            self._known = condition
+        if self.rule.mode is Mode.AUTO and self._patient_until is None:
+            self._patient_until = int(ticks[0]) + self.rule.patience
+        at = 0
+        while at < len(ticks):
+            by_condition = self._next_fire(ticks) if condition == TRUE else len(ticks)
+            by_patience = self._next_by_patience(ticks)
+            at = max(at, min(by_condition, by_patience))
+            if at >= len(ticks):
+                return
+            self._fire(int(ticks[at]), int(time_ns[at]), forced=by_patience < by_condition)
+            at += 1
+            if at < len(ticks):
+                self._ready = self._ready or rearms
+                ticks, time_ns, at = ticks[at:], time_ns[at:], 0
+
+    def _next_fire(self, ticks: Ints) -> int:
+        if not (self.armed and self._ready and (self._turned or self.rule.slope is Slope.LEVEL)):
+            return len(ticks)
+        assert self._since is not None
+        return int(np.searchsorted(ticks, max(self._since + self.rule.persist, self._holdoff_end)))
+
+    def _next_by_patience(self, ticks: Ints) -> int:
+        if self._patient_until is None or not self.armed:
+            return len(ticks)
+        return int(np.searchsorted(ticks, self._patient_until))
+
+    def _fire(self, tick: int, time_ns: int, *, forced: bool) -> None:
+        rule = self.rule
+        fire, last = Fire(tick, time_ns, forced), tick + rule.post
+        open_now = self.capture
+        if open_now is not None and tick <= open_now.last:
+            self.capture = replace(open_now, last=last, fires=(*open_now.fires[:999], fire))
+        else:
+            self.captures += 1
+            self.capture = Capture(self.captures, max(tick - rule.pre, 0), last, (fire,))
+        if self._new and self._new[-1].number == self.capture.number:
+            self._new[-1] = self.capture
+        else:
+            self._new.append(self.capture)
+        self.fires += 1
+        self._patient_until = last + 1 + rule.patience if rule.mode is Mode.AUTO else None
+        if rule.mode is Mode.SINGLE:
+            self.disarm()
+        # what lasts is captured end to end, not as one capture without end
+        at_least = rule.post + 1 if rule.slope is Slope.LEVEL else 0
+        self._holdoff_end = tick + max(rule.holdoff, at_least)
+        if not forced:
+            self._ready, self._turned = False, False
+
+
+@dataclass(frozen=True)
+class Held:
+    """What one buffer holds: of `name` every `divider` ticks, the newest `size` samples if `looping`, else the first.
+
+    `grows` where it keeps all.
+    """
+
+    name: str
+    divider: int
+    size: int
+    looping: bool
+    grows: bool = False
+
+
+def check_pre(pre: int, frequency_hz: float, buffers: Sequence[Held]) -> None:
+    """Raise ElementError where buffers can't hold `pre` ticks with their slack, with the size that would do."""
+    slack = round(SLACK_S * frequency_hz)
+    problems = []
+    for held in buffers:
+        if held.grows:
+            continue
+        # two rows that may be under way in the slots of the oldest
+        needed = -(-(pre + slack) // held.divider) + 2
+        if not held.looping:
+            problems.append(f"'{held.name}' keeps its first samples, not its newest: set buffer=looping size={needed}")
+        elif held.size < needed:
+            problems.append(f"'{held.name}' holds {held.size} samples, {needed} are needed: set size={needed}")
+    if problems:
+        more = f", and {len(problems) - 3} more" if len(problems) > 3 else ""
+        seconds = pre / frequency_hz
+        raise ElementError(
+            f"pre of {seconds:g} s and {SLACK_S:g} s of slack are longer than what buffers hold: "
+            f"{'; '.join(problems[:3])}{more}; nothing was changed"
+        )

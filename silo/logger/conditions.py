@@ -1,0 +1,162 @@
+"""What is computed and judged of a logger's signals: derived signals, limits, triggers.
+
+The part of `Logger` that takes them; they are checked against the table at once, stand in the segment of each run, and
+are computed and judged by who reads its rows. The control loop has no part in any of it.
+"""
+
+import logging
+from collections.abc import Iterable, Sequence
+
+from silo.arguments import line, shown, text, whole
+from silo.errors import ElementError, SaveError
+from silo.logger.configuration import Configuration
+from silo.logger.options import file_types
+from silo.model import Derived, FileType, SignalLimits, TriggerOptions, join_name
+
+log = logging.getLogger("silo")
+
+
+class Conditions(Configuration):
+    """Derived signals, limits and triggers of a logger."""
+
+    def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
+        """Have a signal computed from others wherever rows are read: `log.derive("power", "joints/tau * joints/qd")`.
+
+        Nothing of it is stored, and it costs the control loop nothing; saved files say how it is computed. It may use
+        elements that were added before, and signals that were derived before. Given again, it gets a new expression.
+        unit: instead of the one that follows from its signals. Raises ExpressionError, which shows the place,
+        ElementError for a name that is taken, StateError while running.
+        """
+        from silo.judging.extras import with_derived
+
+        name = text("the signal's name", name, 'log.derive("power", "joints/tau * joints/qd")')
+        expression = text("expression", expression, 'log.derive("power", "joints/tau * joints/qd")')
+        group, unit = text("group", group, 'group="joints"'), line("unit", unit, 'unit="W"')
+        if not name.strip("/"):
+            raise ElementError("a derived signal needs a name; nothing was changed")
+        one = Derived(join_name(self.options.prefix, group, name), expression, unit.strip())
+        with self._lock:
+            self._check_stopped("derive a signal")
+            self._extras = with_derived(self._extras, one, self._all_infos, self.options.prefix)
+            self._tell()
+
+    def limit(
+        self,
+        name: str,
+        bounds: Sequence[float | None],
+        *,
+        persistence: int = 1,
+        hysteresis: float = 0.0,
+        stale: float | str = 0.0,
+        when: str = "",
+    ) -> None:
+        """Give a signal limits, kept in saved files and judged by `silo check`.
+
+        name: an element (each of its values is judged), one scalar of it, or a derived signal. bounds: (red_low,
+        yellow_low, yellow_high, red_high), None for one that there isn't; a value at a bound is within it.
+        persistence: so many samples in a row make a state; each violation is counted all the same. hysteresis: how far
+        inside a bound its state ends. stale: a value that stays the same for so long is one too (`"0.5s"`). when: an
+        expression that must hold, else nothing is judged. Raises ElementError, StateError while running.
+        """
+        from silo.judging.extras import MOST_STALE_S, seconds, with_limits
+
+        name = text("the signal's name", name, 'log.limit("joints/tau", (-40, -30, 30, 40))')
+        when = text("when", when, 'when="controller/mode == STANCE"')
+        if isinstance(bounds, str | bytes) or not isinstance(bounds, Sequence) or len(bounds) != 4:
+            raise ElementError(
+                f"limits of '{name}' must be (red_low, yellow_low, yellow_high, red_high), got {shown(bounds)}; "
+                "nothing was changed"
+            )
+        one = SignalLimits(
+            name,
+            (bounds[0], bounds[1], bounds[2], bounds[3]),
+            persistence,
+            hysteresis,
+            seconds("stale", stale, MOST_STALE_S),
+            when,
+        )
+        with self._lock:
+            self._check_stopped("set limits")
+            self._extras = with_limits(self._extras, one, self._all_infos, self.options.prefix)
+            self._tell()
+
+    def trigger(
+        self,
+        name: str,
+        when: str,
+        *,
+        pre: float | str = 0.0,
+        post: float | str = 0.0,
+        edge: str = "rising",
+        rearm: str = "",
+        persist: float | str = 0.0,
+        holdoff: float | str = 0.0,
+        mode: str = "normal",
+        save: Iterable[FileType | str] | FileType | str = (FileType.SILO,),
+        keep: int = 0,
+    ) -> None:
+        """Capture what all saved elements did around the moments at which a condition turns true.
+
+            log.trigger("fall", "abs(base/roll) > 0.6", pre="5s", post="1s", rearm="abs(base/roll) < 0.3")
+
+        The helper process of `serve()` judges every row, and writes ticks k - pre to k + post of each fire at tick k to
+        files `<logger>_<date>_<run>_<name>_<number>`; a fire within `post` makes the capture longer. The control loop
+        has no part in it. edge: `"rising"`: the condition turns true, `"falling"`: false, `"level"`: is true; `"enter"`
+        and `"leave"` are the first two. rearm: what must be true before it fires again; without, the condition must
+        have been false. persist: it must stay so for so long. holdoff: it ignores what follows for so long. mode:
+        `"normal"`, or `"single"`: the first only. save: file types. keep: of its captures in this run the newest so
+        many stay, 0 for all. Times are seconds, or texts such as `"20ms"`.
+
+        Raises ExpressionError, which shows the place, ElementError (also for a `pre` that is longer than what buffers
+        hold, with the size that would do), StateError while running.
+        """
+        from silo.files.naming import check_name
+        from silo.judging.extras import MOST_TRIGGER_S, held_by, seconds, trigger_rule, with_trigger
+        from silo.judging.triggers import check_pre
+
+        example = 'log.trigger("fall", "abs(base/roll) > 0.6")'
+        try:
+            name = check_name(line("the trigger's name", name, example))
+        except SaveError as error:
+            raise ElementError(f"the trigger's name stands in names of files: {error}; nothing was changed") from None
+        pre_s, post_s, persist_s, holdoff_s = (
+            seconds(what, given, MOST_TRIGGER_S)
+            for what, given in (("pre", pre), ("post", post), ("persist", persist), ("holdoff", holdoff))
+        )
+        one = TriggerOptions(
+            name,
+            text("when", when, example),
+            pre_s,
+            post_s,
+            text("edge", edge, 'edge="falling"'),
+            text("rearm", rearm, 'rearm="abs(base/roll) < 0.3"'),
+            persist_s,
+            holdoff_s,
+            text("mode", mode, 'mode="single"'),
+            tuple(file_types(save)),
+            whole("keep", keep, 0, 1_000_000),
+        )
+        with self._lock:
+            self._check_stopped("set a trigger")
+            infos = self._all_infos
+            rule = trigger_rule(one, self.options.frequency_hz)
+            check_pre(rule.pre, self.options.frequency_hz, held_by(infos))
+            self._extras = with_trigger(self._extras, one, infos, self.options.prefix)
+            self._tell()
+
+    def _warn_of_triggers(self, *, served: bool) -> None:
+        """Tell at a start which triggers can't do what they were set for."""
+        if not self._extras.triggers:
+            return
+        from silo.judging.extras import held_by, trigger_rule
+        from silo.judging.triggers import check_pre
+
+        names = ", ".join(one.name for one in self._extras.triggers)
+        if not served:
+            log.warning("%s: triggers are judged by the helper process, and there is none: call serve()", names)
+        for one in self._extras.triggers:
+            rule = trigger_rule(one, self.options.frequency_hz)
+            try:
+                check_pre(rule.pre, self.options.frequency_hz, held_by(self._table.infos))
+            except ElementError as error:
+                log.warning("trigger '%s' will capture less than it should: %s", one.name, error)

@@ -1,0 +1,64 @@
+"""Views as files, in `views/` beside the settings. `.last-NAME` is what was on the screen of a logger at last."""
+
+import re
+from difflib import get_close_matches
+from pathlib import Path
+
+from silo.errors import SaveError
+from silo.files.atomic import atomic_file
+from silo_tui.layouts.layout import Layout, read, write
+from silo_tui.settings.reading import folder, read_text
+
+ENDING = ".yaml"
+_NAME = re.compile(r"[\w][\w.+ -]{0,79}")
+
+
+def place(name: str) -> Path:
+    """Return the file of a view. ValueError for what is no name."""
+    if not _NAME.fullmatch(name) or name != name.strip():
+        raise ValueError(f"{name!r} is no name for a view: letters, digits, - _ . + and blanks, at most 80")
+    return folder() / "views" / (name + ENDING)
+
+
+def last_of(logger: str) -> Path:
+    """Return the file of what was on the screen of a logger at last."""
+    return folder() / "views" / f".last-{re.sub(r'[^A-Za-z0-9_.-]', '_', logger)[:80]}{ENDING}"
+
+
+def names() -> list[str]:
+    """Return the views that there are."""
+    try:
+        found = [each.name.removesuffix(ENDING) for each in (folder() / "views").iterdir() if each.suffix == ENDING]
+    except OSError:
+        return []
+    return sorted(name for name in found if _NAME.fullmatch(name))
+
+
+def load(name: str) -> tuple[Layout, list[str]]:
+    """Return a view by its name, and what of its file was left out. ValueError when there is none."""
+    file = place(name)
+    if not file.exists():
+        known = names()
+        near = get_close_matches(name, known, 1)
+        hint = f"{near[0]}?" if near else f"there are {', '.join(known)}" if known else "`:view save NAME` makes one"
+        raise ValueError(f"there is no view {name!r}; {hint}")
+    return load_file(file)
+
+
+def load_file(file: Path) -> tuple[Layout, list[str]]:
+    """Return the view in a file, and what of it was left out. ValueError when it can't be read."""
+    try:
+        return read(read_text(file))
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ValueError(f"can't read '{file}': {reason}") from error
+
+
+def save(file: Path, layout: Layout) -> None:
+    """Write a view, over what was there. SaveError, then nothing was changed."""
+    try:
+        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise SaveError(f"can't make '{file.parent}': {error.strerror}; nothing was saved") from error
+    with atomic_file(file) as opened:
+        opened.write(write(layout).encode())

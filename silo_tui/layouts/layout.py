@@ -1,0 +1,112 @@
+"""What a view keeps, as data and as YAML. A new field touches `Layout`, `FIELDS` and both functions of `views`."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from difflib import get_close_matches
+from typing import Any
+
+import yaml
+
+from silo.settings.yaml_nodes import describe, is_null, line_of
+from silo_tui.settings.reading import nodes, pairs
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Names are without the logger's prefix, so that a view of one robot fits the next; no plots: the table alone."""
+
+    sort: str = "name"
+    filter: str = ""
+    columns: tuple[str, ...] = ()
+    plots: tuple[str, ...] = ()
+    chosen: str = ""
+    span_s: float = 10.0
+    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # held, by plot
+
+
+def _text(node: yaml.Node) -> str:
+    if not isinstance(node, yaml.ScalarNode):
+        raise ValueError(f"a text, not {describe(node)}")  # noqa: TRY004 - of the file, not of the program
+    return "" if is_null(node) else str(node.value)
+
+
+def _texts(node: yaml.Node) -> tuple[str, ...]:
+    if isinstance(node, yaml.SequenceNode):
+        return tuple(dict.fromkeys(_text(each) for each in node.value))
+    if is_null(node):
+        return ()
+    raise ValueError(f"a list such as [a, b], not {describe(node)}")
+
+
+def _number(node: yaml.Node) -> float:
+    try:
+        number = float(_text(node))
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"a number, not {describe(node)}")
+    return number
+
+
+def _span(node: yaml.Node) -> float:
+    span = _number(node)
+    if span <= 0:
+        raise ValueError(f"seconds above 0, not {describe(node)}")
+    return span
+
+
+def _scales(node: yaml.Node) -> dict[str, tuple[float, float]]:
+    if not isinstance(node, yaml.MappingNode) and not is_null(node):
+        raise ValueError(f"lines such as `joint/torque: [-30, 40]`, not {describe(node)}")
+    found = {}
+    for name, ends in pairs(node):
+        numbers = [_number(each) for each in ends.value] if isinstance(ends, yaml.SequenceNode) else []
+        if len(numbers) != 2 or numbers[0] >= numbers[1]:
+            raise ValueError(f"[bottom, top] for {_text(name)}, not {describe(ends)}")
+        found[_text(name)] = (numbers[0], numbers[1])
+    return found
+
+
+FIELDS: dict[str, Callable[[yaml.Node], Any]] = {
+    "sort": _text, "filter": _text, "columns": _texts, "plots": _texts, "chosen": _text, "span_s": _span,
+    "scales": _scales,
+}  # fmt: skip
+
+
+def read(text: str) -> tuple[Layout, list[str]]:
+    """Return a view as a file has it, and what of it was left out and why, by line."""
+    root, struck, _ = nodes(text)
+    problems = [f"line {problem.line}: {problem.reason}" for problem in struck]
+    found: dict[str, Any] = {}
+    for key, value in pairs(root):
+        name = str(getattr(key, "value", ""))
+        try:
+            found[name] = _reader(name)(value)
+        except ValueError as error:
+            sign = " is" if name in FIELDS else ""
+            problems.append(f"line {line_of(key)}: {name}{sign} {error}")
+    return Layout(**found), problems
+
+
+def _reader(name: str) -> Callable[[yaml.Node], Any]:
+    if name not in FIELDS:
+        near = get_close_matches(name, FIELDS, 1)
+        raise ValueError(f"is unknown; {near[0]}?" if near else f"is unknown; there are {', '.join(FIELDS)}")
+    return FIELDS[name]
+
+
+def write(layout: Layout) -> str:
+    """Return a view as its file has it: what differs from a table without anything chosen."""
+    kept: dict[str, Any] = {}
+    for each in fields(Layout):
+        value = getattr(layout, each.name)
+        if value != getattr(Layout(), each.name):
+            kept[each.name] = value
+    if "columns" in kept:
+        kept["columns"] = list(kept["columns"])
+    if "plots" in kept:
+        kept["plots"] = list(kept["plots"])
+    if "scales" in kept:
+        kept["scales"] = {name: list(ends) for name, ends in kept["scales"].items()}
+    return str(yaml.safe_dump(kept, sort_keys=False, allow_unicode=True)) if kept else "{}\n"

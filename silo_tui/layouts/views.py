@@ -1,0 +1,81 @@
+"""Between the screens and a `Layout`: `capture` takes it from them, `show` puts it on them."""
+
+from silo_tui.context import Context
+from silo_tui.layouts.layout import Layout
+from silo_tui.model.plots import SPANS_S
+from silo_tui.screens.monitor import MonitorScreen
+from silo_tui.screens.table import TableScreen
+
+
+def _table_of(context: Context) -> TableScreen | None:
+    return next((each for each in context.app.screen_stack if isinstance(each, TableScreen)), None)
+
+
+def _monitor_of(context: Context) -> MonitorScreen | None:
+    return next((each for each in context.app.screen_stack if isinstance(each, MonitorScreen)), None)
+
+
+def capture(context: Context) -> Layout | None:
+    """Return what is on the screens of the logger that is open; None without one."""
+    table, monitor = _table_of(context), _monitor_of(context)
+    if table is None or not context.has_session or not len(context.session.table):
+        return None
+    rows, short = context.session.rows, context.session.short_name
+    layout = Layout(sort=rows.sort, filter=rows.filter.text, columns=table.table.chosen_columns)
+    if monitor is None or not monitor.is_mounted:
+        return layout
+    stack, window = monitor.stack, monitor.window
+    held = window.scales if window.fixed_scale else {}
+    return Layout(
+        layout.sort,
+        layout.filter,
+        layout.columns,
+        plots=tuple(short(plotted.name) for plotted in stack.plots),
+        chosen=short(stack.plots[stack.chosen].name) if stack.plots else "",
+        span_s=window.span_s,
+        scales={short(name): ends for name, ends in held.items() if ends[0] < ends[1]},
+    )
+
+
+async def show(context: Context, layout: Layout) -> str:
+    """Put a view on the screens; return what of it isn't on this logger, empty when all is."""
+    table = _table_of(context)
+    if table is None:
+        return "no logger is open"
+    session, rows = context.session, context.session.rows
+    missing = []
+    if layout.sort in rows.sorts:
+        rows.sort = layout.sort
+    else:
+        missing.append(f"order {layout.sort}")
+    rows.set_filter(layout.filter)
+    missing += [f"column {title}" for title in table.table.choose_columns(layout.columns)]
+    context.table_changed()
+    while context.app.screen is not table and len(context.app.screen_stack) > 1:
+        await context.app.pop_screen()
+    entries = {
+        session.short_name(element.name + entry.suffix): (element.name, element.name + entry.suffix)
+        for element in (session.table.elements if layout.plots else ())
+        for entry in element.entries
+    }
+    entries |= {name: (element, name) for element, name in entries.values()}  # whole names are taken too
+    wanted = [entries[name][1] for name in layout.plots if name in entries]
+    gone = [name for name in layout.plots if name not in entries]
+    if wanted:
+        elements = list(dict.fromkeys(entries[name][0] for name in layout.plots if name in entries))
+        monitor = MonitorScreen(session, table.source, elements)
+        window, stack = monitor.window, monitor.stack
+        place = {name: position for position, name in enumerate(wanted)}
+        stack.plots = sorted((each for each in stack.plots if each.name in place), key=lambda each: place[each.name])
+        window.span_s = min(SPANS_S, key=lambda span: abs(span - layout.span_s))
+        window.scales.update({entries[name][1]: ends for name, ends in layout.scales.items() if name in entries})
+        window.fixed_scale = bool(layout.scales)
+        chosen = entries[layout.chosen][1] if layout.chosen in entries else ""
+        stack.chosen = next((at for at, each in enumerate(stack.plots) if each.name == chosen), 0)
+        if stack.plots:
+            await context.app.push_screen(monitor)
+    if gone:
+        missing.append(
+            f"{len(gone)} of {len(layout.plots)} plots ({', '.join(gone[:3])}{' …' if len(gone) > 3 else ''})"
+        )
+    return "not on this logger: " + ", ".join(missing) if missing else ""

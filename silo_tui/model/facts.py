@@ -1,0 +1,63 @@
+"""What was measured of all elements of the table: newest values, statistics, rates, signs, as columns of numbers.
+
+A logger answers them in a survey (`silo.helper.statistics`), once or twice a second. Rows are those of the table; what
+isn't known is NaN. Filter terms, orders and columns read them by the names of their quantities.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.columns import Floats
+from silo.ipc.surveys import FROZEN, LOST, NOT_FINITE, SLOW
+
+# worst first, as process control writes them: every font has letters
+SIGNS = ((NOT_FINITE, "NN"), (FROZEN, "=="), (SLOW, "<<"), (LOST, "XX"))
+WORDS = {"nan": NOT_FINITE, "frozen": FROZEN, "slow": SLOW}
+BAD = frozenset({"NN", "XX"})
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Quantities of shape `(n,)` by name; `since_ns` is when the statistics begin, `time_ns` when they were made."""
+
+    quantities: Mapping[str, Floats] = field(default_factory=dict)
+    since_ns: int = 0
+    time_ns: int = 0
+    details: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # of elements and entries on the screen
+
+    def of(self, quantity: str, count: int) -> Floats | None:
+        """Return a quantity of all rows; None where it wasn't surveyed, or of another table."""
+        found = self.quantities.get(quantity)
+        return found if found is not None and len(found) == count else None
+
+    def detail(self, name: str, quantity: str) -> float:
+        """Return a quantity of an element or entry that is on the screen, NaN where it isn't known."""
+        return self.details.get(name, {}).get(quantity, float("nan"))
+
+    def signs(self, count: int) -> NDArray[np.int64]:
+        """Return the bits of what is the matter with each row, 0 where nothing is known."""
+        return self._signs if len(self._signs) == count else np.zeros(count, np.int64)
+
+    @cached_property
+    def _signs(self) -> NDArray[np.int64]:
+        return np.nan_to_num(self.quantities.get("signs", np.zeros(0))).astype(np.int64)
+
+
+def worst(bits: int) -> str:
+    """Return the two letters of the worst of some signs; empty for none."""
+    return next((letters for bit, letters in SIGNS if bits & bit), "")
+
+
+def ranks(bits: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return how bad the worst of each row's signs is: 0 for none, then larger the worse."""
+    found = np.zeros(len(bits), np.int64)
+    for rank, (bit, _) in enumerate(reversed(SIGNS), 1):
+        found[(bits & bit) != 0] = rank
+    return found
+
+
+NOTHING = Facts()

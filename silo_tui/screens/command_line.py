@@ -1,0 +1,36 @@
+"""The `:` line over a screen that has none of its own: plots are named and kept where they are seen."""
+
+from collections.abc import Callable
+
+from textual.app import ComposeResult
+from textual.screen import ModalScreen
+
+from silo_tui.widgets.inputs import Fleeting, Line
+
+
+class CommandLine(ModalScreen[str | None]):
+    """Answers with the line that was entered; None on Esc."""
+
+    KEYS_HERE = "Enter does it  Tab completes  Esc leaves"
+    AUTO_FOCUS = ""
+
+    def __init__(self, complete: Callable[[str], list[str]]) -> None:
+        super().__init__()
+        self._complete = complete
+
+    def compose(self) -> ComposeResult:
+        """Yield the line, above the keys."""
+        yield Line(self._complete, "view theme start stop help quit", "command-over")
+
+    def on_mount(self) -> None:
+        """Take the keys."""
+        self.query_one(Line).begin("")
+
+    def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
+        """Answer with the line."""
+        self.dismiss(event.value)
+
+    def on_fleeting_left(self, event: Fleeting.Left) -> None:
+        """Leave; nothing is done."""
+        if self.is_current:
+            self.dismiss(None)

@@ -1,0 +1,47 @@
+"""The list of orders: a letter orders and closes, the letter of the present order turns it round."""
+
+from collections.abc import Sequence
+
+from rich.text import Text
+from textual import events
+from textual.app import ComposeResult
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Static
+
+from silo_tui.model.orders import LETTERS, WORDS
+
+COLUMN = 32
+
+
+class OrderDialog(ModalScreen[str | None]):
+    """Answers with the order whose letter was pressed; None on any other key."""
+
+    def __init__(self, orders: Sequence[str], now: str, arrow: str) -> None:
+        super().__init__()
+        self._orders = [order for order in orders if order in LETTERS]
+        self._now, self._arrow = now, arrow
+
+    def compose(self) -> ComposeResult:
+        """Yield the letters in two columns."""
+        with Vertical(classes="dialog"):
+            yield Static("Order by", classes="dialog-title", markup=False)
+            yield Static(self._lines(), id="orders")
+
+    def _lines(self) -> Text:
+        lines = Text()
+        half = -(-len(self._orders) // 2)
+        for left in range(half):
+            for order in self._orders[left::half][:2]:
+                words = WORDS.get(order, order) + (f"  {self._arrow}" if order == self._now else "")
+                lines.append(LETTERS[order], style="bold")
+                lines.append(f" {words:<{COLUMN - 2}}")
+            lines.append("\n")
+        lines.append("\nthe same letter again: the other way round")
+        return lines
+
+    def on_key(self, event: events.Key) -> None:
+        """Order, or leave."""
+        event.stop()
+        event.prevent_default()
+        self.dismiss(next((order for order in self._orders if LETTERS[order] == event.character), None))

@@ -1,0 +1,78 @@
+"""Edits that were not applied, kept on this machine: a terminal that is lost, or a kill, doesn't take them along.
+
+One small file per logger and process in `$XDG_STATE_HOME/silo/edits/`, written anew after each edit, gone when nothing
+is pending: two terminals on one logger keep theirs apart. What processes left that are no more is offered at a start.
+"""
+
+import os
+import re
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from silo_tui.model.table import KeptEdit
+
+
+class KeptEdits(msgspec.Struct, frozen=True):
+    """What was pending, and when."""
+
+    time_s: float
+    edits: list[KeptEdit]
+
+
+def path_of(host: str, logger: str) -> Path:
+    """Return the file of this process for a logger."""
+    return _folder() / f"{_stem(host, logger)}.{os.getpid()}.json"
+
+
+def left_behind(host: str, logger: str) -> dict[Path, KeptEdits]:
+    """Return what processes that are no more kept of a logger, by file; what can't be read is none."""
+    found = {}
+    for path in sorted(_folder().glob(f"{_stem(host, logger)}.*.json")):
+        pid = path.name.split(".")[-2]
+        kept = read(path) if pid.isdecimal() and not _lives(int(pid)) else None
+        if kept is not None and kept.edits:
+            found[path] = kept
+    return found
+
+
+def _folder() -> Path:
+    state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(state) / "silo" / "edits"
+
+
+def _stem(host: str, logger: str) -> str:
+    return re.sub(r"[^\w-]", "_", f"{host or 'here'}-{logger}")
+
+
+def _lives(pid: int) -> bool:
+    if pid == os.getpid():
+        return False  # this process has just begun with this logger
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
+
+
+def keep(path: Path, edits: Sequence[KeptEdit]) -> None:
+    """Write what is pending, or remove the file where nothing is. Raises OSError."""
+    if not edits:
+        path.unlink(missing_ok=True)
+        return
+    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    beside = path.with_suffix(".new")
+    beside.write_bytes(msgspec.json.encode(KeptEdits(time.time(), list(edits))))
+    beside.replace(path)
+
+
+def read(path: Path) -> KeptEdits | None:
+    """Return what was kept; None for nothing, or what can't be read."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=KeptEdits)
+    except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
+        return None

@@ -1,0 +1,71 @@
+"""What can be set, each one entry: its words or range, its default, what it means. File, screen and help read this."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from silo_tui.model.table_columns import LIVE_COLUMNS
+from silo_tui.settings.themes import THEMES
+
+
+@dataclass(frozen=True)
+class Option:
+    """One setting: `words` it may be, or the `low` to `high` of a number; `several` take a list of words."""
+
+    name: str
+    meaning: str
+    words: tuple[str, ...] = ()
+    meanings: tuple[str, ...] = ()  # of the words, where they don't say it
+    samples: tuple[str, ...] = ()  # of the words: how they look
+    low: float = 0.0
+    high: float = 0.0
+    several: bool = False
+
+    @property
+    def range_text(self) -> str:
+        """What it may be, in a few words."""
+        return ", ".join(self.words) if self.words else f"{self.low:g} to {self.high:g}"
+
+
+OPTIONS = (
+    Option("theme", "colours", THEMES, ("", "", "high contrast", "16 colours")),
+    Option(
+        "dots", "what curves are drawn with", ("auto", "braille", "octants", "blocks"),
+        ("blocks on the Linux console, else braille", "", "where the font has them", ""),
+        ("", "⡠⠊⠉⠢⡀⢀⠔", "\U0001cd51\U0001cd01\U0001fb82\U0001cd1c\U0001cea3\U0001cea0\U0001cd10", "▄▀▀█▄▄█"),
+    ),
+    Option("mouse", "take the mouse", ("auto", "on", "off"), ("not over SSH: it prevents selecting text", "", "")),
+    Option("rate", "refreshes a second", low=0.5, high=10.0),
+    Option("view", "open with the view that was left last", ("off", "last")),
+    Option("columns", "columns of the table, none: all", tuple(each.title for each in LIVE_COLUMNS), several=True),
+)  # fmt: skip
+OPTION = {option.name: option for option in OPTIONS}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """One field per option, and `keys`: of commands by id, as Textual writes them (`ctrl+f,slash`)."""
+
+    theme: str = "dark"
+    dots: str = "auto"
+    mouse: str = "auto"
+    rate: float = 5.0
+    view: str = "off"
+    columns: tuple[str, ...] = ()
+    keys: Mapping[str, str] = field(default_factory=dict)
+
+
+def changed(old: Settings, new: Settings) -> dict[str, Any]:
+    """Return the options that differ, by name; of the keys see `reading`."""
+    return {
+        option.name: getattr(new, option.name)
+        for option in OPTIONS
+        if getattr(old, option.name) != getattr(new, option.name)
+    }
+
+
+def typed(value: object) -> str:
+    """Return a value as the file has it."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(value)}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,231 @@
+"""Reads `tui.yaml`. A mistake costs its own line and no other, and is told with its number and a suggestion."""
+
+import os
+import re
+from collections.abc import Container, Iterator
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from silo.settings.yaml_nodes import compose, describe, explain, is_null, line_of
+from silo_tui.actions import BY_ID, key_text
+from silo_tui.settings.keys import clashes, label, read_key
+from silo_tui.settings.options import OPTION, OPTIONS, Option, Settings
+
+NAME = "tui.yaml"
+MOST_BYTES = 1_000_000
+LEFT_OUT = ". Left out"
+_SAME = {"true": "on", "yes": "on", "false": "off", "no": "off"}
+_SIGN_FIRST = re.compile(r"[:\[,-]\s*[*&!?%@`|>{}#,]")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is wrong in which line of the file (0: in none)."""
+
+    line: int
+    reason: str
+
+    @property
+    def why(self) -> str:
+        """The reason alone."""
+        return self.reason.removesuffix(LEFT_OUT).rstrip(".")
+
+    def __str__(self) -> str:
+        where = f"{NAME} line {self.line}" if self.line else NAME
+        return f"{where}: {self.reason.replace('?.', '?')}"
+
+
+class _MistakeError(Exception):
+    """One line can't be taken."""
+
+
+def folder() -> Path:
+    """Return `~/.config/silo`, or as `XDG_CONFIG_HOME` says (an absolute path, as its standard has it)."""
+    base = Path(os.environ.get("XDG_CONFIG_HOME", ""))
+    return (base if base.is_absolute() else Path("~/.config").expanduser()) / "silo"
+
+
+def path() -> Path:
+    """Return where the settings are."""
+    return folder() / NAME
+
+
+def read_file() -> tuple[Settings, list[Problem]]:
+    """Return the user's settings and what was left out; defaults where there is no file."""
+    try:
+        text = read_text(path())
+    except OSError as error:
+        return Settings(), [Problem(0, f"can't be read ({error.strerror or error}); the defaults count")]
+    except UnicodeDecodeError as error:
+        return Settings(), [Problem(0, f"byte {error.start + 1} is no UTF-8; the defaults count")]
+    return read(text)
+
+
+def read_text(file: Path) -> str:
+    """Return what the file says, nothing where there is none. OSError, UnicodeDecodeError."""
+    if not file.exists():
+        return ""
+    if not file.is_file():
+        raise OSError(0, "it is no file")
+    with file.open("rb") as opened:
+        data = opened.read(MOST_BYTES + 1)
+    if len(data) > MOST_BYTES:
+        raise OSError(0, f"it has more than {MOST_BYTES // 1_000_000} MB")
+    return data.decode("utf-8")
+
+
+def read(text: str) -> tuple[Settings, list[Problem]]:
+    """Return what a file of this text sets, and its problems in the order of their lines."""
+    root, problems, _ = nodes(text)
+    settings = Settings()
+    found: dict[str, Any] = {}
+    for key, value in pairs(root):
+        name = getattr(key, "value", "")
+        try:
+            _once(name, found)
+            if name == "keys":
+                found[name] = _keys(value, problems)
+            else:
+                found[name] = _value(_option(name), value)
+        except _MistakeError as mistake:
+            problems.append(Problem(line_of(key), f"{mistake}{LEFT_OUT}"))
+    return replace(settings, **found), sorted(problems, key=lambda problem: problem.line)
+
+
+def _once(name: str, found: Container[str]) -> None:
+    if name in found:
+        raise _MistakeError(f"{name} is there twice; the first counts")
+
+
+def nodes(text: str) -> tuple[yaml.Node | None, list[Problem], str]:
+    """Return the root of a text, problems of lines that YAML can't read, and the text with these struck out (`###`)."""
+    problems: list[Problem] = []
+    lines = text.split("\n")
+    while True:
+        try:
+            root = compose("\n".join(lines))
+        except yaml.YAMLError as error:
+            number, reason = _explained(error, "\n".join(lines))
+            line = lines[number - 1]
+            if not line.strip("# "):
+                return None, [*problems, Problem(number, f"{reason}. The file is left out")], text
+            if _SIGN_FIRST.search(line):
+                reason += "; signs need quotes"
+            problems.append(Problem(number, f"{reason}{LEFT_OUT}"))
+            lines[number - 1] = "#" * len(line)
+            continue
+        if root is not None and not isinstance(root, yaml.MappingNode) and not is_null(root):
+            return None, [*problems, Problem(line_of(root), f"{_example()}, not {describe(root)}")], text
+        return root, problems, "\n".join(lines)
+
+
+def _explained(error: yaml.YAMLError, text: str) -> tuple[int, str]:
+    number, reason = explain(error, text)
+    context = getattr(error, "context_mark", None)
+    tabs = [place for place, line in enumerate(text.split("\n"), 1) if re.match(r" *\t", line)]
+    if tabs:  # YAML complains of the line before, which it takes to go on
+        return tabs[0], "a tab stands where YAML wants spaces; indent with two spaces"
+    doing = getattr(error, "context", None) or ""
+    if context is not None and ("while scanning" in doing or "while parsing a flow" in doing):
+        number = context.line + 1  # an open quote or bracket is found out lines below
+    return number, reason
+
+
+def _example() -> str:
+    return f"write lines such as `{OPTIONS[0].name}: {OPTIONS[0].words[0]}`"
+
+
+def pairs(node: yaml.Node | None) -> Iterator[tuple[yaml.Node, yaml.Node]]:
+    """Yield keys and values of a group; nothing of anything else."""
+    if isinstance(node, yaml.MappingNode):
+        yield from node.value
+
+
+def _option(name: str) -> Option:
+    if name not in OPTION:
+        near = get_close_matches(name.lower(), [*OPTION, "keys"], 1)
+        hint = f"{near[0]}?" if near else f"there are {', '.join([*OPTION, 'keys'])}"
+        raise _MistakeError(f"{name!r} is unknown; {hint}")
+    return OPTION[name]
+
+
+def _value(option: Option, node: yaml.Node) -> Any:
+    if option.several:
+        return tuple(dict.fromkeys(_word(option, each) for each in _several(node)))
+    if option.words:
+        return _word(option, node)
+    try:
+        number = float(getattr(node, "value", ""))
+    except (ValueError, TypeError):
+        number = float("nan")
+    if not option.low <= number <= option.high:
+        raise _MistakeError(f"{option.name} is {option.range_text}, not {describe(node)}")
+    return number
+
+
+def _several(node: yaml.Node) -> list[yaml.Node]:
+    if isinstance(node, yaml.SequenceNode):
+        return list(node.value)
+    return [] if is_null(node) else [node]
+
+
+def _word(option: Option, node: yaml.Node) -> str:
+    typed = str(node.value).casefold() if isinstance(node, yaml.ScalarNode) else ""
+    word = typed if typed in option.words else _SAME.get(typed, "")
+    if word not in option.words:
+        near = get_close_matches(typed, option.words, 1)
+        hint = f"; {near[0]}?" if near else ""
+        raise _MistakeError(f"{option.name} is {option.range_text}, not {describe(node)}{hint}")
+    return word
+
+
+# --------------------------------------------------------------------------------------------------------------- keys
+
+
+def _keys(node: yaml.Node, problems: list[Problem]) -> dict[str, str]:
+    if not isinstance(node, yaml.MappingNode) and not is_null(node):
+        raise _MistakeError(f"keys is a group of lines such as `  help: F1`, not {describe(node)}")
+    keys: dict[str, str] = {}
+    lines: dict[str, int] = {}
+    for name, value in pairs(node):
+        command = str(getattr(name, "value", ""))
+        try:
+            _once(command, keys)
+            keys[_known(command)] = ",".join(dict.fromkeys(_read_keys(command, value)))
+            lines[command] = line_of(name)
+        except _MistakeError as mistake:
+            problems.append(Problem(line_of(name), f"{mistake}{LEFT_OUT}"))
+    # leaving one out gives a command its own key back, which another line may have given away
+    while clash := min(clashes(keys), key=lambda each: -lines.get(each[0], 0), default=None):
+        mine, theirs, key, scope = clash
+        if theirs in keys and lines[theirs] > lines[mine]:
+            mine, theirs = theirs, mine
+        reason = f"{key_text(key)} of {mine} is {label(theirs)} already ({scope})"
+        problems.append(Problem(lines[mine], f"{reason}{LEFT_OUT}"))
+        del keys[mine]
+    return keys
+
+
+def _known(command: str) -> str:
+    known = [each.id for each in BY_ID.values() if each.keys]
+    if command not in known:
+        near = get_close_matches(command.lower(), known, 1)
+        raise _MistakeError(f"{command!r} is no command" + (f"; {near[0]}?" if near else "; ? shows their names"))
+    return command
+
+
+def _read_keys(command: str, node: yaml.Node) -> Iterator[str]:
+    words = [str(getattr(each, "value", "")) for each in _several(node)]
+    if isinstance(node, yaml.ScalarNode) and len(words) == 1 and words[0].strip() != ",":
+        words = words[0].split(",")
+    if not any(word.strip() for word in words):
+        raise _MistakeError(f"{command} needs a key; a sign such as # needs quotes")
+    for word in words:
+        try:
+            yield read_key(word)
+        except ValueError as error:  # noqa: PERF203 - a key or two
+            raise _MistakeError(str(error)) from None

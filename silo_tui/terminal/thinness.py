@@ -1,0 +1,94 @@
+"""What is shown less often, or with fewer digits, where the link is thin; keys never wait for it.
+
+Plain arithmetic: once per live frame the app says whether the terminal lags. Back in steps after 5 s without lag.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+LAG_S = 0.15  # what a key may wait behind live values
+FAT_BYTES_PER_S = 250_000  # what carries that much is not thin: late frames are those of a busy computer
+JUDGED_S = 1.0
+GOOD_S = 5.0
+LONGEST_GOOD_S = 60.0
+LATE_SHARE = 0.34
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How often values and trends are painted, and how exactly."""
+
+    value_share: float = 1.0  # of the wished rate
+    trend_s: float = 1.0
+    digits_fewer: int = 0
+    statistics: bool = True
+
+
+# in this order less is shown: trends, last digits, statistics, values
+STEPS = (
+    Pace(),
+    Pace(trend_s=2.0),
+    Pace(trend_s=8.0),
+    Pace(trend_s=8.0, digits_fewer=1),
+    Pace(trend_s=8.0, digits_fewer=2),
+    Pace(trend_s=8.0, digits_fewer=2, statistics=False),
+    Pace(0.5, 8.0, 2, statistics=False),
+    Pace(0.25, 8.0, 2, statistics=False),
+    Pace(0.1, 8.0, 2, statistics=False),
+)
+SLOWEST_HZ = 0.5
+
+
+class Thinness:
+    """How thin the link is: the step that holds, from 0 (all is shown)."""
+
+    def __init__(self) -> None:
+        self.step = 0
+        self._seen: deque[tuple[float, bool]] = deque()
+        self._stepped_s = 0.0
+        self._good_since_s = 0.0
+        self._good_s = GOOD_S  # longer after a step back that went wrong
+        self._eased_s = float("-inf")
+
+    @property
+    def pace(self) -> Pace:
+        """What holds now."""
+        return STEPS[self.step]
+
+    def value_hz(self, wished_hz: float) -> float:
+        """Return how often values are painted now."""
+        return min(wished_hz, max(SLOWEST_HZ, wished_hz * self.pace.value_share))
+
+    def words(self, wished_hz: float) -> str:
+        """Return what is left out now; empty where all is shown."""
+        if not self.step:
+            return ""
+        pace, value_hz = self.pace, self.value_hz(wished_hz)
+        parts = [f"values {value_hz:.2g} of {wished_hz:.2g} Hz"] if value_hz < wished_hz else []
+        parts.append(f"trends every {pace.trend_s:.0f} s")
+        if pace.digits_fewer:
+            parts.append(f"{pace.digits_fewer} digit{'s' * (pace.digits_fewer > 1)} fewer")
+        return f"thin link: {', '.join(parts)}; keys go first"
+
+    def note(self, *, late: bool, now_s: float) -> bool:
+        """Take whether the terminal lags; return whether the step changed."""
+        if late or not self._seen:
+            self._good_since_s = now_s
+        self._seen.append((now_s, late))
+        while self._seen[0][0] < now_s - 2 * JUDGED_S:
+            self._seen.popleft()
+        share = sum(each for _, each in self._seen) / len(self._seen)
+        if late and share > LATE_SHARE and now_s - self._stepped_s >= JUDGED_S and self.step < len(STEPS) - 1:
+            if now_s - self._eased_s < 2 * GOOD_S:
+                self._good_s = min(LONGEST_GOOD_S, 2 * self._good_s)
+            # where nothing came in time there is far too much
+            self.step = min(len(STEPS) - 1, self.step + (2 if share > 0.9 else 1))
+            self._stepped_s = now_s
+            return True
+        if self.step and now_s - max(self._good_since_s, self._stepped_s) >= self._good_s:
+            self.step -= 1
+            self._stepped_s = self._eased_s = now_s
+            if not self.step:
+                self._good_s = GOOD_S
+            return True
+        return False

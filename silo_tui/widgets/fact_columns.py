@@ -1,0 +1,142 @@
+"""The columns of what is measured: sign, statistics, rate, jitter, last change; and the sets that `C` steps through.
+
+They stand in the live pane, beside fill, value and trend, because they change all the time.
+"""
+
+import math
+from collections.abc import Callable
+
+from silo_tui.model import text
+from silo_tui.model.facts import BAD, worst
+from silo_tui.model.fields import Field
+from silo_tui.model.table import Rows
+from silo_tui.widgets.live_pane import LIVE_PANE, LivePane, PaneColumn
+
+SETS = ("settings", "statistics", "timing")
+_OF_SET = {
+    "settings": ("!", "fill", "value", "trend"),
+    "statistics": ("!", "value", "min", "max", "mean", "std"),
+    "timing": ("!", "fill", "value", "rate", "%", "jitter", "changed"),
+}
+_WIDE_FROM = 150  # cells of a screen from which settings show statistics too
+ALL = ("!", "fill", "value", "min", "max", "mean", "std", "rate", "jitter", "trend")
+# quantities of the columns that need them of what is on the screen
+QUANTITIES = {"min": "min", "max": "max", "mean": "mean", "std": "std", "rate": "rate", "%": "share",
+              "jitter": "jitter", "changed": "changed"}  # fmt: skip
+
+
+class ColumnSet:
+    """Which columns the pane shows now."""
+
+    def __init__(self) -> None:
+        self.name = SETS[0]
+        self.screen_width = 80
+
+    def step(self) -> str:
+        """Go to the next set and return its name."""
+        self.name = SETS[(SETS.index(self.name) + 1) % len(SETS)]
+        return self.name
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """The columns of the set."""
+        if self.screen_width >= _WIDE_FROM and self.name != "timing":
+            return ALL
+        return _OF_SET[self.name]
+
+    @property
+    def quantities(self) -> list[str]:
+        """What has to be surveyed of the rows on the screen."""
+        return [QUANTITIES[title] for title in self.titles if title in QUANTITIES]
+
+
+def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
+    """Return the columns of a pane, shown as `chosen` says."""
+    fill, value, trend = LIVE_PANE
+
+    def only(title: str, column: PaneColumn) -> PaneColumn:
+        width = column.width
+        return PaneColumn(
+            lambda pane: _arrow(pane, title) + column.title(pane),
+            lambda pane: width(pane) if title in chosen.titles else 0,
+            column.draw, column.right, column.branch, column.entry,
+        )  # fmt: skip
+
+    def fixed(title: str, width: int, draw: Callable[[LivePane, int], tuple[str, str]]) -> PaneColumn:
+        return PaneColumn(
+            lambda pane: _arrow(pane, title) + title,
+            lambda pane: width if title in chosen.titles else 0,
+            draw,
+            right=True,
+        )
+
+    def statistic(title: str) -> PaneColumn:
+        return PaneColumn(
+            lambda pane: _arrow(pane, title) + title, lambda pane: 8 if title in chosen.titles else 0,
+            lambda pane, row: _number(pane, pane.shown_name(row), title), right=True,
+            entry=lambda pane, row, entry: _number(pane, pane.entry_name(row, entry), title),
+        )  # fmt: skip
+
+    return (
+        PaneColumn(
+            lambda pane: _arrow(pane, "!") or "!", lambda pane: 2 if "!" in chosen.titles else 0, _sign,
+            branch=_branch_sign,
+        ),
+        only("fill", fill), only("value", value),
+        statistic("min"), statistic("max"), statistic("mean"), statistic("std"),
+        fixed("rate", 7, _rate),
+        fixed("%", 4, _share),
+        fixed("jitter", 7, lambda pane, row: _time(pane, row, "jitter")),
+        fixed("changed", 8, lambda pane, row: _time(pane, row, "changed")),
+        only("trend", trend),
+    )  # fmt: skip
+
+
+def _arrow(pane: LivePane, title: str) -> str:
+    rows = pane.session.rows
+    order = {"|value|": "value"}.get(rows.sort, rows.sort)
+    return rows.arrow if order == title and rows.live else ""
+
+
+def _style(letters: str) -> str:
+    return "live--lost" if letters in BAD else "live--caution"
+
+
+def _sign(pane: LivePane, row: int) -> tuple[str, str]:
+    session = pane.session
+    if not session.fresh and session.live.readings:
+        return "~~", "live--quiet"
+    bits = session.table.facts.signs(len(session.table))[row]
+    letters = worst(int(bits)) if session.table.server[Field.ENABLED, row] else ""
+    return letters, _style(letters)
+
+
+def _branch_sign(pane: LivePane, rows: Rows) -> tuple[str, str]:
+    """Return the worst sign below a branch."""
+    bits = pane.session.table.facts.signs(len(pane.session.table))[rows]
+    letters = next((found for found in ("NN", "==", "<<", "XX") if found in {worst(int(bit)) for bit in set(bits)}), "")
+    return letters, _style(letters)
+
+
+def _number(pane: LivePane, name: str, quantity: str) -> tuple[str, str]:
+    value = pane.session.table.facts.detail(name, quantity)
+    return ("" if math.isnan(value) else text.number(value, 8)), "live--quiet"
+
+
+def _rate(pane: LivePane, row: int) -> tuple[str, str]:
+    rate = pane.session.table.facts.detail(pane.session.table.names[row], "rate")
+    return ("" if math.isnan(rate) else f"{rate:.4g}"), "live--quiet"
+
+
+def _share(pane: LivePane, row: int) -> tuple[str, str]:
+    share = pane.session.table.facts.detail(pane.session.table.names[row], "share")
+    if math.isnan(share):
+        return "", ""
+    return f"{100 * share:.0f}%", "live--caution" if share < 0.95 else "live--quiet"
+
+
+def _time(pane: LivePane, row: int, quantity: str) -> tuple[str, str]:
+    seconds = pane.session.table.facts.detail(pane.shown_name(row), quantity)
+    if math.isnan(seconds):
+        seconds = pane.session.table.facts.detail(pane.session.table.names[row], quantity)
+    return ("" if math.isnan(seconds) else text.span(float(f"{seconds:.2g}"))), "live--quiet"

@@ -1,0 +1,252 @@
+"""Signals are arrays: samples, stretches, masks, comparisons, NumPy's functions, with their units."""
+
+import enum
+
+import numpy as np
+import pytest
+
+import silo
+
+COUNT = 20
+
+
+class Gait(enum.IntEnum):
+    STAND = 0
+    TROT = 1
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """20 ticks of 0.1 s: `x` in m counts, `y` is the same in mm every second tick, `q` an angle, `R` a matrix."""
+    folder = tmp_path_factory.mktemp("arrays")
+    ticks = iter(range(10**6))
+    logger = silo.Logger(
+        "arrays", frequency=10, folder=folder, script=folder / "no.yaml", clock=lambda: 10**18 + next(ticks) * 10**8
+    )
+    x, y, q = logger.array("x", unit="m"), logger.array("y", unit="mm", divider=2), logger.array("q", 3, unit="rad")
+    matrix, gait, word = (
+        logger.array("R", (2, 2)),
+        logger.array("gait", dtype=int, labels=Gait),
+        logger.array("w", (), "S4"),
+    )
+    large = logger.array("large", (), np.uint64)
+    logger.start()
+    for tick in range(COUNT):
+        x[...], y[...], q[:], matrix[:], gait[...] = tick, 1000 * tick, tick / 10, [[tick, 1], [2, 3]], tick // 10
+        word[...], large[...] = b"ab"[tick % 2 : tick % 2 + 1], 2**63 + tick
+        logger.collect()
+    (saved,) = logger.save()
+    logger.close()
+    return silo.open_log(saved.path)
+
+
+def times(signal):
+    return np.round(signal.times, 6).tolist()
+
+
+def test_whole_numbers_count_samples(log):
+    assert log["x"][3] == 3
+    assert log["x"][-1] == 19
+    assert log["q"][3].tolist() == [0.3, 0.3, 0.3]
+    assert log["x"][np.int64(3)] == 3
+
+
+def test_a_slice_of_whole_numbers_is_one_of_samples(log):
+    assert times(log["x"][2:5]) == [0.2, 0.3, 0.4]
+    assert times(log["x"][::8]) == [0.0, 0.8, 1.6]
+
+
+def test_a_slice_of_fractions_is_one_of_seconds_with_both_ends(log):
+    assert times(log["x"][0.2:0.4]) == [0.2, 0.3, 0.4]
+    assert times(log["x"][1.75:]) == [1.8, 1.9]
+    assert times(log["x"][:0.15]) == [0.0, 0.1]
+    assert log["x"][0.2:0.4].unit == "m"
+
+
+def test_components_are_named_or_numbered(log):
+    q = log["q"]
+    assert q["y"].values.tolist() == q[:, 1].values.tolist()
+    assert q[:, 1].name == "/log/q_y"
+    assert q[5, "z"] == q[5, 2] == 0.5
+    assert times(q[0.2:0.3, "x"]) == times(q[0.2:0.3, 0]) == [0.2, 0.3]
+    assert q[:, 0:2].components == ("x", "y")
+    assert log["R"][:, 0, 0].values.tolist() == list(range(20))
+    assert log["R"][:, 1].values[0].tolist() == [2, 3]
+
+
+def test_a_mask_chooses_samples(log):
+    x = log["x"]
+    assert x[x > 16].values.tolist() == [17, 18, 19]
+    assert x[(x > 3) & (x < 6)].values.tolist() == [4, 5]
+    assert x[~(x > 0)].values.tolist() == [0]
+    assert x[x.values == 7].values.tolist() == [7]
+    assert x[[1, 3]].values.tolist() == [1, 3]
+
+
+def test_a_signal_is_a_sequence_of_its_samples(log):
+    assert list(log["x"]) == list(range(20))
+    assert len(log["x"]) == 20
+    assert (log["q"].shape, log["q"].ndim, log["q"].size) == ((20, 3), 2, 60)
+
+
+def test_comparisons_are_masks_at_the_stamps_of_both(log):
+    mask = log["x"] == log["y"].to("m")
+    assert mask.dtype == bool
+    assert mask.unit == "-"
+    assert mask.values.tolist() == [True, False] * 10
+    assert (log["x"] >= 5).values.sum() == 15
+
+
+def test_large_integers_are_compared_to_the_last_digit(log):
+    assert (log["large"] == 2**63 + 3).values.tolist().index(True) == 3
+    assert (log["large"] > 2**63 + 3).values.sum() == 16
+
+
+def test_enumerations_and_texts_are_compared_by_their_words(log):
+    assert (log["gait"] == "TROT").when().round(6).tolist() == [1.0]
+    assert (log["gait"] != "TROT").values.sum() == 10
+    assert (log["w"] == "a").values.sum() == 10
+
+
+def test_comparison_with_none_is_no_mask(log):
+    assert (log["x"] == None) is False  # noqa: E711
+
+
+def test_signals_can_be_keys(log):
+    x = log["x"]
+    assert {x: 1}[x] == 1
+
+
+@pytest.mark.parametrize(
+    ("function", "unit"),
+    [
+        (np.sqrt, "m^0.5"),
+        (np.square, "m^2"),
+        (np.abs, "m"),
+        (np.negative, "m"),
+        (np.floor, "m"),
+        (np.isnan, "-"),
+        (np.sign, "-"),
+        (lambda x: np.hypot(x, x), "m"),
+        (lambda x: np.maximum(x, 3), "m"),
+        (lambda x: np.arctan2(x, x), "rad"),
+        (lambda x: np.multiply(2.0, x), "m"),
+        (lambda x: np.ones(20) / x, "1/m"),
+        (lambda x: np.clip(x, 1, 2), "m"),
+        (np.round, "m"),
+        (np.cumsum, "m"),
+        (lambda x: x % 2, "m"),
+        (lambda x: np.power(x, 2), "m^2"),
+    ],
+)
+def test_functions_of_numpy_keep_the_unit_or_make_the_right_one(function, unit, log):
+    made = function(log["x"])
+    assert isinstance(made, silo.Signal)
+    assert made.unit == unit
+    with np.errstate(all="ignore"):
+        assert np.array_equal(made.values, function(log["x"].values), equal_nan=True)
+
+
+def test_angles_in_degrees_are_taken_as_such(log):
+    q = log["q"]
+    np.testing.assert_allclose(np.sin(q.to("deg")), np.sin(q.values), rtol=1e-15, atol=1e-15)
+    assert np.sin(q).unit == "-"
+    assert np.arcsin(np.sin(q[0:5])).unit == "rad"
+    assert np.rad2deg(q).unit == "deg"
+
+
+def test_reductions_of_numpy_are_plain_numbers(log):
+    x = log["x"]
+    for function in (np.mean, np.std, np.min, np.max, np.median, np.sum, np.ptp):
+        assert function(x) == function(x.values)
+    assert np.percentile(x, 50) == x.median() == 9.5
+    assert x.mean() == x.average() == 9.5
+    assert x.var() == pytest.approx(x.std() ** 2)
+
+
+def test_other_functions_take_the_plain_values(log):
+    x = log["x"]
+    assert np.diff(x).tolist() == [1.0] * 19
+    assert np.where(x > 17, x, 0).sum() == 37
+    assert np.concatenate([x, x]).shape == (40,)
+    assert np.interp(0.55, x.times, x) == pytest.approx(5.5)
+    assert np.fft.rfft(x).shape == (11,)
+
+
+def test_a_signal_is_converted_by_its_unit(log):
+    assert log["x"].to("mm")[3] == 3000
+    assert log["q"].to("deg").unit == "deg"
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda x, y, q: x[99], "has no sample 99: it has 20, counted from 0; seconds are written as fractions"),
+        (lambda x, y, q: x[2.0], "write .value(2.0) for the value at a time, or [2.0:3.0]"),
+        (lambda x, y, q: x[None], "can't take None of '/log/x'"),
+        (lambda x, y, q: x["a":"b"], "bounds of '/log/x'[...] must be whole numbers"),
+        (lambda x, y, q: x[0.0:1.0:2], "takes no step"),
+        (lambda x, y, q: x[[True]], "one truth for each of its 20 samples, got shape (1,)"),
+        (lambda x, y, q: x[[99]], "has 20 samples, not all of [99]"),
+        (lambda x, y, q: x[x], "is no mask of one truth per sample"),
+        (lambda x, y, q: y[x > 5], "their time stamps differ; write mask.resample(signal)"),
+        (lambda x, y, q: q["w"], "has no component 'w'; it has: x, y, z"),
+        (lambda x, y, q: q[:, 7], "one sample of '/log/q' has shape (3,)"),
+        (lambda x, y, q: x > y, "the unit of one is 'm', of the other 'mm'; convert that one by .in_unit('m')"),
+        (lambda x, y, q: x == "TROT", "its values are"),
+        (lambda x, y, q: bool(x), "neither true nor false: write .any(), .all() or len(...)"),
+        (lambda x, y, q: x and y, "neither true nor false"),
+        (lambda x, y, q: float(x), "write .mean(), .value(time) or [0]"),
+        (lambda x, y, q: (x > 5) & x, "write (a > 1) & (b < 2), with parentheses"),
+        (lambda x, y, q: x.when(), "is no mask; write a comparison"),
+        (lambda x, y, q: np.sin(x), "np.sin takes numbers or angles, but '/log/x' is in 'm'"),
+        (lambda x, y, q: np.exp(x), "divide it by a reference"),
+        (lambda x, y, q: np.maximum(x, y), "the unit of one is 'm', of the other 'mm'"),
+        (lambda x, y, q: np.concatenate([x, y]), "np.concatenate of '/log/x' and '/log/y': the unit of one is 'm'"),
+        (lambda x, y, q: np.allclose(x, y.to("m")), "at different times; write other.resample(one) first"),
+        (lambda x, y, q: np.unwrap(q.to("deg")), "np.unwrap takes radians"),
+        (lambda x, y, q: np.deg2rad(q), "takes 'deg', but '/log/q' is in 'rad'"),
+        (lambda x, y, q: np.modf(x), "has no meaning for signals; for plain arrays write signal.values"),
+        (lambda x, y, q: np.add(x, 1, out=np.zeros(20)), "can't write signals into an array"),
+        (lambda x, y, q: q.x, "it is signal['x']"),
+        (lambda x, y, q: x.time, "it is .times"),
+        (lambda x, y, q: x.data, "it is .values"),
+        (lambda x, y, q: x.to("s"), "can't be converted to 's'"),
+        (lambda x, y, q: x.to(), "signal.to() needs unit"),
+        (lambda x, y, q: x.mean(start=1), "did you mean 'start_s'?"),
+        (lambda x, y, q: x.plot(5), "plot takes signals, got 5"),
+        (lambda x, y, q: x.plot(ax=5), "ax must be axes of matplotlib, got 5"),
+        (lambda x, y, q: x[5:5].plot(), "there is nothing to plot"),
+    ],
+)
+def test_what_has_no_meaning_is_told_of(call, words, log):
+    with pytest.raises(silo.SiloError) as caught:
+        call(log["x"], log["y"], log["q"])
+    assert words in str(caught.value)
+
+
+def test_a_wrong_place_is_an_index_error_too(log):
+    with pytest.raises(IndexError):
+        log["x"][99]
+
+
+def test_plots_are_text_where_there_is_no_screen_and_files_on_demand(log, capsys, tmp_path, monkeypatch):
+    log["x"].plot(log["q"], terminal=True)
+    printed = capsys.readouterr().out
+    assert "/log/x [m] (left)" in printed
+    assert "/log/q_z [rad] (right)" in printed
+    path = log["x"].plot(path=tmp_path / "x.png")
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_plot_is_drawn_on_given_axes(log):
+    from matplotlib.figure import Figure
+
+    axes = Figure().add_subplot()
+    assert log["x"].plot(ax=axes) is axes
+    assert axes.lines[0].get_ydata().tolist() == list(range(20))
+
+
+def test_notebooks_see_the_first_samples(log):
+    assert "<th>x</th><th>y</th><th>z</th>" in log["q"]._repr_html_()
+    assert "and 12 more samples" in log["q"]._repr_html_()

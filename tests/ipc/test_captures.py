@@ -1,0 +1,120 @@
+"""Triggers judged and captured by a real helper process: files that are whole, and say it where they aren't."""
+
+import numpy as np
+import pytest
+
+import silo
+from silo.ipc.client import Client
+from silo.ipc.published import EventKind
+from silo.settings.script import read_script
+from tests.waiting import wait_until
+
+
+@pytest.fixture
+def events(client):
+    found = []
+    client.on_event(found.append)
+    return found
+
+
+def captured(events, count=1):
+    """The files of so many captures, in their order."""
+    done = wait_until(
+        lambda: len(found := [event for event in events if event.kind is EventKind.CAPTURED]) >= count and found
+    )
+    return [[file.path for file in event.files] for event in done]
+
+
+def test_what_a_trigger_captures_is_in_a_file_of_its_name(bench, client, events):
+    bench.logger.trigger("high", "x > 500", pre="50ms", post="30ms", save=["silo", "csv", "bag"])
+    bench.logger.derive("twice", "2 * x")
+    bench.logger.start()
+    bench.ticks(600)
+    ((plain, table, bag),) = captured(events)
+    assert "_high_1.silo" in plain
+    fired = next(event for event in events if event.kind is EventKind.TRIGGERED)
+    assert fired.text == "trigger 'high' fired at tick 500"
+    for path in (plain, table, bag):
+        log = silo.open_log(path)
+        assert log["x"].values.tolist() == list(range(496, 505))
+        assert log["twice"].values.tolist() == list(range(992, 1010, 2))
+        assert log.recording.extras.capture.fires == (500,)
+        assert log.warnings == ()
+
+
+def test_a_stop_within_post_closes_the_capture_with_its_reason(bench, client, events):
+    bench.logger.trigger("high", "x > 50", pre="50ms", post="5s")
+    bench.logger.start()
+    bench.ticks(100)
+    bench.logger.stop()
+    ((path,),) = captured(events)
+    with pytest.warns(silo.analysis.log.LogWarning, match="451 ticks before its end"):
+        log = silo.open_log(path)
+    assert len(log["x"]) == 55
+
+
+def test_a_new_run_within_post_closes_the_capture_and_begins_anew(bench, client, events):
+    bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
+    bench.logger.start()
+    bench.ticks(60)
+    bench.logger.restart()
+    bench.x[...] = 0
+    bench.ticks(300)
+    (first,), (second,) = captured(events, 2)
+    with pytest.warns(silo.analysis.log.LogWarning):
+        assert len(silo.open_log(first)["x"]) == 15
+    assert len(silo.open_log(second)["x"]) == 106
+
+
+def test_only_the_newest_captures_stay_if_it_is_asked_for(bench, client, events, tmp_path):
+    bench.logger.trigger("beat", "x % 50 == 0", pre="50ms", post="50ms", keep=2)
+    bench.logger.start()
+    bench.ticks(260)
+    captured(events, 5)
+    names = wait_until(lambda: len(found := sorted((tmp_path / "logs").glob("*_beat_*.silo"))) == 2 and found)
+    assert [path.stem[-1] for path in names] == ["4", "5"]
+
+
+def test_spikes_at_random_places_are_all_captured_by_a_helper_that_is_not_waited_for(bench, client, events):
+    bench.logger.trigger("spike", "x > 5000", pre="30ms", post="20ms")
+    bench.logger.start()
+    rng = np.random.default_rng(2)
+    places = (np.sort(rng.choice(90, 40, replace=False)) * 10 + rng.integers(4, 7, 40)).tolist()
+    for tick in range(950):
+        bench.x[...] = 9999 if tick in places else tick
+        bench.logger.collect()
+        bench.now_ns += bench.tick_ns
+    for (path,), place in zip(captured(events, 40), places, strict=True):
+        values = silo.open_log(path)["x"].values
+        assert values.tolist() == [*range(place - 3, place), 9999, place + 1, place + 2]
+
+
+def test_a_robot_that_is_killed_within_post_leaves_a_capture_that_says_so(robots, runtime, tmp_path):
+    (tmp_path / "logs").mkdir()
+    script = tmp_path / "logs" / "bot.yaml"
+    script.write_text("log_elements: []\ntriggers:\n  - {name: late, when: x > 300, pre_s: 0.1, post_s: 60}\n")
+    robot = robots("bot")
+    with Client.connect("bot") as client:
+        events = []
+        client.on_event(events.append)
+        wait_until(lambda: any(event.kind is EventKind.TRIGGERED for event in events))
+        robot.kill()
+        ((path,),) = captured(events)
+    with pytest.warns(silo.analysis.log.LogWarning, match="the robot program died"):
+        assert silo.open_log(path).recording.extras.capture.trigger == "late"
+
+
+def test_a_script_that_a_client_saves_has_what_is_derived_limited_and_triggered(bench, client, tmp_path):
+    bench.logger.derive("twice", "2 * x")
+    bench.logger.trigger("high", "twice > 50", pre="50ms")
+    wait_until(lambda: "twice > 50" in client.read_script().text)
+    client.save_script("new.yaml")
+    assert read_script(tmp_path / "scripts" / "new.yaml").extras == bench.logger.extras
+
+
+def test_a_script_whose_triggers_a_client_can_not_set_says_so(bench, client, events, tmp_path):
+    text = "log_elements: []\ntriggers:\n  - {name: late, when: x > 300}\n"
+    (tmp_path / "scripts" / "with.yaml").write_text(text)
+    client.load_script("with.yaml")
+    told = wait_until(lambda: next((event for event in events if event.kind is EventKind.SCRIPT_LOADED), None))
+    assert "triggers are read when the program starts" in told.text

@@ -1,0 +1,115 @@
+"""Reading topics: loops, timeouts, asyncio, names that are not there, elements that come and go."""
+
+import asyncio
+import threading
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import ElementError
+from tests.waiting import wait_until
+
+
+@pytest.fixture
+def turning(bench):
+    """A loop of its own, as a robot has it."""
+    bench.logger.start()
+    end = threading.Event()
+
+    def turn():
+        while not end.wait(0.002):
+            bench.ticks(1)
+
+    thread = threading.Thread(target=turn)
+    thread.start()
+    yield bench
+    end.set()
+    thread.join()
+
+
+def test_a_loop_over_a_topic_gets_each_sample_once(turning, client):
+    firsts, values = [], []
+    with client.topic("x") as topic:
+        for batch in topic:
+            firsts.append(batch.first)
+            values += batch.values.tolist()
+            if len(firsts) == 3:
+                break
+    assert np.diff(values).tolist() == [1] * (len(values) - 1)
+
+
+def test_a_loop_ends_when_its_topic_is_closed(bench, client):
+    topic = client.topic("/log/x")
+    closing = threading.Timer(0.05, topic.close)
+    closing.start()
+    assert list(topic) == []
+    closing.join()
+
+
+def test_a_read_with_a_timeout_waits_for_the_first_batch(turning, client):
+    with client.topic("x") as topic:
+        assert len(topic.read(timeout_s=30.0)) > 0
+
+
+def test_a_read_with_a_timeout_ends_empty_where_nothing_comes(bench, client):
+    with client.topic("x") as topic:
+        assert topic.read(timeout_s=0.01) == []
+
+
+def test_asyncio_reads_topics_while_other_tasks_go_on(turning, client):
+    async def main():
+        with client.topic("x") as topic:
+            async for batch in topic:
+                assert len(batch) > 0
+                break
+            return await topic.read_async(30.0)
+
+    assert asyncio.run(main())
+
+
+def test_a_loop_over_what_is_not_published_says_what_to_do(bench, client):
+    with pytest.raises(
+        ElementError, match=r"'/log/kept' is saved but not published.*`silo set bot /log/kept on action=both"
+    ):
+        next(iter(client.topic("kept")))
+
+
+def test_a_topic_and_a_client_say_what_they_are(bench, client):
+    topic = client.topic("q")
+    assert repr(topic) == "<Topic /log/q: open>"
+    topic.close()
+    assert repr(topic) == "<Topic /log/q: closed>"
+    assert repr(client).startswith("<Client of bot.")
+    assert repr(client).endswith("connected>")
+    assert "<td>bot." in client._repr_html_()
+
+
+def test_connect_is_a_client_of_that_name(bench):
+    with silo.connect("bot") as made:
+        assert made.status().logger == "bot"
+
+
+def test_saving_takes_words(bench, client):
+    bench.logger.start()
+    bench.ticks(3)
+    files = client.wait_saved(client.save("csv"))
+    assert [file.type for file in files] == [silo.FileType.CSV]
+
+
+def test_views_show_the_right_rows_after_an_element_was_removed(bench, client):
+    view = client.view(["/log/x", "/log/q", "/log/gait"], rate_hz=30)
+    bench.logger.remove("q")
+    bench.logger.array("late", action="both")
+    bench.logger.start()
+    bench.ticks(4)
+
+    def newest():
+        frame = view.frame()
+        return None if frame is None or not len(frame.newest) else frame
+
+    frame = wait_until(lambda: (f := newest()) is not None and f.newest[0] == 4 and f)
+    assert frame.newest.tolist() == [4.0, 0.0]
+    assert [info.name for info in client.table().elements][-2:] == ["/log/kept", "/log/late"]
+    assert "/log/q" not in [info.name for info in client.table().elements]
+    view.close()

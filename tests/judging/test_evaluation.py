@@ -1,0 +1,241 @@
+"""Expressions over batches of rows: the same as row by row, whatever the cut, whatever is missing."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from silo.judging.binding import OFF, Catalogue, Known, bind
+from silo.judging.evaluation import Evaluator, SourceRows
+from silo.model import Entry
+from tests.examples import examples
+from tests.judging.reference import Reference, Stream
+
+DIVIDERS = {0: 1, 1: 2, 2: 5}
+LABELS = {0: "STANCE", 1: "SWING", 2: "TROT"}
+
+
+def known(name, source, *suffixes, dtype="<f8", labels=None, unit="-"):
+    entries = tuple(Entry(suffix, dtype, labels) for suffix in suffixes or ("",))
+    return Known(f"/log/{name}", entries, unit, source, DIVIDERS.get(source, 1))
+
+
+ELEMENTS = [
+    known("a", 0), known("b", 1), known("c", 2), known("v", 0, "_0", "_1", "_2"), known("w", 1, "_0", "_1", "_2"),
+    known("mode", 2, dtype="<i4", labels=LABELS), known("gone", OFF), known("slow/x", 2), known("slow/y", 1),
+]  # fmt: skip
+CATALOGUE = Catalogue(ELEMENTS)
+
+
+def rows_of(stream, source, low=-math.inf, high=math.inf):
+    """The rows of a stream with ticks from `low` to below `high`."""
+    rows = [row for row in stream.rows if low <= row[0] < high]
+    keys = [(at, n) for at, e in enumerate(ELEMENTS) if e.source == source for n in range(len(e.entries))]
+    return SourceRows(
+        np.array([row[0] for row in rows], np.int64),
+        np.array([row[1] for row in rows], np.int64),
+        {key: np.array([row[2][key] for row in rows], np.float64) for key in keys},
+    )
+
+
+def evaluated(bound, streams, cuts=()):
+    """Ticks and results of all batches between the cuts, put together."""
+    evaluator = Evaluator(bound)
+    edges = [-math.inf, *cuts, math.inf]
+    found = [
+        evaluator.feed({source: rows_of(stream, source, low, high) for source, stream in streams.items()})
+        for low, high in pairwise(edges)
+    ]
+    return (
+        np.concatenate([one.ticks for one in found]),
+        np.concatenate([one.numbers() for one in found]),
+    )
+
+
+# -------------------------------------------------------------------------------------------------- any expression
+
+scalars = st.sampled_from(["a", "b", "c", "v_1", "w_2", "slow/x", "gone"])
+numbers = st.sampled_from(["0", "1", "-2", "0.5", "3"])
+vectors = st.sampled_from(["v", "w", "slow/*"])
+
+
+def _scalar(deeper):
+    inner = deeper["scalar"]
+    return st.one_of(
+        st.builds("({} {} {})".format, inner, st.sampled_from("+-*/"), inner),
+        st.builds("{}({})".format, st.sampled_from(["abs", "prev", "diff", "rate", "-"]), inner),
+        st.builds("{}({}, {})".format, st.sampled_from(["min", "max"]), inner, inner),
+        st.builds("{}({}, {}ms)".format, st.sampled_from(["min", "max", "mean"]), inner, st.sampled_from([1, 3, 7])),
+        st.builds("{}({})".format, st.sampled_from(["max", "min", "sum", "prev(3) + norm"][:3]), deeper["vector"]),
+        st.builds("mean({}, 5ms)".format, deeper["truth"]),
+    )
+
+
+def _vector(deeper):
+    inner = deeper["vector"]
+    return st.one_of(
+        st.builds("({} {} {})".format, vectors.filter(lambda v: v != "slow/*"), st.sampled_from("+-*"),
+                  st.sampled_from(["v", "w", "a", "b", "2"])),
+        st.builds("{}({})".format, st.sampled_from(["abs", "prev", "diff"]), inner),
+        st.builds("{}({}, {}ms)".format, st.sampled_from(["min", "mean"]), inner, st.sampled_from([2, 6])),
+    )  # fmt: skip
+
+
+def _truth(deeper):
+    scalar, truth = deeper["scalar"], deeper["truth"]
+    compare = st.sampled_from(["<", "<=", ">", ">=", "==", "!="])
+    return st.one_of(
+        st.builds("({} {} {})".format, scalar, compare, scalar),
+        st.builds("({} < {} <= {})".format, scalar, scalar, scalar),
+        st.builds("({} {} {})".format, truth, st.sampled_from(["and", "or"]), truth),
+        st.builds("(not {})".format, truth),
+        st.builds("{}({} {} {})".format, st.sampled_from(["any", "all"]), deeper["vector"], compare, scalar),
+        st.builds("(mode == {})".format, st.sampled_from([*LABELS.values()])),
+        st.builds("isnan({})".format, scalar),
+        st.builds("prev({})".format, truth),
+    )
+
+
+def _level(depth):
+    if depth == 0:
+        return {"scalar": st.one_of(scalars, numbers), "vector": vectors, "truth": st.just("a > b")}
+    below = _level(depth - 1)
+    return {
+        "scalar": st.one_of(below["scalar"], _scalar(below)),
+        "vector": st.one_of(below["vector"], _vector(below)),
+        "truth": st.one_of(_truth(below)),
+    }
+
+
+_top = _level(3)
+expressions = st.one_of(_top["truth"], _top["scalar"])
+values = st.one_of(st.integers(-3, 3).map(float), st.sampled_from([math.nan, 0.5]))
+
+
+@st.composite
+def recordings(draw):
+    """Streams of all sources: some rows are missing, the clock may jump."""
+    ticks = draw(st.integers(1, 24))
+    jump_at, jump = draw(st.integers(0, 24)), draw(st.sampled_from([0, 0, -4, 9]))
+    streams = {}
+    for source, divider in DIVIDERS.items():
+        lost = draw(st.sets(st.integers(0, ticks // divider), max_size=3))
+        rows = []
+        for tick in range(0, ticks, divider):
+            row = {
+                (at, n): draw(values) for at, e in enumerate(ELEMENTS) if e.source == source
+                for n in range(len(e.entries))
+            }  # fmt: skip
+            if tick // divider not in lost:
+                rows.append((tick, 10**9 + (tick + (jump if tick >= jump_at else 0)) * 10**6, row))
+        streams[source] = Stream(divider, rows)
+    cuts = draw(st.lists(st.integers(0, ticks), max_size=5).map(sorted))
+    return streams, cuts
+
+
+def same(found, wanted):
+    if isinstance(wanted, bool) or wanted is None:
+        wanted = math.nan if wanted is None else float(wanted)
+    return (math.isnan(found) and math.isnan(wanted)) or found == wanted or math.isclose(found, wanted, rel_tol=1e-9)
+
+
+@settings(max_examples=examples(150))
+@given(expressions, recordings())
+def test_any_cut_into_batches_gives_what_a_judge_row_by_row_gives(text, recorded):
+    streams, cuts = recorded
+    try:
+        bound = bind(text, CATALOGUE)
+    except ValueError:
+        return  # a constant alone, or a scalar where a vector belongs
+    ticks, found = evaluated(bound, streams, cuts)
+    wanted = Reference(bound, streams).judged()
+    assert ticks.tolist() == [tick for tick, _ in wanted]
+    for at, (tick, value) in enumerate(wanted):
+        assert same(float(found[at]), value), (text, tick, found[at], value)
+
+
+@settings(max_examples=examples(25))
+@given(st.integers(0, 2**32 - 1), st.lists(st.integers(0, 300), max_size=8).map(sorted))
+def test_roundings_are_the_same_for_any_cut(seed, cuts):
+    rng = np.random.default_rng(seed)
+    streams = {}
+    for source, divider in DIVIDERS.items():
+        keys = [(at, n) for at, e in enumerate(ELEMENTS) if e.source == source for n in range(len(e.entries))]
+        streams[source] = Stream(divider, [
+            (tick, tick * 10**6, {key: float(rng.normal() * 10.0 ** rng.integers(-6, 7)) for key in keys})
+            for tick in range(0, 300, divider) if rng.random() > 0.01
+        ])  # fmt: skip
+    for text in ("mean(a, 37ms) - mean(c, 0.1s)", "std(a * b, 23ms)", "sum(v * w) / norm(v)", "mean(rate(c), 40ms)"):
+        bound = bind(text, CATALOGUE)
+        (ticks, whole), (cut_ticks, cut) = evaluated(bound, streams), evaluated(bound, streams, cuts)
+        assert (ticks == cut_ticks).all()
+        assert whole.tobytes() == cut.tobytes(), text
+
+
+# -------------------------------------------------------------------------------------------------- single facts
+
+
+def stream_of(values_at, source, key, divider=None):
+    keys = [(at, n) for at, e in enumerate(ELEMENTS) if e.source == source for n in range(len(e.entries))]
+    rows = [(tick, tick * 10**6, {**dict.fromkeys(keys, 0.0), key: value}) for tick, value in values_at]
+    return Stream(divider or DIVIDERS[source], rows)
+
+
+def test_a_window_takes_the_samples_of_the_last_time_without_the_one_that_is_just_as_old():
+    streams = {0: stream_of(enumerate([1.0, 2.0, 4.0, 8.0]), 0, (0, 0))}
+    assert evaluated(bind("mean(a, 2ms)", CATALOGUE), streams)[1].tolist() == [1.0, 1.5, 3.0, 6.0]
+
+
+def test_deviation_of_large_numbers_loses_no_digits():
+    rng = np.random.default_rng(1)
+    noise = rng.normal(size=500)
+    streams = {0: stream_of(enumerate(1e9 + noise), 0, (0, 0))}
+    found = evaluated(bind("std(a, 100ms)", CATALOGUE), streams)[1][-1]
+    assert found == pytest.approx(np.std((1e9 + noise)[-100:]), rel=1e-9)
+
+
+def test_an_infinity_leaves_a_mean_when_it_leaves_the_window():
+    streams = {0: stream_of(enumerate([1.0, math.inf, 3.0, 5.0]), 0, (0, 0))}
+    assert evaluated(bind("mean(a, 2ms)", CATALOGUE), streams)[1].tolist() == [1.0, math.inf, math.inf, 4.0]
+
+
+def test_a_row_that_was_lost_is_unobservable_not_quiet():
+    streams = {
+        0: stream_of([(tick, 9.0) for tick in range(4)], 0, (0, 0)),
+        1: stream_of([(0, 9.0)], 1, (1, 0)),
+    }
+    judged = Evaluator(bind("b > 5", CATALOGUE), bind("a > 5", CATALOGUE))
+    found = judged.feed({source: rows_of(stream, source) for source, stream in streams.items()})
+    assert found.codes(0).tolist() == [1, 1, -1, -1]
+    assert found.codes(1).tolist() == [1, 1, 1, 1]
+
+
+def test_what_is_known_decides_beside_what_is_unobservable():
+    streams = {0: stream_of([(0, 9.0)], 0, (0, 0))}
+    for text, code in (("a < 5 and gone > 1", 0), ("a > 5 or gone > 1", 1), ("a > 5 and gone > 1", -1)):
+        bound = bind(text, CATALOGUE)
+        assert Evaluator(bound).feed({0: rows_of(streams[0], 0)}).codes().tolist() == [code]
+
+
+def test_an_expression_of_elements_that_are_off_is_never_judged():
+    assert len(Evaluator(bind("gone > 3", CATALOGUE)).feed({}).ticks) == 0
+
+
+def test_a_not_a_number_is_unobservable_and_can_be_asked_for():
+    streams = {0: stream_of([(0, math.nan), (1, 1.0)], 0, (0, 0))}
+    assert evaluated(bind("a > 0", CATALOGUE), streams)[1].tolist()[1:] == [1.0]
+    assert math.isnan(evaluated(bind("a > 0", CATALOGUE), streams)[1][0])
+    assert evaluated(bind("isnan(a)", CATALOGUE), streams)[1].tolist() == [1.0, 0.0]
+
+
+def test_previous_steps_per_sample_of_its_own_signal():
+    streams = {
+        0: stream_of([(tick, 0.0) for tick in range(4)], 0, (0, 0)),
+        1: stream_of([(0, 5.0), (2, 7.0)], 1, (1, 0)),
+    }
+    found = evaluated(bind("prev(b) + 0 * a", CATALOGUE), streams)[1]
+    assert np.isnan(found[:2]).all()
+    assert found[2:].tolist() == [5.0, 5.0]

@@ -1,0 +1,190 @@
+"""Reading and binding expressions: what they mean, and errors that show the place."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from silo.judging.binding import OFF, Catalogue, Constant, Known, Signal, bind
+from silo.judging.parsing import MOST_NODES, Call, Name, Operation, parse
+from silo.judging.tokens import MOST_CHARACTERS, ExpressionError
+from silo.model import Entry
+
+
+def known(name, *suffixes, unit="-", dtype="<f8", labels=None, source=0):
+    return Known(name, tuple(Entry(suffix, dtype, labels) for suffix in suffixes or ("",)), unit, source, 1)
+
+
+CATALOGUE = Catalogue([
+    known("/log/joints/tau", "_0", "_1", "_2", unit="Nm"),
+    known("/log/joints/qd", "_0", "_1", "_2", unit="rad/s"),
+    known("/log/base/roll", unit="rad"),
+    known("/log/controller/mode", dtype="<i4", labels={0: "STANCE", 3: "TROT"}),
+    known("/log/label", dtype="|S8"),
+    known("/log/legs/LF/slip", dtype="|b1"),
+    known("/log/legs/RF/slip", dtype="|b1", source=OFF),
+    known("/log/a/x", unit="V"),
+    known("/log/b/x"),
+    known("/log/odd-name"),
+    known("/log/wide", *[f"_{n}" for n in range(4)]),
+])  # fmt: skip
+
+
+def refusal(text):
+    with pytest.raises(ExpressionError) as caught:
+        bind(text, CATALOGUE)
+    assert caught.value.reason in str(caught.value)
+    return caught.value
+
+
+def pointed_at(error):
+    return error.text[error.at : error.end]
+
+
+# ------------------------------------------------------------------------------------------------------ reading
+
+
+def test_a_name_with_a_slash_is_one_word_and_a_division_has_blanks():
+    assert parse("joints/tau").root == Name("joints/tau", 0, 10)
+    assert parse("a / b").root == Operation("/", (Name("a", 0, 1), Name("b", 4, 5)), 0, 5)
+    assert parse("(a)/2").root.operator == "/"
+
+
+def test_a_division_that_lacks_a_blank_is_told():
+    for text in ("a /b", "a/ b"):
+        assert "a division has blanks on both sides" in refusal(text).reason
+    assert refusal("base/roll/joints/tau_0").reason.startswith("no signal")
+    assert "roll / x" in str(refusal("roll/x"))
+
+
+@pytest.mark.parametrize("text", ["any(legs/*/slip)", "max(*/slip)", "max(joints/tau_*)", "sum(acc*)", "any(l[LR]/x)"])
+def test_a_star_beside_a_part_of_a_name_is_a_wildcard(text):
+    call = parse(text).root
+    assert isinstance(call, Call)
+    assert isinstance(call.arguments[0], Name)
+
+
+@pytest.mark.parametrize("text", ["a*b", "2*b", "x_3*2", "x * y", "(a)*b", "joints/tau_3*joints/qd_3"])
+def test_a_star_between_factors_multiplies(text):
+    assert parse(text).root.operator == "*"
+
+
+def test_numbers_may_have_units_and_exponents():
+    assert (parse("50ms").root.value, parse("50ms").root.unit) == (50.0, "ms")
+    assert parse("1.5e3rad/s").root.unit == "rad/s"
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("abs(x", "("), ("x > > 3", ">"), ("x.y.z(3)", "x.y.z"), ("f'x'", "'"), ("lambda: 3", ":"), ("x if y", "if"),
+        ("a && b", "&"), ("x = 3", "="), ("foo(x)", "foo"), ("a, b", "a, b"), ("max(*x, **y)", "**"),
+        ("any(x, k=1)", "="),
+        ("mean(x)", "mean(x)"), ("1e999", "1e999"), ("x; y", ";"), ("{x}", "{"), ("x @ y", "@"),
+        ("[x for x in y]", "["),
+        ("`x", "`x"), ("x\\y", "\\"),
+    ],
+)  # fmt: skip
+def test_what_has_no_place_is_refused_with_its_place(text, place):
+    error = refusal(text)
+    assert pointed_at(error).startswith(place[0]) or place in pointed_at(error)
+    assert error.text == text
+    assert "^" in str(error).splitlines()[-1]
+
+
+def test_what_is_missing_at_the_end_is_told_there():
+    error = refusal("base/roll >")
+    assert error.reason == "something is missing at the end"
+    assert error.at == len("base/roll >")
+
+
+def test_length_and_parts_are_bounded():
+    assert str(MOST_CHARACTERS) in refusal("x" * (MOST_CHARACTERS + 1)).reason
+    assert str(MOST_NODES) in refusal("-" * 400 + "x").reason
+    assert "nested" in refusal("(" * 240 + "x" + ")" * 240).reason
+    parse(" + ".join(["x"] * 100))
+
+
+@given(st.text(max_size=60) | st.text(alphabet="ab_/*.?[]()<>=!+-%,0123456789 `&|'\"\\:{}@", max_size=60))
+def test_any_text_is_read_or_refused_with_its_place(text):
+    try:
+        bind(text, CATALOGUE)
+    except ExpressionError as error:
+        assert 0 <= error.at < error.end <= len(error.text) + 1
+
+
+# ------------------------------------------------------------------------------------------------------ binding
+
+
+@pytest.mark.parametrize("text", ["/log/base/roll", "base/roll", "roll", "log/base/roll", "`base/roll`"])
+def test_a_name_may_be_short_as_long_as_it_is_one(text):
+    (column,) = bind(text, CATALOGUE).columns
+    assert column.element == 2
+
+
+def test_a_name_that_several_have_is_refused_with_them():
+    assert "may be /log/a/x, /log/b/x" in refusal("x > 3").reason
+
+
+def test_an_unknown_name_is_told_with_the_nearest():
+    error = refusal("abs(joints/tua_1) > 3")
+    assert "did you mean joints/tau_1" in error.reason
+    assert pointed_at(error) == "joints/tua_1"
+    assert "joints/tau_1" in refusal("joints/tau[1]").reason
+
+
+def test_a_name_of_other_letters_stands_in_backticks():
+    assert bind("`odd-name` > 3", CATALOGUE).columns[0].element == 9
+
+
+def test_labels_are_numbers_beside_their_signal():
+    bound = bind("controller/mode == TROT", CATALOGUE)
+    assert bound.root.parts[1] == Constant(3.0)
+    assert bind("STANCE != mode", CATALOGUE).root.parts[0] == Constant(0.0)
+    assert "did you mean STANCE" in refusal("mode == STANCY").reason
+    assert "neither a label (STANCE, TROT) nor a signal" in refusal("mode == 2 or mode == QQQQ").reason
+
+
+def test_a_number_with_a_unit_is_in_that_of_its_signal():
+    assert bind("abs(roll) > 30deg", CATALOGUE).root.parts[1].value == pytest.approx(math.pi / 6)
+    assert bind("-5deg < roll", CATALOGUE).root.parts[0].value == pytest.approx(-math.pi / 36)
+    assert bind("b/x > 20ms", CATALOGUE).root.parts[1].value == pytest.approx(0.02)
+    assert "doesn't go with 'Nm'" in refusal("joints/tau_0 > 3V").reason
+    assert "doesn't go with" in refusal("roll + a/x > 1").reason
+
+
+def test_products_have_their_unit_and_vectors_their_width():
+    bound = bind("joints/tau * joints/qd", CATALOGUE)
+    assert (bound.unit, bound.width, bound.logical) == ("Nm*rad/s", 3, False)
+    assert bind("rate(roll)", CATALOGUE).unit == "rad/s"
+    assert "vectors of 3 and 4 values" in refusal("joints/tau + wide").reason
+
+
+def test_a_pattern_is_a_vector_of_all_that_match():
+    bound = bind("any(legs/*/slip)", CATALOGUE)
+    assert isinstance(bound.root.parts[0], Signal)
+    assert [column.source for column in bound.columns] == [0, OFF]
+    assert bound.sources == {0: 1}
+    assert "no signal matches" in refusal("any(legs/*/slop)").reason
+
+
+def test_a_condition_is_one_truth():
+    with pytest.raises(ExpressionError, match=r"3 values.*any"):
+        bind("joints/tau > 3", CATALOGUE).condition()
+    assert bind("any(joints/tau > 3)", CATALOGUE).condition().width == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("label > 3", "is no number"),
+        ("5 > 3", "names no signal"),
+        ("mean(roll, 50)", "missing its unit"),
+        ("mean(roll, 2h)", "at most 60 s"),
+        ("norm(roll)", "takes a vector"),
+        ("prev(3) + roll", "names no signal"),
+    ],
+)
+def test_what_can_not_be_computed_is_told(text, says):
+    assert says in refusal(text).reason

@@ -1,0 +1,169 @@
+"""Limits: no sample beyond a bound is missed, states follow the rules, the same for any cut."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from silo.errors import ElementError
+from silo.judging.limits import Level, Limit, LimitRule, limit_rule
+from tests.examples import examples
+
+RULE = LimitRule(-20, -10, 10, 20)
+MS = 10**6
+
+
+def fed(rule, values, cuts=(), context=None, times=None):
+    """The limit after samples at ticks 0, 1, ... a millisecond apart, and all its violations."""
+    values = np.asarray(values, np.float64)
+    limit = Limit(rule, 1 if values.ndim == 1 else values.shape[1])
+    ticks = np.arange(len(values))
+    times = ticks * MS if times is None else np.asarray(times)
+    codes = None if context is None else np.asarray(context, np.int8)
+    found = {}
+    edges = [0, *cuts, len(values)]
+    for low, high in pairwise(edges):
+        part = None if codes is None else codes[low:high]
+        for violation in limit.feed(ticks[low:high], times[low:high], values[low:high], part):
+            found[violation.entry, violation.number] = violation
+    return limit, list(found.values())
+
+
+class Slow:
+    """The rules, one sample after the other."""
+
+    def __init__(self, rule):
+        self.rule, self.level, self.alarm = rule, 0, 0
+        self.pending, self.count = 0, 0
+        self.open, self.violations = None, []
+        self.fresh, self.last, self.stale, self.stale_count = None, math.nan, False, 0
+
+    def row(self, tick, value, context):
+        rule = self.rule
+        if rule.stale_ns:
+            time_ns = tick * MS
+            self.fresh = time_ns if self.fresh is None else self.fresh
+            if time_ns - self.fresh > rule.stale_ns and not self.stale:
+                self.stale, self.stale_count = True, self.stale_count + 1
+            if not math.isnan(value):
+                if value != self.last:
+                    self.fresh, self.stale = time_ns, False
+                self.last = value
+        if context is not None and context != 1:
+            self.level, self.count, self.open = 0, 0, None
+            return
+        if math.isnan(value):
+            return
+        raw = int(rule.level(value))
+        if self.open is not None and self.open["worst"] * raw <= 0:
+            self.open = None
+        if raw:
+            if self.open is None:
+                self.open = {"worst": raw, "first": tick, "peak": value, "peak_tick": tick, "samples": 0}
+                self.violations.append(self.open)
+            self.open["worst"] = max(self.open["worst"], raw, key=abs)
+            self.open["samples"] += 1
+            if abs(value) > abs(self.open["peak"]):
+                self.open["peak"], self.open["peak_tick"] = value, tick
+        bounds = {-2: rule.red_low, -1: rule.yellow_low, 1: rule.yellow_high, 2: rule.red_high}
+        held = False
+        if rule.hysteresis and self.level and abs(raw) < abs(self.level) and raw * self.level >= 0:
+            bound = bounds[self.level]
+            held = value > bound - rule.hysteresis if self.level > 0 else value < bound + rule.hysteresis
+        if held or raw == self.level:
+            self.count = 0
+            return
+        self.count = self.count + 1 if raw == self.pending and self.count else 1
+        self.pending = raw
+        if self.count >= rule.persistence:
+            self.level, self.count = raw, 0
+            self.alarm = max(self.alarm, raw, key=abs)
+
+
+@settings(max_examples=examples(400))
+@given(
+    st.lists(st.sampled_from([0.0, 5.0, 9.0, 11.0, 19.0, 25.0, 30.0, -9.0, -15.0, -21.0, math.nan]), max_size=40),
+    st.integers(1, 3), st.sampled_from([0.0, 3.0]), st.sampled_from([0, 2 * MS]), st.booleans(), st.data(),
+)  # fmt: skip
+def test_any_cut_gives_what_a_judge_sample_by_sample_gives(values, persistence, hysteresis, stale_ns, limited, data):
+    rule = LimitRule(-20, -10, 10, 20, persistence, hysteresis, stale_ns)
+    context = data.draw(st.lists(st.sampled_from([1, 1, 0, -1]), min_size=40, max_size=40)) if limited else None
+    cuts = data.draw(st.lists(st.integers(0, len(values)), max_size=5).map(sorted))
+    slow = Slow(rule)
+    for tick, value in enumerate(values):
+        slow.row(tick, value, None if context is None else context[tick])
+    limit, found = fed(rule, values, cuts, None if context is None else context[: len(values)])
+    (state,) = limit.states
+    assert (state.level, state.alarm, state.count) == (slow.level, slow.alarm, len(slow.violations))
+    assert (state.stale, state.stale_count) == (slow.stale, slow.stale_count)
+    assert [(v.worst, v.first_tick, v.peak, v.peak_tick, v.samples) for v in found] == [
+        (v["worst"], v["first"], v["peak"], v["peak_tick"], v["samples"]) for v in slow.violations
+    ]
+    assert state.is_open == (slow.open is not None)
+
+
+def test_one_sample_beyond_a_bound_is_kept_with_its_peak_and_tick_whatever_the_persistence():
+    limit, (violation,) = fed(LimitRule(-20, -10, 10, 20, persistence=5), [0, 0, 99, 0, 0])
+    assert (violation.peak, violation.peak_tick, violation.peak_ns, violation.over) == (99, 2, 2 * MS, True)
+    assert limit.states[0].level is Level.GREEN
+    assert limit.states[0].count == 1
+
+
+def test_a_value_at_its_bound_is_within_it():
+    assert [RULE.level(value) for value in (10, 20, 20.1, -10, -20, -20.1)] == [0, 1, 2, 0, -1, -2]
+
+
+def test_noise_at_a_bound_is_one_state_with_hysteresis():
+    noisy = [0, 11, 9, 11, 9, 11, 6]
+    assert fed(LimitRule(-20, -10, 10, 20, hysteresis=3), noisy[:-1])[0].states[0].since_tick == 1
+    assert fed(LimitRule(-20, -10, 10, 20, hysteresis=3), noisy)[0].states[0].level is Level.GREEN
+
+
+def test_an_alarm_stays_until_somebody_acknowledges_it():
+    limit, _ = fed(RULE, [0, 99, 0])
+    assert (limit.states[0].level, limit.states[0].alarm) == (Level.GREEN, Level.RED_HIGH)
+    assert limit.acknowledge("ann", 5) == 1
+    assert limit.states[0].alarm is Level.GREEN
+    assert limit.states[0].acknowledged.who == "ann"
+    assert limit.acknowledge("ann", 6) == 0
+
+
+def test_out_of_its_context_nothing_is_judged():
+    limit, found = fed(RULE, [99, 99, 99, 0], context=[0, 1, -1, 1])
+    assert [(violation.first_tick, violation.samples) for violation in found] == [(1, 1)]
+    assert limit.states[0].count == 1
+
+
+def test_each_scalar_of_a_vector_has_a_state_of_its_own():
+    limit, (violation,) = fed(RULE, [[0, 0], [0, -50]])
+    assert violation.entry == 1
+    assert [state.level for state in limit.states] == [Level.GREEN, Level.RED_LOW]
+    assert limit.worst() is Level.RED_LOW
+
+
+def test_a_value_that_stays_the_same_too_long_is_stale_until_it_is_new():
+    rule = LimitRule(stale_ns=2 * MS)
+    limit, _ = fed(rule, [1, 1, 1, 1, 1])
+    assert limit.states[0].stale
+    assert limit.states[0].stale_count == 1
+    assert not fed(rule, [1, 1, 1, 1, 2])[0].states[0].stale
+    quiet, _ = fed(rule, [1, 2])
+    assert quiet.check_stale(9 * MS) == [0]
+    assert quiet.check_stale(10 * MS) == []
+
+
+@pytest.mark.parametrize(
+    "bounds", [(1, 2, 3), (4, 3, 2, 1), (None, None, None, None), 5, "abcd", (math.nan, 1, 2, 3), (0, 1, 1, 2)]
+)
+def test_bounds_that_make_no_sense_are_refused(bounds):
+    with pytest.raises(ElementError, match="red_low, yellow_low"):
+        limit_rule(bounds)
+
+
+def test_a_bound_that_there_is_not_is_infinite_and_red_alone_needs_no_yellow():
+    assert limit_rule((None, None, 50, 80)) == LimitRule(-math.inf, -math.inf, 50, 80)
+    assert limit_rule((None, None, None, 80)).level(81) is Level.RED_HIGH
+    assert limit_rule((None, None, None, 80)).level(79) is Level.GREEN

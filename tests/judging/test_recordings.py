@@ -1,0 +1,264 @@
+"""Expressions, derived signals and limits on recordings: by `Log`, in every format, by the shell commands."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import silo
+from silo.analysis.checking import check
+from silo.analysis.expressions import BATCH_TICKS
+from silo.analysis.log import Log
+from silo.analysis.picking import pick
+from silo.cli.main import run
+from silo.files import write
+from silo.files.convert import convert
+from silo.files.formats import read_recording
+from silo.judging.tokens import ExpressionError
+from silo.model import BufferType, Derived, Entry, Extras, SignalLimits
+from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.settings.script import read_script, write_script
+
+
+def element(name, values, divider=1, first=0, unit="-", labels=None):
+    values = np.asarray(values)
+    columns = values.reshape(len(values), -1)
+    suffixes = [""] if values.ndim == 1 else [f"_{at}" for at in range(columns.shape[1])]
+    entries = tuple(
+        RecordedEntry(f"/log/{name}{suffix}", Entry(suffix, columns.dtype.str, labels), columns[:, at])
+        for at, suffix in enumerate(suffixes)
+    )
+    kind, shape = ("scalar", ()) if values.ndim == 1 else ("array", (columns.shape[1],))
+    return RecordedElement(f"/log/{name}", unit, kind, shape, divider, BufferType.GROWING, first, entries)
+
+
+def recording(*elements, ticks=10, extras=None):
+    time_ns = 10**18 + np.arange(ticks) * 10**6
+    return Recording("robot", time_ns, ticks, elements, frequency_hz=1000.0, extras=extras or Extras())
+
+
+@pytest.fixture
+def log():
+    tau = np.arange(20.0).reshape(10, 2)
+    return Log(recording(
+        element("joints/tau", tau, unit="Nm"),
+        element("joints/qd", np.full((10, 2), 2.0), unit="rad/s"),
+        element("mode", np.array([0, 1, 1, 0, 0], np.int32), divider=2, labels={0: "STAND", 1: "WALK"}),
+        element("late", np.arange(4.0), first=6),
+        extras=Extras((Derived("/log/power", "joints/tau * joints/qd", "W"), Derived("/log/total", "sum(power)"))),
+    ))  # fmt: skip
+
+
+def test_an_expression_of_a_log_is_a_signal(log):
+    found = log.eval("abs(joints/tau_1) > 8 and mode == STAND")
+    assert found.values.dtype == bool
+    assert found.values.tolist() == [False] * 6 + [True] * 4
+    assert found.times.tolist() == pytest.approx(np.arange(10) * 1e-3)
+    assert log.eval("2 * joints/tau_0").unit == "Nm"
+
+
+def test_ticks_at_which_nothing_can_be_told_are_left_out(log):
+    assert log.eval("late + joints/tau_0").time_ns.tolist() == [10**18 + tick * 10**6 for tick in range(6, 10)]
+    assert log.eval("diff(late) > 0").values.tolist() == [True] * 3
+
+
+def test_an_error_shows_the_place(log):
+    with pytest.raises(ExpressionError, match=r"did you mean joints/tau"):
+        log.eval("joints/tua > 3")
+    with pytest.raises(silo.ElementError, match="must be a text"):
+        log.eval(3)
+
+
+def test_long_logs_are_judged_in_batches_without_seams():
+    values = np.random.default_rng(3).normal(size=BATCH_TICKS * 2 + 77)
+    log = Log(recording(element("x", values), ticks=len(values)))
+    np.testing.assert_array_equal(log.eval("diff(x)").values[1:], np.diff(values))
+
+
+def test_a_derived_signal_is_in_the_log_like_any_other(log):
+    power = log["power"]
+    assert list(log)[-2:] == ["/log/power", "/log/total"]
+    assert "power" in log
+    assert (power.name, power.unit, power.values.shape) == ("/log/power", "W", (10, 2))
+    assert log["/log/total"].values.tolist() == (2 * np.arange(20.0).reshape(10, 2)).sum(axis=1).tolist()
+    assert log.names("*/tot*") == ["/log/total"]
+    assert log.eval("total > 30").values.sum() == 6
+    assert len(log.namespace("joints")) == 2
+
+
+@pytest.mark.parametrize("ending", ["silo", "csv", "mcap", ""])
+def test_files_keep_what_is_derived_and_limited(log, tmp_path, ending):
+    limits = SignalLimits("/log/joints/tau", (None, -10.0, 10.0, None), 2, 0.5, 0.1, "mode == WALK")
+    extras = Extras(log.recording.extras.derived, (limits,))
+    made = recording(*log.recording.elements[:2], ticks=10, extras=extras)
+    write(made, tmp_path, "robot", ["silo"], "run")
+    target = tmp_path / (f"other.{ending}" if ending else "bag")
+    if ending != "silo":
+        convert(tmp_path / "run.silo", target, None, False)
+    found = read_recording(target if ending != "silo" else tmp_path / "run.silo")
+    assert found.extras == extras
+    assert Log(found)["power"].values.sum() == 2 * np.arange(20.0).sum()
+
+
+def test_a_pattern_that_is_an_expression_or_a_derived_name_is_a_curve(log):
+    (curve,) = pick(log.recording, ["max(joints/tau) - 3"])
+    assert (curve.name, curve.values.tolist()[:2]) == ("max(joints/tau) - 3", [-2.0, 0.0])
+    assert [one.name for one in pick(log.recording, ["power"])] == ["/log/power_0", "/log/power_1"]
+    assert pick(log.recording, ["mode == WALK"])[0].labels == {0: "false", 1: "true"}
+
+
+class TestCheck:
+    @pytest.fixture
+    def spiky(self):
+        values = np.zeros((1000, 2))
+        values[500, 1] = 99.0
+        return recording(element("x", values, unit="A"), element("on", np.ones(500), divider=2), ticks=1000)
+
+    def test_one_sample_in_a_run_is_found_with_its_peak_and_time(self, spiky):
+        quiet, found = check(spiky, [SignalLimits("x", (None, None, 10, 50))])
+        assert (quiet.what, quiet.worst, quiet.violated) == ("/log/x_0", "GREEN", False)
+        assert (found.what, found.worst, found.samples, found.peak, found.unit) == (
+            "/log/x_1",
+            "RED_HIGH",
+            1,
+            99.0,
+            "A",
+        )
+        assert found.peak_s == pytest.approx(0.5)
+
+    def test_a_context_leaves_out_what_is_not_meant(self, spiky):
+        (_, found) = check(spiky, [SignalLimits("x", (None, None, 10, 50), when="on > 2")])
+        assert (found.worst, found.violated) == ("UNOBSERVABLE", False)
+        (_, found) = check(spiky, [SignalLimits("x", (None, None, 10, 50), when="on == 1")])
+        assert found.samples == 1
+
+    def test_samples_that_are_held_beside_a_faster_context_count_once(self, spiky):
+        (found,) = check(spiky, [SignalLimits("on", (None, None, 0.5, None), when="x_0 == 0")])
+        assert (found.violations, found.samples) == (1, 500)
+
+    def test_conditions_that_must_never_or_always_hold(self, spiky):
+        never, always = check(spiky, [], ["x_1 > 50"], ["x_1 < 50"])
+        assert (never.violations, never.first_s) == (1, pytest.approx(0.5))
+        assert (always.violations, always.samples) == (1, 1)
+        assert not check(spiky, [], ["x_0 > 1"])[0].violated
+
+    def test_a_signal_that_froze_is_stale(self):
+        values = np.concatenate([np.arange(100.0), np.full(100, 99.0)])
+        (found,) = check(recording(element("x", values), ticks=200), [SignalLimits("x", stale_s=0.05)])
+        assert (found.stale, found.violated) == (1, True)
+
+    def test_the_command_ends_with_a_code_for_scripts(self, spiky, tmp_path, capsys, monkeypatch):
+        write(spiky, tmp_path, "robot", ["silo"], "run")
+        file = str(tmp_path / "run.silo")
+        assert run(["check", file, "--limit", "x=-,-,10,50"]) == 1
+        assert "red high" in capsys.readouterr().out
+        assert run(["check", file, "--limit", "x_0=-,-,10,50", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)[0]["worst"] == "GREEN"
+        assert run(["check", file, "--never", "nothing > 3"]) == 2
+        assert "^^^^^^^" in capsys.readouterr().err
+        for words in (["check", file], ["check", file, "--limit", "x"], ["check", file, "--limit", "x=a,b,c,d"]):
+            assert run(words) == 2
+        assert run(["check", file, "--limit", "x=4,3,2,1"]) == 2
+
+    def test_limits_in_the_log_need_no_arguments(self, spiky, tmp_path):
+        extras = Extras((Derived("/log/twice", "2 * x"),), (SignalLimits("twice", (None, None, 150, None)),))
+        write(Recording(**{**vars(spiky), "extras": extras}), tmp_path, "robot", ["silo"], "run")
+        assert run(["check", str(tmp_path / "run.silo")]) == 1
+
+
+class TestLogger:
+    @pytest.fixture
+    def log(self, tmp_path):
+        with silo.Logger("judged", frequency=1000, folder=tmp_path, script=tmp_path / "none.yaml") as log:
+            self.q = log.array("q", 2, group="joints", unit="rad")
+            log.add(lambda: 3, "mode")
+            yield log
+
+    def test_what_is_derived_and_limited_is_in_the_saved_file(self, log):
+        log.derive("twice", "2 * joints/q", group="joints")
+        log.limit("joints/twice", (None, None, 3, 5), stale="0.5s", persistence=2)
+        log.start()
+        for tick in range(5):
+            self.q[:] = tick
+            log.collect()
+        log.stop()
+        (saved,) = log.save("silo")
+        found = silo.open_log(saved.path)
+        assert found["joints/twice"].values[:, 0].tolist() == [0, 2, 4, 6, 8]
+        assert found["joints/twice"].unit == "rad"
+        assert [one.worst for one in check(found.recording, found.recording.extras.limits)] == ["RED_HIGH"] * 2
+
+    def test_mistakes_are_refused_and_nothing_changes(self, log):
+        with pytest.raises(silo.ExpressionError, match="did you mean joints/q"):
+            log.derive("x", "joints/p + 1")
+        with pytest.raises(silo.ElementError, match="is an element already"):
+            log.derive("joints/q", "1 + mode")
+        with pytest.raises(silo.ElementError, match="no signal is named 'nope'"):
+            log.limit("nope", (0, 1, 2, 3))
+        with pytest.raises(silo.ElementError, match="must rise"):
+            log.limit("joints/q", (3, 2, 1, 0))
+        with pytest.raises(silo.ElementError, match="must be a time such as"):
+            log.limit("joints/q", (0, 1, 2, 3), stale="soon")
+        with pytest.raises(silo.ElementError, match="red_low, yellow_low"):
+            log.limit("joints/q", (0, math.nan, 2, 3))
+        assert log.extras == Extras()
+
+    def test_a_new_expression_replaces_the_old_one_and_must_fit_what_stands_on_it(self, log):
+        log.derive("a", "joints/q_0")
+        log.derive("b", "a + 1")
+        log.derive("a", "joints/q_1")
+        assert [one.expression for one in log.extras.derived] == ["joints/q_1", "a + 1"]
+        with pytest.raises(silo.ExpressionError):
+            log.derive("a", "b + 1")
+
+    def test_while_running_nothing_is_derived_or_limited(self, log):
+        log.start()
+        for change in (lambda: log.derive("x", "mode"), lambda: log.limit("mode", (0, 1, 2, 3))):
+            with pytest.raises(silo.StateError):
+                change()
+
+    def test_a_script_keeps_what_is_derived_and_limited(self, log, tmp_path):
+        log.derive("twice", "2 * joints/q + 0 * mode", unit="°")
+        log.limit("twice", (None, -1.5, 3, None), when="mode == 3", stale="20ms")
+        log.trigger("odd", "max(twice) > 3", pre="20ms", save=["silo", "bag"], rearm="mode < 1", mode="single")
+        log.update()
+        path = log.save_script(tmp_path / "kept.yaml")
+        before = log.extras
+        log.derive("more", "mode")
+        log.load_script(path)
+        assert log.extras == before
+        assert read_script(path).warnings == []
+
+    def test_a_script_that_says_nothing_of_them_leaves_them(self, log, tmp_path):
+        log.derive("more", "mode")
+        (tmp_path / "plain.yaml").write_text("log_elements: []\n")
+        log.load_script(tmp_path / "plain.yaml")
+        assert [one.name for one in log.extras.derived] == ["/log/more"]
+
+    @pytest.mark.parametrize(
+        ("text", "says"),
+        [
+            ("derived_signals: 3", ":2: derived_signals must be a list"),
+            ("derived_signals:\n  - name: x\n    formula: y", ":3: derived_signals: no key 'formula'"),
+            ("derived_signals:\n  - name: /log/x\n    expression: nope + 1", "no signal is named 'nope'"),
+            ("signal_limits:\n  - name: mode\n    bounds: [1, 2]", ":3: signal_limits"),
+            ("triggers:\n  - name: a\n    when: mode > 3\n    slope: up", "edge of trigger 'a' must be rising"),
+            ("triggers:\n  - name: a/b\n    when: mode > 3", "stands in names of files"),
+            ("signal_limits:\n  - name: mode\n    bounds: [4, 3, 2, 1]", "must rise"),
+        ],
+    )
+    def test_problems_in_a_script_are_told_and_nothing_changes(self, log, tmp_path, text, says):
+        (tmp_path / "bad.yaml").write_text(f"log_elements: []\n{text}\n")
+        log.update()
+        with pytest.raises(silo.ScriptError) as caught:
+            log.load_script(tmp_path / "bad.yaml")
+        assert says in str(caught.value)
+        assert log.extras == Extras()
+
+    def test_a_script_written_without_them_keeps_those_that_stand_in_it(self, log, tmp_path):
+        log.derive("more", "mode")
+        log.update()
+        path = log.save_script(tmp_path / "kept.yaml")
+        write_script(path, log.elements)
+        assert read_script(path).extras == log.extras

@@ -1,0 +1,159 @@
+"""Triggers over the rings of a real segment: no spike missed, captures exact to the tick, ends that are told."""
+
+import logging
+
+import numpy as np
+import pytest
+
+import silo
+from silo.collecting.segment_reader import SegmentReader
+from silo.helper.segment_judge import SegmentJudge
+
+
+class Robot:
+    """A logger of 1 kHz without a helper, and the judge of its present run."""
+
+    def __init__(self, folder, signals=4, size=3000):
+        self.logger = silo.Logger("judged", frequency=1000, max_time=0, folder=folder, script=folder / "none.yaml")
+        self.x = self.logger.array("x", signals, buffer_size=size, group="fast")
+        self.slow = np.zeros(())
+        self.logger.add(self.slow, "slow", divider=10, buffer_size=max(size // 10, 1))
+
+    def start(self):
+        self.logger.start()
+        self.judge = SegmentJudge(SegmentReader(self.logger.segment_path), self.logger.elements)
+
+    def ticks(self, count, spikes=()):
+        """Run the loop; `spikes` are (tick from now on, signal)."""
+        at = dict(spikes)
+        for tick in range(count):
+            self.x[:] = 0.0
+            if tick in at:
+                self.x[at[tick]] = 100.0
+            self.slow[...] = self.logger.ticks
+            self.logger.collect()
+
+
+@pytest.fixture
+def robot(tmp_path, runtime_folder):
+    made = Robot(tmp_path)
+    yield made
+    made.logger.close()
+
+
+def test_a_capture_is_exact_to_the_tick(robot):
+    robot.logger.trigger("spike", "any(fast/x > 50)", pre="20ms", post="10ms")
+    robot.start()
+    robot.ticks(500, [(317, 1)])
+    (spool,) = robot.judge.step().whole
+    recording = spool.recording()
+    assert (recording.offset - len(recording.time_ns), recording.offset - 1) == (297, 327)
+    log = silo.Log(recording)
+    assert log["fast/x_1"].values.tolist() == [0.0] * 20 + [100.0] + [0.0] * 10
+    assert log["slow"].values.tolist() == [300.0, 310.0, 320.0]
+    assert recording.warnings == ()
+    facts = recording.extras.capture
+    assert (facts.trigger, facts.first, facts.last, facts.fires, facts.ended) == ("spike", 297, 327, (317,), "")
+
+
+def test_a_capture_may_be_longer_than_any_ring(robot):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="100ms", post="8s")
+    robot.start()
+    robot.ticks(200, [(150, 0)])
+    whole = robot.judge.step().whole
+    for _ in range(9):
+        robot.ticks(1000)
+        whole += robot.judge.step().whole
+    recording = whole[0].recording()
+    assert len(recording.time_ns) == 8101
+    assert recording.warnings == ()
+
+
+def test_a_fire_within_post_makes_the_capture_longer_and_overlapping_triggers_have_their_own(robot):
+    robot.logger.trigger("one", "fast/x_0 > 50", pre="5ms", post="20ms")
+    robot.logger.trigger("two", "fast/x_1 > 50", pre="5ms", post="20ms")
+    robot.start()
+    robot.ticks(200, [(100, 0), (110, 1), (115, 0)])
+    found = {spool.trigger: spool.capture for spool in robot.judge.step().whole}
+    assert [(found[name].first, found[name].last) for name in ("one", "two")] == [(95, 135), (105, 130)]
+
+
+def test_an_end_before_post_gives_what_there_is_and_says_so(robot):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="1s")
+    robot.start()
+    robot.ticks(50, [(40, 0)])
+    (spool,) = robot.judge.end("the robot program died").whole
+    recording = spool.recording()
+    assert len(recording.time_ns) == 15
+    assert "the robot program died, 991 ticks before its end" in recording.warnings[0]
+    assert recording.extras.capture.ended.startswith("the robot program died")
+
+
+def test_rows_that_were_overwritten_before_they_were_judged_are_told(robot):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="5ms")
+    robot.start()
+    robot.ticks(5000, [(100, 0), (4900, 0)])
+    found = robot.judge.step()
+    assert "blind for" in found.blind[0]
+    assert [capture.fires[0].tick for _, capture in found.fired] == [4900]
+
+
+def test_a_trigger_of_an_element_that_is_off_is_unobservable(robot):
+    robot.logger.trigger("spike", "slow > 50", pre="5ms")
+    robot.logger.update()
+    robot.logger.disable("slow")
+    robot.start()
+    assert robot.judge.problems == ["trigger 'spike' is unobservable: the elements in it are off"]
+
+
+def test_spikes_of_one_sample_at_random_places_are_all_captured_and_nothing_else(tmp_path, runtime_folder):
+    robot = Robot(tmp_path, signals=500, size=2000)
+    pre, post, ticks = 7, 3, 20_000
+    robot.logger.trigger("spike", "max(fast/x) > 50", pre=f"{pre}ms", post=f"{post}ms")
+    robot.start()
+    rng = np.random.default_rng(5)
+    places = np.sort(rng.choice(ticks // 20 - 1, 300, replace=False)) * 20 + rng.integers(10, 15, 300)
+    signals = rng.integers(0, 500, 300)
+    whole = []
+    spikes = dict(zip(places.tolist(), signals.tolist(), strict=True))
+    at = 0
+    while at < ticks:
+        count = int(rng.integers(1, 900))
+        robot.ticks(count, [(place - at, signal) for place, signal in spikes.items() if at <= place < at + count])
+        at += count
+        whole += robot.judge.step().whole
+    whole += robot.judge.end("done").whole
+    assert [spool.capture.fires[0].tick for spool in whole] == places.tolist()
+    for spool, place, signal in zip(whole[::10], places[::10].tolist(), signals[::10].tolist(), strict=True):
+        recording = spool.recording()
+        values = recording.elements[0].entries[signal].values
+        assert recording.offset - 1 == place + post
+        assert values.tolist() == [0.0] * pre + [100.0] + [0.0] * post
+    robot.logger.close()
+
+
+def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do(robot):
+    with pytest.raises(silo.ElementError, match=r"'/log/fast/x' holds 3000 samples, 6002 are needed: set size=6002"):
+        robot.logger.trigger("spike", "fast/x_0 > 50", pre="5s")
+    assert robot.logger.extras.triggers == ()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"when": "fast/x > 3"}, "4 values"), ({"when": "fast/y_0 > 3"}, "did you mean"), ({"edge": "up"}, "rising"),
+        ({"mode": "auto"}, "normal or single"), ({"post": "soon"}, "must be a time"), ({"name": "a/b"}, "contains '/'"),
+        ({"save": ["xls"]}, "xls"), ({"keep": -1}, "keep"), ({"rearm": "3 >"}, "missing at the end"),
+    ],
+)  # fmt: skip
+def test_mistakes_in_a_trigger_are_refused(robot, options, says):
+    with pytest.raises(silo.ElementError, match=says):
+        robot.logger.trigger(**{"name": "spike", "when": "fast/x_0 > 50", **options})
+    assert robot.logger.extras.triggers == ()
+
+
+def test_a_start_without_a_helper_says_that_nobody_judges(robot, caplog):
+    robot.logger.trigger("spike", "fast/x_0 > 50")
+    with caplog.at_level(logging.WARNING, "silo"):
+        robot.start()
+    assert "spike: triggers are judged by the helper process, and there is none: call serve()" in caplog.text

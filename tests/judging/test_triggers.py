@@ -1,0 +1,208 @@
+"""Triggers and captures: fires by the rule, exact spans, the same for any cut of the results."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from silo.errors import ElementError
+from silo.judging.triggers import Held, Mode, Slope, Trigger, TriggerRule, TriggerState, check_pre
+from tests.examples import examples
+
+T, F, U = 1, 0, -1
+
+
+def fed(rule, condition, rearm=None, cuts=(), ticks=None):
+    """The trigger after results at ticks 0, 1, ..., and all its captures."""
+    trigger = Trigger(rule)
+    ticks = np.arange(len(condition)) if ticks is None else np.asarray(ticks)
+    codes = np.array(condition, np.int8)
+    rearms = None if rearm is None else np.array(rearm, np.int8)
+    found = {}
+    edges = [0, *cuts, len(codes)]
+    for low, high in pairwise(edges):
+        part = None if rearms is None else rearms[low:high]
+        for capture in trigger.feed(ticks[low:high], ticks[low:high] * 1000, codes[low:high], part):
+            found[capture.number] = capture
+    return trigger, list(found.values())
+
+
+def fires(rule, condition, rearm=None, **more):
+    return [fire.tick for capture in fed(rule, condition, rearm, **more)[1] for fire in capture.fires]
+
+
+class Slow:
+    """The rules, one row after the other."""
+
+    def __init__(self, rule):
+        self.rule = rule
+        self.armed = self.ready = True
+        self.turned, self.known, self.since = False, U, None
+        self.holdoff_end, self.patient = 0, None
+        self.fires, self.captures = [], []
+
+    def row(self, tick, condition, rearm):
+        rule, level = self.rule, self.rule.slope is Slope.LEVEL
+        if rule.slope is Slope.FALLING and condition != U:
+            condition = 1 - condition
+        if (rearm == T) if rearm is not None else (condition == F or level):
+            self.ready = True
+        if condition == T:
+            if self.since is None:
+                self.since = tick
+                if level or (self.known == F and self.armed and self.ready and tick >= self.holdoff_end):
+                    self.turned = True
+        else:
+            self.since = None
+            if condition == F:
+                self.turned = False
+        if condition != U:
+            self.known = condition
+        if rule.mode is Mode.AUTO and self.patient is None:
+            self.patient = tick + rule.patience
+        due = condition == T and self.armed and self.ready and (self.turned or level)
+        due = due and tick >= self.since + rule.persist and tick >= self.holdoff_end
+        waited = self.armed and self.patient is not None and tick >= self.patient
+        if due or waited:
+            self.fire(tick, forced=not due)
+
+    def fire(self, tick, forced):
+        rule = self.rule
+        self.fires.append((tick, forced))
+        if self.captures and tick <= self.captures[-1][1]:
+            self.captures[-1][1] = tick + rule.post
+        else:
+            self.captures.append([max(0, tick - rule.pre), tick + rule.post])
+        if rule.mode is Mode.AUTO:
+            self.patient = tick + rule.post + 1 + rule.patience
+        if rule.mode is Mode.SINGLE:
+            self.armed, self.turned = False, False
+        self.holdoff_end = tick + max(rule.holdoff, rule.post + 1 if rule.slope is Slope.LEVEL else 0)
+        if not forced:
+            self.ready = self.turned = False
+
+
+rules = st.builds(
+    TriggerRule, pre=st.integers(0, 4), post=st.integers(0, 5), slope=st.sampled_from(Slope),
+    persist=st.integers(0, 3), holdoff=st.integers(0, 6), mode=st.sampled_from(Mode), patience=st.integers(0, 5),
+)  # fmt: skip
+codes = st.lists(st.tuples(st.sampled_from([T, F, U]), st.integers(1, 4)), max_size=15).map(
+    lambda runs: [code for code, length in runs for _ in range(length)]
+)
+
+
+@settings(max_examples=examples(400))
+@given(rules, codes, st.none() | st.lists(st.sampled_from([T, F, U]), min_size=60, max_size=60), st.data())
+def test_any_cut_fires_as_row_by_row(rule, condition, rearm, data):
+    rearm = None if rearm is None else rearm[: len(condition)]
+    step = data.draw(st.sampled_from([1, 3]))
+    cuts = data.draw(st.lists(st.integers(0, len(condition)), max_size=4).map(sorted))
+    ticks = [step * at for at in range(len(condition))]
+    slow = Slow(rule)
+    for at, code in enumerate(condition):
+        slow.row(ticks[at], code, None if rearm is None else rearm[at])
+    trigger, captures = fed(rule, condition, rearm, cuts, ticks)
+    assert [(fire.tick, fire.forced) for capture in captures for fire in capture.fires] == slow.fires
+    assert [[capture.first, capture.last] for capture in captures] == slow.captures
+    assert trigger.fires == len(slow.fires)
+
+
+def test_it_fires_at_the_tick_at_which_the_condition_turns_true():
+    assert fires(TriggerRule(0, 0), [F, F, T, T, F, T]) == [2, 5]
+
+
+def test_what_is_true_from_the_start_has_not_turned():
+    assert fires(TriggerRule(0, 0), [T, T, F, T]) == [3]
+    assert fires(TriggerRule(0, 0, Slope.LEVEL, holdoff=9), [T, T, F, T]) == [0]
+
+
+def test_what_turned_while_nobody_could_see_it_fires_when_it_is_seen():
+    assert fires(TriggerRule(0, 0), [F, U, T]) == [2]
+
+
+def test_leave_is_falling_and_enter_is_rising():
+    assert fires(TriggerRule(0, 0, Slope("leave")), [F, T, T, F]) == [3]
+    assert Slope("enter") is Slope.RISING
+
+
+def test_a_pulse_must_be_as_long_as_persist():
+    assert fires(TriggerRule(0, 0, persist=2), [F, T, T, F, T, T, T, T]) == [6]
+
+
+def test_after_a_fire_hysteresis_waits_for_rearm():
+    assert fires(TriggerRule(0, 0), [F, T, F, T, F, T], [F, F, F, F, T, F]) == [1, 5]
+
+
+def test_turns_within_holdoff_are_ignored():
+    assert fires(TriggerRule(0, 0, holdoff=3), [F, T, F, T, F, T]) == [1, 5]
+
+
+def test_a_fire_within_post_extends_the_capture():
+    _, captures = fed(TriggerRule(2, 3), [F, F, F, T, F, T, F, F, F, F, F, T])
+    assert [(capture.first, capture.last) for capture in captures] == [(1, 8), (9, 14)]
+
+
+def test_a_capture_begins_at_the_first_tick_at_the_earliest():
+    assert fed(TriggerRule(10, 0), [F, T])[1][0].first == 0
+
+
+def test_single_fires_once_until_it_is_armed_again():
+    trigger, captures = fed(TriggerRule(0, 0, mode=Mode.SINGLE), [F, T, F, T])
+    assert len(captures) == 1
+    assert trigger.state(3) is TriggerState.DISARMED
+    trigger.arm(4)
+    assert trigger.feed(np.array([4, 5]), np.zeros(2, np.int64), np.array([F, T], np.int8))[0].fires[0].tick == 5
+
+
+def test_auto_captures_when_no_fire_comes():
+    assert fires(TriggerRule(0, 1, mode=Mode.AUTO, patience=3), [F] * 10) == [3, 8]
+
+
+def test_force_fires_whatever_the_condition_says():
+    trigger, _ = fed(TriggerRule(1, 1), [F, F])
+    (capture,) = trigger.force(2, 0)
+    assert (capture.first, capture.last, capture.fires[0].forced) == (1, 3, True)
+
+
+def test_a_disarmed_trigger_does_not_fire():
+    trigger = Trigger(TriggerRule(0, 0))
+    trigger.disarm()
+    assert trigger.feed(np.arange(2), np.arange(2), np.array([F, T], np.int8)) == []
+
+
+def test_states_tell_what_it_does():
+    trigger, _ = fed(TriggerRule(0, 1, holdoff=5), [F, T])
+    assert trigger.state(2) is TriggerState.FIRING
+    assert trigger.state(3) is TriggerState.HOLDOFF
+    assert trigger.state(6) is TriggerState.ARMED
+    assert fed(TriggerRule(0, 0), [F, U])[0].state(1) is TriggerState.UNOBSERVABLE
+
+
+def test_a_pre_longer_than_a_buffer_is_refused_with_the_size_that_would_do():
+    check_pre(500, 1000, [Held("/log/q", 1, 1502, looping=True), Held("/log/all", 1, 10, looping=False, grows=True)])
+    with pytest.raises(ElementError, match=r"'/log/q' holds 1501 samples, 1502 are needed: set size=1502"):
+        check_pre(500, 1000, [Held("/log/q", 1, 1501, looping=True)])
+    with pytest.raises(ElementError, match="keeps its first samples"):
+        check_pre(500, 1000, [Held("/log/q", 1, 10**6, looping=False)])
+    with pytest.raises(ElementError, match="size=152"):
+        check_pre(500, 1000, [Held("/log/q", 10, 151, looping=True)])
+
+
+def test_single_spikes_at_random_places_are_all_caught_and_nothing_else():
+    rng = np.random.default_rng(7)
+    ticks, pre, post = 100_000, 20, 10
+    values = rng.normal(size=ticks) * 0.1
+    places = np.sort(rng.choice(np.arange(100, ticks // 40), 200, replace=False)) * 40 + rng.integers(0, 5, 200)
+    values[places] = 100.0
+    trigger = Trigger(TriggerRule(pre, post))
+    found = []
+    for low in range(0, ticks, 997):
+        part = np.arange(low, min(low + 997, ticks))
+        caught = trigger.feed(part, part, (values[part] > 50).astype(np.int8))
+        found += [capture.number for capture in caught]
+        for capture in caught:
+            assert (capture.first, capture.last) == (capture.fires[0].tick - pre, capture.fires[0].tick + post)
+            assert capture.fires[0].tick == places[capture.number - 1]
+    assert found == list(range(1, 201))

@@ -1,0 +1,219 @@
+"""What is sent to the terminal: only what changed, and the picture is that of a full repaint."""
+
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.cells import cell_len, set_cell_size
+
+from silo_tui.terminal.cells import UNKNOWN, Grid, difference
+from silo_tui.terminal.parser import Follower
+from silo_tui.terminal.styles import DEFAULT, Styles
+from tests.tui.emulator import Emulator
+
+WIDTH, HEIGHT = 70, 7  # room for several erased pieces in a line
+NO_BUDGET = 1 << 30
+
+STYLES = [
+        "", "1", "2", "4", "7", "1;4", "31", "92", "1;97", "44", "38;5;12", "38;2;1;2;3", "38;2;9;9;9;48;2;5;5;5",
+        "48;2;5;5;5", "7;38;2;1;2;3", "3;48;5;7", "4;48;2;5;5;5",
+]  # fmt: skip
+LETTERS = [*"aB 1.  ⠉⣿│▐…°漢字🙂", "e\u0301", "\u0301"]
+
+
+def rendered(segments):
+    return "".join(f"\x1b[{style}m{words}\x1b[0m" if style else words for words, style in segments)
+
+
+def painted(place, segments):
+    """As the compositor writes it: cut at the end of the line, where a wide character has no half."""
+    row, column = place
+    pieces, room = [], WIDTH - column
+    for words, style in segments:
+        cut = set_cell_size(words, min(room, cell_len(words)))
+        pieces.append((cut, style))
+        room -= cell_len(cut)
+    return f"\x1b[{row + 1};{column + 1}H{rendered(pieces)}"
+
+
+def segments(draw):
+    words = [
+        "".join([*draw.choices(LETTERS, k=draw.randrange(20)), " " * draw.choice([0, 0, 15])])
+        for _ in range(draw.randint(1, 4))
+    ]
+    return [(each, draw.choice(STYLES)) for each in words]
+
+
+def span(draw):
+    """As the compositor writes: a piece of a line."""
+    return painted((draw.randrange(HEIGHT), draw.randrange(WIDTH)), segments(draw))
+
+
+def dialog(draw):
+    column, style = draw.randrange(WIDTH), draw.choice(STYLES)
+    blank = " " * draw.randint(1, WIDTH - column)
+    return "".join(painted((row, column), [(blank, style)]) for row in range(draw.randrange(HEIGHT), HEIGHT))
+
+
+def scroll(draw):
+    """All lines again, moved by some."""
+    lines, shift = [segments(draw) for _ in range(3)], draw.randrange(3)
+    return "".join(
+        painted((row, 0), [(" " * WIDTH, "")]) + painted((row, 0), lines[(row + shift) % 3]) for row in range(HEIGHT)
+    )
+
+
+def frames_of(draw):
+    """Random frames; drawn by a seed, because drawing each letter by itself takes ten times as long."""
+    for _ in range(draw.randrange(7)):
+        yield "".join(draw.choice([span, span, dialog, scroll])(draw) for _ in range(draw.randint(1, 5)))
+
+
+SEEDS = st.integers(0, 1 << 32).map(random.Random)
+
+
+class Line:
+    """What Textual writes, followed, and sent as differences to an emulated terminal."""
+
+    def __init__(self, *, erases=True):
+        self.styles = Styles()
+        self.through = []
+        self.follower = Follower(WIDTH, HEIGHT, self.styles, self.through.append)
+        self.sent = Grid(WIDTH, HEIGHT)
+        self.terminal = Emulator(WIDTH, HEIGHT)
+        self.erases = erases
+
+    def paint(self, frame):
+        self.follower.feed(frame)
+
+    def send(self, budget=NO_BUDGET, first=0):
+        rows = [*range(first, HEIGHT), *range(first)]
+        text, waits = difference(self.sent, self.follower.grid, rows, self.styles, budget, erases=self.erases)
+        self.terminal.feed(text)
+        return text, waits
+
+    def forget(self):
+        self.sent = Grid(WIDTH, HEIGHT, UNKNOWN)
+
+
+@given(SEEDS, st.booleans())
+@settings(max_examples=100, deadline=None)
+def test_the_picture_after_differences_is_that_of_full_repaints(draw, erases):
+    line, repainted = Line(erases=erases), Emulator(WIDTH, HEIGHT)
+    for frame in frames_of(draw):
+        line.paint(frame)
+        repainted.feed(frame)
+        if draw.random() < 0.5:  # frames merge, and are cut
+            line.send(draw.randint(1, 60), draw.randrange(HEIGHT))
+    line.send()
+    assert line.terminal.seen() == repainted.seen()
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_after_the_terminal_s_content_was_lost_it_is_all_sent_again(draw):
+    line, repainted = Line(), Emulator(WIDTH, HEIGHT)
+    for frame in frames_of(draw):
+        line.paint(frame)
+        repainted.feed(frame)
+        line.send()
+    line.terminal.feed("".join(painted((row, 0), [("x漢" * 8, "7;31")]) for row in range(HEIGHT)) + "\x1b[0m")
+    line.forget()
+    line.send()
+    assert line.terminal.seen() == repainted.seen()
+
+
+def test_a_frame_like_the_one_before_sends_nothing():
+    line = Line()
+    frame = painted((1, 2), [("abc", "1;31"), ("漢字", "4")])
+    line.paint(frame)
+    line.send()
+    line.paint(frame)
+    assert line.send() == ("", None)
+
+
+def test_of_a_number_that_changed_only_its_digit_is_sent():
+    line = Line()
+    line.paint(painted((2, 3), [("value ", "2"), ("12.345", "38;2;1;2;3")]))
+    line.send()
+    line.paint(painted((2, 3), [("value ", "2"), ("12.346", "38;2;1;2;3")]))
+    assert line.send()[0] == "\x1b[3;15H\x1b[38;2;1;2;3m6\x1b[m"
+
+
+def test_an_equal_style_is_not_said_twice():
+    line = Line()
+    line.paint(painted((0, 0), [("ab", "31"), (" ", "32"), ("cd", "31")]))
+    assert line.send()[0] == "\x1b[1;1H\x1b[31mab cd\x1b[m"
+
+
+def test_blanks_are_erased_only_where_the_terminal_erases_to_its_background():
+    blank = painted((0, 0), [(" " * WIDTH, "44")])
+    line = Line()
+    line.paint(blank)
+    assert line.send()[0] == f"\x1b[1;1H\x1b[44m\x1b[{WIDTH}X\x1b[m"
+    line = Line(erases=False)
+    line.paint(blank)
+    assert " " * WIDTH in line.send()[0]
+
+
+def test_after_blanks_were_erased_what_changed_behind_them_is_at_its_place():
+    line = Line()
+    line.paint(painted((0, 0), [("x" * 20 + "same" * 3 + "x" * 20, "44")]))
+    line.send()
+    line.paint(painted((0, 0), [(" " * 20 + "same" * 3 + " " * 20, "44")]))
+    line.send()
+    assert line.terminal.text.splitlines()[0] == " " * 20 + "same" * 3
+
+
+def test_what_doesn_t_fit_waits_and_comes_next():
+    line = Line()
+    line.paint("".join(painted((row, 0), [("x" * WIDTH, "")]) for row in range(HEIGHT)))
+    text, waits = line.send(budget=2 * WIDTH)
+    assert text.count("x") == 2 * WIDTH
+    assert waits == 2
+    line.send(first=2)
+    assert line.terminal.text == "\n".join(["x" * WIDTH] * HEIGHT)
+
+
+@pytest.mark.parametrize("piece", range(1, 12))
+def test_a_sequence_that_comes_in_two_writes_is_one(piece):
+    line = Line()
+    frame = "\x1b[1;1H\x1b[1;31mab\x1b[0m"
+    line.paint(frame[:piece])
+    line.paint(frame[piece:])
+    line.send()
+    assert line.terminal.cells[0][0] == ("a", 31, "", frozenset({1}))
+
+
+@pytest.mark.parametrize("sequence", ["\x1b[?1003h", "\x1b]52;c;aGk=\x07", "\x1b]0;silo\x1b\\", "\x07", "\x1b[>1u"])
+def test_what_concerns_no_cell_is_handed_on(sequence):
+    line = Line()
+    line.paint(f"a{sequence}b")
+    assert [(each.text, each.forget) for each in line.through] == [(sequence, False)]
+    assert line.follower.grid.chars[0][:2] == ["a", "b"]
+
+
+@pytest.mark.parametrize("sequence", ["\x1b[2L", "\x1b[3;5r", "\x1b[4S", "\x1bM", "\x1bD", "\x1bc"])
+def test_after_what_may_move_cells_nothing_is_taken_for_known(sequence):
+    line = Line()
+    line.paint(sequence)
+    assert [(each.text, each.forget) for each in line.through] == [(sequence, True)]
+
+
+def test_a_character_of_doubtful_width_is_followed_by_the_place_of_the_next():
+    line = Line()
+    line.paint(painted((0, 0), [("🙂b", "")]))
+    assert line.send()[0] == "\x1b[1;1H  \x1b[1G🙂\x1b[3Gb"
+
+
+@given(st.lists(st.sampled_from(STYLES), min_size=2, max_size=12))
+def test_the_way_from_one_style_to_another_leads_there(codes):
+    styles, terminal, at = Styles(), Emulator(1, 1), DEFAULT
+    for each in codes:
+        style = styles.after(DEFAULT, each)
+        terminal.feed(styles.way(at, style))
+        expected = Emulator(1, 1)
+        expected.feed(f"\x1b[{each}m")
+        assert terminal.style == expected.style
+        at = style

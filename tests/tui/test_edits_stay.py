@@ -1,0 +1,200 @@
+"""Edits reach what they are meant for: hidden marks, slow dialogs, equal changes, lost terminals."""
+
+import os
+import threading
+
+import numpy as np
+import pytest
+
+from silo.model import Table
+from silo_tui.model.changes import cost_of, groups_of
+from silo_tui.model.fields import Field
+from silo_tui.model.table import TableState
+from silo_tui.sessions import kept
+
+FIRST = "/log/base/orientation"
+TORQUE = "/log/legs/LF/HAA/torque"
+
+
+@pytest.fixture
+def slow(fake):
+    """Holds the answers of the logger to some calls until they are let go."""
+    gate = threading.Event()
+
+    def hold(*names):
+        for name in names:
+            answer = getattr(fake, name)
+
+            def waiting(*arguments, answer=answer, **options):
+                assert gate.wait(60)
+                return answer(*arguments, **options)
+
+            setattr(fake, name, waiting)
+        return gate
+
+    yield hold
+    gate.set()
+
+
+async def test_a_file_name_typed_behind_w_at_once_goes_into_the_dialog_and_not_into_the_table(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("Wdmbpt.yaml")
+        await screen.until(lambda: screen.app.screen.query("Input"), "the dialog")
+        await screen.until(lambda: screen.app.screen.query_one("Input").value == "dmbpt.yaml", "the name")
+        assert "waiting for" not in screen.text
+        await screen.press("enter")
+        await screen.until(lambda: any(call[:2] == ("save_script", "dmbpt.yaml") for call in fake.calls))
+        assert screen.session.table.pending_count == (0, 0)
+
+
+async def test_a_slow_dialog_owns_the_keys_and_says_for_what_it_waits(fake, opened, slow):
+    async with opened(fake) as screen:
+        await screen.press("d", "7", "enter")
+        fake.run()
+        await screen.session.refresh_status()
+        gate = slow("status")
+        await screen.press("a")
+        await screen.type("td9t")
+        await screen.shows("waiting for robot")
+        assert screen.session.table.pending_count == (1, 1)
+        gate.set()
+        await screen.shows("Apply 1 edit to 1 element?")
+        assert not fake.calls
+
+
+async def test_esc_lets_what_is_waited_for_go_on(fake, opened, slow):
+    async with opened(fake) as screen:
+        gate = slow("table")
+        await screen.press("r")
+        await screen.shows("waiting for robot")
+        await screen.press("escape")
+        await screen.press("j")
+        assert screen.session.rows.position == 1
+        gate.set()
+
+
+async def test_marks_that_the_filter_hides_are_changed_only_after_a_question_that_counts_them(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque")
+        await screen.press("enter", "asterisk", "escape")
+        await screen.type("/LF")
+        await screen.press("enter", "t")
+        await screen.shows("9 of the 12 marked elements are hidden")
+        assert screen.session.table.pending_count == (0, 0)
+        await screen.press("s")
+        await screen.until(lambda: screen.session.table.pending_count == (3, 3))
+        assert screen.session.rows.marked_count == 3
+
+
+async def test_b_and_p_choose_from_a_list(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("b")
+        await screen.shows("buffer type of 1 element")
+        await screen.press("f")
+        await screen.until(lambda: screen.value(FIRST, Field.BUFFER_TYPE) == "fixed")
+        await screen.press("p")
+        await screen.shows("action of 1 element")
+        await screen.press("escape")
+        assert screen.session.table.pending_count == (1, 1)
+
+
+async def test_e_asks_which_field_until_one_was_chosen(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("e")
+        await screen.shows("Edit what of 1 element?")
+        await screen.press("d")
+        await screen.until(lambda: screen.app.screen.query("#cell-editor").first().display, "the editor")
+        await screen.press("6", "enter")
+        assert screen.value(FIRST, Field.DIVIDER) == "6"
+        assert screen.session.table.pending_count == (1, 1)
+
+
+async def test_equal_edits_stand_in_one_line_with_what_they_cost(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque")
+        await screen.press("enter", "asterisk", "d", "5", "enter", "a")
+        await screen.shows("12 × /legs/*/*/torque  divider 1 → 5")
+        for words in ("memory", "to a file", "topics", "held", "shortest:"):
+            assert words in screen.text
+
+
+async def test_a_script_that_changes_nothing_says_so(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("L")
+        await screen.shows("It would change nothing")
+        await screen.press("enter")
+        await screen.shows("nothing to load")
+        assert not fake.calls
+
+
+async def test_edits_that_a_lost_terminal_left_are_offered_at_the_next_start(fake, new_fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("d", "7", "enter")
+        path = kept.path_of("anymal", "robot")
+        await screen.until(path.exists, "the kept edits")
+    again = new_fake()
+    async with opened(again) as screen:
+        await screen.shows("Not applied: 1 edit of robot")
+        await screen.press("t")
+        await screen.until(lambda: screen.session.table.pending_count == (1, 1))
+        assert screen.value(FIRST, Field.DIVIDER) == "7"
+        await screen.press("u")
+        await screen.until(lambda: not path.exists(), "nothing is kept")
+
+
+async def test_a_second_terminal_without_edits_leaves_those_of_the_first_alone(fake, new_fake, opened):
+    path = kept.path_of("anymal", "robot")
+    first = path.with_name(path.name.replace(str(os.getpid()), "1"))  # a process that lives
+    kept.keep(first, [kept.KeptEdit(FIRST, int(Field.DIVIDER), 1, 7)])
+    async with opened(fake) as screen:
+        assert "Not applied" not in screen.text
+        await screen.press("d", "7", "enter", "u")
+    assert first.exists()
+
+
+async def test_edits_that_were_dropped_at_the_end_are_not_offered_again(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("d", "7", "enter", "q")
+        await screen.shows("Quit without applying?")
+        await screen.press("y")
+        await screen.pilot.pause()
+        assert not kept.path_of("anymal", "robot").exists()
+
+
+def test_kept_edits_whose_ground_changed_meanwhile_are_conflicts(robot):
+    table = TableState()
+    table.load(Table(1, robot))
+    assert table.take_up([kept.KeptEdit(FIRST, int(Field.DIVIDER), 3, 7), kept.KeptEdit("/gone", 1, 1, 2)]) == 1
+    assert int(table.conflicts.sum()) == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b'{"time_s": 1, "edits": [["x"]]}', b"\xff\xfe"])
+def test_kept_edits_that_can_t_be_read_are_none(tmp_path, content):
+    path = tmp_path / "x.json"
+    path.write_bytes(content)
+    assert kept.read(path) is None
+
+
+class Change:
+    def __init__(self, name, old="1", new="5"):
+        self.name, self.field, self.old, self.new = name, "divider", old, new
+
+
+def test_groups_keep_names_of_other_depth_or_end_apart_and_begin_with_the_largest():
+    changes = [Change(f"/log/{leg}/{joint}/q") for leg in ("LF", "RF") for joint in ("HAA", "KFE")]
+    changes += [Change("/log/LF/q"), Change("/log/base/tau")]
+    groups = groups_of(changes, "/log")
+    assert [(group.count, group.pattern) for group in groups] == [(4, "/*/*/q"), (1, "/LF/q"), (1, "/base/tau")]
+
+
+def test_the_cost_of_a_table_counts_what_is_on(robot):
+    table = TableState()
+    table.load(Table(1, robot))
+    row = table.row(TORQUE)
+    values = table.values.copy()
+    values[Field.ENABLED] = 0
+    values[:, row] = [1, 2, 0, 0, 400]
+    cost = cost_of(table.elements, values, 400.0)
+    assert (cost.disk_bytes_s, cost.topic_bytes_s, cost.shortest_s, cost.shortest) == (1600.0, 1600.0, 2.0, TORQUE)
+    assert cost.memory_bytes == 400 * 8 + 400 * 16
+    assert cost_of(table.elements, np.zeros_like(values), 400.0).shortest == ""

@@ -1,0 +1,90 @@
+"""Help shows every command of a screen, whole, in columns; it is searched, and does what was found."""
+
+import pytest
+from rich.cells import cell_len
+
+from silo.settings.words import OPTIONS
+from silo_tui.actions import BY_ID, COMMANDS, commands_for
+from silo_tui.model.fields import Field
+from silo_tui.model.filter import TERMS
+from silo_tui.screens.help import column_count, entries, page
+
+SCOPES = sorted({scope for command in COMMANDS for scope in command.scopes} - {"any"})
+
+
+@pytest.mark.parametrize("width", [40, 79, 120, 160])
+@pytest.mark.parametrize("scope", SCOPES)
+def test_no_word_of_help_is_out_of_sight(scope, width):
+    found = entries(scope, {}, everywhere=True)
+    text = page(found, width).plain
+    assert all(cell_len(line) <= width for line in text.split("\n"))
+    shown = " ".join(text.split())
+    for entry in found:
+        assert entry.left.split()[0] in shown
+        assert all(word[:8] in shown for word in entry.right.split()), entry
+
+
+@pytest.mark.parametrize(("width", "count"), [(80, 2), (119, 2), (120, 3), (160, 3), (60, 1)])
+def test_there_are_three_columns_from_120(width, count):
+    assert column_count(width) == count
+
+
+@pytest.mark.parametrize("scope", SCOPES)
+def test_every_key_of_a_screen_stands_there(scope):
+    found = {entry.command for entry in entries(scope, {}, everywhere=False)}
+    assert {command.id for command in commands_for(scope)} <= found
+
+
+def test_the_words_of_options_and_filter_are_those_of_their_tables():
+    text = " ".join(f"{entry.left} {entry.right}" for entry in entries("table", {}, everywhere=True))
+    for option in OPTIONS:
+        assert all(word.word in text for word in option.words)
+    assert all(term.names[0] in text for term in TERMS)
+    assert all(example in BY_ID["edit_divider"].help for example in ("50Hz", "*2"))
+
+
+async def test_help_is_searched_and_does_what_was_found(fake, opened):
+    async with opened(fake) as screen:
+        before = screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED)
+        await screen.press("question_mark", "slash")
+        await screen.type("switch logging")
+        await screen.shows('hold "switch logging"')
+        await screen.press("enter")
+        await screen.until(lambda: not screen.app.screen.is_modal)
+        assert screen.value(screen.session.table.names[int(screen.session.rows.shown[0])], Field.ENABLED) != before
+
+
+async def test_what_is_not_on_this_screen_is_found_on_the_others(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("question_mark")
+        await screen.shows("silo help of the table")
+        await screen.press("slash")
+        await screen.type("hold the y scale")
+        await screen.shows("silo help of all screens  1 of")
+        await screen.press("escape", "escape")
+        await screen.until(lambda: not screen.app.screen.is_modal)
+
+
+async def test_tab_shows_all_screens_and_this_one_again(fake, opened):
+    async with opened(fake, size=(160, 50)) as screen:
+        await screen.press("question_mark")
+        assert "cursor to the left" not in screen.text
+        await screen.press("tab")
+        await screen.shows("cursor to the left")
+        await screen.press("tab")
+        await screen.until(lambda: "cursor to the left" not in screen.text)
+
+
+async def test_letters_are_words_while_they_are_typed(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("question_mark", "slash", "q", "j")
+        assert screen.app.screen.is_modal
+        await screen.shows('hold "qj"')
+
+
+async def test_a_command_that_writes_is_refused_from_help_too(fake, opened):
+    async with opened(fake, read_only=True) as screen:
+        await screen.press("question_mark", "slash")
+        await screen.type("switch logging")
+        await screen.press("enter")
+        await screen.shows("read-only")

@@ -1,0 +1,113 @@
+"""What is measured, on the table's screen: signs, columns, orders, the tree."""
+
+import numpy as np
+
+from silo.ipc.surveys import FROZEN, NOT_FINITE
+
+TORQUE = "/log/legs/LF/HAA/torque"
+
+
+async def test_signs_stand_in_their_column_with_statistics_beside(fake, opened):
+    fake.run()
+    fake.facts = {"signs": {"/log/base/position": NOT_FINITE}, "max": {"/log/base/position": 86.25}}
+    async with opened(fake) as screen:
+        await screen.press("C")
+        await screen.shows("86.2500")
+        line = next(line for line in screen.text.splitlines() if "/base/position" in line)
+        assert " NN " in line
+        assert "columns: statistics of every sample since" in screen.text
+
+
+async def test_an_order_by_value_is_two_keys_and_shows_the_largest_first(fake, opened):
+    fake.run()
+    fake.facts = {"value": {TORQUE: 999.0}}
+    async with opened(fake) as screen:
+        await screen.press("o")
+        await screen.shows("letter again")
+        await screen.press("v")
+        await screen.until(lambda: screen.session.table.names[screen.session.rows.shown[0]] == TORQUE)
+        await screen.shows("by value ↓")
+        assert screen.session.rows.position == 0
+
+
+async def test_rows_don_t_move_within_three_seconds_of_a_key_and_the_cursor_stays(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("o", "v")
+        rows, table = screen.session.rows, screen.session.table
+        await screen.until(lambda: table.facts.of("value", len(table)) is not None)
+        await screen.press("j", "j")
+        element, order = rows.row, list(rows.shown)
+        fake.facts = {"value": {table.names[row]: float(place) for place, row in enumerate(order)}}
+        top = screen.app.screen
+        await screen.until(lambda: table.facts.of("value", len(table))[order[-1]] == len(order) - 1)
+        assert list(rows.shown) == order
+        top._key_s -= 10
+        await screen.until(lambda: list(rows.shown) == order[::-1], "the new order")
+        assert rows.row == element
+
+
+async def test_a_measured_filter_is_judged_by_itself(fake, opened):
+    fake.run()
+    fake.facts = {"value": {TORQUE: 1e6}}
+    async with opened(fake) as screen:
+        await screen.type("/value>500k")
+        await screen.until(lambda: len(screen.session.rows.shown) == 1)
+        fake.facts = {"value": {TORQUE: 1e6, "/log/base/position": 2e6}}
+        await screen.until(lambda: len(screen.session.rows.shown) == 2)
+
+
+async def test_z_makes_a_tree_that_folds_and_edits_as_a_whole(fake, opened):
+    fake.run()
+    fake.facts = {"signs": {TORQUE: FROZEN}}
+    async with opened(fake) as screen:
+        await screen.press("o", "n")
+        await screen.shows("▼ base")
+        await screen.type(":goto LF/HAA/torque")
+        await screen.press("enter", "z")
+        await screen.shows("► HAA")
+        line = next(line for line in screen.text.splitlines() if "► HAA" in line)
+        assert "5   1 of them with a sign" in line
+        await screen.press("t")
+        assert screen.session.table.pending_count == (5, 5)
+
+
+async def test_n_steps_through_norm_and_entries_of_a_vector(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.type(":goto imu/acceleration")
+        await screen.press("enter", "n")
+        await screen.shows("|3| ")
+        await screen.press("n", "n")
+        await screen.shows("_y ")
+
+
+async def test_zero_begins_the_statistics_anew(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.until(lambda: screen.session.table.facts.since_ns == fake.since_ns > 0)
+        fake.advance(30)
+        await screen.press("Z")
+        await screen.until(lambda: screen.session.table.facts.since_ns == fake.now_ns)
+
+
+async def test_the_inspector_gives_way_first_and_comes_by_i(fake, opened):
+    async with opened(fake, size=(160, 50)) as screen:
+        assert not screen.app.screen.inspector.display
+        await screen.press("i")
+        assert screen.app.screen.inspector.display
+
+
+async def test_a_logger_that_knows_no_surveys_is_shown_all_the_same(fake, opened):
+    fake.run()
+    from silo.ipc.messages import RefusedWhy
+    from tests.stand_ins.fake_logger import refused
+
+    def survey(*arguments, **options):
+        raise refused(RefusedWhy.INVALID, "the request can't be understood")
+
+    fake.survey = survey
+    async with opened(fake) as screen:
+        await screen.shows("no statistics and signs")
+        await screen.until(lambda: "/log/base/position" in screen.session.live.readings, "values")
+        assert np.isfinite(screen.session.live.readings["/log/base/position"].newest).all()

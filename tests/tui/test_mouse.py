@@ -1,0 +1,50 @@
+"""What the mouse does: rows, heads, plots, the wheel; and it can be left to the terminal while the app runs."""
+
+import pytest
+
+from silo_tui import terminal
+from silo_tui.screens.monitor import MonitorScreen
+from silo_tui.widgets.plot_stack import AXIS
+
+
+async def test_a_click_on_a_row_puts_the_cursor_there(fake, opened):
+    async with opened(fake) as screen:
+        await screen.pilot.click("ElementTable", offset=(6, 4))
+        assert screen.session.rows.position == 4
+
+
+@pytest.mark.parametrize("title", ["name", "unit", "div", "act", "buf", "size"])
+async def test_a_click_on_a_head_sorts_by_it(fake, opened, title):
+    async with opened(fake) as screen:
+        screen.session.rows.sort = "added"
+        screen.app.context.table_changed()
+        await screen.pilot.pause()
+        head = screen.text.split("\n")[1]
+        await screen.pilot.click("TableHead", offset=(3 if title == "name" else head.index(title) + 1, 0))
+        await screen.until(lambda: screen.session.rows.sort == title)
+        await screen.shows(f"↓{title}")
+
+
+async def test_a_click_on_a_plot_chooses_it_and_puts_the_cursor_where_it_was(fake, opened):
+    fake.run()
+    async with opened(fake, size=(100, 40)) as screen:
+        await screen.press("j", "j", "space", "space", "m")
+        await screen.until(
+            lambda: isinstance(screen.app.screen, MonitorScreen) and len(screen.app.screen.stack.plots) > 1
+        )
+        monitor = screen.app.screen
+        await screen.pilot.click("PlotStack", offset=(AXIS + 1 + 20, monitor.stack.block + 1))
+        await screen.until(lambda: monitor.stack.chosen == 1)
+        line = screen.text.split("\n")[2 + monitor.stack.block]
+        assert monitor.window.cursor == 2 * (monitor.stack.plot_width - 1 - 20)
+        assert len(line) > AXIS + 21
+        await screen.pilot.click("PlotStack", offset=(2, 0))
+        await screen.until(lambda: monitor.stack.chosen == 0)
+
+
+def test_the_word_of_the_settings_decides(monkeypatch):
+    for name in ("SSH_CONNECTION", "SSH_TTY", "SSH_CLIENT"):
+        monkeypatch.delenv(name, raising=False)
+    assert [terminal.mouse_wanted(word) for word in ("auto", "on", "off")] == [True, True, False]
+    monkeypatch.setenv("SSH_TTY", "/dev/pts/0")
+    assert [terminal.mouse_wanted(word) for word in ("auto", "on", "off")] == [False, True, False]

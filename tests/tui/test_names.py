@@ -1,0 +1,63 @@
+"""Names that are too long for their column."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from silo_tui.model.names import cells, fitting_names
+
+# cells for names in a table of 80, 120 and 160 columns with the columns of settings or of statistics
+WIDTHS = [20, 29, 52]
+LEVEL = st.text(alphabet="abX_1", min_size=1, max_size=24)
+NAMES = st.lists(st.lists(LEVEL, min_size=1, max_size=5).map(lambda levels: "/" + "/".join(levels)), unique=True)
+LEGS = [
+    f"/legs/{leg}/{joint}/{signal}"
+    for leg in ("LF", "RF", "LH", "RH")
+    for joint in ("HAA", "HFE", "KFE")
+    for signal in ("drive_temperature", "drive_temperature_limit", "torque", "drive_temperatures_of_windings")
+]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@given(names=NAMES)
+@settings(max_examples=40)
+def test_different_names_never_look_alike(width, names):
+    fitted = fitting_names(names, width)
+    assert len(set(fitted)) == len(names)
+    assert all(cells(name) <= width for name in fitted)
+
+
+@given(st.lists(st.text(max_size=30), unique_by=lambda name: "".join(c if c.isprintable() else "·" for c in name)))
+def test_names_in_any_script_fit_and_differ(names):
+    fitted = fitting_names(names, 12)
+    assert len(set(fitted)) == len(names)
+    assert all(cells(name) <= 12 for name in fitted)
+
+
+def test_a_name_that_fits_stays_whole():
+    assert fitting_names(["/base/euler", *LEGS], 52)[0] == "/base/euler"
+
+
+def test_levels_on_the_left_become_their_unique_beginning_and_the_longest_loses_its_middle():
+    fitted = dict(zip(LEGS, fitting_names(LEGS, 26), strict=True))
+    assert fitted["/legs/LF/HAA/torque"] == "/legs/LF/HAA/torque"
+    assert fitted["/legs/LF/HAA/drive_temperature"] == "/l…/LF/HAA/drive_tem…ature"
+
+
+def test_levels_that_begin_alike_keep_the_letters_in_which_they_differ():
+    names = ["/controller/a/long_signal_name", "/contact/a/long_signal_name"]
+    first, second = fitting_names(names, 26)
+    assert (first[:7], second[:7]) == ("/contr…", "/conta…")
+
+
+def test_the_order_of_names_doesn_t_change_how_they_look():
+    assert dict(zip(LEGS, fitting_names(LEGS, 22), strict=True)) == dict(
+        zip(reversed(LEGS), fitting_names(LEGS[::-1], 22), strict=True)
+    )
+
+
+def test_ten_thousand_names_look_different():
+    names = [
+        f"/robot/limb{each // 100:03}/measured_temperature_of_winding_{each % 100:02}/raw" for each in range(10_000)
+    ]
+    assert len(set(fitting_names(names, 24))) == len(names)

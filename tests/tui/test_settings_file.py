@@ -1,0 +1,237 @@
+"""The user's settings file: every mistake costs its own line, is told with its number, and writing keeps the rest."""
+
+import os
+import stat
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from silo.errors import SaveError
+from silo_tui.actions import BY_ID, COMMANDS
+from silo_tui.settings.keys import clashes, read_key, typed_keys
+from silo_tui.settings.options import OPTIONS, Settings, typed
+from silo_tui.settings.reading import path, read, read_file
+from silo_tui.settings.writing import rewritten, write_file
+
+WHOLE = """\
+# mine
+theme: light      # the sun shines here
+rate: 2
+mouse: off
+columns: [div, size]   # all I want
+
+keys:
+  # as in less
+  filter: [/, ctrl+f]
+  sort: "O"
+"""
+
+
+def test_a_file_is_taken_as_it_is():
+    found, problems = read(WHOLE)
+    assert not problems
+    assert found == Settings(
+        theme="light", rate=2.0, mouse="off", columns=("div", "size"), keys={"filter": "slash,ctrl+f", "sort": "O"}
+    )
+
+
+@pytest.mark.parametrize("text", ["", "\n", "# nothing\n", "keys:\n", "---\n", "columns:\n", "keys: {}\n"])
+def test_an_empty_file_sets_nothing(text):
+    assert read(text) == (Settings(), [])
+
+
+MISTAKES = [
+    ("colums: [div]", "'colums' is unknown; columns?"),
+    ("qwertz: 5", "'qwertz' is unknown; there are theme"),
+    ("theme: drak", "theme is dark, light, contrast, 16, not drak; dark?"),
+    ("theme: [dark]", "not a list"),
+    ("theme:", "not nothing"),
+    ("rate: fast", "rate is 0.5 to 10, not fast"),
+    ("rate: 100", "rate is 0.5 to 10, not 100"),
+    ("rate: nan", "rate is 0.5 to 10, not nan"),
+    ("columns: [div, sice]", "not sice; size?"),
+    ("theme: 'dark", "not valid YAML"),
+    ("rate: *2", "signs need quotes"),
+    ("\ttheme: dark", "tab"),
+    ("keys: 5", "keys is a group of lines"),
+    ("keys:\n  fliter: f", "'fliter' is no command; filter?"),
+    ("keys:\n  set: f", "'set' is no command"),  # it can only be typed
+    ("keys:\n  filter: crtl+f", "'crtl+f' is no key; ctrl+f?"),
+    ("keys:\n  filter: alt+f", "terminals keep alt"),
+    ("keys:\n  filter: ctrl+i", "terminals send it as Tab"),
+    ("keys:\n  filter: shift+f", "write 'F'"),
+    ("keys:\n  filter: #", "needs a key; a sign such as # needs quotes"),
+    ("keys:\n  filter: e", "e of filter is edit (Edit) already (table)"),
+    ('keys:\n  filter: "?"', "? of filter is help (Help) already"),
+]
+
+
+@pytest.mark.parametrize(("line", "words"), MISTAKES)
+def test_a_mistake_costs_its_line_and_no_other(line, words):
+    text = f"dots: blocks\n{line}\nview: last\n"
+    found, problems = read(text)
+    assert (found.dots, found.view) == ("blocks", "last")
+    assert found == Settings(dots="blocks", view="last")
+    assert len(problems) == 1
+    assert words in str(problems[0])
+    assert f"line {2 + line.count(chr(10))}:" in str(problems[0])
+
+
+def test_a_second_line_for_the_same_is_told():
+    found, problems = read("rate: 2\nrate: 3\n")
+    assert found.rate == 2
+    assert str(problems[0]) == "tui.yaml line 2: rate is there twice; the first counts. Left out"
+
+
+def test_two_commands_may_change_keys():
+    found, problems = read("keys:\n  apply: x\n  discard: a\n")
+    assert not problems
+    assert found.keys == {"apply": "x", "discard": "a"}
+
+
+def test_of_two_lines_that_want_one_key_the_later_is_left_out():
+    found, problems = read("keys:\n  sort: O\n  apply: O\n")
+    assert found.keys == {"sort": "O"}
+    assert "line 3: O of apply is sort (Order) already" in str(problems[0])
+
+
+def test_a_line_left_out_takes_its_key_back_from_another():
+    found, problems = read("keys:\n  apply: x\n  discard: e\n")  # without `discard: e` x is discard's again
+    assert found.keys == {}
+    assert [problem.line for problem in problems] == [2, 3]
+
+
+def test_the_commands_themselves_share_no_key_on_a_screen():
+    assert not list(clashes({}))
+
+
+@pytest.mark.parametrize("command", [each for each in COMMANDS if each.keys], ids=lambda each: each.id)
+def test_every_key_is_read_as_it_is_written(command):
+    from_file, problems = read(f"keys:\n  {command.id}: {typed_keys(command.keys)}\n")
+    assert not problems
+    assert from_file.keys == {command.id: command.keys}
+    assert [read_key(word) for word in BY_ID[command.id].key_text.split(" ")] == command.keys.split(",")
+
+
+# ------------------------------------------------------------------------------------------------------------ writing
+
+
+def test_only_what_changed_is_written_and_comments_stay():
+    old, _ = read(WHOLE)
+    new = Settings("dark", "octants", "off", 2.0, "off", ("div",), {"filter": "f", "sort": "O", "apply": "A"})
+    text = rewritten(WHOLE, old, new)
+    assert read(text) == (new, [])
+    assert "theme: dark      # the sun shines here\n" in text
+    assert "columns: [div]   # all I want\n" in text
+    assert "  # as in less\n" in text
+    assert text.startswith("# mine\n")
+
+
+def test_a_key_given_back_leaves_the_file():
+    old, _ = read(WHOLE)
+    assert read(rewritten(WHOLE, old, Settings())) == (Settings(), [])
+
+
+def test_lines_that_were_left_out_stay_in_the_file():
+    text = "colums: [div]\ntheme: 'dark\nrate: 2\n"
+    old, problems = read(text)
+    assert len(problems) == 2
+    made = rewritten(text, old, Settings(rate=3.0))
+    assert made == "colums: [div]\ntheme: 'dark\nrate: 3\n"
+
+
+def test_what_was_typed_in_an_editor_meanwhile_stays():
+    old = Settings()
+    assert rewritten("rate: 2\n", old, Settings(theme="light")) == "rate: 2\ntheme: light\n"
+
+
+LISTS = ["columns:\n- div\n- size # s\nrate: 2\n", "columns:\n  - div\n\nrate: 2\n", "columns:\nrate: 2\n"]
+
+
+@pytest.mark.parametrize("text", LISTS)
+def test_a_list_in_lines_becomes_one_line(text):
+    old, _ = read(text)
+    made = rewritten(text, old, Settings(rate=2.0, columns=("buf",)))
+    assert read(made) == (Settings(rate=2.0, columns=("buf",)), [])
+
+
+values = st.fixed_dictionaries(
+    {
+        option.name: st.lists(st.sampled_from(option.words), unique=True).map(tuple)
+        if option.several
+        else st.sampled_from(option.words)
+        if option.words
+        else st.sampled_from([0.5, 1.0, 2.5, 10.0])
+        for option in OPTIONS
+    }
+)
+keys = st.dictionaries(
+    st.sampled_from(["filter", "sort", "apply"]), st.sampled_from(["f5", "f6,ctrl+f", "number_sign"])
+).filter(lambda found: not list(clashes(found)))
+made_settings = st.builds(lambda fields, own: Settings(**fields, keys=own), values, keys)
+layouts = st.sampled_from(
+    ["", "# a\n", WHOLE, "keys: {filter: f7}\n", "keys:\n\n# end", "rate: 3", "colums: 1\n", *LISTS]
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(layouts, made_settings)
+def test_whatever_is_written_is_read_again(text, new):
+    old, problems = read(text)
+    made = rewritten(text, old, new)
+    again, told = read(made)
+    assert again == new
+    assert len(told) == len(problems)
+    assert rewritten(made, new, new) == made
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    return tmp_path / "silo"
+
+
+def test_the_file_is_made_where_there_is_none(home):
+    assert read_file() == (Settings(), [])
+    assert write_file(Settings(), Settings(theme="light")) == home / "tui.yaml"
+    assert read_file()[0].theme == "light"
+    assert [each.name for each in home.iterdir()] == ["tui.yaml"]
+
+
+def test_a_link_stays_a_link_and_its_file_keeps_its_mode(home, tmp_path):
+    home.mkdir()
+    kept = tmp_path / "dotfiles.yaml"
+    kept.write_text("rate: 2\n")
+    kept.chmod(0o600)
+    path().symlink_to(kept)
+    write_file(read_file()[0], Settings(rate=3.0))
+    assert path().is_symlink()
+    assert kept.read_text() == "rate: 3\n"
+    assert stat.S_IMODE(kept.stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("bad", [b"\xff\xfe", None, b"#" * 1_000_001])
+def test_a_file_that_cant_be_read_leaves_the_defaults_and_is_not_written_over(home, bad):
+    home.mkdir()
+    path().mkdir() if bad is None else path().write_bytes(bad)
+    found, problems = read_file()
+    assert found == Settings()
+    assert len(problems) == 1
+    assert "defaults count" in str(problems[0])
+    with pytest.raises(SaveError, match="nothing was changed"):
+        write_file(found, Settings(rate=3.0))
+
+
+def test_a_relative_config_home_is_none(monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", "here")
+    assert path() == path().expanduser()
+    assert path().is_absolute() or not os.environ.get("HOME")
+
+
+@given(st.text(max_size=60))
+@settings(max_examples=100, deadline=None)
+def test_no_text_at_all_stops_the_reader(text):
+    found, problems = read(text)
+    assert found == Settings() or not problems or text
+    assert all(typed(getattr(found, option.name)) for option in OPTIONS)

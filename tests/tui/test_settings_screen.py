@@ -1,0 +1,191 @@
+"""The settings screen: each change counts at once, `w` keeps it, mistakes of the file are told, keys can be changed."""
+
+import pytest
+from click.testing import CliRunner
+
+from silo_tui.cli import command
+from silo_tui.settings.options import OPTIONS, Settings
+from silo_tui.settings.reading import path, read, read_file
+from silo_tui.widgets.bars import KeyBar
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    monkeypatch.delenv("TEXTUAL_THEME", raising=False)
+    return tmp_path / "silo"
+
+
+def line_with(screen, words):
+    return next(line for line in screen.text.split("\n") if words in line)
+
+
+async def test_a_theme_shows_at_once_and_w_keeps_it(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("f2")
+        await screen.shows("silo settings")
+        await screen.press("l")
+        assert screen.app.theme == "silo-light"
+        assert line_with(screen, "theme").startswith("*")
+        assert read_file() == (Settings(), [])
+        await screen.press("w")
+        await screen.shows("written")
+        assert read_file() == (Settings(theme="light"), [])
+        assert not line_with(screen, "theme").startswith("*")
+        await screen.press("x", "f2")
+        assert screen.app.theme == "silo-dark"
+        await screen.shows("the settings count until you quit; F2 w keeps them")
+
+
+@pytest.mark.parametrize("place", range(len(OPTIONS)))
+async def test_every_option_can_be_changed_and_goes_back_to_its_default(fake, opened, place):
+    option = OPTIONS[place]
+    async with opened(fake) as screen:
+        await screen.press("f2", *["j"] * place, "e")
+        if option.several or not option.words:
+            await screen.press("ctrl+u")
+            await screen.type(option.words[0] if option.several else "2")
+            await screen.press("enter")
+        changed = getattr(screen.app.context.settings, option.name)
+        assert changed != getattr(Settings(), option.name), screen.text
+        await screen.press("x")
+        assert screen.app.context.settings == Settings()
+
+
+async def test_columns_are_chosen_and_the_table_follows(fake, opened):
+    async with opened(fake) as screen:
+        assert " buf " in screen.text
+        await screen.press("f2", *["j"] * (len(OPTIONS) - 1), "e")
+        await screen.type("size div")
+        await screen.press("enter", "escape")
+        await screen.until(lambda: " buf " not in screen.text)
+        assert " div " in screen.text
+
+
+async def test_what_cant_be_is_told_in_the_words_of_the_file(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
+        await screen.type("99")
+        await screen.press("enter")
+        await screen.shows("rate is 0.5 to 10, not 99; nothing was changed")
+        assert screen.app.context.settings == Settings()
+
+
+async def test_a_key_is_changed_by_pressing_it(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("f2", "slash")
+        await screen.type("key filter")
+        await screen.press("enter", "e")
+        await screen.shows("Press the key of filter (Filter)")
+        await screen.press("e")
+        await screen.shows("e is edit (Edit) already (table)")
+        await screen.press("f")
+        await screen.shows("(yours; was /)")
+        await screen.press("w", "escape", "escape")
+        assert read_file()[0].keys == {"filter": "f"}
+        await screen.until(lambda: "f Filter" in screen.text)
+        await screen.press("slash")
+        assert not screen.app.screen.query_one("#filter-line").display
+        await screen.press("f")
+        await screen.until(lambda: screen.app.screen.query_one("#filter-line").display)
+
+
+async def test_escape_leaves_a_key_as_it_was(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("f2", "G", "e")
+        await screen.shows("Press the key of")
+        await screen.press("escape")
+        await screen.until(lambda: not screen.app.screen.is_modal)
+        assert screen.app.context.settings == Settings()
+
+
+async def test_the_app_starts_over_a_file_with_mistakes_and_says_so(fake, opened):
+    settings, problems = read("colums: [div]\ntheme: light\nrate: 77\n")
+    async with opened(fake, settings=settings, settings_problems=problems) as screen:
+        await screen.shows("tui.yaml line 1: 'colums' is unknown; columns? Left out (1 more: F2)")
+        assert screen.app.theme == "silo-light"
+        await screen.press("f2")
+        await screen.shows("! tui.yaml line 3: rate is 0.5 to 10, not 77")
+
+
+async def test_changed_keys_stand_in_bar_help_and_palette(fake, opened):
+    settings, _ = read("keys:\n  filter: F7\n  help: F9\n")
+    async with opened(fake, settings=settings) as screen:
+        bar = line_with(screen, "q Quit")
+        assert "F7 Filter" in bar
+        assert bar.rstrip().endswith("F9 Help  q Quit")
+        await screen.press("ctrl+p")
+        await screen.shows("Filter  (F7)")
+        await screen.press("escape", "f9")
+        await screen.shows("F7")
+
+
+async def test_a_file_that_cant_be_written_is_told_and_nothing_is_lost(fake, opened, home):
+    home.mkdir()
+    path().mkdir()
+    async with opened(fake, size=(160, 50)) as screen:
+        await screen.press("f2", "l", "w")
+        await screen.shows("nothing was changed")
+        assert line_with(screen, "theme").startswith("*")
+
+
+async def test_settings_are_there_before_a_logger_is(new_finder, screen_of):
+    from silo_tui.app import SiloApp
+
+    async with screen_of(SiloApp(new_finder())) as screen:
+        await screen.shows("No logger is running")
+        await screen.press("f2")
+        await screen.shows("silo settings")
+        await screen.press("escape")
+        await screen.shows("No logger is running")
+
+
+async def test_a_slower_rate_asks_the_logger_for_fewer_frames(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("f2", "j", "j", "j", "e", "ctrl+u")
+        await screen.type("1")
+        await screen.press("enter")
+        assert screen.session.link._rate_hz == 1.0
+
+
+SIZES = [(80, 24), (60, 20), (160, 50)]
+
+
+@pytest.mark.parametrize("size", SIZES)
+async def test_the_key_bar_always_ends_with_help_and_quit(fake, opened, size):
+    fake.run()
+    async with opened(fake, size=size) as screen:
+        for keys in ((), ("V", "j"), ("m",), ("space",), ("left",), ("enter",)):
+            await screen.press(*keys)
+            await screen.pilot.pause()
+            bar = screen.text.split("\n")[-1]
+            assert bar.rstrip().endswith("? Help  q Quit"), (keys, screen.text)
+
+
+async def test_the_key_bar_shows_what_counts_in_a_mode(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("V")
+        assert screen.text.split("\n")[-1].startswith(" V Mark the range  Esc Leave it")
+        await screen.press("escape")
+        assert "Mark the range" not in screen.text
+        await screen.press("m", "space")
+        await screen.until(lambda: screen.text.split("\n")[-1].startswith(" space Go on"))
+        await screen.press("space")
+        await screen.until(lambda: screen.text.split("\n")[-1].startswith(" space Pause"))
+
+
+async def test_above_a_dialog_the_bar_shows_the_keys_of_the_dialog(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("t", "q")
+        await screen.shows("Quit without applying?")
+        await screen.shows("Enter Chooses")
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.query_one(KeyBar)._instead == "")
+        await screen.shows("? Help  q Quit")
+
+
+def test_the_command_line_knows_the_themes():
+    done = CliRunner().invoke(command, ["--theme", "drak"])
+    assert done.exit_code == 2
+    assert "'dark', 'light', 'contrast', '16'" in done.output

@@ -1,0 +1,46 @@
+"""Trends of all rows at once show what each by itself would."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from silo_tui.model.columns import ColumnStore, hold_piece
+from silo_tui.model.plots import trend
+from silo_tui.model.sparklines import HOLD, trends
+
+WIDTH = 6
+VALUES = st.one_of(
+    st.just(np.nan), st.sampled_from([0.0, 1.0, -1.0, 1e308, -1e308, 5e-324]), st.floats(-10, 10, allow_nan=False)
+)
+
+
+@given(arrays.arrays(np.float64, (4, 2 * WIDTH), elements=VALUES), st.integers(0, 2 * WIDTH))
+@settings(max_examples=60, deadline=None)
+def test_trends_drawn_together_are_those_drawn_one_by_one(values, filled):
+    names = ["/a", "/b", "/c", "/d"]
+    store = ColumnStore(names, 2 * WIDTH, 1)
+    low = values.copy()
+    low[:, : 2 * WIDTH - filled] = np.nan
+    store.merge(names, 0, low, low + 0.25)
+    expected = [trend(hold_piece(store.piece(name, store.end, 2 * WIDTH), HOLD), WIDTH) for name in names]
+    assert trends(store, names, WIDTH) == expected
+
+
+def test_a_signal_with_nan_keeps_its_mark_among_others():
+    store = ColumnStore(["/a", "/b"], 20, 1)
+    low = np.vstack([np.arange(20.0), np.arange(20.0)])
+    marks = np.zeros((2, 20), np.uint8)
+    marks[1, 9] = 1
+    store.merge(["/a", "/b"], 0, low, low, marks)
+    plain, marked = trends(store, ["/a", "/b"], 10)
+    assert "×" in marked
+    assert "×" not in plain
+
+
+@pytest.mark.parametrize("width", [0, 5, 80])
+def test_trends_have_their_width_whatever_is_stored(width):
+    store = ColumnStore(["/a"], 20, 1)
+    store.merge(["/a"], 0, np.ones((1, 20)), np.ones((1, 20)))
+    assert [len(line) for line in trends(store, ["/a", "/not there"], width)] == [width, width]

@@ -1,0 +1,205 @@
+"""A thin link: how much is on its way, what is left out, and answers that never become keys."""
+
+import pytest
+
+from silo_tui.terminal.answers import AnswerFilter, knows_mode
+from silo_tui.terminal.pacing import FIRST_BYTES, FIRST_S, SMALLEST_WINDOW, UNPACED, Pacer, link_words
+from silo_tui.terminal.thinness import STEPS, Thinness
+
+ANSWER = b"\x1b[?2026;2$y"
+
+
+class Link:
+    """A terminal behind a link of so many bytes a second, that answers so long after it has read."""
+
+    def __init__(self, bytes_per_s, delay_s):
+        self.pacer = Pacer()
+        self.now_s = 100.0
+        self.bytes_per_s, self.delay_s = bytes_per_s, delay_s
+        self.free_s = 0.0
+        self.answers = []
+
+    def send(self, size):
+        self.pacer.sent(size, self.now_s)
+        self.free_s = max(self.free_s, self.now_s) + size / self.bytes_per_s
+        self.answers.append(self.free_s + self.delay_s)
+
+    def wait(self, seconds):
+        until_s = self.now_s + seconds
+        while self.answers and self.answers[0] <= until_s:
+            self.now_s = self.answers.pop(0)
+            self.pacer.answered(self.now_s)
+        self.now_s = until_s
+        self.pacer.check(self.now_s)
+
+    def stream(self, seconds, frame=4_000):
+        """Frames as fast as they may be sent, in pieces."""
+        begin_s, most = self.now_s, 0
+        while self.now_s < begin_s + seconds:
+            if (room := self.pacer.room()) > 0:
+                self.send(min(room, frame))
+            most = max(most, self.pacer.unanswered)
+            self.wait(0.01)
+        return most
+
+
+def answering(bytes_per_s=8_000, delay_s=0.1):
+    link = Link(bytes_per_s, delay_s)
+    for _ in range(2):
+        link.send(40)
+        link.wait(delay_s + 0.1)
+    return link
+
+
+def test_what_is_unanswered_stays_small_on_a_thin_link():
+    link = answering()
+    link.stream(10)
+    assert link.stream(10) <= 1.2 * SMALLEST_WINDOW
+
+
+def test_the_window_widens_until_a_fat_long_link_is_full():
+    link = answering(bytes_per_s=125_000, delay_s=0.2)
+    link.stream(10)
+    begin = link.pacer._total
+    link.stream(10)
+    assert link.pacer._total - begin > 0.8 * 10 * 125_000
+
+
+def test_throughput_and_way_are_told_as_they_are():
+    link = answering(bytes_per_s=8_000, delay_s=0.2)
+    link.stream(5)
+    assert 6_500 < link.pacer.bytes_per_s < 9_500
+    assert link_words(link.pacer)[0].endswith(" kbit/s")
+
+
+def test_what_a_key_changed_may_go_beyond_the_window():
+    link = answering()
+    link.send(SMALLEST_WINDOW)
+    assert link.pacer.room() <= 0
+    assert link.pacer.room(urgent=True) > 0
+
+
+def test_before_the_first_answer_little_is_sent_and_then_it_is_not_waited_for():
+    link = Link(1e9, 1e9)
+    link.send(FIRST_BYTES)
+    assert link.pacer.room() <= 0
+    link.wait(FIRST_S)
+    assert link.pacer.room() == UNPACED
+
+
+def test_a_terminal_that_answered_once_only_is_not_waited_for():
+    link = Link(1e9, 0.01)
+    link.send(10)
+    link.wait(0.1)
+    link.delay_s = 1e9
+    link.send(SMALLEST_WINDOW)
+    link.wait(10)
+    assert link.pacer.room() == UNPACED
+
+
+def test_a_link_that_stalls_is_not_filled():
+    link = answering()
+    link.delay_s = 1e9
+    begin = link.pacer._total
+    link.stream(60)
+    assert link.pacer._total - begin < 15 * SMALLEST_WINDOW
+
+
+def test_after_a_stall_the_late_answers_do_no_harm():
+    link = answering()
+    link.delay_s = 30.0
+    link.stream(20)
+    link.delay_s = 0.1
+    link.wait(60)
+    assert link.stream(10) <= 1.5 * SMALLEST_WINDOW
+    assert link.pacer.room() < UNPACED
+
+
+def test_a_terminal_that_types_but_no_longer_answers_is_not_waited_for():
+    link = answering()
+    link.delay_s = 1e9
+    for _ in range(600):
+        if link.pacer.room() > 0:
+            link.send(1_000)
+        link.pacer.key()
+        link.wait(0.1)
+    assert link.pacer.room() == UNPACED
+
+
+# ------------------------------------------------------------------------------------------------- what is left out
+
+
+def judged(thinness, seconds, *, late, begin_s=0.0):
+    for tick in range(round(5 * seconds)):
+        thinness.note(late=late, now_s=begin_s + tick / 5)
+    return begin_s + seconds
+
+
+def test_trends_go_first_then_digits_then_values_down_to_half_a_hertz():
+    assert [step.trend_s for step in STEPS] == sorted(step.trend_s for step in STEPS)
+    first_fewer = next(at for at, step in enumerate(STEPS) if step.digits_fewer)
+    first_slower = next(at for at, step in enumerate(STEPS) if step.value_share < 1)
+    assert 0 < next(at for at, step in enumerate(STEPS) if step.trend_s > 1) < first_fewer < first_slower
+    thinness = Thinness()
+    judged(thinness, 60, late=True)
+    assert thinness.value_hz(5.0) == 0.5
+
+
+def test_a_link_that_is_good_for_five_seconds_gets_one_step_back_at_a_time():
+    thinness = Thinness()
+    now_s = judged(thinness, 3, late=True)
+    worst = thinness.step
+    judged(thinness, 4.8, late=False, begin_s=now_s)
+    assert thinness.step == worst
+    judged(thinness, 1, late=False, begin_s=now_s + 4.8)
+    assert thinness.step == worst - 1
+
+
+def test_one_late_frame_changes_nothing():
+    thinness = Thinness()
+    for tick in range(100):
+        thinness.note(late=tick % 10 == 0, now_s=tick / 5)
+    assert thinness.step == 0
+
+
+def test_it_says_which_rate_holds_of_the_wished_one():
+    thinness = Thinness()
+    judged(thinness, 60, late=True)
+    assert thinness.words(5.0) == "thin link: values 0.5 of 5 Hz, trends every 8 s, 2 digits fewer; keys go first"
+    assert Thinness().words(5.0) == ""
+
+
+# --------------------------------------------------------------------------------------------------------- answers
+
+
+@pytest.mark.parametrize("cut", range(1, len(ANSWER)))
+def test_an_answer_in_two_pieces_is_no_key(cut):
+    answers = AnswerFilter()
+    first, second = answers.feed(b"j" + ANSWER[:cut]), answers.feed(ANSWER[cut:] + b"k")
+    assert (first.typed, second.typed) == (b"j", b"k")
+    assert first.answers + second.answers == (ANSWER,)
+
+
+@pytest.mark.parametrize("cut", range(3, len(ANSWER)))
+def test_the_rest_of_an_answer_may_come_late(cut):
+    answers = AnswerFilter()
+    answers.feed(ANSWER[:cut])
+    assert answers.waited() == b""
+    assert answers.feed(ANSWER[cut:]).typed == b""
+
+
+def test_the_escape_key_passes_when_nothing_follows():
+    answers = AnswerFilter()
+    assert answers.feed(b"\x1b").typed == b""
+    assert answers.waited() == b"\x1b"
+    assert answers.feed(b"j").typed == b"j"
+
+
+@pytest.mark.parametrize("key", [b"\x1b[A", b"\x1b[1;2C", b"\x1bOP", b"\x1b[<0;3;4M", b"\x1b[?2048;2$y", "é".encode()])
+def test_keys_and_other_reports_pass(key):
+    assert AnswerFilter().feed(key + ANSWER + key).typed == key + key
+
+
+@pytest.mark.parametrize(("answer", "known"), [(ANSWER, True), (b"\x1b[?2026;0$y", False), (b"\x1b[0n", False)])
+def test_frames_are_bracketed_only_where_the_terminal_knows_it(answer, known):
+    assert knows_mode(answer) is known

@@ -1,0 +1,192 @@
+"""Orders by what is measured, and the tree: folding, counts, edits on a branch, entries of vectors."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from silo.ipc.surveys import FROZEN, NOT_FINITE
+from silo.model import Table
+from silo_tui.model.facts import Facts
+from silo_tui.model.rows import RowList
+from silo_tui.model.table import TableState
+from silo_tui.model.tree import entry_of, row_of, tree_of
+
+
+@pytest.fixture
+def rows(robot):
+    table = TableState()
+    table.load(Table(1, robot))
+    table.prefix = "/log"
+    found = RowList(table)
+    found.refresh()
+    return found
+
+
+def words(rows):
+    """Branches as `legs/`, entries as `_x`, elements by their last level."""
+    found = []
+    for line in rows.tree.lines.tolist():
+        row, entry = row_of(line), entry_of(line)
+        if row is None:
+            found.append(rows.tree.branches[-1 - line].label + "/")
+        elif entry is not None:
+            found.append(rows.table.elements[row].entries[entry].suffix)
+        else:
+            found.append(rows.table.names[row].rpartition("/")[2])
+    return found
+
+
+def measure(rows, **quantities):
+    rows.table.facts = Facts({name: np.array(values, float) for name, values in quantities.items()})
+
+
+def test_a_tree_has_a_line_per_name_space(rows):
+    rows.order_by("tree")
+    assert words(rows)[:7] == ["base/", "orientation", "position", "velocity", "imu/", "acceleration", "temperature"]
+    assert [branch.label for branch in rows.tree.branches if branch.depth == 0] == ["base", "imu", "legs", "state"]
+    legs = next(branch for branch in rows.tree.branches if branch.path == "/legs")
+    assert len(legs.rows) == 64
+
+
+def test_z_folds_the_branch_of_an_element_and_stands_on_it(rows):
+    rows.order_by("tree")
+    rows.move_to_row(rows.table.row("/log/imu/temperature"))
+    rows.fold()
+    assert rows.branch.path == "/imu"
+    assert words(rows)[4:6] == ["imu/", "legs/"]
+    rows.fold()
+    assert words(rows)[4:6] == ["imu/", "acceleration"]
+
+
+def test_edits_and_marks_on_a_branch_are_about_all_below(rows):
+    rows.order_by("tree")
+    rows.move_to(0)
+    assert [rows.table.names[row] for row in rows.targets()] == [
+        "/log/base/orientation", "/log/base/position", "/log/base/velocity",
+    ]  # fmt: skip
+    rows.toggle_mark()
+    assert rows.marked_count == 3
+
+
+def test_a_branch_counts_what_passes_the_filter(rows):
+    rows.order_by("tree")
+    rows.set_filter("torque")
+    assert words(rows)[:4] == ["legs/", "LF/", "HAA/", "torque"]
+    assert len(rows.tree.branches[0].rows) == 12
+
+
+def test_a_vector_unfolds_into_its_entries_in_list_and_tree(rows):
+    rows.move_to_row(rows.table.row("/log/imu/acceleration"))
+    rows.fold()
+    at = rows.position
+    assert words(rows)[at : at + 4] == ["acceleration", "_x", "_y", "_z"]
+    rows.move_to(at + 2)
+    assert (rows.entry, rows.table.names[rows.row]) == (1, "/log/imu/acceleration")
+    assert len(rows.shown) == len(rows.table)
+    rows.order_by("tree")
+    assert rows.entry == 1
+    rows.fold()
+    assert (rows.entry, "_x" in words(rows)) == (None, False)
+
+
+def test_going_to_an_element_unfolds_what_hides_it(rows):
+    rows.order_by("tree")
+    rows.folded = frozenset({"/legs", "/legs/LF"})
+    rows.refresh()
+    row = rows.table.row("/log/legs/LF/HAA/torque")
+    assert rows.move_to_row(row)
+    assert rows.row == row
+
+
+def test_the_cursor_stands_on_the_folded_branch_over_its_element(rows):
+    rows.order_by("tree")
+    rows.move_to_row(rows.table.row("/log/legs/LF/HAA/torque"))
+    rows.folded = frozenset({"/legs"})
+    rows.refresh()
+    assert rows.branch.path == "/legs"
+
+
+def test_a_range_over_a_folded_branch_has_all_of_it(rows):
+    rows.order_by("tree")
+    rows.folded = frozenset({"/imu"})
+    rows.refresh()
+    rows.move_to_row(rows.table.row("/log/base/velocity"))
+    rows.begin_range()
+    rows.move_to(rows.position + 1)
+    assert len(rows.range_rows()) == 3
+
+
+NAMES = st.lists(
+    st.lists(st.sampled_from(["a", "b", "B", "a1", "a10"]), min_size=1, max_size=4).map(lambda p: "/" + "/".join(p)),
+    unique=True, max_size=12,
+)  # fmt: skip
+
+
+@given(NAMES, st.sets(st.sampled_from(["/a", "/a/b", "/B", "/b/a1"])))
+def test_every_element_is_on_one_line_or_below_a_folded_branch(names, folded):
+    order = np.array(sorted(range(len(names)), key=lambda each: names[each].split("/")), np.intp)
+    tree = tree_of(order, names, frozenset(folded), {})
+    lines = tree.lines.tolist()
+    assert len(set(lines)) == len(lines) == len(tree.depths)
+    for row, name in enumerate(names):
+        hidden = any(name.startswith(path + "/") for path in folded)
+        assert (row in lines) != hidden
+        assert all((row in branch.rows) == name.startswith(branch.path + "/") for branch in tree.branches)
+    assert len({branch.path for branch in tree.branches}) == len(tree.branches)
+
+
+def test_an_order_by_value_begins_with_nan_then_the_largest_and_ends_with_what_is_not_known(rows):
+    count = len(rows.table)
+    values = np.arange(count, dtype=float)
+    values[[5, 6]] = np.nan
+    signs = np.zeros(count)
+    signs[5] = NOT_FINITE
+    measure(rows, value=values, signs=signs)
+    rows.order_by("value")
+    assert (rows.shown[0], rows.shown[1], rows.shown[-1]) == (5, count - 1, 6)
+    rows.order_by("value")
+    assert (rows.arrow, rows.shown[0], rows.shown[1], rows.shown[-1]) == ("↑", 5, 0, 6)
+
+
+def test_the_cursor_stays_on_its_element_while_the_order_moves(rows):
+    measure(rows, value=np.arange(len(rows.table)))
+    rows.order_by("value")
+    rows.move_to(3)
+    name = rows.table.names[rows.row]
+    measure(rows, value=-np.arange(len(rows.table)))
+    rows.refresh()
+    assert rows.table.names[rows.row] == name
+    assert rows.position == len(rows.table) - 4
+
+
+def test_the_worst_signs_come_first(rows):
+    signs = np.zeros(len(rows.table))
+    signs[7], signs[9] = FROZEN, NOT_FINITE
+    measure(rows, signs=signs)
+    rows.order_by("!")
+    assert list(rows.shown[:2]) == [9, 7]
+
+
+def test_orders_by_settings_turn_round_too(rows):
+    rows.order_by("div")
+    first = rows.shown[0]
+    rows.order_by("div")
+    assert rows.shown[-1] == first
+
+
+def test_what_is_asked_of_all_elements_is_what_order_and_filter_need(rows):
+    assert rows.wanted() == {"signs"}
+    rows.order_by("|value|")
+    rows.set_filter("std>1 rate<95% torque")
+    assert rows.wanted() == {"signs", "value", "std", "rate", "share"}
+
+
+def test_rows_that_a_measured_filter_lets_go_stay_for_two_seconds(rows):
+    measure(rows, value=np.full(len(rows.table), 70.0))
+    rows.set_filter("value>60")
+    measure(rows, value=[50.0, *[70.0] * (len(rows.table) - 1)])
+    rows.refresh(10.0)
+    assert (0 in rows.shown, rows.leaving) == (True, frozenset({0}))
+    rows.refresh(12.5)
+    assert (0 in rows.shown, rows.leaving) == (False, frozenset())

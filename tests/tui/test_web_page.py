@@ -1,0 +1,129 @@
+"""silo-tui in a headless Chromium: live values, an edit by keys, a plot; nothing from outside, no strangers."""
+
+import asyncio
+import importlib.util
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tests.tui import chromium
+from tests.waiting import DEADLINE_S
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(importlib.util.find_spec("textual_serve") is None, reason="needs silo-logger[web]"),
+]
+needs_browser = pytest.mark.skipif(chromium.PROGRAM is None, reason="needs Chromium (apt install chromium)")
+
+
+@pytest.fixture
+def served(tmp_path, monkeypatch):
+    """`served("--control")` returns the address of a silo-tui with a demo robot."""
+    runtime = tmp_path / "run"
+    runtime.mkdir(mode=0o700)
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(runtime))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    running = []
+
+    def serve(*arguments):
+        command = [sys.executable, "-m", "silo_tui", "--serve", "--demo", *arguments]
+        program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        running.append(program)
+        return program.stdout.readline().strip()
+
+    yield serve
+    for program in running:
+        program.terminate()
+        program.wait(DEADLINE_S)
+        program.stdout.close()
+
+
+async def until(fact, what):
+    deadline = time.monotonic() + DEADLINE_S
+    while not (found := await fact()):
+        assert time.monotonic() < deadline, what
+        await asyncio.sleep(0.05)
+    return found
+
+
+async def shows(page, pattern):
+    async def found():
+        return re.search(pattern, await page.words() or "")
+
+    return await until(found, pattern)
+
+
+@needs_browser
+async def test_a_page_has_live_values_takes_an_edit_by_keys_and_plots(served):
+    url = served("--control")
+    async with chromium.opened(url) as page:
+        await shows(page, r"RUNNING.*500/500")
+        await shows(page, r"/base/acceleration")
+        for _ in range(2):  # values come again and again
+            await page.forget()
+            await shows(page, r"-?\d\.\d\d")
+        await page.press("d", "7", "Enter")
+        await shows(page, "divider: 1 changed")
+        await page.press("m")
+        await shows(page, r"10 s shown")
+        await shows(page, "[⠁-⣿]{3}")
+        assert page.asked
+        assert all(asked.startswith(url) for asked in page.asked), page.asked
+        assert not page.complaints
+
+
+@needs_browser
+async def test_a_page_changes_nothing_without_control(served):
+    async with chromium.opened(served()) as page:
+        await shows(page, r"RUNNING.*500/500")
+        await page.press("t")
+        await shows(page, r"On/Off: this is a read-only session")
+
+
+async def test_strangers_get_neither_page_nor_socket(served):
+    import aiohttp
+
+    url = served()
+    base, token = re.fullmatch(r"(http://127\.0\.0\.1:\d+)/([\w-]+)/", url).groups()
+    async with aiohttp.ClientSession() as web:
+        for address, headers in (
+            (base, {}), (f"{base}/static/js/textual.js", {}), (f"{base}/wrong/", {}), (url, {"Host": "evil.example"}),
+            (url, {"Origin": "http://evil.example"}),
+        ):  # fmt: skip
+            async with web.get(address, headers=headers) as answer:
+                assert answer.status == 403, address
+                assert token not in await answer.text()
+        for origin in ("http://evil.example", "null", None):
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await web.ws_connect(f"{url}ws", headers={"Origin": origin} if origin else {})
+            assert refused.value.status == 403
+        async with web.get(url) as answer:
+            assert answer.status == 200
+            assert "googleapis" not in await answer.text()
+            assert answer.headers["Referrer-Policy"] == "no-referrer"
+
+
+async def test_a_fifth_page_is_refused_and_processes_end_with_their_pages(served):
+    import aiohttp
+
+    url = served()
+    origin = {"Origin": url.split("/", 3)[0] + "//" + url.split("/", 3)[2]}
+    async with aiohttp.ClientSession() as web:
+        sockets = [await web.ws_connect(f"{url}ws", headers=origin) for _ in range(4)]
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await web.ws_connect(f"{url}ws", headers=origin)
+        assert refused.value.status == 503
+        for each in sockets:
+            await each.close()
+
+        async def again():
+            try:
+                await (await web.ws_connect(f"{url}ws", headers=origin)).close()
+            except aiohttp.WSServerHandshakeError:
+                return False
+            return True
+
+        await until(again, "a place is free again")

@@ -1,0 +1,142 @@
+"""Statistics of a survey: over every sample, whatever its type, and signs that follow from them."""
+
+import numpy as np
+import pytest
+
+import silo
+from silo.collecting.segment_reader import SegmentReader
+from silo.helper.statistics import Sums, Tally
+from silo.ipc.surveys import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
+
+
+class Robot:
+    """A logger of this process, and the tally that reads its segment."""
+
+    def __init__(self, folder):
+        self.now_ns = 1_000_000_000
+        self.log = silo.Logger("r", frequency=100, folder=folder, script=folder / "r.yaml", clock=lambda: self.now_ns)
+        both = silo.Action.SAVE_AND_PUBLISH
+        self.x = self.log.array("x", action=both)
+        self.kept = self.log.array("kept", action=silo.Action.SAVE)
+        self.force = self.log.array("force", 3, np.float32, action=both)
+        self.count = self.log.array("count", 1, np.int64, action=both, divider=4)
+        self.flag = self.log.array("flag", 1, np.bool_, action=both)
+        self.log.start()
+        self.tally = Tally(SegmentReader(self.log.segment_path))
+        self.sums = self.tally.sums()
+
+    def tick(self, x, **others):
+        self.x[...] = x
+        for name, value in others.items():
+            getattr(self, name)[...] = value
+        self.log.collect()
+        self.now_ns += 10_000_000
+
+    def advance(self, seconds=0.0):
+        self.tally.advance(seconds, [self.sums])
+
+    def of(self, name, quantity, *, running=True):
+        found, per_slot = self.tally.quantity(quantity, self.sums, running=running)
+        number = self.tally.numbers.get(name)
+        if per_slot:
+            return found[self.tally.lead[number] if number is not None else self.tally.slot_of[name]]
+        return found[number]
+
+
+@pytest.fixture
+def robot(tmp_path):
+    robot = Robot(tmp_path)
+    yield robot
+    robot.log.close()
+
+
+def test_every_sample_counts_however_the_reads_fall(robot):
+    values = 1e9 + np.random.default_rng(3).normal(size=500)
+    for at, value in enumerate(values):
+        robot.tick(value, kept=-value)
+        if at % 37 == 0:
+            robot.advance()
+    robot.advance()
+    found = [robot.of("/log/x", quantity) for quantity in ("min", "max", "mean", "std", "count", "value")]
+    expected = [values.min(), values.max(), values.mean(), values.std(), 500, values[-1]]
+    assert found == pytest.approx(expected, rel=1e-9)
+    assert robot.of("/log/kept", "min") == -values.max()
+
+
+def test_of_a_vector_the_norm_is_told_and_each_entry_by_its_name(robot):
+    robot.tick(0, force=[3, 4, 0])
+    robot.tick(0, force=[0, 0, -1])
+    robot.advance()
+    assert [robot.of("/log/force", quantity) for quantity in ("max", "min", "value")] == [5, 1, 1]
+    assert robot.of("/log/force_z", "min") == -1
+
+
+def test_what_is_not_finite_is_left_out_of_statistics_and_gets_a_sign(robot):
+    for value in (1, np.nan, 3, np.inf):
+        robot.tick(value)
+    robot.advance()
+    assert [robot.of("/log/x", quantity) for quantity in ("min", "max", "mean", "count")] == [1, 3, 2, 2]
+    assert int(robot.of("/log/x", "signs")) & NOT_FINITE
+
+
+def test_a_signal_that_was_never_finite_has_no_statistics(robot):
+    robot.tick(np.nan)
+    robot.advance()
+    assert np.isnan([robot.of("/log/x", quantity) for quantity in ("min", "max", "mean", "std")]).all()
+
+
+def test_the_last_change_is_found_across_reads(robot):
+    for at in range(300):
+        robot.tick(at if at < 100 else 99, flag=True)
+        if at % 50 == 7:
+            robot.advance()
+    robot.advance()
+    assert robot.of("/log/x", "changed") == pytest.approx(2.0)
+    assert int(robot.of("/log/x", "signs")) & FROZEN
+    assert not int(robot.of("/log/flag", "signs")) & FROZEN
+
+
+def test_rate_and_jitter_follow_the_time_stamps(robot):
+    for at in range(400):
+        robot.tick(at, count=at // 4)
+        robot.advance(at / 100)
+    assert robot.of("/log/x", "rate") == pytest.approx(100)
+    assert robot.of("/log/count", "rate") == pytest.approx(25)
+    assert robot.of("/log/count", "share") == pytest.approx(1)
+    assert robot.of("/log/x", "jitter") == pytest.approx(0, abs=1e-9)
+
+
+def test_a_loop_that_is_too_slow_gets_a_sign_only_while_it_runs(robot):
+    for at in range(400):
+        robot.tick(at)
+        robot.now_ns += 1_000_000
+        robot.advance(at * 0.011)
+    assert robot.of("/log/x", "share") == pytest.approx(1 / 1.1)
+    assert int(robot.of("/log/x", "signs")) & SLOW
+    assert robot.of("/log/x", "signs", running=False) == 0
+
+
+def test_statistics_begin_where_they_were_asked_for(robot):
+    robot.tick(50)
+    robot.advance()
+    robot.sums = robot.tally.sums()
+    robot.tick(2)
+    robot.advance()
+    assert robot.of("/log/x", "max") == 2
+
+
+def test_sums_keep_their_digits_far_from_zero():
+    sums = Sums(1)
+    values = 1e15 + np.arange(1000.0)
+    for part in np.split(values, 10):
+        sums.add(slice(0, 1), part[:, None], all_finite=True)
+    assert sums.of("std")[0] == pytest.approx(np.arange(1000.0).std(), rel=1e-9)
+
+
+def test_signs_leave_out_what_is_not_known():
+    nothing = np.array([np.nan])
+    yes, no = np.array([True]), np.array([False])
+    assert signs_of(yes, nothing, np.array([0.01]), yes, nothing, np.array([0]))[0] == 0
+    assert signs_of(no, np.array([9.0]), np.array([0.01]), yes, np.array([0.5]), np.array([3]))[0] == (
+        NOT_FINITE | FROZEN | SLOW | LOST
+    )

@@ -1,0 +1,59 @@
+"""Mistakes that type checkers must find, each told by `# wrong`; the lines without are right. Read by mypy, never run."""
+
+# ruff: noqa
+
+from pathlib import Path
+
+import numpy as np
+
+import silo
+
+log = silo.Logger("typed", frequency=500, storage="disk", threads="serialized", folder=Path("logs"))
+x = np.zeros(3)
+
+silo.Logger("typed", freq=500)  # wrong
+silo.Logger("typed", storage="dsk")  # wrong
+silo.Logger("typed", threads="many")  # wrong
+silo.Logger("typed", frequency="500Hz")  # wrong
+silo.init("typed", frequency=500, storage="memory")
+silo.init("typed", freq=500)  # wrong
+
+log.add(x, "a", "group", "rad", 2, "publish", 100, "looping")
+log.add(x, "a", divider=np.int64(2), action=silo.Action.SAVE, enabled=np.bool_(True))
+log.add(x, "a", divider="50Hz", buffer_size="10s", buffer_type="growing", action="both")
+log.add(x, "a", dividr=2)  # wrong
+log.add(x, "a", action="pubish")  # wrong
+log.add(x, "a", buffer_type="ring")  # wrong
+log.add(x, "a", buffer_type=silo.Action.SAVE)  # wrong
+log.add(x, "a", divider=2.5)  # wrong
+log.add(x, 5)  # wrong
+silo.add(x, "a", group="joints", divider=2)
+silo.add(x, "a", dividr=2)  # wrong
+silo.add(x, "a", action="pubish")  # wrong
+
+q = log.array("q", 12, unit="rad", divider="50Hz")
+q[:] = 1
+log.array("q", (3, 3), dtype="f4")
+log.array("q", np.int64(3))
+log.array("q", 12, dividr=2)  # wrong
+log.array("q", 12, action="pubish")  # wrong
+log.array(12)  # wrong
+silo.array("q", 12, dividr=2)  # wrong
+
+log.set("joints", divider="50Hz", size="10s", action="both", on=False)
+log.set("joints", dividr=2)  # wrong
+log.set("joints", action="pubish")  # wrong
+log.set("joints", 2)  # wrong
+
+log.start(unsaved="save")
+log.start(unsaved="keep")  # wrong
+log.save(["silo", "csv"], folder=Path("logs"))
+log.save("bag")
+log.save(silo.FileType.CSV)
+log.save(["cvs"])  # wrong
+log.save("cvs")  # wrong
+silo.save(["cvs"])  # wrong
+silo.save(["csv", silo.FileType.SILO])
+log.publish()  # wrong
+silo.get_logger().set("joints", divider=2)
+silo.get_logger().set("joints", dividr=2)  # wrong
