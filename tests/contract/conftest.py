@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 
 import silo
+from silo.files import write
 from silo.ipc.client import Client
 from silo.ipc.published import Event, EventKind
-from silo.model import Edit, ElementInfo
+from silo.model import BufferType, Edit, ElementInfo, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
 from tests.stand_ins.fake_logger import HZ, START_NS, FakeClient
 from tests.waiting import DEADLINE_S
 
@@ -77,6 +79,10 @@ class RealSide:
         self._other = Client.connect("robot")
         self.heard = Heard(self.client)
 
+    def log_of(self, logger: str, name: str) -> Path:
+        """Put a log into the logger's folder."""
+        return log_in(self._folder / "logs", logger, name)
+
     def ticks(self, count: int) -> None:
         """Run the loop."""
         for _ in range(count):
@@ -111,7 +117,12 @@ class FakeSide:
         logger.close()
         self.client = FakeClient(elements)
         self.client.files.clear()
+        self.client.logs = folder / "logs"
         self.heard = Heard(self.client)
+
+    def log_of(self, logger: str, name: str) -> Path:
+        """Put a log into the logger's folder."""
+        return log_in(self.client.logs, logger, name)
 
     def ticks(self, count: int) -> None:
         """Move the clock."""
@@ -132,6 +143,15 @@ class FakeSide:
     def close(self) -> None:
         """End everything."""
         self.client.close()
+
+
+def log_in(folder: Path, logger: str, name: str) -> Path:
+    """Write a log of one second of a signal."""
+    entry = RecordedEntry("/log/x", Entry("", "<f8"), np.arange(11.0))
+    element = RecordedElement("/log/x", "m", "scalar", (), 1, BufferType.LOOPING, 0, (entry,))
+    time_ns = START_NS + np.arange(11, dtype=np.int64) * 10**8
+    (saved,) = write(Recording(logger, time_ns, 11, [element]), folder, logger, ["silo"], name, why="trigger fall")
+    return Path(saved.path)
 
 
 def edit_of(client: Any, name: str, **changes: Any) -> Edit:

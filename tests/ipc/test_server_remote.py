@@ -72,6 +72,19 @@ def test_viewer_sees_values_but_may_not_edit(guarded, logger, until) -> None:
     assert logger.is_running
 
 
+def test_viewer_may_list_and_fetch_recordings_but_not_delete_them(guarded, logger, tmp_path) -> None:
+    logger.start()
+    logger.collect()
+    (saved,) = logger.save()
+    name = Path(saved.path).name
+    with Client.connect("far", config=guarded("viewer", "look")) as client:
+        assert [one.files[0].name for one in client.recordings().recordings] == [name]
+        assert client.fetch(name, tmp_path / "here").read_bytes() == Path(saved.path).read_bytes()
+        with pytest.raises(ConnectionLostError, match="access rules don't let this user change"):
+            client.delete_recording(name)
+    assert Path(saved.path).exists()
+
+
 def test_engineer_may_change(guarded, logger) -> None:
     with Client.connect("far", config=guarded("engineer", "change")) as client:
         assert client.hello().may_edit

@@ -5,6 +5,7 @@ What it has in common with a real helper process is held by `tests/contract`, wh
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -12,12 +13,16 @@ import numpy as np
 
 from silo.columns import ColumnGrid, HistoryColumns, bins_of
 from silo.errors import ConnectionLostError, ScriptError
+from silo.helper.recordings import RecordingFolder, RecordingRefusedError
 from silo.ipc.exchange import RequestRefusedError
+from silo.ipc.fetching import Fetch
 from silo.ipc.frames import Frame
 from silo.ipc.messages import (
     EditsApplied,
+    GetPiece,
     HelloReply,
     PinOpened,
+    Recordings,
     Refused,
     RefusedWhy,
     ScriptDiff,
@@ -203,6 +208,8 @@ class FakeClient:
         self.calls: list[tuple[Any, ...]] = []
         self.files: dict[str, str] = {"robot.yaml": format_script(self.elements), "quiet.yaml": QUIET_SCRIPT}
         self.save_error = ""
+        self.logs: Path | None = None  # a real folder with recordings, where a test needs some
+        self._folder = RecordingFolder()
         self.views: list[FakeView] = []
         self.pins: list[FakePin] = []
         self.since_ns = 0  # of the statistics
@@ -450,6 +457,39 @@ class FakeClient:
             told = {"job": self._jobs, "progress": 1.0, "files": files}
             self.publish(EventKind.SAVED, f"saved {files[0].path}", by=OWN_NAME, **told)
         return self._jobs
+
+    def _recordings_of(self, job: Callable[[RecordingFolder, str], Any]) -> Any:
+        self._ask()
+        try:
+            return job(self._folder, str(self.logs or "/home/ann/logs"))
+        except RecordingRefusedError as error:
+            raise RequestRefusedError(error.refused) from error
+
+    def recordings(self, most: int = 1000) -> Recordings:
+        if self.logs is None:
+            self._ask()
+            return Recordings("/home/ann/logs", [], 0)
+        found: Recordings = self._recordings_of(lambda folder, place: folder.listing(place, self.name, most))
+        return found
+
+    def fetch(
+        self, name: str, folder: Any = ".", progress: Callable[[int, int], None] | None = None,
+        *, replace: bool = False, patience_s: float = 30.0,
+    ) -> Path:  # fmt: skip
+        def piece(path: str, mark: str, offset: int, count: int, sum_only: bool) -> Any:
+            request = GetPiece(path=path, mark=mark, offset=offset, count=count, sum_only=sum_only)
+            return self._recordings_of(lambda folder, place: folder.piece(place, request))
+
+        def parts(name: str) -> Any:
+            return self._recordings_of(lambda folder, place: folder.parts(place, name))
+
+        return Fetch(parts, piece, lambda: self.connected, patience_s).run(name, Path(folder), progress, replace)
+
+    def delete_recording(self, name: str) -> str:
+        self.calls.append(("delete", name))
+        text: str = self._recordings_of(lambda folder, place: folder.delete(place, self.name, name))
+        self.publish(EventKind.DELETED, text, by=OWN_NAME)
+        return text
 
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()

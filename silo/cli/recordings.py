@@ -1,0 +1,166 @@
+"""`silo files`: the recordings in a logger's folder on the robot: listed, fetched to this machine, deleted."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from click.shell_completion import CompletionItem
+
+from silo.cli.common import complete_logger, connect, json_option, many, show_json, show_rows
+from silo.errors import RefusedError, SiloError
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
+    from silo.ipc.messages import Recordings, SavedRecording
+
+MOST_LOOKS = 60  # each looks into as many files as fit into a second
+
+
+@click.group("files")
+def files() -> None:
+    """List, fetch and delete the recordings in the folder of a logger, on the robot.
+
+    A NAME is that of a file or bag as `silo files ls` shows it, or its beginning before the ending, or a run number.
+    """
+
+
+def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Complete the names of files of the logger that was typed before."""
+    from silo.cli.common import find_logger
+    from silo.ipc.exchange import ask_once
+    from silo.ipc.messages import ListRecordings
+
+    try:
+        found = find_logger(ctx.params.get("logger"))
+        reply = ask_once(found.socket, found.config, ListRecordings(most=200), 1.0, found.host, found.name)
+    except (SiloError, click.UsageError):
+        return []
+    names = [file.name for one in reply.recordings for file in one.files if not one.unfinished]
+    return [CompletionItem(name) for name in names if name.startswith(incomplete)]
+
+
+@files.command("ls")
+@click.argument("logger", required=False, metavar="[LOGGER]", shell_complete=complete_logger)
+@click.option("-n", "--most", type=click.IntRange(1, 10_000), default=1000, show_default=True, help="Only the newest.")
+@json_option
+def ls(logger: str | None, most: int, as_json: bool) -> None:
+    """List the recordings in the logger's folder, the newest last.
+
+    \b
+    Examples:
+      silo files ls demo
+      silo files ls demo --json | jq '.recordings[0].why'
+    """
+    with connect(logger) as client:
+        found = _all_read(client, most)
+    if as_json:
+        show_json(found)
+        return
+    header = ("NAME", "TYPES", "BEGUN", "SPAN", "SIZE", "WHY")
+    rows = [_row(one) for one in reversed(found.recordings)]
+    if rows:
+        show_rows([header, *rows], right=(3, 4))
+    left = f", the newest {len(rows)} of {found.count}" if found.count > len(rows) else ""
+    free = f", {found.free_bytes / 1e9:.1f} GB free" if found.disk_bytes else ""
+    nothing = "" if rows else "; `silo save` makes one"
+    click.echo(f"{found.folder}: {many(len(rows), 'recording')}{left}{free}{nothing}")
+
+
+@files.command()
+@click.argument("logger", shell_complete=complete_logger)
+@click.argument("names", metavar="NAME...", nargs=-1, required=True, shell_complete=_complete_name)
+@click.option("-o", "--folder", type=click.Path(path_type=Path), default=Path(), help="Where to; here if not given.")
+@click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+@click.option(
+    "--patience", type=click.FloatRange(0, 1e6), default=30.0, show_default=True, help="s to wait for a link."
+)
+def fetch(logger: str, names: tuple[str, ...], folder: Path, force: bool, patience: float) -> None:
+    """Copy recordings to this machine; the same command goes on with one that was cut off.
+
+    \b
+    Examples:
+      silo files fetch demo 17
+      silo files fetch demo demo_20260102_13-07-27_00007.silo -o logs
+    """
+    with connect(logger) as client:
+        for name in _meant(client, names):
+            with _progress(name) as progress:
+                path = client.fetch(name, folder, progress, replace=force, patience_s=patience)
+            click.echo(f"{path}  {_size(path) / 1e6:.1f} MB")
+
+
+@files.command()
+@click.argument("logger", shell_complete=complete_logger)
+@click.argument("names", metavar="NAME...", nargs=-1, required=True, shell_complete=_complete_name)
+@click.option("-y", "--yes", is_flag=True, help="Don't ask.")
+def rm(logger: str, names: tuple[str, ...], yes: bool) -> None:
+    """Delete recordings that this logger wrote.
+
+    \b
+    Example:
+      silo files rm demo demo_20260102_13-07-27_00007.silo
+    """
+    with connect(logger) as client:
+        meant = _meant(client, names)
+        if not yes:
+            click.confirm(f"delete {', '.join(meant)} on {client.found.label} for good?", abort=True)
+        for name in meant:
+            click.echo(client.delete_recording(name))
+
+
+def _all_read(client: "Client", most: int) -> "Recordings":
+    """Return the list, once all of its files were looked into."""
+    for _ in range(MOST_LOOKS):
+        found = client.recordings(most)
+        if not any(one.unread for one in found.recordings):
+            break
+    return found
+
+
+def _meant(client: "Client", names: tuple[str, ...]) -> list[str]:
+    """Return the names of files and bags that are meant. Raises RefusedError for one that means none."""
+    listed = client.recordings(10_000).recordings
+    found: list[str] = []
+    for name in names:
+        meant = [file.name for one in listed for file in one.files if name in (file.name, one.stem)]
+        if not meant and name.isdecimal():
+            run = f"_{int(name):05d}"
+            meant = [file.name for one in listed for file in one.files if one.stem.endswith(run)]
+        if not meant:
+            raise RefusedError(
+                f"no recording is called '{name}' in the folder of {client.found.label}: see `silo files ls`"
+            )
+        found += meant
+    return list(dict.fromkeys(found))
+
+
+def _row(one: "SavedRecording") -> tuple[str, ...]:
+    types = ", ".join(file.type.name.lower() for file in one.files)
+    begun = one.begun_ns or min(file.changed_ns for file in one.files)
+    when = f"{datetime.fromtimestamp(begun / 1e9):%Y-%m-%d %H:%M:%S}"
+    if one.unfinished:
+        return one.stem, "part", when, "-", f"{one.size_bytes / 1e6:.1f} MB", "being written, or its writer died"
+    why = "not looked into yet" if one.unread else one.why or "-"
+    return one.stem, types, when, f"{one.span_s:.1f} s" if one.span_s else "-", f"{one.size_bytes / 1e6:.1f} MB", why
+
+
+def _size(path: Path) -> int:
+    return sum(file.stat().st_size for file in path.iterdir()) if path.is_dir() else path.stat().st_size
+
+
+@contextmanager
+def _progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
+    """A progress bar on a terminal, nothing else where."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    with click.progressbar(length=1000, label=name, file=sys.stderr) as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.update(1000 * done // max(1, total) - bar.pos)
+
+        yield show

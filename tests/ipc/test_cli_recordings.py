@@ -1,0 +1,84 @@
+"""`silo files`: what it lists, fetches and deletes of a logger that runs."""
+
+import os
+import signal
+from pathlib import Path
+
+import msgspec
+import pytest
+from click.testing import CliRunner
+
+from silo.cli.main import cli
+from silo.errors import RefusedError
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def saved(bench):
+    bench.logger.start()
+    bench.ticks(300)
+    return [Path(bench.logger.save(("silo", "csv"))[0].path), Path(bench.logger.save("bag", name="walk")[0].path)]
+
+
+def run(*words: str, text: str | None = None):
+    return CliRunner().invoke(cli, ["files", *words], input=text)
+
+
+def test_the_list_names_files_types_span_and_why(bench, saved):
+    lines = run("ls", "bot").output.splitlines()
+    assert len(lines) == 4
+    assert saved[0].stem in lines[1]
+    assert "silo, csv" in lines[1]
+    assert "3.0 s" in lines[1]
+    assert "saved by the robot program" in lines[1]
+    assert "walk" in lines[2]
+    assert "2 recordings" in lines[3]
+
+
+def test_the_list_is_there_for_machines(bench, saved):
+    listed = msgspec.json.decode(run("ls", "bot", "--json").output)
+    assert [one["stem"] for one in listed["recordings"]] == ["walk", saved[0].stem]
+
+
+def test_a_run_is_fetched_by_its_number_with_all_its_files(bench, saved, tmp_path):
+    done = run("fetch", "bot", "1", "walk", "-o", str(tmp_path / "here"))
+    assert done.exit_code == 0, done.output
+    names = {path.name for path in (tmp_path / "here").iterdir()}
+    stem = saved[0].stem
+    assert names == {f"{stem}.silo", f"{stem}.csv", f"{stem}.csv.json", "walk.rosbag2"}
+    assert (tmp_path / "here" / f"{stem}.silo").read_bytes() == saved[0].read_bytes()
+
+
+def test_deleting_asks_first(bench, saved):
+    assert "delete walk.rosbag2 on bot" in run("rm", "bot", "walk", text="n\n").output
+    assert saved[1].exists()
+    assert "deleted walk.rosbag2" in run("rm", "bot", "walk", "--yes").output
+    assert not saved[1].exists()
+
+
+def test_a_name_that_means_nothing_is_told(bench, saved):
+    refused = run("fetch", "bot", "none")
+    assert isinstance(refused.exception, RefusedError)
+    assert "silo files ls" in str(refused.exception)
+
+
+def test_a_fetch_goes_on_where_it_was_when_the_helper_process_died_and_came_again(bench, client, tmp_path):
+    bench.logger.start()
+    bench.ticks(2000)
+    path = Path(bench.logger.save(name="long")[0].path)
+    killed: list[int] = []
+    shares: list[int] = []
+
+    def progress(done: int, total: int) -> None:
+        shares.append(done)
+        if not killed and 0 < done < total:
+            killed.append(client.status().helper_pid)
+            os.kill(killed[0], signal.SIGKILL)
+            bench.serving.close()
+            bench.serving = bench.logger.serve()
+
+    here = client.fetch("long.silo", tmp_path / "here", progress)
+    assert killed
+    assert here.read_bytes() == path.read_bytes()
+    assert shares == sorted(shares)
