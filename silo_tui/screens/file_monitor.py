@@ -40,7 +40,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
     def _words(self) -> str:
         clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""
         words = [f"cursor at {self.file.seconds:.9g} s{clock}"]
-        total, fitting = len(self.stack.plots), self.stack.fitting
+        total, fitting = len(self.stack.panels), self.stack.fitting
         if total > fitting:
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
         return " │ ".join([*words, *([self._said] if self._said else [])])

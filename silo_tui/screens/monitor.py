@@ -20,6 +20,7 @@ from silo_tui.context import SiloScreen
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Field
+from silo_tui.model.panels import gathered, isolate, join, stacked
 from silo_tui.model.plots import PlotWindow, plots_of
 from silo_tui.model.source import PlotSource
 from silo_tui.sessions.link import ViewRequest
@@ -159,8 +160,7 @@ class MonitorScreen(SiloScreen):
         wanted = {plotted.name for plotted in self.stack.plots}
         plots = [each for each in plots_of(found) if each.name in wanted or each.element.name in published]
         if plots != self.stack.plots:
-            self.stack.plots = plots
-            self.stack.choose(self.stack.chosen)
+            self.stack.keep(plots)
             self.fill_soon()
 
     def second_passed(self) -> None:
@@ -178,7 +178,7 @@ class MonitorScreen(SiloScreen):
         if self.window.cursor is not None:
             back = self.window.cursor * self.stack.store.column_ns / 1e9
             words.append(f"cursor at -{text.span(back)}" if back else "cursor at 0 s")
-        total, fitting = len(self.stack.plots), self.stack.fitting
+        total, fitting = len(self.stack.panels), self.stack.fitting
         if total > fitting:
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
         if missing := self.stack.missing():
@@ -266,10 +266,42 @@ class MonitorScreen(SiloScreen):
         self.stack.redraw()
         self.line.refresh()
 
+    def command_join_plots(self) -> None:
+        try:
+            self.stack.show_panels(join(self.stack.panels, self.stack.chosen_panel, self.stack.most))
+        except ValueError as refused:
+            self.say(f"{refused}; nothing was changed")
+            return
+        self._said = ""
+        self.fill_soon()
+
+    def command_isolate_plot(self) -> None:
+        self.stack.show_panels(isolate(self.stack.panels, self.stack.chosen_plot))
+        self.fill_soon()
+
+    def command_arrange_plots(self) -> None:
+        """Go on to the next arrangement that looks different."""
+        plots, most = self.stack.plots, self.stack.most
+        ways = (
+            ("each alone", stacked(plots)),
+            ("by unit", gathered(plots, by_unit=True, most=most)),
+            ("as few plots as can be", gathered(plots, by_unit=False, most=most)),
+        )
+        shown = [set(panels) for _, panels in ways]
+        now = set(self.stack.panels)
+        at = max((place for place, panels in enumerate(shown) if panels == now), default=2)
+        for words, panels in (ways[at + 1 :] + ways[: at + 1])[:2]:
+            if set(panels) != now:
+                self.stack.show_panels(panels)
+                self.say(f"plots: {words}")
+                self.fill_soon()
+                return
+        self.say("these can't be arranged in another way")
+
     def command_drop_plot(self) -> None:
-        if len(self.stack.plots) > 1:
-            del self.stack.plots[self.stack.chosen]
-            self.stack.choose(self.stack.chosen)
+        plots = self.stack.plots
+        if len(plots) > 1:
+            self.stack.keep([plotted for plotted in plots if plotted != self.stack.chosen_plot])
             self.fill_soon()
         else:
             self.command_back()

@@ -163,7 +163,7 @@ class RecordedStack(PlotStack):
         self.prefix = session.status.prefix.rstrip("/")
         self._file = session
 
-    def _facts(self, index: int, plotted: Plotted) -> str:
+    def _facts(self, at: int, plotted: Plotted) -> str:
         store = self.store
         facts = self._file.source.facts(plotted.name, store.end - self.columns, store.end, store.column_ns)
         words = f"= {self._now(plotted)}"

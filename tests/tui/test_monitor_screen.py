@@ -7,7 +7,7 @@ import numpy as np
 
 from silo.columns import Hole, hole_mark
 from silo.model import Action
-from silo_tui.model.braille import BLANK
+from silo_tui.model.dots import BLANK
 from silo_tui.model.fields import Field
 
 TORQUE = "/log/legs/LF/HAA/torque"
