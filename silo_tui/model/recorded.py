@@ -22,6 +22,7 @@ from silo.values import newest_values, numbers
 from silo_tui.model.columns import Floats, Marks
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, signs_of
+from silo_tui.model.source import Samples
 
 TILE = 64
 MAX_TILES = 4096  # 8 MB
@@ -267,6 +268,18 @@ class RecordingSource:
             if words:
                 texts[position] = words[0]
         return Reading(newest, texts, element.count, element.lost, time_ns, element.failures.count)
+
+    async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """All samples of an entry from `start_ns` to `end_ns`, both included; views, don't change them."""
+        signal = self._signals.get(name)
+        if signal is None:
+            return np.zeros(0, np.int64), np.zeros(0)
+        ticks = np.array(
+            [np.searchsorted(self._times, start_ns, "left"), np.searchsorted(self._times, end_ns, "right")], np.int64
+        )
+        begin, end = _samples(signal, ticks).tolist()
+        first, step = signal.first + begin * signal.divider, signal.divider
+        return self._times[first : first + (end - begin) * step : step], signal.values[begin:end]
 
     def neighbour(self, name: str, time_ns: int, step: int) -> int:
         """Time of the next (`step` 1) or previous (-1) sample of an entry; the same time where there is none."""

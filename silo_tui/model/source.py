@@ -1,10 +1,15 @@
 """Where plots get their data: a live logger, or a recording. The monitor knows only this."""
 
 from collections.abc import Awaitable, Sequence
-from typing import Protocol
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from silo.columns import HistoryColumns
 from silo.model import ElementInfo
+
+Samples: TypeAlias = tuple[NDArray[np.int64], NDArray[Any]]  # time stamps in ns and values, both of shape `(n,)`
 
 
 class PlotSource(Protocol):
@@ -33,3 +38,10 @@ class PlotSource(Protocol):
 
     def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Awaitable[HistoryColumns]:
         """Return columns of a stretch of time, at most 4096."""
+
+    def samples(self, name: str, start_ns: int, end_ns: int) -> Awaitable[Samples]:
+        """Return all samples of an entry from `start_ns` to `end_ns`, both included, oldest first.
+
+        The values are of the entry's own type. Empty where there is none. A live source raises a SiloError where the
+        logger doesn't answer.
+        """

@@ -21,6 +21,7 @@ from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import options_of, rows_of
 from silo_tui.model.live import LiveValues
 from silo_tui.model.rows import RowList
+from silo_tui.model.source import Samples
 from silo_tui.model.table import TableState
 from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn
 from silo_tui.sessions.link import Link, ViewRequest
@@ -306,6 +307,10 @@ class LiveSource:
         count = max(0, newest // column_ns + 1 - past.first)
         marks = None if past.marks is None else past.marks[:, :count]
         return replace(past, low=past.low[:, :count], high=past.high[:, :count], marks=marks)
+
+    async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """Return raw samples. Raises RefusedError: a helper process gives none yet."""
+        raise RefusedError(f"no samples of {name} between {start_ns} and {end_ns}: pause first")
 
 
 def why(error: RefusedError) -> RefusedWhy | None:

@@ -1,5 +1,7 @@
 """Columns and values of a recording, against the samples themselves."""
 
+import asyncio
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -216,3 +218,22 @@ def test_an_element_without_samples_is_empty():
     of = source(element("a", np.zeros(0)), element("b", np.zeros(1000)))
     assert np.isnan(columns(of).low).all()
     assert not of.readings(["/log/a"], of.end_ns)["/log/a"].held
+
+
+@given(divider=st.integers(1, 7), first=st.integers(0, 4), begin=st.integers(-50, 250), count=st.integers(0, 260))
+@settings(max_examples=examples(40))
+def test_the_samples_between_two_times_are_those_with_their_own_stamps(divider, first, begin, count):
+    values = np.arange(30, dtype=np.int16)
+    of = source(element("a", values, divider, first * divider), ticks=240)
+    start_ns, end_ns = (START_NS + STEP_NS * at for at in (begin, begin + count))
+    time_ns, found = asyncio.run(of.samples("/log/a", start_ns, end_ns))
+    stamps = of.recording.time_ns[first * divider :: divider][:30]
+    inside = (stamps >= start_ns) & (stamps <= end_ns)
+    np.testing.assert_array_equal(time_ns, stamps[inside])
+    np.testing.assert_array_equal(found, values[: len(stamps)][inside])
+    assert found.dtype == np.int16
+
+
+def test_a_file_has_no_samples_of_a_name_that_is_not_in_it():
+    time_ns, values = asyncio.run(source(element("a", [1.0])).samples("/log/b", 0, 2**62))
+    assert (len(time_ns), len(values)) == (0, 0)
