@@ -10,6 +10,7 @@ from silo_tui.model import braille, text
 Scale = tuple[float, float]
 _FACTORS = (1, 1.5, 2, 2.5, 3, 4, 5, 6, 8)
 _MOST_TICKS = 8
+WASTE = 1.4
 _EXTREME = 1e290  # beyond, and below its inverse, there is no room for powers of ten
 
 
@@ -22,8 +23,11 @@ def round_scale(smallest: float, largest: float, lines: int) -> Scale:
     # of numbers that differ in their last digits only, and of the largest and smallest there are, no step is round
     if not 1 / _EXTREME < extent < _EXTREME or extent < 1e-9 * max(abs(smallest), abs(largest)):
         return braille.nice_range(smallest, largest)
-    found = [_range_of(smallest, largest, count) for count in _counts(lines)]
-    return min(found, key=lambda ends: ends[1] - ends[0])
+    plain = braille.nice_range(smallest, largest)
+    found = [ends for count in _counts(lines) if count > 1 and (ends := _range_of(smallest, largest, count))]
+    best = min(found, key=lambda ends: ends[1] - ends[0], default=plain)
+    # a curve in the lower half of its plot costs more than the numbers in between are worth
+    return best if best[1] - best[0] <= WASTE * (plain[1] - plain[0]) else plain
 
 
 def _counts(lines: int) -> list[int]:
@@ -35,15 +39,15 @@ def _counts(lines: int) -> list[int]:
     return counts or [1]
 
 
-def _range_of(smallest: float, largest: float, count: int) -> Scale:
-    """Return the smallest range of `count` round steps that holds both values."""
+def _range_of(smallest: float, largest: float, count: int) -> Scale | None:
+    """Return the smallest range of `count` round steps that holds both values; None where only larger ones do."""
     raw = (largest - smallest) / count
     power = 10.0 ** math.floor(math.log10(raw))
     for step in (factor * size for size in (power, 10 * power) for factor in _FACTORS):
         first = math.floor(smallest / step + 1e-9)
         if (first + count) * step >= largest - 1e-9 * step and step >= raw * 0.999:
             return first * step, (first + count) * step
-    return smallest, largest
+    return None
 
 
 def ticks_of(scale: Scale, lines: int) -> list[tuple[int, float]]:

@@ -287,11 +287,9 @@ class MonitorScreen(SiloScreen):
             ("by unit", gathered(plots, by_unit=True, most=most)),
             ("as few plots as can be", gathered(plots, by_unit=False, most=most)),
         )
-        shown = [set(panels) for _, panels in ways]
-        now = set(self.stack.panels)
-        at = max((place for place, panels in enumerate(shown) if panels == now), default=2)
+        at = max((place for place, (_, panels) in enumerate(ways) if panels == self.stack.panels), default=2)
         for words, panels in (ways[at + 1 :] + ways[: at + 1])[:2]:
-            if set(panels) != now:
+            if panels != self.stack.panels:
                 self.stack.show_panels(panels)
                 self.say(f"plots: {words}")
                 self.fill_soon()

@@ -115,7 +115,7 @@ class PlotStack(Widget):
 
     def keep(self, plots: Sequence[Plotted]) -> None:
         """Show these signals: what shares a panel goes on to, new ones come at the end."""
-        known = set(self.plots)
+        known = self.plots
         panels = [tuple(plotted for plotted in panel if plotted in plots) for panel in self.panels]
         self.show_panels(
             [panel for panel in panels if panel] + [(plotted,) for plotted in plots if plotted not in known]
