@@ -133,7 +133,8 @@ def _changes(values: NDArray[Any]) -> Places:
         return np.zeros(0, np.intp)
     after, before = values[1:], values[:-1]
     # a nan after a nan is no change
-    both = (after != after) & (before != before)
+    missing = np.isnan(values) if values.dtype.kind in "fc" else np.isnat(values) if values.dtype.kind in "Mm" else None
+    both = np.zeros(len(after), np.bool_) if missing is None else missing[1:] & missing[:-1]
     return np.flatnonzero((after != before) & ~both) + 1
 
 

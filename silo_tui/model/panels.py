@@ -115,7 +115,7 @@ def least_height(panel: Panel, width: int) -> int:
 
 
 def heights(panels: Sequence[Panel], first: int, room: int, width: int) -> list[int]:
-    """Return the lines of each panel from `first` on that fits into the room, at least one; curves fill what is left."""
+    """Return the lines of each panel from `first` on that fits, at least one; curves fill the room that is left."""
     found: list[int] = []
     for panel in panels[first:]:
         least = least_height(panel, width)

@@ -4,10 +4,11 @@
 What it shows comes from a `PlotSource`, so that a recording can stand in for a live logger.
 """
 
+import asyncio
 from collections.abc import Sequence
 from typing import ClassVar
 
-from textual import events
+from textual import events as textual_events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.timer import Timer
@@ -16,23 +17,25 @@ from silo.errors import SiloError
 from silo.ipc.frames import Frame
 from silo.model import Action
 from silo_tui.actions import bindings_for
-from silo_tui.context import SiloScreen
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Field
+from silo_tui.model.find import Search, What, places_of
 from silo_tui.model.panels import gathered, isolate, join, stacked
 from silo_tui.model.plots import PlotWindow, plots_of
 from silo_tui.model.source import PlotSource
+from silo_tui.screens.finding import value_words
+from silo_tui.screens.standing import StandingStill
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
+from silo_tui.widgets.between import BetweenTable
 from silo_tui.widgets.plot_stack import PlotStack
 
 DEBOUNCE_S = 0.1
-FAR = 10
 
 
-class MonitorScreen(SiloScreen):
+class MonitorScreen(StandingStill):
     """Plots of the elements that were marked when it was opened."""
 
     scope = "monitor"
@@ -63,6 +66,8 @@ class MonitorScreen(SiloScreen):
         yield self.status_bar
         yield self.banner
         yield self.stack
+        self.between = BetweenTable()
+        yield self.between
         yield self.line
         yield KeyBar(self.scope)
 
@@ -76,9 +81,9 @@ class MonitorScreen(SiloScreen):
         """Show at once; history fills the plots."""
         self.banner.update()
         if not self.source.live:
-            self.window.paused_end_ns = self.source.end_ns
+            self.window.paused_end_ns = self._newest_ns = self.source.end_ns
 
-    def on_resize(self, event: events.Resize) -> None:
+    def on_resize(self, event: textual_events.Resize) -> None:
         """Show other columns for another width."""
         self.call_after_refresh(self._sized)
 
@@ -123,8 +128,23 @@ class MonitorScreen(SiloScreen):
         if store is not self._asked and not self.window.paused:
             return  # another one was asked for meanwhile
         self.stack.store = store
-        self.stack.redraw()
-        self.line.refresh()
+        await self._fill_texts(end)
+        self._show_moment()
+
+    async def _fill_texts(self, end_ns: int) -> None:
+        """Read since when which text held."""
+        for plotted in self.stack.on_screen():
+            if plotted.numeric:
+                continue
+            try:
+                time_ns, values = await self.source.samples(plotted.name, end_ns - 2 * self.window.span_ns, end_ns)
+            except SiloError:
+                continue  # a live one that gives no samples now: its newest text stands there
+            changes = await asyncio.to_thread(places_of, Search(What.CHANGE), time_ns, values, 1)
+            begins = [0, *changes.tolist()] if len(values) else []
+            self.stack.events[plotted.name] = [
+                (int(time_ns[at]), value_words(plotted.entry, values[at : at + 1])) for at in begins
+            ]
 
     # ------------------------------------------------------------------------------------ what the app tells us
 
@@ -132,6 +152,7 @@ class MonitorScreen(SiloScreen):
         """Show new columns and values."""
         self.status_bar.update()
         self.stack.readings = self.session.live.readings
+        self._take_texts(frame)
         if not self.window.paused:
             if self.session.running and not self.stack.store.empty:
                 self.stack.store.advance_to(frame.time_ns // self.stack.store.column_ns + 1)
@@ -139,6 +160,16 @@ class MonitorScreen(SiloScreen):
             if self.session.columns is self._asked and self._asked.gapped and not self._mending:
                 self._mending = True  # frames got lost on their way: the logger still has what was in them
                 self.run_worker(self._fill(self._asked, list(self._asked.names)), group="history")
+
+    def _take_texts(self, frame: Frame) -> None:
+        """Note texts that changed."""
+        for plotted in self.stack.plots:
+            reading = None if plotted.numeric else self.stack.readings.get(plotted.element.name)
+            if reading is None or plotted.position not in reading.texts:
+                continue
+            events, word = self.stack.events.setdefault(plotted.name, []), reading.texts[plotted.position]
+            if not events or events[-1][1] != word:
+                events.append((frame.time_ns, word))
 
     def status_changed(self) -> None:
         """Follow a change of state or link."""
@@ -175,7 +206,9 @@ class MonitorScreen(SiloScreen):
 
     def _words(self) -> str:
         words = []
-        if self.window.cursor is not None:
+        if self.window.paused and self.window.at_ns is not None:
+            words.append(f"A {self.moment_words(self.window.at_ns)}")
+        elif self.window.cursor is not None:
             back = self.window.cursor * self.stack.store.column_ns / 1e9
             words.append(f"cursor at -{text.span(back)}" if back else "cursor at 0 s")
         total, fitting = len(self.stack.panels), self.stack.fitting
@@ -211,54 +244,12 @@ class MonitorScreen(SiloScreen):
     def command_pause(self) -> None:
         if not self.source.live:
             return
-        if self.window.paused:
-            self.window.paused_end_ns = None
-            self.window.cursor = None
-        else:
-            store = self.stack.store
-            self.window.paused_end_ns = store.end * store.column_ns - 1 if not store.empty else self.source.end_ns
-        self.request_view()
-        self.line.refresh()
-
-    def command_closer(self) -> None:
-        self._zoom(closer=True)
-
-    def command_wider(self) -> None:
-        self._zoom(closer=False)
-
-    def _zoom(self, *, closer: bool) -> None:
-        """Zoom around the cursor when the picture stands still, else at its right end."""
-        cursor = self.window.cursor
-        before = self.window.span_ns
-        if not self.window.zoom(closer=closer):
-            self.say("that is the shortest span" if closer else "that is the longest span")
+        if self.window.paused and not self.window.looking_back:
+            self._go_on()
             return
-        if self.window.paused_end_ns is not None and cursor is not None:
-            back = cursor * self.stack.store.column_ns
-            self.window.paused_end_ns -= back - round(back * self.window.span_ns / before)
-        self.say("")
+        self._stand_still()
+        self.window.looking_back = False
         self.request_view()
-
-    def command_cursor_left(self) -> None:
-        self._move_cursor(-1)
-
-    def command_cursor_right(self) -> None:
-        self._move_cursor(1)
-
-    def command_cursor_far_left(self) -> None:
-        self._move_cursor(-FAR)
-
-    def command_cursor_far_right(self) -> None:
-        self._move_cursor(FAR)
-
-    def _move_cursor(self, cells: int) -> None:
-        beyond = self.window.move_cursor(cells, self.stack.columns)
-        if beyond and self.window.paused_end_ns is not None:
-            # the window itself moves on by a quarter, so that one can walk through a recording
-            step = self.window.span_ns // 4 if beyond > 0 else -self.window.span_ns // 4
-            self.window.paused_end_ns = min(self.source.end_ns, self.window.paused_end_ns + step)
-            self.request_view()
-        self.stack.redraw()
         self.line.refresh()
 
     def command_scale(self) -> None:
@@ -332,12 +323,14 @@ class MonitorScreen(SiloScreen):
         self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s))
 
     def command_back(self) -> None:
-        """Leave the cursor, then the pause, then the screen."""
-        if self.window.cursor is not None:
-            self.window.cursor = None
+        """Leave cursor B, then the cursor, then the pause, then the screen."""
+        if self.window.other_ns is not None:
+            self.command_cursor_b()
+        elif self.window.cursor is not None:
+            self.window.cursor = self._at_ns = None
             self.stack.redraw()
             self.line.refresh()
         elif self.window.paused and self.source.live:
-            self.command_pause()
+            self._go_on()
         else:
             self.context.leave_screen()

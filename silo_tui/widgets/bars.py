@@ -173,7 +173,8 @@ class MonitorLine(Widget):
     def render(self) -> RenderResult:
         """Return the line."""
         window = self._window
-        parts = [f"{text.span(window.span_s)} shown", "PAUSED" if window.paused else "live"]
+        state = "back: End is now" if window.looking_back else "PAUSED" if window.paused else "live"
+        parts = [f"{text.span(window.span_s)} shown", state]
         parts.append("y held" if window.fixed_scale else "y follows")
         words = self._words()
         if words:

@@ -200,7 +200,7 @@ async def test_the_detail_plot_has_axes(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.press("d")
+        await screen.press("enter")
         await screen.shows("time [s]")
         await screen.press("tab", "tab")
         await screen.shows("frequency [Hz]")
@@ -210,7 +210,7 @@ async def test_two_signals_can_be_plotted_against_one_another(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
         await screen.type("/LF/HAA")
-        await screen.press("enter", "asterisk", "m", "d", "tab")
+        await screen.press("enter", "asterisk", "m", "enter", "tab")
         await screen.shows("x-y")
         await screen.shows("velocity [rad/s] over /legs/LF/HAA/position" if False else " over ")
 
