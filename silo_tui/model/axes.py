@@ -24,41 +24,42 @@ def round_scale(smallest: float, largest: float, lines: int) -> Scale:
     if not 1 / _EXTREME < extent < _EXTREME or extent < 1e-9 * max(abs(smallest), abs(largest)):
         return braille.nice_range(smallest, largest)
     plain = braille.nice_range(smallest, largest)
-    found = [ends for count in _counts(lines) if count > 1 and (ends := _range_of(smallest, largest, count))]
+    found = [ends for apart in _distances(lines) if (ends := _range_of(smallest, largest, lines, apart))]
     best = min(found, key=lambda ends: ends[1] - ends[0], default=plain)
     # a curve in the lower half of its plot costs more than the numbers in between are worth
     return best if best[1] - best[0] <= WASTE * (plain[1] - plain[0]) else plain
 
 
-def _counts(lines: int) -> list[int]:
-    """In how many steps a plot of so many lines can be divided; most first."""
-    apart = 1 if lines <= 6 else 2
-    counts = [
-        count for count in range(_MOST_TICKS, 0, -1) if (lines - 1) % count == 0 and (lines - 1) // count >= apart
-    ]
-    return counts or [1]
+def _distances(lines: int) -> range:
+    """How many lines can lie between two ticks: at least three ticks fit, and no more than can be read."""
+    least = 1 if lines <= 6 else 2
+    return range(max(least, -(-(lines - 1) // _MOST_TICKS)), max(1, (lines - 1) // 2) + 1)
 
 
-def _range_of(smallest: float, largest: float, count: int) -> Scale | None:
-    """Return the smallest range of `count` round steps that holds both values; None where only larger ones do."""
-    raw = (largest - smallest) / count
+def _range_of(smallest: float, largest: float, lines: int, apart: int) -> Scale | None:
+    """Return the smallest range with a round step every `apart` lines, from the bottom on, that holds both values.
+
+    None where only much larger ones do.
+    """
+    steps = (lines - 1) / apart
+    raw = (largest - smallest) / steps
     power = 10.0 ** math.floor(math.log10(raw))
     for step in (factor * size for size in (power, 10 * power) for factor in _FACTORS):
         first = math.floor(smallest / step + 1e-9)
-        if (first + count) * step >= largest - 1e-9 * step and step >= raw * 0.999:
-            return first * step, (first + count) * step
+        if step >= raw * 0.999 and (first + steps) * step >= largest - 1e-9 * step:
+            return first * step, (first + steps) * step
     return None
 
 
 def ticks_of(scale: Scale, lines: int) -> list[tuple[int, float]]:
-    """Return the lines (0 on top) of a plot that have a number, and which; top and bottom always have one."""
+    """Return the lines (0 on top) of a plot that have a number, and which: round ones, else top and bottom."""
     bottom, top = scale
-    if not (math.isfinite(bottom) and math.isfinite(top)) or lines < 1:
+    if not (math.isfinite(bottom) and math.isfinite(top)) or lines < 2:
         return []
-    for count in _counts(lines):
-        values = [bottom + (top - bottom) * place / count for place in range(count + 1)]
-        if count == 1 or _is_round((top - bottom) / count, values):
-            apart = (lines - 1) // count
+    per_line = top / (lines - 1) - bottom / (lines - 1)
+    for apart in _distances(lines):
+        values = [bottom + place * per_line for place in range(0, lines, apart)]
+        if _is_round(apart * per_line, values):
             return [(lines - 1 - place * apart, value) for place, value in enumerate(values)][::-1]
     return [(0, top), (lines - 1, bottom)]
 
@@ -105,7 +106,13 @@ def _number(word: str) -> float:
     return float(word[:-1]) * 10.0 ** (3 * power) if power else float(word)
 
 
-def log_scale(smallest: float, largest: float) -> Scale:
-    """Return powers of ten around two positive numbers, as exponents."""
-    first, last = math.floor(np.log10(smallest) + 1e-9), math.ceil(np.log10(largest) - 1e-9)
-    return float(first), float(max(last, first + 1))
+def decade_words(scale: Scale, lines: int) -> dict[int, str]:
+    """Return what stands on which line where powers of ten are drawn: `scale` are whole exponents."""
+    first, last = round(scale[0]), round(scale[1])
+    apart = -(-(last - first) // max(1, lines // 2))
+    exponents = np.arange(first, last + 1, apart, dtype=np.float64)
+    rows = braille.row_of(exponents, scale, 4 * lines)
+    return {
+        int((4 * lines - 1 - row) // 4): f"1e{exponent:.0f}"
+        for row, exponent in zip(rows.tolist(), exponents.tolist(), strict=True)
+    }

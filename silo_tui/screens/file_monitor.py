@@ -114,13 +114,13 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self._show_moment()
 
     def command_detail(self) -> None:
-        chosen = self.stack.plots[self.stack.chosen]
-        plots = [chosen, *(plotted for plotted in self.stack.plots if plotted is not chosen)]
-        plots = [plotted for plotted in plots if plotted.numeric]
+        plots, count = self.stack.for_detail()
         if not plots:
             self.say(f"{text.plural(len(self.stack.plots), 'text')}: nothing to draw")
             return
-        self.app.push_screen(FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s, self.window.spans))
+        self.app.push_screen(
+            FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s, self.window.spans, count)
+        )
 
     def command_back(self) -> None:
         self.context.leave_screen()

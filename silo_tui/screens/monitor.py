@@ -313,14 +313,12 @@ class MonitorScreen(StandingStill):
 
         if not self.stack.plots:
             return
-        chosen = self.stack.plots[self.stack.chosen]
-        plots = [chosen, *(plotted for plotted in self.stack.plots if plotted is not chosen)]
-        plots = [plotted for plotted in plots if plotted.numeric and self.source.is_live(plotted.element.name)]
+        plots, count = self.stack.for_detail()
         if not plots:
             self.say("nothing published to plot")
             return
         end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
-        self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s))
+        self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s, count))
 
     def command_back(self) -> None:
         """Leave cursor B, then the cursor, then the pause, then the screen."""

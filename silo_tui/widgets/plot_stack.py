@@ -121,6 +121,13 @@ class PlotStack(Widget):
             [panel for panel in panels if panel] + [(plotted,) for plotted in plots if plotted not in known]
         )
 
+    def for_detail(self) -> tuple[list[Plotted], int]:
+        """What one large plot shows: the chosen signal, those of its panel, the others; how many share it."""
+        shown = [each for each in self.plots if each.numeric and self.source.is_live(each.element.name)]
+        chosen, panel = self.chosen_plot, self.panels[self.chosen_panel]
+        mine = [each for each in shown if each == chosen] + [each for each in shown if each in panel and each != chosen]
+        return mine + [each for each in shown if each not in panel], max(1, len(mine))
+
     # ------------------------------------------------------------------------------------------------ geometry
 
     @property
