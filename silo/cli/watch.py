@@ -11,6 +11,7 @@ import click
 from silo.cli.common import complete_words, connect, json_option, show_json, split_logger
 from silo.cli.edits import select
 from silo.errors import ConnectionLostError, ElementError, RefusedError
+from silo.ipc.published import NOT_LIVE_TEXTS
 from silo.model import State
 from silo.values import printable
 
@@ -82,8 +83,8 @@ def lay_out(elements: "Sequence[ElementInfo]") -> list[Line]:
 def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool) -> None:
     """Print live values until Ctrl-C: one line per element and refresh, or one JSON object per refresh.
 
-    Only elements whose action publishes have live values: `silo set PATTERN action=both` makes them so. PATTERN is an
-    element, a namespace or a glob.
+    Every element that is on can be watched, whether it is saved or published. PATTERN is an element, a namespace or a
+    glob.
 
     \b
     Examples:
@@ -103,17 +104,17 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
 def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | None, *, as_json: bool) -> None:
     table = client.table().elements
     chosen = [table[place] for place in select([e.name for e in table], patterns)]
-    silent = [e.name for e in chosen if not (e.options.enabled and e.options.action.publishes)]
+    silent = [e.name for e in chosen if not e.options.enabled]
     chosen = [e for e in chosen if e.name not in set(silent)]
     if not chosen:
         raise ElementError(
-            f"{silent[0]}{f' and {len(silent) - 1} more' if len(silent) > 1 else ''}: off, or saved but not published; "
-            "`silo set PATTERN on action=both` makes values live"
+            f"{silent[0]}{f' and {len(silent) - 1} more' if len(silent) > 1 else ''}: off; "
+            "`silo set PATTERN on` switches it on, while the logger is stopped"
         )
     for name in silent[:10]:
-        click.echo(f"{name}: off, or saved but not published", err=True)
+        click.echo(f"{name}: off", err=True)
     if len(silent) > 10:
-        click.echo(f"and {len(silent) - 10} more are not published", err=True)
+        click.echo(f"and {len(silent) - 10} more are off", err=True)
     lines = lay_out(chosen)
     view = client.view([e.name for e in chosen], [], rate, 100_000_000)
     try:
@@ -150,11 +151,12 @@ def _frames(client: "Client", view: "View") -> "Iterator[Frame]":
 def _show_lines(lines: Sequence[Line], frame: "Frame") -> None:
     newest = frame.newest.tolist()
     clock = show_clock(frame.time_ns)
-    for line, held in zip(lines, frame.held.tolist(), strict=True):
+    for place, (line, held) in enumerate(zip(lines, frame.held.tolist(), strict=True)):
         values = line.texts(newest, frame.texts) if held else ["-"]
         more = f" ... ({len(values)} values)" if len(values) > MOST_VALUES else ""
         unit = "" if line.info.unit == "-" or not held else f" {line.info.unit}"
-        click.echo(f"{clock}  {line.info.name}  {' '.join(values[:MOST_VALUES])}{more}{unit}")
+        why = f"  ({NOT_LIVE_TEXTS[frame.not_live[place]]})" if held and place in frame.not_live else ""
+        click.echo(f"{clock}  {line.info.name}  {' '.join(values[:MOST_VALUES])}{more}{unit}{why}")
 
 
 def _show_json(lines: Sequence[Line], frame: "Frame") -> None:
@@ -166,6 +168,8 @@ def _show_json(lines: Sequence[Line], frame: "Frame") -> None:
             # the digits of an integer that a float can't hold are a number in JSON
             exact = int(word) if word is not None and entry.dtype[1:2] in "iu" else word
             values[line.info.name + entry.suffix] = newest[place] if exact is None else exact
-    show_json(
-        {"time_ns": frame.time_ns, "tick": frame.tick, "state": frame.state, "lost": frame.lost_total, "values": values}
-    )
+    not_live = {lines[place].info.name: why.value for place, why in frame.not_live.items()}
+    found = {
+        "time_ns": frame.time_ns, "tick": frame.tick, "state": frame.state, "lost": frame.lost_total, "values": values
+    }  # fmt: skip
+    show_json({**found, "not_live": not_live} if not_live else found)

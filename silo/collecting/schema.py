@@ -111,6 +111,16 @@ class ElementSchema(msgspec.Struct, frozen=True):
     live_entries: tuple[EntrySchema, ...] = ()
     failures: int = -1
 
+    @property
+    def watch_ring(self) -> int:
+        """The ring in which its newest samples are seen: its own where it has no other, as what is only saved."""
+        return self.live_ring if self.live_ring >= 0 else self.ring
+
+    @property
+    def watch_entries(self) -> tuple[EntrySchema, ...]:
+        """Where its entries stand in the rows of that ring."""
+        return self.live_entries if self.live_ring >= 0 else self.entries
+
 
 class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     """What the segment holds and who writes it. `pid_start` and `boot_id` tell the writer from a reused pid.

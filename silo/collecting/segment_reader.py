@@ -291,10 +291,11 @@ class SegmentReader:
 
     # ------------------------------------------------------------------------------------------------- rows
 
-    def rows(self, ring: int, since: int, limit: int | None = None) -> Rows:
+    def rows(self, ring: int, since: int, limit: int | None = None, words: NDArray[np.intp] | None = None) -> Rows:
         """Committed rows with index `since` and later that are still there, copied; at most the first `limit` of them.
 
-        `Rows.first` is larger than `since` where older rows were overwritten.
+        `Rows.first` is larger than `since` where older rows were overwritten. Of each row only the words at these
+        places are copied, ascending, or all.
         """
         layout = self.schema.rings[ring]
         self._check_size()
@@ -305,13 +306,13 @@ class SegmentReader:
         if layout.buffer_type is BufferType.LOOPING:
             begin = max(begin, head - layout.capacity + UNSAFE_ROWS)
         end = max(head if limit is None else min(head, begin + limit), begin)
-        words = self._copy(layout, begin, end)
+        copied = self._copy(layout, begin, end, words)
         if layout.buffer_type is BufferType.LOOPING:
             safe = self._ring_word(ring, RingControl.HEAD) - layout.capacity + UNSAFE_ROWS
             if safe > begin:
                 cut = min(safe, end) - begin
-                return Rows(layout, begin + cut, words[cut:])
-        return Rows(layout, begin, words)
+                return Rows(layout, begin + cut, copied[cut:])
+        return Rows(layout, begin, copied)
 
     def _check_size(self) -> None:
         """Raise SegmentError if the file was cut under the mapping.
@@ -322,15 +323,22 @@ class SegmentReader:
         if not self._file.closed and (size := os.fstat(self._file.fileno()).st_size) < self._size_bytes:
             raise SegmentError(f"{self.path}: cut short while it was read, {size} of {self._size_bytes} bytes are left")
 
-    def _copy(self, ring: RingSchema, begin: int, end: int) -> NDArray[np.uint64]:
+    def _copy(
+        self, ring: RingSchema, begin: int, end: int, words: NDArray[np.intp] | None = None
+    ) -> NDArray[np.uint64]:
         if ring.buffer_type is BufferType.GROWING and end > begin:
             self._chunk(ring.ring, (end - 1) // ring.capacity)  # before memory is taken for what isn't there
-        out = np.empty((end - begin, ring.row_words), np.uint64)
+        some = words if words is not None and len(words) < ring.row_words else None
+        out = np.empty((end - begin, ring.row_words if some is None else len(some)), np.uint64)
         done = 0
         while done < len(out):
             block, slot = self._block(ring, begin + done)
             count = min(len(out) - done, len(block) - slot)
-            out[done : done + count] = block[slot : slot + count]
+            rows = block[slot : slot + count]
+            if some is None:
+                out[done : done + count] = rows
+            else:
+                np.take(rows, some, axis=1, out=out[done : done + count], mode="clip")
             done += count
         return out
 

@@ -14,33 +14,43 @@ from silo.helper import script_folder
 from silo.helper.events import Events, plain
 from silo.helper.history import check_history, history
 from silo.helper.mirror import LoggerSnapshot, Mirror
+from silo.helper.pins import Pins, no_pin
 from silo.helper.publisher import Publisher
 from silo.helper.requests import check_edits
 from silo.helper.robot import Robot
+from silo.helper.samples import check_samples, samples
 from silo.helper.saver import Saver
 from silo.ipc.messages import (
     AnyReply,
     ApplyEdits,
+    ClosePin,
+    CloseStream,
     CloseView,
     Columns,
     DiffScript,
     Done,
     EditsApplied,
     GetHistory,
+    GetSamples,
     GetStatus,
     GetTable,
     GoesOn,
     Hello,
     HelloReply,
+    KeepPin,
     ListScripts,
     LoadScript,
+    OpenPin,
+    OpenStream,
     OpenView,
+    PinOpened,
     ReadScript,
     Refused,
     RefusedWhy,
     ReplyT,
     Request,
     Restart,
+    SampleRows,
     Save,
     SaveScript,
     SaveStarted,
@@ -50,6 +60,7 @@ from silo.ipc.messages import (
     Start,
     StatusReply,
     Stop,
+    StreamOpened,
     ViewOpened,
 )
 from silo.ipc.published import EventKind
@@ -88,6 +99,7 @@ class Answers:
         self._publisher = publisher
         self._saver = saver
         self._robot = robot
+        self._pins = Pins()
 
     def answer(self, request: Request[Any]) -> bytes:
         """Return the encoded answer; waits for the robot process where it must."""
@@ -126,7 +138,39 @@ class Answers:
 
     @answers_to(GetHistory)
     def _history(self, request: GetHistory) -> Columns | Refused:
-        return check_history(request) or history(request, self._mirror.now, self._mirror.open_reader())
+        pinned = self._pins.rows(request.pin) if request.pin else None
+        if isinstance(pinned, Refused):
+            return pinned
+        return check_history(request) or history(request, self._mirror.now, self._mirror.open_reader(), pinned)
+
+    @answers_to(GetSamples)
+    def _samples(self, request: GetSamples) -> SampleRows | Refused:
+        source = self._pins.rows(request.pin) if request.pin else self._mirror.open_reader()
+        if isinstance(source, Refused):
+            return source
+        return check_samples(request) or samples(request, self._mirror.now, source)
+
+    @answers_to(OpenStream)
+    def _open_stream(self, request: OpenStream) -> StreamOpened | Refused:
+        return self._publisher.streams.open(request)
+
+    @answers_to(CloseStream)
+    def _close_stream(self, request: CloseStream) -> Done:
+        self._publisher.streams.close(request.stream)
+        return Done("the stream is closed")
+
+    @answers_to(OpenPin)
+    def _open_pin(self, request: OpenPin) -> PinOpened | Refused:
+        return self._pins.open(request, self._mirror.now, self._mirror.open_reader())
+
+    @answers_to(KeepPin)
+    def _keep_pin(self, request: KeepPin) -> Done | Refused:
+        return Done("kept") if self._pins.keep(request.pin) else no_pin(request.pin)
+
+    @answers_to(ClosePin)
+    def _close_pin(self, request: ClosePin) -> Done:
+        self._pins.close(request.pin)
+        return Done("the pin is closed")
 
     @answers_to(ListScripts)
     def _list_scripts(self, _: ListScripts) -> Scripts:

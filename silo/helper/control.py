@@ -15,8 +15,9 @@ import zenoh
 from silo.helper.answers import Answers
 from silo.helper.history import answer_bytes
 from silo.helper.requests import decode_ask, decode_do
+from silo.helper.samples import check_samples
 from silo.ipc.keys import Root
-from silo.ipc.messages import GetHistory, Refused, RefusedWhy, Request, SlowAsk
+from silo.ipc.messages import GetHistory, GetSamples, Refused, RefusedWhy, Request, SlowAsk
 
 MAX_WAITING = 64
 MAX_SLOW = 16
@@ -84,6 +85,7 @@ class Control:
             self._reply(query, "ask", lambda: self._answer(request))
             return
         size = answer_bytes(request) if isinstance(request, GetHistory) else 0
+        size = request.reply_bytes if isinstance(request, GetSamples) and not check_samples(request) else size
         busy = self._too_busy(size)
         if busy is not None:
             self._reply(query, "ask", lambda: _encoder.encode(busy))

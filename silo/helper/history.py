@@ -1,11 +1,15 @@
 """History: past samples of some entries in columns, straight from the buffers in shared memory."""
 
+import numpy as np
+
 from silo.collecting.schema import TIME_RING, ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.columns import MAX_COLUMNS, ColumnGrid, Hole, bins_of
 from silo.helper.mirror import LoggerSnapshot
+from silo.helper.picking import STAMPS, RingSource, first_row, moved, words_of
+from silo.helper.pinned_rows import PinnedRows
 from silo.helper.views import MIN_COLUMN_NS
-from silo.ipc.messages import Columns, GetHistory, Refused, RefusedWhy
+from silo.ipc.messages import By, Columns, GetHistory, Refused, RefusedWhy
 
 MAX_NAMES = 64
 BLOCK_BYTES = 4 * 2**20
@@ -35,11 +39,17 @@ def _count(request: GetHistory) -> int:
     return -(-request.end_ns // request.column_ns) - request.start_ns // request.column_ns
 
 
-def history(request: GetHistory, now: LoggerSnapshot, reader: SegmentReader | None) -> Columns | Refused:
-    """Return the columns; one without sample says why, be it that the element is off or that its buffer is shorter."""
-    until_ns = reader.last_time_ns if reader else 0
+def history(
+    request: GetHistory, now: LoggerSnapshot, reader: SegmentReader | None, pinned: PinnedRows | None = None
+) -> Columns | Refused:
+    """Return the columns; one without sample says why, be it that the element is off or that its buffer is shorter.
+
+    With `pinned` they are of what is held there.
+    """
+    source: RingSource | None = pinned or reader
+    until_ns = pinned.span_ns()[1] if pinned else reader.last_time_ns if reader else 0
     grid = ColumnGrid(len(request.names), request.start_ns // request.column_ns, _count(request))
-    schemas = {element.info.name: element for element in reader.schema.elements} if reader else {}
+    schemas = {element.info.name: element for element in source.schema.elements} if source else {}
     wanted: dict[int, list[tuple[int, EntrySchema]]] = {}
     logged: list[tuple[int, ElementSchema]] = []
     for signal, name in enumerate(request.names):
@@ -52,9 +62,10 @@ def history(request: GetHistory, now: LoggerSnapshot, reader: SegmentReader | No
         if element is not None and found[1] < len(element.entries):
             _want(wanted, element, signal, found[1])
             logged.append((signal, element))
-    if reader is not None:
+    if source is not None:
         for ring, signals in wanted.items():
-            _fill(grid, reader, ring, signals, request)
+            _fill(grid, source, ring, signals, request, pinned)
+    if reader is not None and pinned is None:
         _say_why_empty(grid, reader, logged, request)
     return Columns(
         list(request.names),
@@ -78,17 +89,22 @@ def _want(wanted: dict[int, list[tuple[int, EntrySchema]]], element: ElementSche
 
 def _fill(
     grid: ColumnGrid,
-    reader: SegmentReader,
+    reader: RingSource,
     ring: int,
     signals: list[tuple[int, EntrySchema]],
     request: GetHistory,
+    pinned: PinnedRows | None = None,
 ) -> None:
-    block = max(1, BLOCK_BYTES // (8 * reader.schema.rings[ring].row_words))
+    words = np.array(sorted({*STAMPS.tolist(), *(word for _, entry in signals for word in words_of(entry))}), np.intp)
+    if pinned is not None and not pinned.holds(ring, words.tolist()):
+        return
+    signals = [(signal, moved(entry, words)) for signal, entry in signals]
+    block = max(1, BLOCK_BYTES // (8 * len(words)))
     head = reader.head(ring)
-    row = _first_row(reader, ring, request.start_ns)
+    row = first_row(reader, ring, By.TIME, request.start_ns)
     while row < head:
         # fewer than `block` rows, or none, come too where the oldest were overwritten meanwhile: the newer follow
-        rows = reader.rows(ring, row, block)
+        rows = reader.rows(ring, row, block, words)
         row = max(row + 1, rows.first + len(rows))
         if not len(rows):
             continue
@@ -144,17 +160,3 @@ def _start_ns(reader: SegmentReader) -> int:
     if not len(oldest):
         return reader.last_time_ns
     return int(oldest.time_ns[0]) - int(oldest.first * 1e9 / reader.schema.frequency_hz)
-
-
-def _first_row(reader: SegmentReader, ring: int, start_ns: int) -> int:
-    """The first row at or after `start_ns`, by bisection; rows that are overwritten meanwhile only move it on."""
-    oldest = reader.rows(ring, 0, 1).first
-    low, high = oldest, reader.head(ring)
-    while low < high:
-        middle = (low + high) // 2
-        found = reader.rows(ring, middle, 1)
-        if len(found) and found.first == middle and int(found.time_ns[0]) >= start_ns:
-            high = middle
-        else:
-            low = middle + 1
-    return low

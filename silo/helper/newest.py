@@ -33,8 +33,8 @@ class NewestValues:
         wanted: dict[int, list[tuple[int, EntrySchema]]] = {}
         place = 0
         for element, count in zip(elements, counts, strict=True):
-            if element is not None and element.live_ring >= 0 and len(element.live_entries) == count:
-                wanted.setdefault(element.live_ring, []).extend(enumerate(element.live_entries, place))
+            if element is not None and len(element.watch_entries) == count:
+                wanted.setdefault(element.watch_ring, []).extend(enumerate(element.watch_entries, place))
             place += count
         self._picks = {ring: _picks(entries) for ring, entries in wanted.items()}
         known = [element for element in elements if element is not None]

@@ -16,6 +16,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
+from silo.helper.streams import Streams
 from silo.helper.topics import Topics, matching
 from silo.helper.views import LEASE_S, View, check_view, layout_of
 from silo.ipc import keys
@@ -45,6 +46,7 @@ class Publisher:
         self._mirror = mirror
         self._events = events
         self._topics = Topics(session, root)
+        self.streams = Streams(session, root, mirror)
         self._presence = session.liveliness().declare_subscriber(
             root.key("client", "*"), zenoh.handlers.RingChannel(256), history=True
         )
@@ -140,6 +142,7 @@ class Publisher:
             self._wake.clear()
         for name in list(self._views):
             self.close_view(name)
+        self.streams.stop()
         self._undeclare_closed()
 
     def _undeclare_closed(self) -> None:
@@ -166,7 +169,7 @@ class Publisher:
             due_s = min(due_s, self._topics_due_s)
         else:
             self._topics.publish(now_s)
-        return min(due_s, self._send_views(now_s))
+        return min(self.streams.send(self._reader, now_s, due_s), self._send_views(now_s))
 
     def _follow_segment(self) -> None:
         path = self._mirror.segment
@@ -189,6 +192,7 @@ class Publisher:
                     self._clients.add(client)
                 continue
             self._clients.discard(client)
+            self.streams.close_all_of(client)
             with self._lock:
                 ended = [view for view in [*self._views, *self._failed] if keys.client_of_view(view) == client]
             for view in ended:

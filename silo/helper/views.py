@@ -15,6 +15,7 @@ from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.columns import MAX_COLUMNS, ColumnGrid, bins_of
+from silo.helper.liveness import Liveness
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.newest import NewestValues
 from silo.ipc.keys import VIEW_ID
@@ -78,7 +79,7 @@ def layout_of(request: OpenView, now: LoggerSnapshot) -> Layout:
             missing.append(name)
             continue
         entries += [name + entry.suffix for entry in info.entries]
-        if not (info.options.enabled and info.options.action.publishes):
+        if not info.options.enabled:
             unpublished[name] = None
     plots = []
     for name in request.plots:
@@ -87,8 +88,7 @@ def layout_of(request: OpenView, now: LoggerSnapshot) -> Layout:
         if found is None:
             missing.append(name)
             continue
-        options = now.table.elements[now.places[found[0]]].options
-        if not (options.enabled and options.action.publishes):
+        if not now.table.elements[now.places[found[0]]].options.enabled:
             unpublished[found[0]] = None
     return Layout(now.generation, counts, entries, plots, list(unpublished), missing)
 
@@ -119,27 +119,29 @@ class View:
         self._newest: NewestValues | None = None
         self._plots: dict[int, _Plots] = {}
         self._sizes: dict[int, int] = {}
+        self._liveness: Liveness | None = None
         self._reader: SegmentReader | None = None
 
     def _adopt(self, now: LoggerSnapshot, reader: SegmentReader | None) -> Layout:
         """Prepares for the present generation and segment."""
         layout = layout_of(self.request, now)
         self._layout, self._reader = layout, reader
-        self._newest, self._plots, self._sizes = None, {}, {}
+        self._newest, self._plots, self._sizes, self._liveness = None, {}, {}, None
         self._sent_tick = -1
         if reader is None:
             return layout
         schemas = {element.info.name: element for element in reader.schema.elements}
         self._sizes = _other_sizes(self.request.values, now, schemas)
         self._newest = NewestValues(reader, [schemas.get(name) for name in self.request.values], layout.counts)
+        self._liveness = Liveness(reader, [schemas.get(name) for name in self.request.values], self.period_s)
         for signal, (name, number) in enumerate(layout.plots):
             element = schemas.get(name)
-            if element is None or element.live_ring < 0 or number >= len(element.live_entries):
+            if element is None or number >= len(element.watch_entries):
                 continue
-            ring = element.live_ring
+            ring = element.watch_ring
             if ring not in self._plots:
                 self._plots[ring] = _Plots(_backlog_start(reader, element))
-            self._plots[ring].signals.append((signal, element.live_entries[number]))
+            self._plots[ring].signals.append((signal, element.watch_entries[number]))
         return layout
 
     def frame(
@@ -182,6 +184,7 @@ class View:
                 since_ns=self._since_ns,
                 sizes=self._sizes,
                 failed=self._newest.failed() if self._newest else {},
+                not_live=self._liveness.missing() if self._liveness else {},
             )
         )
 
@@ -232,4 +235,4 @@ def _other_sizes(names: list[str], now: LoggerSnapshot, schemas: dict[str, Eleme
 
 def _backlog_start(reader: SegmentReader, element: ElementSchema) -> int:
     rows = BACKLOG_S * reader.schema.frequency_hz / element.info.options.divider
-    return max(0, reader.head(element.live_ring) - int(rows) - 1)
+    return max(0, reader.head(element.watch_ring) - int(rows) - 1)

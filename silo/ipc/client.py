@@ -6,6 +6,7 @@ topic or a history is asked for.
 """
 
 import itertools
+import secrets
 import threading
 import time
 from collections import OrderedDict
@@ -20,16 +21,24 @@ from silo.ipc.exchange import checked_reply, client_name, decode_reply, key_of
 from silo.ipc.messages import (
     ApplyEdits,
     Ask,
+    By,
+    ClosePin,
+    CloseStream,
     CloseView,
     DiffScript,
+    Done,
     EditsApplied,
     GetHistory,
+    GetSamples,
     GetStatus,
     GetTable,
     Hello,
     HelloReply,
+    KeepPin,
     ListScripts,
     LoadScript,
+    OpenPin,
+    OpenStream,
     OpenView,
     ReadScript,
     Refused,
@@ -44,8 +53,10 @@ from silo.ipc.messages import (
     Start,
     StatusReply,
     Stop,
+    StreamOpened,
     Unsaved,
     ViewOpened,
+    by_of,
     unsaved_of,
 )
 from silo.ipc.published import Event, EventKind
@@ -54,8 +65,11 @@ from silo.version import VERSION
 
 if TYPE_CHECKING:
     from silo.columns import HistoryColumns
+    from silo.ipc.samples import Pin, Samples, Stream
     from silo.ipc.topic import Topic
     from silo.ipc.view import View
+
+    Leased = View | Stream | Pin
 
 RENEW_S = 2.0  # a third of a view's lease
 MAX_SAVES = 64
@@ -71,8 +85,8 @@ class Client:
         """Use `connect`. Raises ConnectionLostError."""
         self._timeout_s = timeout_s
         self._name = client_name()
-        self._views: dict[View, float] = {}
-        self._renewals: dict[View, Pending] = {}
+        self._views: dict[Leased, float] = {}  # and streams and pins: all that has a lease
+        self._renewals: dict[Leased, Pending] = {}
         self._lock = threading.Lock()
         self._numbers = itertools.count(1)
         self._saves: OrderedDict[int, Event] = OrderedDict()
@@ -176,8 +190,10 @@ class Client:
         """Return what loading a script would change; without a path the logger's own script."""
         return self._call(DiffScript(path=path, client=self._name))
 
-    def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> "HistoryColumns":
-        """Return past samples of at most 64 entries in at most 4096 columns, straight from the buffers."""
+    def history(
+        self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, pin: "Pin | None" = None
+    ) -> "HistoryColumns":
+        """Return past samples of at most 64 entries in at most 4096 columns, straight from the buffers or of a pin."""
         from silo.ipc.view import history_columns
 
         request = GetHistory(
@@ -185,9 +201,50 @@ class Client:
             start_ns=start_ns,
             end_ns=end_ns,
             column_ns=column_ns,
+            pin=pin.id if pin is not None else "",
             client=self._name,
         )
         return history_columns(self._call(request))
+
+    def samples(
+        self,
+        names: Sequence[str],
+        start: int = -(2**62),
+        end: int = 2**62,
+        by: By | str = By.TIME,
+        pin: "Pin | None" = None,
+        reply_bytes: int = 2**20,
+        told: Callable[[float], None] | None = None,
+    ) -> "dict[str, Samples]":
+        """Return all samples that the buffers (or a pin) hold of elements or entries, with `start <= ... < end`.
+
+        The ends are time stamps in ns, or with `by` ticks ("tick") or numbers of samples ("row") since start. What
+        comes while it is read is left out. Asked for in pieces of `reply_bytes`; `told` is called with the share that
+        has come. Raises RefusedError where the logger is started anew meanwhile.
+        """
+        from silo.ipc.samples import Gathering
+
+        request = GetSamples(
+            names=texts("names", names, "['/log/joints/q']"),
+            start=start,
+            end=end,
+            by=by_of(by),
+            reply_bytes=reply_bytes,
+            pin=pin.id if pin is not None else "",
+            client=self._name,
+        )
+        gathering = Gathering(request.names)
+        while True:
+            reply = self._call(request)
+            gathering.take(reply)
+            if told is not None:
+                told(gathering.share)
+            if all(row >= stop for row, stop in reply.resume):
+                return gathering.samples()
+            request = GetSamples(
+                names=request.names, by=request.by, reply_bytes=reply_bytes, pin=request.pin, run=reply.run,
+                resume=reply.resume, client=self._name,
+            )  # fmt: skip
 
     # ---------------------------------------------------------------------------------------------------- changing
 
@@ -322,17 +379,68 @@ class Client:
         self._connection.attach(topic)
         return topic
 
-    def _forget_view(self, view: "View") -> None:
+    def stream(self, names: Sequence[str], period_s: float = 0.05) -> "Stream":
+        """Subscribe to every sample of elements or entries from now on, whatever their action; iterate over it.
+
+        It goes on across reconnections and new starts until it is closed. Numbered: what this reader is too slow for is
+        counted, and never holds up the helper process.
+        """
+        from silo.ipc.samples import Stream
+
+        wished = texts("names", names, "['/log/joints/q']")
+        request = OpenStream(stream="", names=wished, period_s=period_s, client=self._name)
+        stream = Stream(request, next(self._numbers), lambda: self._renew_soon(stream), self._forget_view)
+        self._connection.attach(stream)
+        try:
+            stream.accept(self._call(stream.request))
+        except (RefusedError, ConnectionLostError):
+            stream.close()
+            raise
+        with self._lock:
+            self._views[stream] = time.monotonic() + RENEW_S
+        return stream
+
+    def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> "Pin":
+        """Have the helper process keep what the buffers hold of these elements or entries from `start_ns` to `end_ns`.
+
+        `pin.opened` says what is held; `samples` and `history` read it, whatever the buffers overwrite, until it is
+        closed. Raises RefusedError where nothing of it fits.
+        """
+        from silo.ipc.samples import Pin
+
+        request = OpenPin(
+            pin=f"{secrets.token_hex(8)}-1",  # of its own, because it outlives the session
+            names=texts("names", names, "['/log/joints/q']"),
+            start_ns=start_ns,
+            end_ns=end_ns,
+            client=self._name,
+        )
+        opened = self._call(request)
+        pin = Pin(request.names, opened, KeepPin(pin=opened.pin, client=self._name), self._forget_view)
+        self._connection.attach(pin)
+        with self._lock:
+            self._views[pin] = time.monotonic() + RENEW_S
+        return pin
+
+    def _forget_view(self, view: "Leased") -> None:
         self._connection.forget(view)
         with self._lock:
             known = self._views.pop(view, None)
             self._renewals.pop(view, None)
         if known is not None and self.connected:
             # nobody waits for the answer: if it gets lost, the lease ends the view
-            request = CloseView(view=view.request.view, client=self._name)
+            request = self._closing(view)
             Pending(self._connection.session(), key_of(request, self._connection.root), request, 1.0)
 
-    def _renew_soon(self, view: "View") -> None:
+    def _closing(self, leased: "Leased") -> Request[Done]:
+        renewal = leased.renewal
+        if isinstance(renewal, OpenView):
+            return CloseView(view=renewal.view, client=self._name)
+        if isinstance(renewal, OpenStream):
+            return CloseStream(stream=renewal.stream, client=self._name)
+        return ClosePin(pin=renewal.pin, client=self._name)
+
+    def _renew_soon(self, view: "Leased") -> None:
         with self._lock:
             if view in self._views:
                 self._views[view] = 0.0
@@ -354,20 +462,23 @@ class Client:
                     self._renewals.pop(view, None)
                 self._take_renewal(view, payload)
         for view in due:
-            key = key_of(view.request, self._connection.root)
-            pending = Pending(self._connection.session(), key, view.request, view.request.timeout_s)
+            request = view.renewal
+            key = key_of(request, self._connection.root)
+            pending = Pending(self._connection.session(), key, request, request.timeout_s)
             with self._lock:
                 if view in self._views:
                     self._renewals[view] = pending
                     self._views[view] = now_s + RENEW_S
 
-    def _take_renewal(self, view: "View", payload: bytes | None) -> None:
+    def _take_renewal(self, view: "Leased", payload: bytes | None) -> None:
         if payload is None:
             self._renew_soon(view)
             return
         reply = decode_reply(payload, "the helper process")
-        if isinstance(reply, ViewOpened):
-            view.accept(reply)
+        if isinstance(reply, ViewOpened | StreamOpened):
+            accept: Callable[[ViewOpened | StreamOpened], None] | None = getattr(view, "accept", None)
+            if accept is not None:
+                accept(reply)
         elif isinstance(reply, Refused):
             view.refuse(reply.text)
 

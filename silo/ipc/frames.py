@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.columns import Floats, Marks
+from silo.ipc.published import NotLive
 from silo.model import State
 
 
@@ -21,6 +22,7 @@ class Frame:
     before; else its columns are whole from that time on, and the history knows what was before. `sizes` are the buffer
     sizes of the held recording by place in `elements`, where they aren't the table's.
     `failed`: by place in `elements`, at how many ticks an element could not be read, of those that ever failed.
+    `not_live`: by place in `elements` why the newest value isn't of now. `unpublished` are those that are off.
     """
 
     elements: tuple[str, ...]
@@ -47,6 +49,7 @@ class Frame:
     sizes: dict[int, int]
     missed: int
     failed: dict[int, int] = field(default_factory=dict)
+    not_live: dict[int, NotLive] = field(default_factory=dict)
 
     @property
     def running(self) -> bool:

@@ -5,6 +5,7 @@ event            events
 alive            liveliness token of the helper process
 client/<id>      liveliness token of a client; its views are called `<id>-<number>`
 view/<id>        frames of a view
+stream/<id>      raw rows of a stream, its id as that of a view
 topic/<element>  samples of a published element
 """
 

@@ -10,6 +10,29 @@ import msgspec
 from silo.model import SavedFile, State, Status
 
 
+class NotLive(str, enum.Enum):
+    """Why an element that is enabled isn't shown live. A reason that only a newer silo knows is read as OTHER."""
+
+    ABSENT = "absent"  # switched on after the recording began
+    FULL = "full"  # its FIXED buffer keeps the first samples, and has them
+    LIMIT = "limit"  # its GROWING buffer came to the memory limit
+    SHORT = "short"  # its LOOPING buffer is shorter than the time between two frames: plots have holes
+    OTHER = "other"
+
+    @classmethod
+    def _missing_(cls, _: object) -> "NotLive":
+        return cls.OTHER
+
+
+NOT_LIVE_TEXTS = {
+    NotLive.ABSENT: "not in this recording: it was switched on later",
+    NotLive.FULL: "buffer full: this is its last sample",
+    NotLive.LIMIT: "memory limit reached: this is its last sample",
+    NotLive.SHORT: "short buffer: plots miss samples",
+    NotLive.OTHER: "not of now",
+}
+
+
 class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     """One refresh of one view: put on `.../view/<id>`.
 
@@ -24,6 +47,7 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     sizes of the held recording by position in `values`, where they aren't the table's: it was edited since, or the
     recording lacks the element (0).
     `failed` has by its position in `values` at how many ticks an element could not be read, of those that ever failed.
+    `not_live` has by its position in `values` why an element's newest value isn't of now, of those where it isn't.
     """
 
     number: int
@@ -46,6 +70,7 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     since_ns: int = 0
     sizes: dict[int, int] = {}
     failed: dict[int, int] = {}
+    not_live: dict[int, NotLive] = {}
 
 
 class EventKind(str, enum.Enum):

@@ -60,6 +60,11 @@ class View:
 
     # ---------------------------------------------------------------------------------------------- by the client
 
+    @property
+    def renewal(self) -> OpenView:
+        """What renews its lease."""
+        return self.request
+
     def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
         """Subscribes in a session; the one before is closed already."""
         name = f"{client_id}-{self._place}"
@@ -162,6 +167,7 @@ class View:
             sizes=newest.sizes,
             missed=self._missed,
             failed=newest.failed,
+            not_live=newest.not_live,
         )
 
     def close(self) -> None:

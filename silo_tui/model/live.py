@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from silo.ipc.frames import Frame
+from silo.ipc.published import NotLive
 from silo.model import ElementInfo, Entry
 from silo.values import EXACT
 from silo_tui.model import text
@@ -24,6 +25,7 @@ class Reading:
     time_ns: int  # when the frame was made
     size: int | None = None  # of the recording's buffer, where the table says another by now; 0: it has none
     failed: int = 0  # ticks at which it could not be read
+    why: NotLive | None = None  # why the newest value isn't of now, where it isn't
 
 
 @dataclass
@@ -47,7 +49,7 @@ class LiveValues:
                 texts = {}
             held, lost, size = int(frame.held[position]), int(frame.lost[position]), frame.sizes.get(position)
             failed = frame.failed.get(position, 0)
-            reading = Reading(newest, texts, held, lost, frame.time_ns, size, failed)
+            reading = Reading(newest, texts, held, lost, frame.time_ns, size, failed, frame.not_live.get(position))
             old = self.readings.get(name)
             if old is None or not _same(old, reading):
                 changed.append(name)
@@ -65,6 +67,7 @@ def _same(old: Reading, new: Reading) -> bool:
         and old.size == new.size
         and old.lost == new.lost
         and old.failed == new.failed
+        and old.why == new.why
         and old.texts == new.texts
         and np.array_equal(old.newest, new.newest, equal_nan=True)
     )

@@ -56,7 +56,6 @@ class PlotWindow:
     cursor: int | None = None  # columns from the right edge
     at_ns: int | None = None  # while the picture stands still: the moment of cursor A
     other_ns: int | None = None  # the moment of cursor B
-    looking_back: bool = False  # it stands still because one looks at older rows, not by a pause
     fixed_scale: bool = False
     scales: dict[str, tuple[float, float]] = field(default_factory=dict)
     spans: tuple[float, ...] = SPANS_S

@@ -34,7 +34,7 @@ class PlotSource(Protocol):
         """Return the time between two samples of an element."""
 
     def is_live(self, element: str) -> bool:
-        """Return whether the element has data to plot (a live logger publishes only some)."""
+        """Return whether the element has data to plot (a live logger's may be off)."""
 
     def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> Awaitable[HistoryColumns]:
         """Return columns of a stretch of time, at most 4096."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.model import Action, Edit, ElementInfo, Table
+from silo.model import Edit, ElementInfo, Table
 from silo_tui.model.fields import Field, Ints, options_of, phrase_for, rows_of
 
 Mask = NDArray[np.bool_]
@@ -108,14 +108,12 @@ class TableState:
 
     @property
     def live(self) -> Mask:
-        """Shape `(n,)`: what the logger publishes: enabled, and the action publishes (pending edits don't count)."""
-        return np.asarray(
-            (self._server[Field.ENABLED] != 0) & (self._server[Field.ACTION] != int(Action.SAVE)), np.bool_
-        )
+        """Shape `(n,)`: what can be watched: all that is enabled (pending edits don't count)."""
+        return np.asarray(self._server[Field.ENABLED] != 0, np.bool_)
 
     def is_live(self, row: int) -> bool:
-        """Return whether the logger publishes the element now."""
-        return bool(self._server[Field.ENABLED, row]) and int(self._server[Field.ACTION, row]) != int(Action.SAVE)
+        """Return whether the element can be watched now: whether it is enabled."""
+        return bool(self._server[Field.ENABLED, row])
 
     def changes(self) -> list[PendingChange]:
         """Return all pending edits in words, in table order."""

@@ -81,6 +81,11 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         return f"that is the {'end' if direction > 0 else 'beginning'} of the file"
 
     @property
+    def _held_ns(self) -> tuple[int, int]:
+        """All of the file."""
+        return self.file.source.begin_ns, self.file.source.end_ns
+
+    @property
     def _older_gone(self) -> bool:
         return False
 

@@ -19,7 +19,6 @@ NOTES = (
     ("Signs", (
         ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
         (">", "marked: edits and the monitor are about all that is marked"),
-        ("save only", "kept for saving, not published: no live value; p changes that"),
     )),
     ("Filter", (
         ("torque LF", "both words in the name"), ("/log/*/q", "globs"), ("-word", "not"),

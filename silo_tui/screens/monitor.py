@@ -15,19 +15,19 @@ from textual.timer import Timer
 
 from silo.errors import SiloError
 from silo.ipc.frames import Frame
-from silo.model import Action
 from silo_tui.actions import bindings_for
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.fields import Field
 from silo_tui.model.find import Search, What, places_of
 from silo_tui.model.panels import gathered, isolate, join, stacked
-from silo_tui.model.plots import PlotWindow, plots_of
+from silo_tui.model.plots import SECOND_NS, SPANS_S, PlotWindow, plots_of
+from silo_tui.model.recorded import SHORT_SPANS_S
 from silo_tui.model.source import PlotSource
 from silo_tui.screens.finding import value_words
 from silo_tui.screens.standing import StandingStill
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
+from silo_tui.sessions.pause import Pause
 from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
 from silo_tui.widgets.between import BetweenTable
 from silo_tui.widgets.plot_stack import PlotStack
@@ -45,7 +45,7 @@ class MonitorScreen(StandingStill):
         super().__init__()
         self.session = session
         self.source = source
-        self._waiting: list[str] = []  # save-only elements, left out until they are published
+        self._waiting: list[str] = []  # elements that are off, left out until they are on
         if any(source.is_live(name) for name in names):
             self._waiting = [name for name in names if not source.is_live(name)]
         shown = [name for name in names if name not in set(self._waiting)]
@@ -59,6 +59,8 @@ class MonitorScreen(StandingStill):
         self._asked = self.stack.store  # where the live columns should go
         self._mending = False
         self._timer: Timer | None = None
+        self._live = source
+        self.pause = Pause(session, source, self._more_is_here)
 
     def compose(self) -> ComposeResult:
         """Yield status, banner, plots, line of facts, keys."""
@@ -73,15 +75,18 @@ class MonitorScreen(StandingStill):
 
     def bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
         """Return the lines around the plots."""
-        return (
-            StatusBar(self.session, read_only=False), Banner(self.session), MonitorLine(self.window, self._words)
-        )  # fmt: skip
+        line = MonitorLine(self.window, self._words, self._state)
+        return StatusBar(self.session, read_only=False), Banner(self.session), line
 
     def on_mount(self) -> None:
         """Show at once; history fills the plots."""
         self.banner.update()
         if not self.source.live:
-            self.window.paused_end_ns = self._newest_ns = self.source.end_ns
+            self.window.paused_end_ns = self.source.end_ns
+
+    def on_unmount(self) -> None:
+        """Let go of what is held."""
+        self.pause.release()
 
     def on_resize(self, event: textual_events.Resize) -> None:
         """Show other columns for another width."""
@@ -107,19 +112,26 @@ class MonitorScreen(StandingStill):
         names = [plotted.name for plotted in plots if plotted.numeric]
         columns = self.stack.columns
         store = ColumnStore(names, columns, self.window.column_ns(columns))
-        store.adopt(self.stack.store)
         if self.window.paused:
             self.session.columns = ColumnStore((), 1, 1)
+            if self.pause.source is not None:
+                self.run_worker(self.pause.look(*self._shown_ns), group="look", exclusive=True)
         else:
+            store.adopt(self.stack.store)
             elements = dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())
             self.session.columns = self._asked = store
             self.session.watch(ViewRequest(tuple(elements), tuple(names), store.column_ns))
         self.run_worker(self._fill(store, names), group="history", exclusive=True)
 
     async def _fill(self, store: ColumnStore, names: list[str]) -> None:
-        end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
+        start, end = self._shown_ns
+        if self.pause.source is not None:  # at once what is here
+            store.advance_to(end // store.column_ns + 1)
+            store.take(self.pause.source.columns(names, start, end, store.column_ns))
+            self.stack.store = store
+            self.stack.redraw()
         try:
-            past = await self.source.history(names, end - self.window.span_ns, end, store.column_ns)
+            past = await self.source.history(names, start, end, store.column_ns)
             store.advance_to(end // store.column_ns + 1)
             store.take(past)
         except SiloError as error:
@@ -182,7 +194,7 @@ class MonitorScreen(StandingStill):
             self.fill_soon()  # it was started again
 
     def table_changed(self) -> None:
-        """Follow somebody who published or enabled what is plotted."""
+        """Follow somebody who enabled what is plotted."""
         elements = dict.fromkeys(plotted.element.name for plotted in self.stack.plots)
         published = [name for name in self._waiting if self.source.is_live(name)]
         self._waiting = [name for name in self._waiting if name not in published]
@@ -196,6 +208,7 @@ class MonitorScreen(StandingStill):
 
     def second_passed(self) -> None:
         """Paint the times again."""
+        self.status_bar.mode = self.pause.head
         self.status_bar.update()
         self.banner.update()
 
@@ -205,7 +218,7 @@ class MonitorScreen(StandingStill):
         self.line.refresh()
 
     def _words(self) -> str:
-        words = []
+        words = [self.pause.text] if self.pause.text else []
         if self.window.paused and self.window.at_ns is not None:
             words.append(f"A {self.moment_words(self.window.at_ns)}")
         elif self.window.cursor is not None:
@@ -217,7 +230,7 @@ class MonitorScreen(StandingStill):
         if missing := self.stack.missing():
             words.append(missing)
         if self._waiting and not self._said:
-            words.append(f"{len(self._waiting)} saved only: P prepares to publish")
+            words.append(f"{text.plural(len(self._waiting), 'element')} off")
         if self._said:
             words.append(self._said)
         return " │ ".join(words)
@@ -241,16 +254,50 @@ class MonitorScreen(StandingStill):
     def command_plot_bottom(self) -> None:
         self._choose(len(self.stack.plots) - 1)
 
+    @property
+    def _held_ns(self) -> tuple[int, int]:
+        """The oldest and the newest moment that one can look at."""
+        return self.pause.held_ns(self.stack.plots)
+
+    def _state(self) -> str:
+        if self.pause.source is not None or not self._live.live:
+            return "PAUSED"
+        if self.window.paused_end_ns is None:
+            return "live"
+        return f"-{text.span(max(0, self.source.end_ns - self.window.paused_end_ns) / SECOND_NS)}, End: now"
+
+    def _more_is_here(self) -> None:
+        self.status_bar.mode = self.pause.head
+        self.status_bar.update()
+        self.line.refresh()
+
     def command_pause(self) -> None:
-        if not self.source.live:
+        """Hold what is on the screen, with as much before it; or go on."""
+        if not self.pause.possible:
             return
-        if self.window.paused and not self.window.looking_back:
+        if self.pause.source is not None:
             self._go_on()
             return
         self._stand_still()
-        self.window.looking_back = False
+        store, end = self.stack.store, self._end_ns
+        held = self.pause.hold(self.stack.plots, end, self.window.span_ns, store)
+        self.source = self.stack.source = held
+        self.window.spans = (*SHORT_SPANS_S, *SPANS_S)
+        self.run_worker(self.pause.fetch(store.column_ns, self.window.span_ns), group="pause", exclusive=True)
+        self._more_is_here()
         self.request_view()
-        self.line.refresh()
+
+    def _go_on(self) -> None:
+        """Show what comes again."""
+        self.pause.release()
+        self.source = self.stack.source = self._live
+        self.window.paused_end_ns = self.window.cursor = self.window.at_ns = self.window.other_ns = None
+        self.window.spans = SPANS_S
+        self.window.span_s = max(SPANS_S[0], self.window.span_s)
+        self._found = None
+        self._show_between()
+        self._more_is_here()
+        self.request_view()
 
     def command_scale(self) -> None:
         self.window.fixed_scale = not self.window.fixed_scale
@@ -295,19 +342,6 @@ class MonitorScreen(StandingStill):
         else:
             self.command_back()
 
-    def command_publish(self) -> None:
-        """Prepare edits of all that were marked and are not published; applying them is for the table."""
-        names = dict.fromkeys([*(plotted.element.name for plotted in self.stack.plots), *self._waiting])
-        table = self.session.table
-        rows = [row for name in names if (row := table.row(name)) is not None and not self.source.is_live(name)]
-        if not rows:
-            self.say("all of these are published already")
-            return
-        table.edit([row for row in rows if not Action(int(table.values[Field.ACTION, row])).publishes], Field.ACTION, 0)
-        table.edit(rows, Field.ENABLED, 1)
-        self.say(f"prepared for {text.plural(len(rows), 'element')}: Esc, then a applies it")
-        self.context.table_changed()
-
     def command_detail(self) -> None:
         from silo_tui.screens.detail import DetailScreen
 
@@ -315,7 +349,7 @@ class MonitorScreen(StandingStill):
             return
         plots, count = self.stack.for_detail()
         if not plots:
-            self.say("nothing published to plot")
+            self.say("nothing that is on to plot")
             return
         end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
         self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s, count))
@@ -328,7 +362,7 @@ class MonitorScreen(StandingStill):
             self.window.cursor = self._at_ns = None
             self.stack.redraw()
             self.line.refresh()
-        elif self.window.paused and self.source.live:
+        elif self.window.paused and self.pause.possible:
             self._go_on()
         else:
             self.context.leave_screen()

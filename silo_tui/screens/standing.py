@@ -19,12 +19,13 @@ from silo_tui.model.plots import SECOND_NS, PlotWindow
 from silo_tui.model.source import PlotSource
 from silo_tui.screens.finding import Found, events, look
 from silo_tui.sessions.live import Session
+from silo_tui.sessions.pause import Pause
 from silo_tui.widgets.bars import MonitorLine
 from silo_tui.widgets.between import BetweenTable
 from silo_tui.widgets.plot_stack import PlotStack
 
 FAR = 10
-HELD_PERIODS = 3
+HELD_PERIODS = 100  # a slow loop is late by many
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
 
 
@@ -37,37 +38,34 @@ class StandingStill(SiloScreen):
     stack: PlotStack
     line: MonitorLine
     between: BetweenTable
+    pause: Pause
 
     def __init__(self) -> None:
         super().__init__()
         self._said = ""
-        self._newest_ns = 0  # how far one can look while the picture stands still
         self._found: Found | None = None
 
     def command_pause(self) -> None:
+        raise NotImplementedError
+
+    def _go_on(self) -> None:
+        raise NotImplementedError
+
+    @property
+    def _held_ns(self) -> tuple[int, int]:
         raise NotImplementedError
 
     def _sized(self) -> None:
         raise NotImplementedError
 
     def _stand_still(self) -> None:
-        """Hold the picture as it is; the cursor is a moment from now on."""
+        """Let the window stand where it is; the cursor is a moment from now on."""
         if self.window.paused:
             return
         store = self.stack.store
-        self._newest_ns = store.end * store.column_ns - 1 if not store.empty else self.source.end_ns
-        self.window.paused_end_ns = self._newest_ns
+        self.window.paused_end_ns = store.end * store.column_ns - 1 if not store.empty else self.source.end_ns
         if self.window.cursor is not None:
             self._at_ns = (store.end - self.window.cursor) * store.column_ns - 1
-
-    def _go_on(self) -> None:
-        """Show what comes, again."""
-        self.window.paused_end_ns = self.window.cursor = self.window.at_ns = self.window.other_ns = None
-        self.window.looking_back = False
-        self._found = None
-        self._show_between()
-        self.request_view()
-        self.line.refresh()
 
     # ----------------------------------------------------------------------------- the window while it stands still
 
@@ -82,8 +80,23 @@ class StandingStill(SiloScreen):
 
     @property
     def _oldest_ns(self) -> int:
-        """How far back it makes sense to look."""
-        return self.source.begin_ns or self.session.status.started_ns
+        """How far back one can look."""
+        return self._held_ns[0]
+
+    @property
+    def _newest_ns(self) -> int:
+        """How far on one can look."""
+        return self._held_ns[1]
+
+    @property
+    def _shown_ns(self) -> tuple[int, int]:
+        """What stretch of time is on the screen."""
+        return self._end_ns - self.window.span_ns, self._end_ns
+
+    @property
+    def _looking_back(self) -> bool:
+        """Whether older rows of a logger that goes on are on the screen, which may be overwritten any moment."""
+        return self.window.paused and self.pause.possible and self.pause.source is None
 
     @property
     def _column_ns(self) -> int:
@@ -210,9 +223,8 @@ class StandingStill(SiloScreen):
                 self.say("that is now")
                 return
             self._stand_still()
-            self.window.looking_back = True
         end, seen = self._end_ns, self.window.cursor is not None
-        if self.window.looking_back and end + direction * self.window.span_ns // 2 >= self._newest_ns:
+        if self._looking_back and end + direction * self.window.span_ns // 2 >= self._newest_ns:
             self._go_on()
             return
         self._show(end + direction * self.window.span_ns // 2)
@@ -226,20 +238,17 @@ class StandingStill(SiloScreen):
         return "that is where it was paused" if direction > 0 else "that is the oldest"
 
     def command_oldest(self) -> None:
-        if not self.window.paused:
-            self._stand_still()
-            self.window.looking_back = True
+        self._stand_still()
         self._go_to(self._oldest_ns)
 
     def command_newest(self) -> None:
-        if self.window.looking_back or not self.window.paused:
+        if self._looking_back:
             self._go_on()
-        else:
+        elif self.window.paused:
             self._go_to(self._newest_ns)
 
     def command_all_held(self) -> None:
-        held = self._newest_ns if self.window.paused else self.source.end_ns
-        wanted = (held - self._oldest_ns) / SECOND_NS
+        wanted = (self._newest_ns - self._oldest_ns) / SECOND_NS
         self.window.span_s = next((span for span in self.window.spans if span >= wanted), self.window.spans[-1])
         if self.window.paused:
             self._show(self._newest_ns)
@@ -255,11 +264,11 @@ class StandingStill(SiloScreen):
         self._step(-1)
 
     def _step(self, step: int) -> None:
-        if not self.window.paused:
-            self.command_pause()
+        self._pause_here()
         self.run_worker(self._step_by(step), group="find")
 
     async def _step_by(self, step: int) -> None:
+        await self.pause.settled()
         plotted, now = self.stack.chosen_plot, self._end_ns if self._at_ns is None else self._at_ns
         try:
             time_ns, _ = await self.source.samples(plotted.name, self._oldest_ns, self._newest_ns)
@@ -276,8 +285,7 @@ class StandingStill(SiloScreen):
     # ------------------------------------------------------------------------------------------------ two cursors
 
     def command_cursor_b(self) -> None:
-        if not self.window.paused:
-            self.command_pause()
+        self._pause_here()
         if self.window.other_ns is not None:
             self.window.other_ns = None
             self.say("cursor B is lifted")
@@ -298,6 +306,7 @@ class StandingStill(SiloScreen):
             self.run_worker(self._compute_between(a_ns, b_ns), group="between", exclusive=True)
 
     async def _compute_between(self, a_ns: int, b_ns: int) -> None:
+        await self.pause.settled()
         facts: list[tuple[str, str, Between]] = []
         for plotted in self.stack.plots:
             # what held at the earlier cursor may be some periods older
@@ -320,8 +329,7 @@ class StandingStill(SiloScreen):
 
         if not self.stack.plots:
             return
-        if not self.window.paused:
-            self.command_pause()
+        self._pause_here()
         name = self._short(self.stack.chosen_plot.name)
         self.app.push_screen(FindDialog(name, len(self.stack.plots), self._value_here()), self._find)
 
@@ -344,8 +352,7 @@ class StandingStill(SiloScreen):
 
     def _find_on(self, step: int) -> None:
         """Go on with the search; without one to the highest and lowest number, or the change next to here."""
-        if not self.window.paused:
-            self.command_pause()
+        self._pause_here()
         if self._found is not None:
             self.run_worker(self._search(self._found.search, step), group="find", exclusive=True)
             return
@@ -354,6 +361,7 @@ class StandingStill(SiloScreen):
         self.run_worker(self._search(Search(what), 0 if curve else step, keep=False), group="find", exclusive=True)
 
     async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
+        await self.pause.settled()
         plots = self.stack.plots if search.everywhere else [self.stack.chosen_plot]
         found = self._found
         known = found is not None and found.search == search and found.names == tuple(plot.name for plot in plots)
@@ -386,7 +394,12 @@ class StandingStill(SiloScreen):
 
     @property
     def _older_gone(self) -> bool:
-        return self.source.live
+        return self.pause.possible
+
+    def _pause_here(self) -> None:
+        """Hold the rows before they are looked through: a logger that goes on overwrites them."""
+        if self.pause.possible and self.pause.source is None:
+            self.command_pause()
 
     def _short(self, name: str) -> str:
         return self.session.short_name(name)
@@ -398,11 +411,11 @@ class StandingStill(SiloScreen):
         self._event(-1)
 
     def _event(self, step: int) -> None:
-        if not self.window.paused:
-            self.command_pause()
+        self._pause_here()
         self.run_worker(self._go_to_event(step), group="find", exclusive=True)
 
     async def _go_to_event(self, step: int) -> None:
+        await self.pause.settled()
         try:
             found = await events(self.source, self.stack.plots, self._oldest_ns, self._newest_ns)
         except SiloError as error:

@@ -3,8 +3,9 @@
 Screens read its parts and call its coroutines; it draws nothing and asks nothing. Errors of the logger are raised.
 """
 
+import functools
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -147,22 +148,16 @@ class Session:
 
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Return past columns of some entries, asked for in pieces as large as a logger answers."""
-        store: ColumnStore | None = None
-        for begin in range(0, len(names), MAX_HISTORY_NAMES):
-            some = list(names[begin : begin + MAX_HISTORY_NAMES])
 
-            def ask(client: "Client", some: Sequence[str] = some) -> HistoryColumns:
-                return client.history(some, start_ns, end_ns, column_ns)
+        def ask(client: "Client", some: Sequence[str]) -> HistoryColumns:
+            return client.history(some, start_ns, end_ns, column_ns)
 
-            past = await self._link.read(ask)
-            if store is None:
-                store = ColumnStore(names, max(1, past.low.shape[1]), column_ns)
-                until = past.until_ns
-            store.take(past)
-        if store is None:
-            empty = np.zeros((0, 0))
-            return HistoryColumns((), 0, column_ns, empty, empty)
-        return store.stretch(until)
+        return await in_pieces(self._link, names, column_ns, ask)
+
+    async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """Return the raw samples of an entry that the logger holds from `start_ns` to `end_ns`, both included."""
+        found = await self._link.read(lambda client: client.samples([name], start_ns, end_ns + 1))
+        return found[name].time_ns, found[name].values
 
     def change(self, settings: Settings) -> int:
         """Edit the targets of the table as typed, all or none, in one undo step; return how many cells changed.
@@ -261,6 +256,31 @@ class Session:
         return self.link
 
 
+async def in_pieces(
+    link: Link, names: Sequence[str], column_ns: int, ask: Callable[["Client", Sequence[str]], HistoryColumns]
+) -> HistoryColumns:
+    """Return columns of any number of entries, asked for in pieces as large as a logger answers."""
+    store: ColumnStore | None = None
+    until: int | None = None
+    for begin in range(0, len(names), MAX_HISTORY_NAMES):
+        some = list(names[begin : begin + MAX_HISTORY_NAMES])
+        past = await link.read(functools.partial(_called, ask, some))
+        if store is None:
+            store = ColumnStore(names, max(1, past.low.shape[1]), column_ns)
+            until = past.until_ns
+        store.take(past)
+    if store is None:
+        empty = np.zeros((0, 0))
+        return HistoryColumns((), 0, column_ns, empty, empty)
+    return store.stretch(until)
+
+
+def _called(
+    ask: Callable[["Client", Sequence[str]], HistoryColumns], names: Sequence[str], client: "Client"
+) -> HistoryColumns:
+    return ask(client, names)
+
+
 class LiveSource:
     """A live logger as a source of plots."""
 
@@ -289,7 +309,7 @@ class LiveSource:
         return int(1e9 * divider / (self._session.status.frequency_hz or 1.0))
 
     def is_live(self, element: str) -> bool:
-        """Return whether the logger publishes the element."""
+        """Return whether the element is on."""
         row = self._session.table.row(element)
         return row is not None and self._session.table.is_live(row)
 
@@ -309,8 +329,8 @@ class LiveSource:
         return replace(past, low=past.low[:, :count], high=past.high[:, :count], marks=marks)
 
     async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
-        """Return raw samples. Raises RefusedError: a helper process gives none yet."""
-        raise RefusedError(f"no samples of {name} between {start_ns} and {end_ns}: pause first")
+        """Return raw samples straight from the logger's buffers."""
+        return await self._session.samples(name, start_ns, end_ns)
 
 
 def why(error: RefusedError) -> RefusedWhy | None:

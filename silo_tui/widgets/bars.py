@@ -26,6 +26,7 @@ class StatusBar(Widget):
         self.session = session
         self._read_only = read_only
         self._drawn = ""
+        self.mode = ""  # stands reversed behind the state
 
     def update(self) -> None:
         """Paint anew if it reads differently."""
@@ -53,6 +54,9 @@ class StatusBar(Widget):
         line.append(sign, style=f"bold {color(variables, name if session.connected else 'error')}")
         if status.started_ns and session.connected:
             line.append(f" {text.duration(session.run_seconds)}")
+        if self.mode:
+            line.append("  ")
+            line.append(f" {self.mode} ", style="reverse")
         line.append(f"  {status.enabled}/{status.elements}")
         if self.size.width >= 100:
             line.append(" elements")
@@ -105,7 +109,7 @@ class Banner(Widget):
         if session.dead:
             return f"{session.name} died: {session.status.reason or 'nothing is known of why'}"
         if len(session.table) and not session.table.live.any() and session.running:
-            return "Nothing is published, so there are no live values: mark elements, press p, then a to apply."
+            return "Nothing is logged, every element is off: mark elements, press t, then a to apply."
         return ""
 
 
@@ -165,15 +169,16 @@ class MonitorLine(Widget):
 
     DEFAULT_CSS = "MonitorLine { height: 1; padding: 0 1; }"
 
-    def __init__(self, window: PlotWindow, words: Callable[[], str]) -> None:
+    def __init__(self, window: PlotWindow, words: Callable[[], str], state: Callable[[], str] | None = None) -> None:
         super().__init__()
         self._window = window
         self._words = words
+        self._state = state
 
     def render(self) -> RenderResult:
         """Return the line."""
         window = self._window
-        state = "back: End is now" if window.looking_back else "PAUSED" if window.paused else "live"
+        state = self._state() if self._state is not None else "PAUSED" if window.paused else "live"
         parts = [f"{text.span(window.span_s)} shown", state]
         parts.append("y held" if window.fixed_scale else "y follows")
         words = self._words()

@@ -6,6 +6,7 @@ from rich.text import Text
 from textual.app import RenderResult
 from textual.widget import Widget
 
+from silo.ipc.published import NOT_LIVE_TEXTS
 from silo.model import ElementInfo
 from silo_tui.model import braille, text
 from silo_tui.model.columns import ColumnStore, hold_piece
@@ -114,13 +115,11 @@ class Inspector(Widget):
         if not self.session.table.server[Field.ENABLED, row]:
             pane.append("not logged; t switches it on\n", style=self._quiet)
             return
-        if not self.session.table.is_live(row):
-            pane.append("saved only, not published:\n", style=self._quiet)
-            pane.append("p changes its action\n", style=self._quiet)
-            return
         if reading is None or not reading.held:
             pane.append("no values yet\n" if self.session.running else "not running; S starts it\n", style=self._quiet)
             return
+        if reading.why is not None:
+            pane.append(f"{NOT_LIVE_TEXTS[reading.why]}\n", style=self._quiet)
         style = "" if self.session.fresh and self.session.running else self._quiet
         if len(element.entries) == 1:
             entry = element.entries[0]

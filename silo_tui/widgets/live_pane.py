@@ -15,6 +15,7 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
+from silo.ipc.published import NotLive
 from silo.model import BufferType, State
 from silo_tui.model.columns import hold_piece
 from silo_tui.model.fields import Field
@@ -180,18 +181,23 @@ def _fill(pane: LivePane, row: int) -> tuple[str, str]:
     return f"{100 * share:.0f}%", style
 
 
+WHY_NOT_LIVE: dict[NotLive | None, str] = {
+    NotLive.ABSENT: "not begun", NotLive.FULL: "full", NotLive.LIMIT: "mem limit", NotLive.OTHER: "not live",
+}  # fmt: skip
+
+
 def _value(pane: LivePane, row: int) -> tuple[str, str]:
     """Return the newest value, or why there is none."""
     session = pane.session
     element = session.table.elements[row]
     if not session.table.server[Field.ENABLED, row]:
         return "off", "live--quiet"
-    if not session.table.is_live(row):
-        return "save only", "live--quiet"
     reading = session.live.readings.get(element.name)
     if reading is None or not reading.held:
         waiting = "…" if session.running and session.fresh else "-"
         return waiting, "live--quiet"
+    if session.running and reading.why in WHY_NOT_LIVE:  # what it kept last isn't its value
+        return WHY_NOT_LIVE[reading.why], "live--quiet"
     style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"
     return value_text(element, reading, pane.value_width), style
 

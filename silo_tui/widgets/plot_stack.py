@@ -211,7 +211,7 @@ class PlotStack(Widget):
     def _body(self, at: int, line: int, height: int) -> list[Segment]:
         panel = self.panels[at]
         if panel[0].numeric and not any(self.source.is_live(plotted.element.name) for plotted in panel):
-            words = " " * AXIS + " saved only, not published: P prepares the edit, apply it in the table"
+            words = " " * AXIS + " off: t in the table switches it on"
             return [Segment(words if line == 0 else "", self._style("plot--quiet"))]
         if has_curves(panel):
             return self._curve(at, line)

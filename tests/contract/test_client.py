@@ -1,6 +1,5 @@
 """What a client of a logger does, whether a helper process answers it or the fake of silo-tui's tests."""
 
-import math
 import time
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.messages import RefusedWhy
 from silo.ipc.published import EventKind
-from silo.model import Edit, ElementOptions, FileType, State
+from silo.model import BufferType, Edit, ElementOptions, FileType, State
 from tests.stand_ins.fake_logger import HZ, START_NS
 from tests.waiting import DEADLINE_S
 
@@ -295,10 +294,9 @@ def test_a_frame_has_the_values_fills_and_columns_that_were_asked_for(side, clie
     frame = frame_with(view, lambda frame: frame.tick >= 8)
     assert (frame.elements, frame.plots, frame.column_ns) == ((X, Q, KEPT), (X,), COLUMN_NS)
     assert frame.entries == (X, f"{Q}_x", f"{Q}_y", f"{Q}_z", KEPT)
-    assert (frame.unpublished, frame.missing) == (frozenset({KEPT}), frozenset())
+    assert (frame.unpublished, frame.missing) == (frozenset(), frozenset())
     assert (frame.running, len(frame.newest), len(frame.held), frame.held[0]) == (True, 5, 3, 8)
-    assert np.isfinite(frame.newest[:4]).all()
-    assert math.isnan(frame.newest[4])
+    assert np.isfinite(frame.newest).all()
     assert frame.low.shape == frame.high.shape == (1, frame.low.shape[1])
 
 
@@ -349,3 +347,63 @@ def test_a_lost_link_is_told_and_calls_say_so(side, client):
     for call in (client.status, client.table, client.hello, client.start):
         with pytest.raises(ConnectionLostError):
             call()
+
+
+# ---------------------------------------------------------------------------------------------------- raw samples
+
+
+def test_samples_of_any_enabled_element_have_their_ticks_stamps_and_own_types(side, client):
+    client.start()
+    side.ticks(8)
+    found = client.samples([X, Q, f"{Q}_y", GAIT, WORD, KEPT])
+    assert {name: (len(some), some.values.dtype.str) for name, some in found.items()} == {
+        X: (8, "<f8"), Q: (8, "<f8"), f"{Q}_y": (8, "<f8"), GAIT: (8, "|i1"), WORD: (2, "|S8"), KEPT: (8, "<f8")
+    }  # fmt: skip
+    assert found[Q].values.shape == (8, 3)
+    assert (found[X].ticks.tolist(), found[WORD].ticks.tolist(), found[WORD].divider) == (list(range(8)), [0, 4], 4)
+    assert np.diff(found[X].time_ns).tolist() == [round(1e9 / HZ)] * 7
+    np.testing.assert_array_equal(found[Q].values[:, 1], found[f"{Q}_y"].values)
+
+
+def test_samples_are_taken_between_ticks_rows_and_times(side, client):
+    client.start()
+    side.ticks(12)
+    stamps = client.samples([X])[X].time_ns
+    assert client.samples([X], 3, 6, "tick")[X].ticks.tolist() == [3, 4, 5]
+    assert client.samples([WORD], 1, 3, "row")[WORD].ticks.tolist() == [4, 8]
+    assert client.samples([X], int(stamps[2]), int(stamps[4]))[X].ticks.tolist() == [2, 3]
+
+
+def test_samples_of_an_element_that_is_off_are_none_and_say_why(side, client, edit):
+    client.apply([edit(client, KEPT, enabled=False)], -1)
+    client.start()
+    side.ticks(4)
+    assert (len(client.samples([KEPT])[KEPT]), client.samples([KEPT])[KEPT].why) == (0, "it is off")
+
+
+def test_samples_of_a_name_that_is_nowhere_are_refused(client):
+    assert refusal(client.samples, ["/log/nix"]).why is RefusedWhy.NOT_FOUND
+
+
+def test_a_pin_keeps_what_the_buffers_overwrite(side, client, edit):
+    client.apply([edit(client, X, buffer_size=10, buffer_type=BufferType.LOOPING)], -1)
+    client.start()
+    side.ticks(2000)
+    held = client.samples([X])[X]
+    pin = client.pin([X], int(held.time_ns[0]), int(held.time_ns[-1]))
+    assert (pin.opened.begin_ns, pin.opened.end_ns) == (held.time_ns[0], held.time_ns[-1])
+    side.ticks(4000)
+    assert client.samples([X])[X].ticks[0] > held.ticks[-1]
+    np.testing.assert_array_equal(client.samples([X], pin=pin)[X].values, held.values)
+    np.testing.assert_array_equal(client.samples([X], pin=pin)[X].ticks, held.ticks)
+    past = client.history([X], pin.opened.begin_ns, pin.opened.end_ns + 1, COLUMN_NS, pin)
+    assert np.nanmax(past.high[0]) == held.values.max()
+
+
+def test_a_pin_is_no_more_when_it_was_closed(side, client):
+    client.start()
+    side.ticks(8)
+    pin = client.pin([X], 0, 2**61)
+    assert client.samples([Q], pin=pin)[Q].why == "it is not in this pin"
+    pin.close()
+    assert refusal(lambda: client.samples([X], pin=pin)).why is RefusedWhy.NOT_FOUND

@@ -269,10 +269,17 @@ def test_watch_as_json_has_one_object_per_refresh(log: silo.Logger, command: Run
     assert newest["values"] == {"/log/joints/q_x": 1.5, "/log/joints/q_y": -2.0, "/log/joints/q_z": 0.25}
 
 
-def test_watch_says_what_to_do_for_an_element_that_is_not_published(log: silo.Logger, command: Run) -> None:
+def test_watch_shows_an_element_that_is_only_saved(log: silo.Logger, command: Run) -> None:
+    log.start()
+    shown = command("watch", "*/tau", "--count", "1")
+    assert (shown.code, "/log/joints/tau" in shown.out) == (0, True)
+
+
+def test_watch_says_what_to_do_for_an_element_that_is_off(log: silo.Logger, command: Run) -> None:
+    log.set("joints/tau", enabled=False)
     shown = command("watch", "*/tau")
     assert shown.code == EXIT_FAILED
-    assert "/log/joints/tau: off, or saved but not published; `silo set PATTERN on action=both`" in shown.err
+    assert "/log/joints/tau: off; `silo set PATTERN on`" in shown.err
 
 
 def test_ctrl_c_ends_a_watch_quietly(log: silo.Logger) -> None:

@@ -7,7 +7,7 @@ import silo
 from silo.errors import RefusedError, SaveError
 from silo.ipc.client import Client
 from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewOpened
-from silo.ipc.published import EventKind
+from silo.ipc.published import EventKind, NotLive
 from silo.model import BufferType, Edit, ElementOptions, FileType, State
 
 COLUMN_NS = 100_000_000
@@ -59,14 +59,45 @@ def test_view_shows_fields_of_a_structure(bench, client, until) -> None:
         assert frame_at(view, 1, until).newest.tolist() == [2.5, -7]
 
 
-def test_saved_only_elements_have_fill_but_no_value_and_are_named(bench, client, until) -> None:
+def test_elements_that_are_only_saved_have_values_and_plots_as_all(bench, client, until) -> None:
+    client.start()
+    bench.kept[...] = 7
+    bench.ticks(4)
+    with client.view(["/log/kept", "/log/nix", "/log/x"], ["/log/kept"], rate_hz=30) as view:
+        frame = frame_at(view, 4, until)
+    assert (frame.unpublished, frame.missing, frame.not_live) == (set(), {"/log/nix"}, {1: NotLive.ABSENT})
+    assert frame.held.tolist() == [4, 0, 4]
+    assert frame.newest.tolist() == [7, 4]
+    assert np.nanmax(frame.high) == 7
+
+
+def test_an_element_that_is_off_is_named_and_has_no_value(bench, client, until) -> None:
+    client.apply([Edit("/log/kept", ElementOptions(enabled=False))], -1)
     client.start()
     bench.ticks(4)
-    with client.view(["/log/kept", "/log/nix", "/log/x"], rate_hz=30) as view:
+    with client.view(["/log/kept", "/log/x"], rate_hz=30) as view:
         frame = frame_at(view, 4, until)
-    assert (frame.unpublished, frame.missing) == ({"/log/kept"}, {"/log/nix"})
-    assert frame.held.tolist() == [4, 0, 4]
+    assert (frame.unpublished, frame.held.tolist()) == ({"/log/kept"}, [0, 4])
     np.testing.assert_array_equal(frame.newest, [np.nan, 4])
+
+
+@pytest.mark.parametrize(("kind", "why"), [(silo.BufferType.FIXED, {0: NotLive.FULL}), (silo.BufferType.LOOPING, {})])
+def test_a_full_buffer_of_what_is_only_saved_is_not_live_and_says_so(bench, client, until, kind, why) -> None:
+    client.apply([Edit("/log/kept", ElementOptions(buffer_size=3, buffer_type=kind))], -1)
+    client.start()
+    with client.view(["/log/kept", "/log/x"], rate_hz=30) as view:
+        bench.ticks(3)
+        assert frame_at(view, 3, until).not_live == {}
+        bench.ticks(1)
+        assert frame_at(view, 4, until).not_live == why
+
+
+def test_a_buffer_that_is_shorter_than_the_time_between_frames_says_so(bench, client, until) -> None:
+    client.apply([Edit("/log/kept", ElementOptions(buffer_size=3, buffer_type=silo.BufferType.LOOPING))], -1)
+    client.start()
+    with client.view(["/log/kept", "/log/x"], rate_hz=0.5) as view:
+        bench.ticks(4)
+        assert frame_at(view, 4, until).not_live == {0: NotLive.SHORT}
 
 
 def test_fill_ends_at_the_buffer_size(bench, client, until) -> None:

@@ -162,8 +162,8 @@ class Racing(SegmentReader):
         super().__init__(path)
         self.write = write
 
-    def _copy(self, ring, begin, end):
-        words = super()._copy(ring, begin, end)
+    def _copy(self, ring, begin, end, words=None):
+        words = super()._copy(ring, begin, end, words)
         self.write()
         return words
 

@@ -10,12 +10,23 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from silo.columns import HistoryColumns
+from silo.columns import ColumnGrid, HistoryColumns, bins_of
 from silo.errors import ConnectionLostError, ScriptError
 from silo.ipc.exchange import RequestRefusedError
 from silo.ipc.frames import Frame
-from silo.ipc.messages import EditsApplied, HelloReply, Refused, RefusedWhy, ScriptDiff, Scripts, ScriptText, Unsaved
-from silo.ipc.published import Event, EventKind
+from silo.ipc.messages import (
+    EditsApplied,
+    HelloReply,
+    PinOpened,
+    Refused,
+    RefusedWhy,
+    ScriptDiff,
+    Scripts,
+    ScriptText,
+    Unsaved,
+)
+from silo.ipc.published import Event, EventKind, NotLive
+from silo.ipc.samples import Samples
 from silo.ipc.versions import PROTOCOL
 from silo.model import (
     Action,
@@ -129,7 +140,7 @@ class FakeView:
         self.seen_ns = client.now_ns
         known = {info.name: info for info in client.elements}
         infos = [known[name] for name in self.values if name in known]
-        unpublished = {info.name for info in infos if not info.options.action.publishes or not info.options.enabled}
+        unpublished = {info.name for info in infos if not info.options.enabled}
         newest, texts = [], {}
         for info in infos:
             for entry in info.entries:
@@ -147,10 +158,33 @@ class FakeView:
             held=np.array(held, np.int64), lost=np.zeros(len(held), np.int64), newest=np.array(newest, float),
             texts=texts, column_ns=self.column_ns, first=column.first, low=column.low, high=column.high,
             marks=None, bases={}, since_ns=since_ns, sizes=client.other_sizes(self.values), missed=0,
+            not_live={place: NotLive.FULL for place, name in enumerate(self.values) if client.is_full(name)},
         )  # fmt: skip
 
     def close(self) -> None:
         self.closed = True
+
+
+NOTHING = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+
+class FakePin:
+    """What was held when it was pinned."""
+
+    refused = ""
+
+    def __init__(self, client: "FakeClient", held: dict[str, Samples]) -> None:
+        self.client, self.held, self.id = client, held, f"pin-{len(client.pins)}"
+        self.names = tuple(held)
+        stamps = np.concatenate([some.time_ns for some in held.values()] or [NOTHING[0]])
+        begin, end = (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
+        size = sum(8 * (2 + some.values[:1].size) * len(some) for some in held.values())
+        missing = {name: some.why for name, some in held.items() if some.why}
+        self.opened = PinOpened(self.id, f"run-{client.started_ns}" if len(stamps) else "", begin, end, size, missing)
+
+    def close(self) -> None:
+        if self in self.client.pins:
+            self.client.pins.remove(self)
 
 
 class FakeClient:
@@ -167,6 +201,7 @@ class FakeClient:
         self.files: dict[str, str] = {"robot.yaml": format_script(self.elements), "quiet.yaml": QUIET_SCRIPT}
         self.save_error = ""
         self.views: list[FakeView] = []
+        self.pins: list[FakePin] = []
         self._recorded: dict[str, ElementOptions] = {}  # what the held recording was made with
         self._event: Callable[[Event], None] = lambda event: None
         self._link: Callable[[bool], None] = lambda connected: None
@@ -198,6 +233,13 @@ class FakeClient:
         """Options of an element in the held recording."""
         known = next(info.options for info in self.elements if info.name == name)
         return self._recorded.get(name, known)
+
+    def is_full(self, name: str) -> bool:
+        """Whether an element's FIXED buffer, in which alone it is, ended."""
+        info = next((info for info in self.elements if info.name == name), None)
+        if info is None or info.options.action.publishes or info.options.buffer_type is not BufferType.FIXED:
+            return False
+        return self.ticks > info.options.buffer_size * info.options.divider
 
     def other_sizes(self, names: Sequence[str]) -> dict[int, int]:
         """Buffer sizes of the held recording where the table says another by now."""
@@ -404,15 +446,74 @@ class FakeClient:
             self.publish(EventKind.SAVED, f"saved {files[0].path}", by=OWN_NAME, **told)
         return self._jobs
 
-    def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+    def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()
+        held = FakePin(self, self.samples(names, start_ns, end_ns + 1))
+        self.pins.append(held)
+        return held
+
+    def samples(
+        self, names: Sequence[str], start: int = -(2**62), end: int = 2**62, by: str = "time",
+        pin: FakePin | None = None, reply_bytes: int = 2**20, told: Callable[[float], None] | None = None,
+    ) -> dict[str, Samples]:  # fmt: skip
+        self._ask()
+        found = {}
+        for name in names:
+            whole = self._held_samples(name) if pin is None else self._of_pin(pin, name)
+            key = {"time": whole.time_ns, "tick": whole.ticks, "row": whole.ticks // max(1, whole.divider)}[by]
+            some = (key >= start) & (key < end)
+            found[name] = Samples(
+                whole.ticks[some], whole.time_ns[some], whole.values[some], whole.divider, why=whole.why
+            )
+        if told is not None:
+            told(1.0)
+        return found
+
+    def _of_pin(self, pin: FakePin, name: str) -> Samples:
+        if pin not in self.pins:
+            raise refused(RefusedWhy.NOT_FOUND, f"the pin '{pin.id}' is no more: pin again")
+        return pin.held.get(name, Samples(*NOTHING, why="it is not in this pin"))
+
+    def _held_samples(self, name: str) -> Samples:
+        """All samples of an element or entry that its buffer holds."""
+        places = {info.name: (info, info.entries) for info in self.elements}
+        for info in self.elements:
+            for entry in info.entries:
+                places.setdefault(info.name + entry.suffix, (info, (entry,)))
+        if name not in places:
+            raise refused(RefusedWhy.NOT_FOUND, f"no element or entry is called '{name}'")
+        info, entries = places[name]
+        options = self.recorded(info.name)
+        if not options.enabled or not self.started_ns:
+            return Samples(*NOTHING, why="nothing was logged yet" if options.enabled else "it is off")
+        ticks = np.arange(0, self.ticks, options.divider)
+        if options.buffer_type is BufferType.LOOPING:
+            ticks = ticks[-options.buffer_size :]
+        elif options.buffer_type is BufferType.FIXED and not options.action.publishes:
+            ticks = ticks[: options.buffer_size]
+        columns = [
+            np.full(len(ticks), b"hans", entry.dtype)
+            if entry.dtype[1:2] == "S"
+            else signal(info.name + entry.suffix, ticks / HZ).astype(entry.dtype)
+            for entry in entries
+        ]
+        values = columns[0] if len(entries) == 1 else np.stack(columns, axis=1)
+        time_ns = self.started_ns + np.round(ticks / HZ * 1e9).astype(np.int64)
+        return Samples(ticks, time_ns, values, options.divider)
+
+    def history(
+        self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, pin: FakePin | None = None
+    ) -> HistoryColumns:
+        self._ask()
+        if pin is not None:
+            return self._pinned_columns(pin, names, start_ns, end_ns, column_ns)
         start_ns = max(start_ns, self.started_ns or end_ns)
         first, last = start_ns // column_ns, end_ns // column_ns
         count = max(0, last - first + 1) if self.started_ns else 0
         low, high = np.full((len(names), count), np.nan), np.full((len(names), count), np.nan)
         for position, name in enumerate(names):
             element = next((info for info in self.elements if name.startswith(info.name)), None)
-            if element is None or not element.options.action.publishes:
+            if element is None or not element.options.enabled:
                 continue
             ticks = np.arange(math.ceil((start_ns - self.started_ns) / 1e9 * HZ), self.ticks + 1)
             columns = (self.started_ns + np.round(ticks / HZ * 1e9).astype(np.int64)) // column_ns - first
@@ -421,6 +522,17 @@ class FakeClient:
             np.fmin.at(low[position], columns[good], values)
             np.fmax.at(high[position], columns[good], values)
         return HistoryColumns(tuple(names), int(first), column_ns, low, high, until_ns=self.now_ns)
+
+    def _pinned_columns(
+        self, pin: FakePin, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int
+    ) -> HistoryColumns:
+        first = start_ns // column_ns
+        grid = ColumnGrid(len(names), first, -(-end_ns // column_ns) - first)
+        for row, name in enumerate(names):
+            some = self._of_pin(pin, name)
+            grid.add(row, bins_of(some.time_ns, column_ns), some.values)
+        bases = dict(enumerate(grid.bases))
+        return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases, pin.opened.end_ns)
 
     def view(self, values: Sequence[str], plots: Sequence[str], rate_hz: float, column_ns: int) -> FakeView:
         self._ask()

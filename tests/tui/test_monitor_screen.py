@@ -6,9 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from silo.columns import Hole, hole_mark
-from silo.model import Action
 from silo_tui.model.dots import BLANK
-from silo_tui.model.fields import Field
 
 TORQUE = "/log/legs/LF/HAA/torque"
 
@@ -175,17 +173,13 @@ async def test_every_marked_element_has_its_plots(fake, opened):
         assert len(monitor(screen).stack.plots) == 7
 
 
-async def test_a_save_only_element_offers_to_be_published(fake, opened):
+async def test_an_element_that_is_only_saved_is_plotted(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
-        await screen.type("/LF/HAA/current")
+        await screen.type("/solver_cost")
         await screen.press("enter", "m")
-        await screen.shows("saved only, not published")
-        await screen.press("P")
-        row = screen.session.table.row("/log/legs/LF/HAA/current")
-        assert int(screen.session.table.values[Field.ACTION, row]) == int(Action.SAVE_AND_PUBLISH)
-        await screen.press("escape")
-        await screen.shows("1 pending")
+        await screen.shows("/state/solver_cost")
+        await screen.shows("max")
 
 
 async def test_escape_leaves_the_monitor_and_the_table_has_its_view_again(fake, opened):

@@ -44,7 +44,6 @@ async def test_a_real_logger_is_found_watched_stopped_edited_and_started(logger,
     async with screen_of(app, size=(100, 30)) as screen:
         await screen.until(lambda: app.context.has_session and len(app.context.session.table) == 2, "the table")
         await screen.until(lambda: "/log/joints/q" in app.context.session.live.readings, "live values")
-        await screen.shows("save only")
         await screen.press("d", "4", "enter", "a")
         await screen.shows("stop, apply, start again")
         await screen.press("d")

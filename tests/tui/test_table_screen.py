@@ -9,6 +9,7 @@ from textual import events
 from silo.ipc.published import EventKind
 from silo.model import State
 from silo_tui.model.fields import Field
+from tests.stand_ins.fake_logger import signal
 
 FIRST = "/log/base/orientation"
 
@@ -26,11 +27,21 @@ async def test_live_values_come_to_the_screen(fake, opened):
         await screen.shows("-2.3896")  # the position of the first joint
 
 
-async def test_a_save_only_element_says_so_instead_of_a_value(fake, opened):
+async def test_an_element_that_is_only_saved_has_its_value_too(fake, opened):
     fake.run()
     async with opened(fake) as screen:
-        await screen.type("/HAA/current")
-        await screen.shows("save only")
+        await screen.type("/solver_cost")
+        await screen.until(lambda: fake.views and fake.views[-1].values == ("/log/state/solver_cost",))
+        value = float(signal("/log/state/solver_cost", np.array([fake.seconds]))[0])
+        await screen.shows(f"{value:.2f}")
+
+
+async def test_a_full_buffer_says_so_instead_of_an_old_value(fake, opened):
+    fake.run(20)
+    async with opened(fake, size=(180, 40)) as screen:
+        await screen.type("/LF/HAA/current")
+        await screen.shows("full")
+        await screen.shows("buffer full: this is its last sample")
 
 
 async def test_the_filter_works_while_it_is_typed(fake, opened):
@@ -267,11 +278,14 @@ async def test_a_click_in_the_key_bar_does_what_the_key_does(fake, opened):
         assert screen.session.rows.marked_count == 1
 
 
-async def test_nothing_published_is_told(new_fake, robot, opened):
-    fake = new_fake([info for info in robot if not info.options.action.publishes])
+async def test_nothing_enabled_is_told(new_fake, robot, opened):
+    off = [
+        msgspec.structs.replace(info, options=msgspec.structs.replace(info.options, enabled=False)) for info in robot
+    ]
+    fake = new_fake(off)
     fake.run()
     async with opened(fake) as screen:
-        await screen.shows("Nothing is published")
+        await screen.shows("Nothing is logged")
 
 
 async def test_letters_of_two_cells_don_t_move_the_columns(new_fake, robot, opened):

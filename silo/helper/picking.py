@@ -1,0 +1,176 @@
+"""Which words of which rings hold the samples of some names, and the rows between two moments. Pure rules."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.collecting.rows import Rows
+from silo.collecting.schema import STAMP_WORDS, ElementSchema, EntrySchema, SegmentSchema
+from silo.helper.mirror import LoggerSnapshot
+from silo.ipc.messages import By
+from silo.ipc.sampled import SampledEntry, SampledName
+from silo.model import BufferType
+
+Words = NDArray[np.intp]
+
+STAMPS: Words = np.arange(STAMP_WORDS)
+_STAMP_OF = {By.TICK: 0, By.TIME: 1}
+
+
+class RingSource(Protocol):
+    """Where rows are read from: a segment, or what a pin holds of one."""
+
+    @property
+    def schema(self) -> SegmentSchema:
+        """What the rows are of."""
+
+    def head(self, ring: int) -> int:
+        """Return the number of the row after the newest one."""
+
+    def rows(self, ring: int, since: int, limit: int | None = None, words: Words | None = None) -> Rows:
+        """Return rows from `since` on that are there, of each the words at these places."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """The words of one ring that are wanted, but none of rows that the ring `after` holds too (-1: there is none)."""
+
+    ring: int
+    after: int
+    words: Words
+
+    @property
+    def row_bytes(self) -> int:
+        """Bytes of a row as it is sent."""
+        return 8 * len(self.words)
+
+
+@dataclass(frozen=True)
+class Picked:
+    """All that names ask for: groups, where each name stands in them, and why others have nothing."""
+
+    groups: tuple[Group, ...]
+    names: list[SampledName]
+    missing: dict[str, str]
+
+    @property
+    def row_bytes(self) -> int:
+        """Bytes of one row of every group."""
+        return sum(group.row_bytes for group in self.groups)
+
+
+@dataclass
+class _Wanted:
+    words: set[int] = field(default_factory=lambda: set(STAMPS.tolist()))
+    names: list[tuple[str, ElementSchema, tuple[EntrySchema, ...], bool]] = field(default_factory=list)
+
+
+def unknown_name(names: Sequence[str], now: LoggerSnapshot) -> str | None:
+    """Return the first name that is neither an element nor an entry, None if there is none."""
+    return next((name for name in names if name not in now.places and name not in now.entry_places), None)
+
+
+def pick(
+    names: Sequence[str],
+    now: LoggerSnapshot,
+    schema: SegmentSchema | None,
+    held: Callable[[int, Sequence[int]], bool] | None = None,
+) -> Picked:
+    """Return what elements or entries of these names need; they must be known. A name that is both is the element.
+
+    `held` tells whether there are these words of a ring, where there aren't all.
+    """
+    schemas = {element.info.name: element for element in schema.elements} if schema else {}
+    wanted: dict[tuple[int, int], _Wanted] = {}
+    missing: dict[str, str] = {}
+    for name in dict.fromkeys(names):
+        whole = name in now.places
+        of, number = (name, -1) if whole else now.entry_places[name]
+        element = schemas.get(of)
+        if element is None or (not whole and number >= len(element.entries)):
+            missing[name] = _why_missing(of, now, schema)
+            continue
+        for ring, after, entries in _rings_of(element, schema):
+            some = entries if whole else entries[number : number + 1]
+            words = [word for entry in some for word in words_of(entry)]
+            if held is not None and not held(ring, words):
+                missing[name] = "it is not in this pin"
+                break
+            group = wanted.setdefault((ring, after), _Wanted())
+            group.words.update(words)
+            group.names.append((name, element, some, whole))
+    groups: list[Group] = []
+    found: list[SampledName] = []
+    for (ring, after), group in wanted.items():
+        places = np.array(sorted(group.words), np.intp)
+        for name, element, entries, whole in group.names:
+            placed = [moved(entry, places) for entry in entries]
+            shape = tuple(element.info.shape) if whole else ()
+            parts = [SampledEntry(one.entry.suffix, one.entry.dtype, one.byte_offset, one.swapped) for one in placed]
+            found.append(SampledName(name, len(groups), element.info.options.divider, shape, parts))
+        groups.append(Group(ring, after, places))
+    return Picked(tuple(groups), found, missing)
+
+
+def _why_missing(name: str, now: LoggerSnapshot, schema: SegmentSchema | None) -> str:
+    info = now.element(name)
+    if info is not None and not info.options.enabled:
+        return "it is off"
+    return "nothing was logged yet" if schema is None else "it is not in this recording, start again"
+
+
+def _rings_of(element: ElementSchema, schema: SegmentSchema | None) -> list[tuple[int, int, tuple[EntrySchema, ...]]]:
+    """The rings that hold samples of an element, none twice: what a full buffer lacks is in the one that passes all."""
+    assert schema is not None  # there is an element of it
+    own = (element.ring, -1, element.entries)
+    if element.watch_ring == element.ring:
+        return [own]
+    if schema.rings[element.ring].buffer_type is BufferType.LOOPING:
+        return [(element.live_ring, -1, element.live_entries)]  # it is the longer one
+    return [own, (element.live_ring, element.ring, element.live_entries)]
+
+
+def words_of(entry: EntrySchema) -> range:
+    """Return the places of the words that hold an entry in a row."""
+    size = max(1, np.dtype(entry.entry.dtype).itemsize)
+    return range(entry.byte_offset // 8, (entry.byte_offset + size - 1) // 8 + 1)
+
+
+def moved(entry: EntrySchema, words: Words) -> EntrySchema:
+    """Return where an entry stands when only these words of a row are there."""
+    place = int(np.searchsorted(words, entry.byte_offset // 8))
+    return EntrySchema(entry.entry, 8 * place + entry.byte_offset % 8, entry.swapped)
+
+
+def first_row(source: RingSource, ring: int, by: By, value: int) -> int:
+    """Return the first row whose time stamp or tick is `value` or more, by bisection.
+
+    Rows that are overwritten meanwhile only move it on.
+    """
+    if by is By.ROW:
+        return value
+    word = _STAMP_OF[by]
+    low, high = source.rows(ring, 0, 1, STAMPS).first, source.head(ring)
+    while low < high:
+        middle = (low + high) // 2
+        found = source.rows(ring, middle, 1, STAMPS)
+        if len(found) and found.first == middle and int(found.words[0, word].view(np.int64)) >= value:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+def bounds(source: RingSource, group: Group, start: int, end: int, by: By) -> tuple[int, int]:
+    """Return the rows of a group with `start <= time stamp, tick or row < end` as begin and end."""
+    head = source.head(group.ring)
+    begin = first_row(source, group.ring, by, start) if start > -(2**62) else 0
+    if group.after >= 0:
+        begin = max(begin, source.head(group.after))
+    oldest = source.rows(group.ring, 0, 1, STAMPS).first
+    stop = head if end >= 2**62 else min(head, first_row(source, group.ring, by, end))
+    begin = min(max(begin, oldest, 0), head)
+    return begin, max(begin, stop)

@@ -1,0 +1,184 @@
+"""Pins: copies of what the buffers held of some names for a span of time, so that one can look at it in peace.
+
+A pin lives under a lease and not under its client's connection: it survives a link that is cut for a while, and a new
+start of the logger. `Pins` may be used by all threads; what a pin holds never changes.
+"""
+
+import threading
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from silo.collecting.rows import Rows
+from silo.collecting.segment_reader import SegmentReader
+from silo.helper.mirror import LoggerSnapshot
+from silo.helper.picking import Group, Picked, bounds, pick, unknown_name
+from silo.helper.pinned_rows import PinnedRows
+from silo.helper.samples import MAX_NAMES, unknown
+from silo.ipc.keys import VIEW_ID
+from silo.ipc.messages import By, OpenPin, PinOpened, Refused, RefusedWhy
+
+LEASE_S = 30.0
+MAX_PINS = 64
+MAX_PINNED_BYTES = 64 * 2**20  # of all clients together
+BLOCK_BYTES = 4 * 2**20
+
+
+@dataclass
+class _Pin:
+    request: OpenPin
+    opened: PinOpened
+    rows: PinnedRows | None
+    expires_s: float
+
+
+class Pins:
+    """All pins of all clients."""
+
+    def __init__(self) -> None:
+        self._pins: dict[str, _Pin] = {}
+        self._lock = threading.Lock()
+
+    def open(self, request: OpenPin, now: LoggerSnapshot, reader: SegmentReader | None) -> PinOpened | Refused:
+        """Copy what is wanted; the same request again only renews the lease. Called by the slow thread alone."""
+        self.expire()
+        refused = _check(request, now)
+        if refused is not None:
+            return refused
+        with self._lock:
+            known = self._pins.get(request.pin)
+            if known is not None and _same(known.request, request):
+                known.expires_s = time.monotonic() + LEASE_S
+                return known.opened
+            others = [pin for name, pin in self._pins.items() if name != request.pin]
+        taken = sum(pin.opened.size_bytes for pin in others)
+        if len(others) >= MAX_PINS:
+            return Refused(RefusedWhy.FAILED, f"not pinned: {MAX_PINS} pins are open already; close others first")
+        opened, rows = _copied(request, now, reader, MAX_PINNED_BYTES - taken)
+        if isinstance(opened, Refused):
+            return opened
+        with self._lock:
+            self._pins[request.pin] = _Pin(request, opened, rows, time.monotonic() + LEASE_S)
+        return opened
+
+    def keep(self, pin: str) -> bool:
+        """Renew a lease; False for a pin that is no more."""
+        self.expire()
+        with self._lock:
+            known = self._pins.get(pin)
+            if known is not None:
+                known.expires_s = time.monotonic() + LEASE_S
+        return known is not None
+
+    def close(self, pin: str) -> None:
+        """Forget a pin; one that isn't there is fine."""
+        with self._lock:
+            self._pins.pop(pin, None)
+
+    def expire(self) -> None:
+        """Forget the pins whose lease is over."""
+        now_s = time.monotonic()
+        with self._lock:
+            for name in [name for name, pin in self._pins.items() if now_s >= pin.expires_s]:
+                del self._pins[name]
+
+    def rows(self, pin: str) -> PinnedRows | Refused | None:
+        """Return what a pin holds, None for nothing."""
+        with self._lock:
+            known = self._pins.get(pin)
+        return known.rows if known is not None else no_pin(pin)
+
+
+def no_pin(pin: str) -> Refused:
+    """Refuse what a pin is asked that is no more."""
+    return Refused(
+        RefusedWhy.NOT_FOUND, f"the pin '{pin[:50]}' is no more: its lease of {LEASE_S:g} s ended; pin again"
+    )
+
+
+def _check(request: OpenPin, now: LoggerSnapshot) -> Refused | None:
+    problem = None
+    if not VIEW_ID.fullmatch(request.pin):
+        problem = "its id must be `<client id>-<number>`, the client id of letters and digits"
+    elif not request.names or len(request.names) > MAX_NAMES:
+        problem = f"name 1 to {MAX_NAMES} elements or entries, got {len(request.names)}"
+    elif not -(2**62) < request.start_ns <= request.end_ns < 2**62:
+        problem = f"the time span {request.start_ns} ... {request.end_ns} ns is out of range, or goes backwards"
+    if problem is not None:
+        return Refused(RefusedWhy.INVALID, f"not pinned: {problem}")
+    name = unknown_name(request.names, now)
+    return None if name is None else unknown(name)
+
+
+def _same(old: OpenPin, new: OpenPin) -> bool:
+    return (old.names, old.start_ns, old.end_ns) == (new.names, new.start_ns, new.end_ns)
+
+
+def _copied(
+    request: OpenPin, now: LoggerSnapshot, reader: SegmentReader | None, room: int
+) -> tuple[PinOpened | Refused, PinnedRows | None]:
+    found = pick(request.names, now, reader.schema if reader is not None else None)
+    if reader is None or not found.groups:
+        return PinOpened(request.pin, "", 0, 0, 0, found.missing), None
+    start_ns, text = _fitting(request, found, reader, room)
+    if start_ns is None:
+        return Refused(RefusedWhy.FAILED, text), None
+    parts = [bounds(reader, group, start_ns, request.end_ns + 1, By.TIME) for group in found.groups]
+    copied: dict[int, Rows] = {}
+    # what will be overwritten first is copied first, its oldest rows before the others
+    for number in sorted(
+        range(len(parts)), key=lambda number: _spare_s(reader, found.groups[number], parts[number][0])
+    ):
+        copied[number] = _copy(reader, found.groups[number], *parts[number])
+    rows = PinnedRows(reader.schema, found.groups, [copied[number] for number in range(len(parts))])
+    begin_ns, end_ns = rows.span_ns()
+    return PinOpened(request.pin, reader.schema.run, begin_ns, end_ns, rows.size_bytes, found.missing, text), rows
+
+
+def _fitting(request: OpenPin, found: Picked, reader: SegmentReader, room: int) -> tuple[int | None, str]:
+    """From when on the rows fit into `room` bytes, and what is to be said of it; None where nothing fits."""
+    parts = [bounds(reader, group, request.start_ns, request.end_ns + 1, By.TIME) for group in found.groups]
+    sizes = [group.row_bytes * (end - begin) for group, (begin, end) in zip(found.groups, parts, strict=True)]
+    total = sum(sizes)
+    if total <= room:
+        return request.start_ns, ""
+    rate = sum(
+        group.row_bytes * reader.schema.frequency_hz / reader.schema.rings[group.ring].divider for group in found.groups
+    )
+    fitting_s = 0.95 * room / rate
+    of_all = f"{MAX_PINNED_BYTES / 2**20:g} MB for all clients, {max(0, room) / 2**20:.3g} MB free"
+    if fitting_s < 0.1:
+        names = max(1, int(len(request.names) * room / total))
+        return None, (
+            f"not pinned: {len(request.names)} names take {total / 2**20:.3g} MB ({of_all}); "
+            f"about {names} of them would fit, or close other pins"
+        )
+    newest_ns = min(request.end_ns, reader.last_time_ns)
+    start_ns = max(request.start_ns, newest_ns - int(fitting_s * 1e9))
+    wished_s = (newest_ns - request.start_ns) / 1e9
+    return start_ns, f"the newest {fitting_s:.3g} s of {wished_s:.3g} s are pinned: more doesn't fit ({of_all})"
+
+
+def _spare_s(reader: SegmentReader, group: Group, begin: int) -> float:
+    ring = reader.schema.rings[group.ring]
+    return (begin + ring.capacity - reader.head(group.ring)) * ring.divider / reader.schema.frequency_hz
+
+
+def _copy(reader: SegmentReader, group: Group, begin: int, end: int) -> Rows:
+    blocks: list[Rows] = []
+    row = begin
+    while row < end:
+        rows = reader.rows(group.ring, row, min(end - row, max(1, BLOCK_BYTES // group.row_bytes)), group.words)
+        rows = rows.part(rows.first, end)
+        if rows.first > row:
+            blocks.clear()  # a copy has no hole: the writer was faster
+        if not len(rows) and rows.first <= row:
+            break
+        if len(rows):
+            blocks.append(rows)
+        row = rows.first + len(rows)
+    ring = reader.schema.rings[group.ring]
+    if not blocks:
+        return Rows(ring, begin, np.zeros((0, len(group.words)), np.uint64))
+    return Rows(ring, blocks[0].first, np.concatenate([rows.words for rows in blocks]))

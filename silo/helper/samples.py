@@ -1,0 +1,82 @@
+"""Raw samples of any enabled element: rows straight from the buffers, as many as a reply may hold."""
+
+from silo.helper.mirror import LoggerSnapshot
+from silo.helper.picking import Picked, RingSource, bounds, pick, unknown_name
+from silo.helper.pinned_rows import PinnedRows
+from silo.ipc.messages import GetSamples, Refused, RefusedWhy, SampleRows
+from silo.ipc.sampled import SampledRows
+
+MAX_NAMES = 10_000
+MIN_BYTES, MAX_BYTES = 4096, 4 * 2**20
+BLOCK_BYTES = 2**20  # read at a time, so that what is overwritten meanwhile costs little
+
+
+def check_samples(request: GetSamples) -> Refused | None:
+    """Why a request can't be answered, None if it can."""
+    problem = None
+    if not request.names or len(request.names) > MAX_NAMES:
+        problem = f"ask for 1 to {MAX_NAMES} names, got {len(request.names)}"
+    elif not MIN_BYTES <= request.reply_bytes <= MAX_BYTES:
+        problem = f"reply_bytes must be {MIN_BYTES} to {MAX_BYTES}, got {request.reply_bytes}"
+    elif not -(2**62) <= request.start <= request.end <= 2**62:
+        problem = f"from {request.start} to {request.end} is out of range, or goes backwards"
+    elif request.resume and not request.run:
+        problem = "who goes on names the run of the reply before"
+    elif any(not 0 <= row <= end <= 2**62 for row, end in request.resume):
+        problem = "what it goes on with is none of our replies"
+    return Refused(RefusedWhy.INVALID, f"no samples: {problem}") if problem else None
+
+
+def unknown(name: str) -> Refused:
+    """Refuse a name that nothing has."""
+    text = f"no element or entry is called '{name[:200]}'; they are named like '/log/q' and '/log/q_x'"
+    return Refused(RefusedWhy.NOT_FOUND, text)
+
+
+def samples(request: GetSamples, now: LoggerSnapshot, source: RingSource | None) -> SampleRows | Refused:
+    """Return the rows, or as many as may go into a reply, with what to go on with."""
+    name = unknown_name(request.names, now)
+    if name is not None:
+        return unknown(name)
+    run = source.schema.run if source is not None else ""
+    if request.resume and request.run != run:
+        text = "no samples: the logger was started anew since the reply before; ask from the beginning"
+        return Refused(RefusedWhy.CONFLICT, text)
+    held = source.holds if isinstance(source, PinnedRows) else None
+    found = pick(request.names, now, source.schema if source is not None else None, held)
+    if source is None:
+        return SampleRows(run, [], [], [], found.missing)
+    if request.resume and len(request.resume) != len(found.groups):
+        return Refused(RefusedWhy.INVALID, "no samples: these are other names than those of the reply before")
+    wanted = request.resume or [bounds(source, group, request.start, request.end, request.by) for group in found.groups]
+    rows, resume = _read(found, source, wanted, request.reply_bytes)
+    names = [] if request.resume else found.names
+    return SampleRows(run, rows, resume, names, found.missing)
+
+
+def _read(
+    found: Picked, source: RingSource, wanted: list[tuple[int, int]], room: int
+) -> tuple[list[SampledRows], list[tuple[int, int]]]:
+    read: list[SampledRows] = []
+    resume: list[tuple[int, int]] = []
+    for number, (group, (begin, end)) in enumerate(zip(found.groups, wanted, strict=True)):
+        blocks: list[bytes] = []
+        first, row = begin, begin
+        while row < end and (room >= group.row_bytes or not (read or blocks)):
+            most = max(1, min(room, BLOCK_BYTES) // group.row_bytes)
+            rows = source.rows(group.ring, row, min(most, end - row), group.words)
+            if rows.first > row and blocks:
+                break  # a stretch has no gap: what is left comes with the next reply
+            if not len(rows) and rows.first <= row:
+                row = end  # there are no more
+                break
+            rows = rows.part(rows.first, end)  # what was overwritten meanwhile moved it on
+            first = first if blocks else rows.first
+            row = rows.first + len(rows)
+            if len(rows):
+                blocks.append(rows.words.tobytes())
+                room -= len(blocks[-1])
+        if blocks:
+            read.append(SampledRows(number, first, sum(map(len, blocks)) // group.row_bytes, b"".join(blocks)))
+        resume.append((min(row, end), end))
+    return read, resume

@@ -1,0 +1,364 @@
+"""Raw samples on the client's side: rows picked apart into arrays, streams of them, and pins."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import prod
+from typing import Any
+
+import msgspec
+import numpy as np
+import zenoh
+from numpy.typing import NDArray
+
+from silo.errors import ConnectionLostError, RefusedError
+from silo.ipc.keys import Root
+from silo.ipc.messages import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
+from silo.ipc.sampled import SampledEntry, SampledName, SampledRows, StreamFrame
+
+STAMP_BYTES = 16
+MAX_LAYOUTS = 8
+MAX_BACKLOG = 64  # frames of at most 1 MB: 3 s of them, should the reader pause
+
+_decoder = msgspec.msgpack.Decoder(StreamFrame)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of one element or entry, oldest first: `ticks` and `time_ns` int64 of shape `(n,)`, `values` beside them.
+
+    `values` has the element's own type and shape `(n, *shape of the element)`; elements of several types give a
+    structured array, its fields called like the entries' suffixes. Between two samples of an element lie `divider`
+    ticks: where there are more, what is between is lost or overwritten. `missed` counts those of a stream that were
+    lost directly before the first one here. `why` says why there are none, empty where that isn't known.
+    """
+
+    ticks: NDArray[np.int64]
+    time_ns: NDArray[np.int64]
+    values: NDArray[Any]
+    divider: int = 1
+    missed: int = 0
+    why: str = ""
+
+    def __len__(self) -> int:
+        return len(self.ticks)
+
+
+NO_SAMPLES = Samples(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+
+
+def samples_of(name: SampledName, rows: SampledRows, missed: int = 0) -> Samples:
+    """Return what rows have of a name, in arrays of its own. Raises ConnectionLostError for rows that make no sense."""
+    words = len(rows.data) // 8 // rows.count if rows.count else 0
+    ends = [entry.offset + np.dtype(entry.dtype).itemsize for entry in name.entries]
+    if rows.count and (words * 8 * rows.count != len(rows.data) or max([STAMP_BYTES, *ends]) > 8 * words):
+        raise ConnectionLostError(f"the helper process sends rows of {name.name} that make no sense")
+    stamps = np.frombuffer(rows.data, "<i8").reshape(rows.count, words) if rows.count else np.zeros((0, 2), np.int64)
+    return Samples(stamps[:, 0].copy(), stamps[:, 1].copy(), _values(name, rows, 8 * words), name.divider, missed)
+
+
+def _values(name: SampledName, rows: SampledRows, row_bytes: int) -> NDArray[Any]:
+    entries, count = name.entries, rows.count
+    types = {entry.dtype for entry in entries}
+    if len(types) != 1:
+        named = [(entry.suffix or f"f{at}", _stored(entry)) for at, entry in enumerate(entries)]
+        packed = np.empty(count, named)
+        for field, entry in zip(packed.dtype.names or (), entries, strict=True):
+            packed[field] = _column(entry, rows, row_bytes)
+        return packed
+    shape = name.shape if prod(name.shape) == len(entries) else (() if len(entries) == 1 else (len(entries),))
+    if len(entries) == 1:
+        return _column(entries[0], rows, row_bytes).astype(_stored(entries[0])).reshape(count, *shape)
+    steps = {after.offset - before.offset for before, after in pairwise(entries)}
+    if count and len(steps) == 1 and len({entry.swapped for entry in entries}) == 1:
+        # evenly spaced in the row, as arrays are: one strided copy
+        first, strides = entries[0], (row_bytes, steps.pop())
+        stored = _stored(first, swapped=first.swapped)
+        block: NDArray[Any] = np.ndarray((count, len(entries)), stored, rows.data, first.offset, strides)
+        return block.astype(_stored(first)).reshape(count, *shape)
+    columns = np.empty((count, len(entries)), _stored(entries[0]))
+    for at, entry in enumerate(entries):
+        columns[:, at] = _column(entry, rows, row_bytes)
+    return columns.reshape(count, *shape)
+
+
+def _stored(entry: SampledEntry, *, swapped: bool = False) -> "np.dtype[Any]":
+    dtype: np.dtype[Any] = np.dtype(entry.dtype).newbyteorder(">" if swapped else "<")
+    return dtype
+
+
+def _column(entry: SampledEntry, rows: SampledRows, row_bytes: int) -> NDArray[Any]:
+    stored = _stored(entry, swapped=entry.swapped)
+    if not rows.count or not stored.itemsize:
+        return np.zeros(rows.count, stored)
+    column: NDArray[Any] = np.ndarray((rows.count,), stored, rows.data, entry.offset, (row_bytes,))
+    return column
+
+
+def joined(parts: Sequence[Samples]) -> Samples:
+    """Return several stretches of a name as one."""
+    if len(parts) == 1:
+        return parts[0]
+    ticks, time_ns, values = (
+        np.concatenate([getattr(part, what) for part in parts]) for what in ("ticks", "time_ns", "values")
+    )
+    return Samples(ticks, time_ns, values, parts[0].divider, parts[0].missed)
+
+
+class Gathering:
+    """The replies to one wish for samples, until all of it is there."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._wished = tuple(names)
+        self._names: list[SampledName] = []
+        self._missing: dict[str, str] = {}
+        self._rows: dict[int, list[SampledRows]] = {}
+        self._wanted: list[tuple[int, int]] = []
+        self._left: list[tuple[int, int]] = []
+
+    @property
+    def share(self) -> float:
+        """How much of it has come, 0 ... 1, by rows."""
+        wanted = sum(end - begin for begin, end in self._wanted)
+        left = sum(end - row for row, end in self._left)
+        return 1.0 - left / wanted if wanted else 1.0
+
+    def take(self, reply: SampleRows) -> None:
+        """Take a reply over."""
+        firsts = {rows.group: rows.first for rows in reply.rows}
+        self._wanted = self._wanted or [(firsts.get(group, row), end) for group, (row, end) in enumerate(reply.resume)]
+        self._left = reply.resume
+        self._names = self._names or reply.names
+        self._missing.update(reply.missing)
+        for rows in reply.rows:
+            self._rows.setdefault(rows.group, []).append(rows)
+
+    def samples(self) -> dict[str, Samples]:
+        """Return what has come, by name."""
+        found: dict[str, list[Samples]] = {name: [] for name in self._wished}
+        for name in self._names:
+            rows = self._rows.get(name.group) or [SampledRows(name.group, 0, 0, b"")]
+            found[name.name] += [samples_of(name, some) for some in rows]
+        none = {name: _none(self._missing.get(name, "")) for name, parts in found.items() if not parts}
+        return {**{name: joined(_filled(parts)) for name, parts in found.items() if parts}, **none}
+
+
+def _none(why: str) -> Samples:
+    """Return no samples, and why."""
+    return Samples(NO_SAMPLES.ticks, NO_SAMPLES.time_ns, NO_SAMPLES.values, why=why)
+
+
+def _filled(parts: list[Samples]) -> list[Samples]:
+    return [part for part in parts if len(part)] or parts[:1]
+
+
+class Batch(Mapping[str, Samples]):
+    """What came of a stream at once, by name. Arrays are made of a name when it is looked at."""
+
+    def __init__(self, run: str, parts: dict[str, list[tuple[SampledName, SampledRows, int]]]) -> None:
+        self.run = run  # changes with a new start, from which on ticks are counted anew
+        self._parts = parts
+        self._made: dict[str, Samples] = {}
+
+    def __getitem__(self, name: str) -> Samples:
+        if name not in self._made:
+            self._made[name] = joined([samples_of(*part) for part in self._parts[name]])
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._parts)
+
+    def __len__(self) -> int:
+        return len(self._parts)
+
+
+class Stream:
+    """All samples of some elements or entries as they come. May be used by any thread; iterate over it, or `read()`.
+
+    `missed` counts rows that did not arrive: they were overwritten before they were sent, or this reader was slow.
+    """
+
+    def __init__(
+        self, request: OpenStream, number: int, renew: Callable[[], None], on_close: Callable[["Stream"], None]
+    ) -> None:
+        self.request = request
+        self.missed = 0
+        self.missing: dict[str, str] = {}  # why names have no samples
+        self._place = number
+        self._renew = renew
+        self._on_close = on_close
+        self._changed = threading.Condition()
+        self._frames: deque[bytes] = deque(maxlen=MAX_BACKLOG)
+        self._unread: deque[StreamFrame] = deque(maxlen=MAX_BACKLOG)
+        self._subscriber: zenoh.Subscriber[None] | None = None
+        self._opened: dict[int, StreamOpened] = {}  # the newest few, by generation
+        self._expected: dict[tuple[str, int], int] = {}
+        self._refused = ""
+        self._closed = False
+
+    @property
+    def renewal(self) -> OpenStream:
+        """What renews its lease."""
+        return self.request
+
+    def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
+        """Subscribe in a session; the one before is closed already."""
+        name = f"{client_id}-{self._place}"
+        subscriber = session.declare_subscriber(root.key("stream", name), self._take)
+        with self._changed:
+            self.request = msgspec.structs.replace(self.request, stream=name)
+            self._subscriber = subscriber
+            self._opened = {}
+
+    def detach(self) -> None:
+        """The session is about to be closed."""
+        with self._changed:
+            self._subscriber = None
+            self._frames.clear()
+            self._unread.clear()
+
+    def accept(self, opened: StreamOpened) -> None:
+        """How to read the frames from now on."""
+        with self._changed:
+            newest = sorted({*self._opened, opened.generation})[-MAX_LAYOUTS:]
+            layouts = {**self._opened, opened.generation: opened}
+            self._opened = {generation: layouts[generation] for generation in newest}
+            self.missing, self._refused = opened.missing, ""
+            self._changed.notify_all()
+
+    def refuse(self, text: str) -> None:
+        """The helper process would not renew the stream."""
+        with self._changed:
+            self._refused = text
+            self._changed.notify_all()
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        data = sample.payload.to_bytes()
+        with self._changed:
+            self._frames.append(data)
+            self._changed.notify_all()
+
+    def read(self, timeout_s: float | None = None) -> Batch | None:
+        """Return the next batch; waits for it, None where none came in time or the stream was closed.
+
+        Raises RefusedError where the helper process ended the stream, ConnectionLostError for frames that can't be
+        understood.
+        """
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        with self._changed:
+            while not self._closed:
+                if self._refused:
+                    raise RefusedError(self._refused)
+                batch = self._next()
+                if batch is not None:
+                    return batch
+                left_s = None if deadline_s is None else deadline_s - time.monotonic()
+                if left_s is not None and left_s <= 0:
+                    return None
+                self._changed.wait(left_s)
+        return None
+
+    def _next(self) -> Batch | None:
+        while self._frames:
+            self._unread.append(_decoded(self._frames.popleft()))
+        while self._opened and self._unread:
+            frame = self._unread[0]
+            if frame.generation > max(self._opened):
+                self._renew()  # after an edit or a start: how to read it comes
+                return None
+            self._unread.popleft()
+            if frame.generation in self._opened:
+                return self._batch(frame, self._opened[frame.generation])
+        return None
+
+    def _batch(self, frame: StreamFrame, opened: StreamOpened) -> Batch:
+        missed: dict[int, int] = {}
+        for rows in frame.rows:
+            expected = self._expected.get((frame.run, rows.group), rows.first)
+            missed[rows.group] = max(0, rows.first - expected)
+        self._expected = {
+            **{key: row for key, row in self._expected.items() if key[0] == frame.run},
+            **{(frame.run, rows.group): rows.first + rows.count for rows in frame.rows},
+        }
+        self.missed += sum(missed.values())
+        by_group = {rows.group: rows for rows in frame.rows}
+        parts: dict[str, list[tuple[SampledName, SampledRows, int]]] = {}
+        for name in opened.names:
+            some = by_group.get(name.group)
+            if some is not None:
+                parts.setdefault(name.name, []).append((name, some, missed[name.group]))
+        return Batch(frame.run, parts)
+
+    def __iter__(self) -> Iterator[Batch]:
+        while (batch := self.read()) is not None:
+            yield batch
+
+    def close(self) -> None:
+        """End the stream; closing twice is fine."""
+        with self._changed:
+            self._closed = True
+            subscriber, self._subscriber = self._subscriber, None
+            self._changed.notify_all()
+        if subscriber is not None:
+            subscriber.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+        self._on_close(self)
+
+    def __enter__(self) -> "Stream":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _decoded(data: bytes) -> StreamFrame:
+    try:
+        frame: StreamFrame = _decoder.decode(data)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise ConnectionLostError(
+            f"the helper process sends frames that this version of silo doesn't understand: {error}"
+        ) from error
+    return frame
+
+
+class Pin:
+    """What a helper process holds for this client: `client.samples(..., pin=pin)` and `client.history` read it.
+
+    It is held until it is closed, over a link that is cut for less than 30 s, and over a new start of the logger.
+    """
+
+    def __init__(
+        self, names: Sequence[str], opened: PinOpened, renewal: KeepPin, on_close: Callable[["Pin"], None]
+    ) -> None:
+        self.names = tuple(names)
+        self.opened = opened
+        self.renewal = renewal  # what renews its lease
+        self.refused = ""  # why it is no more
+        self._on_close = on_close
+
+    @property
+    def id(self) -> str:
+        """Its name in requests."""
+        return self.opened.pin
+
+    def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
+        """Nothing is sent without being asked for."""
+
+    def detach(self) -> None:
+        """Nothing is sent without being asked for."""
+
+    def refuse(self, text: str) -> None:
+        """It is no more."""
+        self.refused = text
+
+    def close(self) -> None:
+        """Let the helper process forget it; closing twice is fine."""
+        self._on_close(self)
+
+    def __enter__(self) -> "Pin":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

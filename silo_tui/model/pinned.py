@@ -1,0 +1,294 @@
+"""What was pinned when the picture was held: a stretch of time of some signals that nothing overwrites.
+
+The source begins with the columns that stood on the screen. Columns of the whole span are fetched next, then raw
+samples slice by slice, those that are looked at first. What has come stays, whatever becomes of link and robot, and is
+all that is drawn then; `text` says how much that is.
+"""
+
+import asyncio
+import math
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from silo.columns import MAX_COLUMNS, ColumnGrid, ColumnStore, HistoryColumns, bins_of, coarser, grid_of
+from silo.errors import SiloError
+from silo.model import ElementInfo
+from silo.values import newest_values, numbers
+from silo_tui.model.live import Reading
+from silo_tui.model.plots import SECOND_NS, SPANS_S, Plotted, signs_of
+from silo_tui.model.recorded import SHORT_SPANS_S, Facts
+from silo_tui.model.source import PlotSource, Samples
+
+if TYPE_CHECKING:
+    from silo.ipc.samples import Samples as RawSamples
+
+SLICES = 32  # the span is fetched in so many pieces
+QUICK_S = 10.0  # what isn't looked at is fetched too where all of it comes within that time
+
+
+class PinReader(Protocol):
+    """Where a pin is read from: a helper process, which may fall silent (then it raises a SiloError)."""
+
+    async def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Return columns of what is pinned."""
+
+    async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> "dict[str, RawSamples]":
+        """Return samples of what is pinned with `start_ns <= time stamp < end_ns`."""
+
+
+class PinnedSource:
+    """A source of plots that stands still. Lives in the event loop."""
+
+    live = False
+
+    def __init__(
+        self, live: PlotSource, plots: Sequence[Plotted], start_ns: int, end_ns: int, shown: ColumnStore
+    ) -> None:
+        """`shown` are the columns that are on the screen."""
+        self.names = tuple(dict.fromkeys(plotted.name for plotted in plots))
+        self.begin_ns, self.end_ns = start_ns, max(start_ns + 1, end_ns)
+        self.problem = ""  # why no more is fetched
+        self._live = live
+        self._elements = {plotted.element.name: plotted.element for plotted in plots}
+        self._periods = {name: live.period_ns(name) for name in self._elements}
+        self._reader: PinReader | None = None
+        self._shown = _copy_of(shown)
+        self._coarse: HistoryColumns | None = None
+        self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns) // SLICES))
+        self._slices: dict[int, dict[str, Samples]] = {}
+        self._fetching = asyncio.Lock()
+        self._slice_s = math.inf  # how long a slice took at last
+
+    # -------------------------------------------------------------------------------------------- what is, and how much
+
+    def element(self, name: str) -> ElementInfo | None:
+        """Return the element of that name, as it was."""
+        return self._elements.get(name) or self._live.element(name)
+
+    def period_ns(self, element: str) -> int:
+        """Return the time between two samples of an element, as it was."""
+        return self._periods.get(element) or self._live.period_ns(element)
+
+    def is_live(self, element: str) -> bool:
+        """Return whether the element is pinned."""
+        return element in self._elements
+
+    @property
+    def spans_s(self) -> tuple[float, ...]:
+        """The spans that one zooms through; the last one is all that is pinned."""
+        whole = (self.end_ns - self.begin_ns) / SECOND_NS
+        return (*(span for span in SHORT_SPANS_S + SPANS_S if span < 0.7 * whole), whole)
+
+    @property
+    def held_s(self) -> float:
+        """Seconds that are pinned."""
+        return (self.end_ns - self.begin_ns) / SECOND_NS
+
+    @property
+    def held_text(self) -> str:
+        """The span that is pinned, to two digits."""
+        return f"{float(f'{self.held_s:.2g}'):g} s"
+
+    @property
+    def fetched_s(self) -> float:
+        """Seconds of which all samples are here."""
+        ends = ((k * self._slice_ns + self.begin_ns, (k + 1) * self._slice_ns + self.begin_ns) for k in self._slices)
+        return sum(max(0, min(end, self.end_ns) - begin) for begin, end in ends) / SECOND_NS
+
+    @property
+    def complete(self) -> bool:
+        """Whether every sample is here."""
+        return len(self._slices) >= self._count
+
+    @property
+    def text(self) -> str:
+        """How much is held and how much of it is here: `41 s held, 5.0 s of it here`."""
+        held = self.held_text
+        if self._reader is None and not self.problem:
+            return "pinning …"
+        if self._reader is not None and self.complete:
+            return f"{held} held, all here"
+        here = f"{float(f'{self.fetched_s:.2g}'):g} s of {held} here" if self._slices else "only columns here"
+        if self._coarse is None and not self._slices:
+            here = "only the picture here"
+        return f"{here}, no more: {self.problem}" if self.problem else f"{held} held, {here}"
+
+    def extent_ns(self, names: Sequence[str]) -> tuple[int, int]:
+        """The first and the last moment that is pinned."""
+        return self.begin_ns, self.end_ns
+
+    def clamp_end(self, end_ns: int, span_ns: int) -> int:
+        """The right edge of a window so that it lies in what is pinned."""
+        return min(self.end_ns, max(end_ns, self.begin_ns + span_ns))
+
+    # --------------------------------------------------------------------------------------------------- fetching
+
+    def opened(self, reader: PinReader, begin_ns: int, end_ns: int, problem: str = "") -> None:
+        """The logger holds this much of it, to be read from there."""
+        self._reader, self.problem = reader, problem
+        if not self._slices:
+            self.begin_ns, self.end_ns = begin_ns, max(begin_ns + 1, end_ns)
+            self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
+
+    async def fetch_columns(self, column_ns: int) -> None:
+        """Fetch columns of the whole span. Errors are noted in `problem`."""
+        if self._reader is None:
+            return
+        wide = max(column_ns, -(-(self.end_ns - self.begin_ns) // (MAX_COLUMNS - 2)))
+        try:
+            self._coarse = await self._reader.columns(self.names, self.begin_ns, self.end_ns + 1, wide)
+        except SiloError as error:
+            self.problem = str(error)
+
+    async def fetch(self, start_ns: int, end_ns: int) -> None:
+        """Fetch all samples between two times, as far as they are pinned, the newest first."""
+        for number in reversed(self._numbers(start_ns, end_ns)):
+            await self._fetch_slice(number)
+
+    async def fetch_rest(self) -> bool:
+        """Fetch one slice that nobody looks at yet; False where there is none, or the link is too thin for that."""
+        missing = [number for number in range(self._count) if number not in self._slices]
+        if not missing or self._reader is None or self.problem or len(missing) * self._slice_s > QUICK_S:
+            return False
+        return await self._fetch_slice(missing[-1])
+
+    @property
+    def _count(self) -> int:
+        return -(-(self.end_ns - self.begin_ns + 1) // self._slice_ns)
+
+    def _numbers(self, start_ns: int, end_ns: int) -> range:
+        first = max(0, (start_ns - self.begin_ns) // self._slice_ns)
+        return range(first, min(self._count, (end_ns - self.begin_ns) // self._slice_ns + 1))
+
+    async def _fetch_slice(self, number: int) -> bool:
+        async with self._fetching:
+            if number in self._slices or self._reader is None:
+                return number in self._slices
+            start_ns = self.begin_ns + number * self._slice_ns
+            began_s = time.monotonic()
+            try:
+                found = await self._reader.samples(self.names, start_ns, start_ns + self._slice_ns)
+            except SiloError as error:
+                self.problem = str(error)
+                return False
+            self._slice_s, self.problem = time.monotonic() - began_s, ""
+            self._slices[number] = {name: (some.time_ns, some.values) for name, some in found.items()}
+            return True
+
+    def _has(self, start_ns: int, end_ns: int) -> bool:
+        return all(number in self._slices for number in self._numbers(start_ns, end_ns))
+
+    # -------------------------------------------------------------------------------------------------- what it shows
+
+    async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """All samples of an entry from `start_ns` to `end_ns`, both included; where they can't come, those here."""
+        await self.fetch(max(start_ns, self.begin_ns), min(end_ns, self.end_ns))
+        return self.held(name, start_ns, end_ns)
+
+    def held(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """The samples of an entry from `start_ns` to `end_ns`, both included, that are here."""
+        numbers = self._numbers(max(start_ns, self.begin_ns), min(end_ns, self.end_ns))
+        parts = [some[name] for number in numbers if (some := self._slices.get(number)) and name in some]
+        parts = [part for part in parts if len(part[0])] or parts[:1]
+        if not parts:
+            return np.zeros(0, np.int64), np.zeros(0)
+        time_ns, values = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
+        wanted = (time_ns >= start_ns) & (time_ns <= end_ns)
+        return time_ns[wanted], values[wanted]
+
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Columns of a stretch of time: of the samples that are here, else asked for, else of wider columns."""
+        inside = max(start_ns, self.begin_ns), min(end_ns, self.end_ns)
+        if not self._has(*inside) and self._reader is not None and not self.problem:
+            try:
+                return await self._reader.columns(names, start_ns, end_ns, column_ns)
+            except SiloError as error:
+                self.problem = str(error)
+        return self.columns(names, start_ns, end_ns, column_ns)
+
+    def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Columns from what is here."""
+        stop = end_ns // column_ns + 1
+        first = max(start_ns // column_ns, stop - MAX_COLUMNS)
+        grid = ColumnGrid(len(names), first, stop - first)
+        whole = self._has(max(start_ns, self.begin_ns), min(end_ns, self.end_ns))
+        for row, name in enumerate(names):
+            if not whole:
+                for wide in (self._coarse, self._shown):
+                    _spread(grid, row, name, wide, column_ns)
+            time_ns, values = self.held(name, first * column_ns, stop * column_ns - 1)
+            if len(time_ns):
+                grid.add(row, bins_of(time_ns, column_ns), values)
+        bases = {row: base for row, base in enumerate(grid.bases) if base}
+        return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases)
+
+    def facts(self, name: str, first: int, stop: int, column_ns: int) -> Facts:
+        """Minimum, maximum and mean of the samples that are here in columns `first ... stop - 1`."""
+        time_ns, values = self.held(name, first * column_ns, stop * column_ns - 1)
+        if not len(time_ns) or values.dtype.kind in "SU":
+            return Facts(math.nan, math.nan, math.nan, 0)
+        found = numbers(values)
+        finite = found.offsets[np.isfinite(found.offsets)]
+        count = int((~np.isnan(found.offsets)).sum())
+        grid = ColumnGrid(1, 0, 1)
+        grid.add(0, bins_of(np.zeros(len(values), np.int64), 1), values)
+        signs = signs_of(grid.marks[0])
+        if not len(finite):
+            return Facts(math.nan, math.nan, math.nan, count, signs=signs)
+        return Facts(
+            float(finite.min()), float(finite.max()), float(finite.mean()), count, len(finite), found.base, signs
+        )
+
+    def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:
+        """What held at a time, of elements: the newest sample up to then that is here."""
+        return {name: self._reading(self._elements[name], time_ns) for name in names if name in self._elements}
+
+    def _reading(self, element: ElementInfo, time_ns: int) -> Reading:
+        newest = np.full(len(element.entries), np.nan)
+        texts: dict[int, str] = {}
+        held = 0
+        for position, entry in enumerate(element.entries):
+            stamps, values = self.held(element.name + entry.suffix, self.begin_ns, time_ns)
+            held = max(held, len(stamps))
+            if len(stamps):
+                floats, words = newest_values(values[-1:])
+                newest[position] = floats[0]
+                texts.update((position, word) for word in words.values())
+        return Reading(newest, texts, held, 0, time_ns)
+
+    def neighbour(self, name: str, time_ns: int, step: int) -> int:
+        """Time of the next (`step` 1) or previous (-1) sample of an entry that is here; else the same time."""
+        stamps, _ = self.held(name, self.begin_ns, self.end_ns)
+        at = int(np.searchsorted(stamps, time_ns, "right")) if step > 0 else int(np.searchsorted(stamps, time_ns)) - 1
+        return int(stamps[at]) if 0 <= at < len(stamps) else time_ns
+
+
+def _copy_of(shown: ColumnStore) -> HistoryColumns:
+    rows = range(len(shown.names))
+    bases = {row: shown.base(row) for row in rows if shown.base(row)}
+    low, high, marks = shown.low.copy(), shown.high.copy(), shown.marks.copy()
+    return HistoryColumns(shown.names, shown.first, shown.column_ns, low, high, marks, bases)
+
+
+def _spread(grid: ColumnGrid, row: int, name: str, other: HistoryColumns | None, column_ns: int) -> None:
+    """Lay columns of another width over a grid: what a wider one says holds in all that it covers."""
+    if other is None or name not in other.names or not other.low.shape[1] or not grid.count:
+        return
+    at = other.names.index(name)
+    marks = np.zeros(other.low.shape[1], np.uint8) if other.marks is None else other.marks[at]
+    low, high = other.low[at], other.high[at]
+    if other.column_ns <= column_ns:
+        places = (other.first + np.arange(len(low))) * other.column_ns // column_ns
+        first = int(places[0])
+        low, high, marks = coarser(low, high, marks, np.flatnonzero(np.diff(places, prepend=first - 1)))
+    else:
+        first = grid.first
+        places = (first + np.arange(grid.count)) * column_ns // other.column_ns - other.first
+        inside = (places >= 0) & (places < len(low))
+        places = np.where(inside, places, 0)
+        low, high = np.where(inside, low[places], np.nan), np.where(inside, high[places], np.nan)
+        marks = np.where(inside, marks[places], 0).astype(np.uint8)
+    grid.merge([row], grid_of(first, low[None], high[None], marks[None], {0: other.bases.get(at, 0)}), [0])

@@ -1,0 +1,234 @@
+"""Raw samples, streams and pins of a real helper process, against what the loop logged, to the tick."""
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import RefusedError
+from silo.ipc.client import Client
+from silo.ipc.messages import RefusedWhy
+from silo.model import BufferType, Edit, ElementOptions
+
+LOOPING, FIXED = BufferType.LOOPING, BufferType.FIXED
+
+
+def buffer(client, name, size, kind, action=silo.Action.SAVE):
+    client.apply([Edit(name, ElementOptions(buffer_size=size, buffer_type=kind, action=action))], -1)
+
+
+# ----------------------------------------------------------------------------------------------------------- samples
+
+
+def test_samples_are_what_was_logged_each_with_its_tick_and_time_stamp(bench, client):
+    client.start()
+    bench.ticks(40)
+    found = client.samples(["/log/x", "/log/slow"])
+    assert found["/log/x"].ticks.tolist() == list(range(40))
+    assert found["/log/x"].values.tolist() == list(range(1, 41))
+    assert found["/log/x"].time_ns.tolist() == [bench.begin_ns + bench.tick_ns * tick for tick in range(40)]
+    assert found["/log/slow"].ticks.tolist() == list(range(0, 40, 5))
+    assert (found["/log/slow"].divider, found["/log/slow"].values.tolist()) == (5, list(range(1, 41, 5)))
+
+
+def test_samples_have_the_type_and_shape_of_their_element(bench, client):
+    client.start()
+    bench.q[:] = 1, 2, 3
+    bench.matrix[:] = [[1, 2], [3, 4]]
+    bench.gait[...] = 1
+    bench.word[...] = b"hans"
+    bench.mixed[...] = (0.5, 7)
+    bench.ticks(2)
+    names = ["/log/q", "/log/matrix", "/log/gait", "/log/word", "/log/mixed", "/log/q_y", "/log/mixed_n"]
+    found = {name: samples.values for name, samples in client.samples(names).items()}
+    assert found["/log/q"].tolist() == [[1, 2, 3]] * 2
+    assert (found["/log/matrix"].dtype, found["/log/matrix"].tolist()) == (np.float32, [[[1, 2], [3, 4]]] * 2)
+    assert (found["/log/gait"].dtype, found["/log/gait"].tolist()) == (np.int8, [1, 1])
+    assert found["/log/word"].tolist() == [b"hans"] * 2
+    assert (found["/log/mixed"].dtype.names, found["/log/mixed"][0].tolist()) == (("_a", "_n"), (0.5, 7))
+    assert (found["/log/q_y"].tolist(), found["/log/mixed_n"].dtype) == ([2, 2], np.int32)
+
+
+@pytest.mark.parametrize(
+    ("by", "start", "end", "ticks"),
+    [("tick", 10, 20, range(10, 20)), ("row", 10, 12, range(10, 12)), ("tick", 35, 99, range(35, 40)),
+     ("time", 1_700_000_000_050_000_001, 1_700_000_000_080_000_001, range(6, 9))],
+)  # fmt: skip
+def test_samples_between_times_ticks_or_rows(bench, client, by, start, end, ticks):
+    client.start()
+    bench.ticks(40)
+    assert client.samples(["/log/x"], start, end, by)["/log/x"].ticks.tolist() == list(ticks)
+
+
+def test_samples_in_small_replies_are_those_of_one(bench, client):
+    client.start()
+    bench.ticks(600)
+    names, told = ["/log/x", "/log/q", "/log/slow", "/log/kept"], []
+    whole = client.samples(names)
+    pieces = client.samples(names, reply_bytes=4096, told=told.append)
+    for name in names:
+        np.testing.assert_array_equal(pieces[name].ticks, whole[name].ticks)
+        np.testing.assert_array_equal(pieces[name].values, whole[name].values)
+    assert len(told) > 5
+    assert (told == sorted(told), told[-1]) == (True, 1.0)
+
+
+@pytest.mark.parametrize(("kind", "first"), [(FIXED, 0), (LOOPING, 600 - 200)])
+def test_a_published_buffer_that_ends_or_is_short_goes_on_with_what_passes(bench, client, kind, first):
+    buffer(client, "/log/kept", 50, kind, silo.Action.SAVE_AND_PUBLISH)
+    client.start()
+    bench.ticks(600)
+    ticks = client.samples(["/log/kept"])["/log/kept"].ticks
+    assert ticks[-1] == 599
+    assert sorted(set(ticks.tolist())) == ticks.tolist()
+    assert ticks[0] <= first + 1
+    if kind is FIXED:
+        assert set(range(50)) <= set(ticks.tolist())
+
+
+def test_samples_of_what_is_off_say_why_there_are_none(bench, client):
+    client.apply([Edit("/log/kept", ElementOptions(enabled=False))], -1)
+    client.start()
+    bench.ticks(3)
+    found = client.samples(["/log/kept", "/log/x"])
+    assert (len(found["/log/kept"]), found["/log/kept"].why, len(found["/log/x"])) == (0, "it is off", 3)
+
+
+def test_samples_of_a_name_that_nothing_has_are_refused(bench, client):
+    with pytest.raises(RefusedError, match="/log/nix") as error:
+        client.samples(["/log/nix"])
+    assert error.value.why is RefusedWhy.NOT_FOUND
+
+
+def test_samples_of_two_runs_are_never_mixed(bench, client, monkeypatch):
+    client.start()
+    bench.ticks(600)
+    replies = []
+
+    def restart(share):
+        replies.append(share)
+        if len(replies) == 1:
+            client.restart("discard")
+
+    with pytest.raises(RefusedError, match="started anew") as error:
+        client.samples(["/log/x"], reply_bytes=4096, told=restart)
+    assert error.value.why is RefusedWhy.CONFLICT
+
+
+# ----------------------------------------------------------------------------------------------------------- streams
+
+
+def taken(stream, name, count):
+    """The samples of the next batches, until there are so many."""
+    ticks, values = [], []
+    while len(ticks) < count:
+        batch = stream.read(30)
+        assert batch is not None, f"{len(ticks)} of {count} came"
+        if name in batch:
+            ticks += batch[name].ticks.tolist()
+            values += batch[name].values.tolist()
+    return ticks, values
+
+
+def test_a_stream_has_every_sample_of_what_is_only_saved_or_published(bench, client):
+    client.start()
+    bench.ticks(5)
+    with client.stream(["/log/kept", "/log/x", "/log/q_y"]) as stream:
+        bench.ticks(50)
+        assert taken(stream, "/log/x", 50) == (list(range(5, 55)), list(range(6, 56)))
+        assert (stream.missed, stream.missing) == (0, {})
+
+
+def test_a_stream_that_is_opened_before_the_start_has_the_first_sample(bench, client):
+    with client.stream(["/log/kept"]) as stream:
+        client.start()
+        bench.ticks(20)
+        assert taken(stream, "/log/kept", 20)[0] == list(range(20))
+
+
+def test_a_stream_goes_on_with_the_first_sample_after_a_restart_and_an_edit(bench, client):
+    client.start()
+    with client.stream(["/log/kept", "/log/x"]) as stream:
+        bench.ticks(10)
+        taken(stream, "/log/x", 10)
+        client.stop()
+        client.apply([Edit("/log/x", ElementOptions(divider=2))], -1)
+        client.start("discard")
+        bench.ticks(20)
+        assert taken(stream, "/log/x", 10)[0] == list(range(0, 20, 2))
+
+
+def test_a_slow_reader_of_a_stream_gets_a_counted_gap(bench, client, monkeypatch):
+    buffer(client, "/log/kept", 10, LOOPING)
+    client.start()
+    with client.stream(["/log/kept"], period_s=0.01) as stream:
+        bench.ticks(5)
+        seen = len(taken(stream, "/log/kept", 5)[0])
+        stream._frames = type(stream._frames)(maxlen=2)  # a reader that rests: all but two frames are dropped
+        frames = 0
+        while frames < 6:
+            bench.ticks(5)
+            before = len(client.samples(["/log/kept"], 0, 2**62, "row")["/log/kept"])
+            frames += before > 0
+            stream._changed.acquire()
+            stream._changed.wait(1)
+            stream._changed.release()
+        ticks = []
+        while not ticks or ticks[-1] != 34:
+            ticks += taken(stream, "/log/kept", 1)[0]
+    assert seen + len(ticks) + stream.missed == 35
+
+
+def test_two_clients_have_streams_of_their_own(bench, client):
+    client.start()
+    with Client.connect("bot") as other, client.stream(["/log/x"]) as one, other.stream(["/log/x", "/log/q"]) as two:
+        bench.ticks(20)
+        assert taken(one, "/log/x", 20)[0] == taken(two, "/log/x", 20)[0]
+        one.close()
+        bench.ticks(20)
+        assert taken(two, "/log/q", 20)[0] == list(range(20, 40))
+
+
+# -------------------------------------------------------------------------------------------------------------- pins
+
+
+def test_a_pin_keeps_what_looping_buffers_overwrite(bench, client):
+    buffer(client, "/log/kept", 100, LOOPING)
+    client.start()
+    bench.ticks(300)
+    held = client.samples(["/log/kept", "/log/q"])
+    with client.pin(["/log/kept", "/log/q"], 0, bench.now_ns) as pin:
+        assert (pin.opened.text, pin.opened.missing, pin.opened.end_ns) == ("", {}, bench.now_ns - bench.tick_ns)
+        bench.ticks(3000)
+        found = client.samples(["/log/kept", "/log/q"], pin=pin)
+        for name in ("/log/kept", "/log/q"):
+            np.testing.assert_array_equal(found[name].ticks, held[name].ticks)
+            np.testing.assert_array_equal(found[name].values, held[name].values)
+        past = client.history(["/log/q_y", "/log/kept"], pin.opened.begin_ns, pin.opened.end_ns + 1, 50_000_000, pin)
+        assert past.low.shape[1] >= 20
+        assert not np.isnan(past.low[0]).any()
+
+
+def test_a_pin_survives_a_new_start(bench, client):
+    client.start()
+    bench.ticks(20)
+    with client.pin(["/log/x"], 0, bench.now_ns) as pin:
+        client.restart("discard")
+        bench.ticks(5)
+        assert client.samples(["/log/x"], pin=pin)["/log/x"].values.tolist() == list(range(1, 21))
+
+
+def test_what_a_pin_does_not_hold_is_told(bench, client):
+    client.start()
+    bench.ticks(20)
+    with client.pin(["/log/x"], 0, bench.now_ns) as pin:
+        assert client.samples(["/log/q", "/log/x"], pin=pin)["/log/q"].why == "it is not in this pin"
+
+
+def test_a_pin_that_was_closed_is_no_more(bench, client):
+    client.start()
+    bench.ticks(20)
+    pin = client.pin(["/log/x"], 0, bench.now_ns)
+    pin.close()
+    with pytest.raises(RefusedError, match="no more") as error:
+        client.samples(["/log/x"], pin=pin)
+    assert error.value.why is RefusedWhy.NOT_FOUND
