@@ -16,6 +16,7 @@ HOLE = 10.0  # periods without a sample: more than a late loop
 UNEVEN = 0.02  # of a period
 _LOBE = 2  # lines on each side that the main lobe of a Hann window covers
 _NOISE = 4.0  # times the median that a peak must reach
+_FAINT = 1e-3  # of the highest: below, what a window leaks looks like peaks
 
 
 @dataclass(frozen=True)
@@ -94,11 +95,11 @@ def peaks_of(spectrum: Spectrum, most: int = MOST_PEAKS) -> list[Peak]:
     heights = spectrum.amplitudes
     if len(heights) < 2 * _LOBE + 1:
         return []
-    noise = float(np.median(heights))
+    floor = max(_NOISE * float(np.median(heights)), _FAINT * float(heights.max()))
     found: list[int] = []
     for line in np.argsort(heights)[::-1].tolist():
         around = heights[max(0, line - _LOBE) : line + _LOBE + 1]
-        if heights[line] <= _NOISE * noise or not heights[line] > 0:
+        if not heights[line] > floor:
             break
         if heights[line] == around.max() and all(abs(line - other) > _LOBE for other in found):
             found.append(line)

@@ -38,6 +38,7 @@ from silo_tui.model.spectra import (
     peaks_of,
     spectrum_of,
 )
+from silo_tui.screens.exporting import ask_export
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.detail_plot import DetailPlot
@@ -339,6 +340,10 @@ class DetailScreen(SiloScreen):
     def command_detail_later(self) -> None:
         self.end_ns = min(self.source.end_ns, self.end_ns + round(self.span_s * SECOND_NS) // 4)
         self.draw_soon()
+
+    def command_export_plots(self) -> None:
+        shown = (self.end_ns - self._span_ns, self.end_ns)
+        ask_export(self, self.source, [tuple(self.plots[: self.count])], shown, self.zero_ns)
 
     def command_detail_swap(self) -> None:
         if len(self.plots) > 1:

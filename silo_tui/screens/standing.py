@@ -17,6 +17,7 @@ from silo_tui.model.find import Search, What
 from silo_tui.model.panels import Kind, kind_of
 from silo_tui.model.plots import SECOND_NS, PlotWindow
 from silo_tui.model.source import PlotSource
+from silo_tui.screens.exporting import ask_export
 from silo_tui.screens.finding import Found, events, look
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
@@ -222,6 +223,9 @@ class StandingStill(SiloScreen):
             if direction > 0:
                 self.say("that is now")
                 return
+            if self._oldest_ns + self.window.span_ns >= self._newest_ns - self._column_ns:
+                self.say(f"no older rows: {text.span(self.window.span_s)} are shown, + shows fewer")
+                return
             self._stand_still()
         end, seen = self._end_ns, self.window.cursor is not None
         if self._looking_back and end + direction * self.window.span_ns // 2 >= self._newest_ns:
@@ -321,6 +325,11 @@ class StandingStill(SiloScreen):
         seconds = (b_ns - a_ns) / SECOND_NS
         times = f"A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}   B-A {seconds:.6g} s"
         self.between.show(times + (f"  {abs(1 / seconds):.4g} Hz" if seconds else ""), facts)
+
+    def command_export_plots(self) -> None:
+        self._pause_here()
+        zero_ns = self._newest_ns if self.pause.possible else self._oldest_ns
+        ask_export(self, self.source, self.stack.panels, self._shown_ns, zero_ns)
 
     # -------------------------------------------------------------------------------------------- find the moment
 
