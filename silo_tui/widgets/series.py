@@ -2,12 +2,11 @@
 
 from functools import cache
 
-from rich.color import Color
 from rich.style import Style
 from textual.app import App
 
-# yellow, cyan and their like stay apart in 16 colours; no bright black (unseen in Solarized), no dark blue
-_IN_16 = (14, 11, 13, 10, 9, 12, 15, 6)
+# what becomes 14, 11, 13, 10, 9, 12, 15, 6 of 16 colours; no bright black (unseen in Solarized), no dark blue
+_IN_16 = ("#55ffff", "#ffff55", "#ff55ff", "#55ff55", "#ff5555", "#5555ff", "#ffffff", "#00aaaa")
 _DARK = ("#6cb2eb", "#e8c55a", "#d58ff0", "#7fd18b", "#f07f74", "#8b9cff", "#f2f2f2", "#3fa7a0")
 _LIGHT = ("#2563b0", "#8a6500", "#8b2fa8", "#2f7d36", "#b93a2f", "#4a4ae0", "#202020", "#0e7c78")
 
@@ -24,6 +23,5 @@ def most_series(app: App[object], most: int) -> int:
 
 @cache
 def _style(place: int, few: bool, dark: bool) -> Style:
-    if few:
-        return Style(color=Color.from_ansi(_IN_16[place]))
-    return Style(color=(_DARK if dark else _LIGHT)[place])
+    colors = _IN_16 if few else _DARK if dark else _LIGHT
+    return Style(color=colors[place])

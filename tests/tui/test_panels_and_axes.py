@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rich.color import ColorSystem
 
 from silo.columns import ColumnStore
 from silo.model import ElementInfo, ElementOptions, Entry
@@ -14,6 +15,7 @@ from silo_tui.model import axes, braille, dots, lanes
 from silo_tui.model.columns import Piece
 from silo_tui.model.panels import first_to_show, gathered, heights, isolate, join, least_height, sides, stacked
 from silo_tui.model.plots import Plotted, PlotWindow, draw_panel, together
+from silo_tui.widgets.series import _style
 
 
 def plotted(name, unit="Nm", dtype="<f8", labels=None):
@@ -208,6 +210,13 @@ def test_the_axis_on_the_right_has_a_scale_of_its_own():
     store = store_of(a=[0.0, 1.0] * 10, c=[0.0, 1000.0] * 10)
     pictures = draw_panel(store, PlotWindow(), [A, C], [False, True], 10, 4, lambda name: 10)
     assert pictures[0].scale[1] < 10 < pictures[1].scale[1]
+
+
+def test_eight_series_differ_in_16_colours_too():
+    few = [_style(place, True, True).color.downgrade(ColorSystem.STANDARD).number for place in range(8)]
+    assert few == [14, 11, 13, 10, 9, 12, 15, 6]
+    for dark in (True, False):
+        assert len({_style(place, False, dark).color for place in range(8)}) == 8
 
 
 # ------------------------------------------------------------------------------------------------------------ lanes
