@@ -44,7 +44,7 @@ class PinnedRows:
         begin = max(since, rows.first)
         end = self.head(ring) if limit is None else min(self.head(ring), begin + limit)
         some = rows.part(begin, max(begin, end))
-        if words is None:
+        if words is None or len(words) == len(held):
             return some
         # not by fancy indexing, which turns the rows into columns: rows are read by strides
         return Rows(some.ring, some.first, np.take(some.words, np.searchsorted(held, words), axis=1))

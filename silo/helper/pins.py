@@ -166,19 +166,15 @@ def _spare_s(reader: SegmentReader, group: Group, begin: int) -> float:
 
 
 def _copy(reader: SegmentReader, group: Group, begin: int, end: int) -> Rows:
-    blocks: list[Rows] = []
-    row = begin
+    out = np.empty((end - begin, len(group.words)), np.uint64)
+    first, row = begin, begin
     while row < end:
         rows = reader.rows(group.ring, row, min(end - row, max(1, BLOCK_BYTES // group.row_bytes)), group.words)
         rows = rows.part(rows.first, end)
-        if rows.first > row:
-            blocks.clear()  # a copy has no hole: the writer was faster
         if not len(rows) and rows.first <= row:
             break
-        if len(rows):
-            blocks.append(rows)
+        if rows.first > row:
+            first = min(rows.first, end)  # a copy has no hole: the writer was faster than we
         row = rows.first + len(rows)
-    ring = reader.schema.rings[group.ring]
-    if not blocks:
-        return Rows(ring, begin, np.zeros((0, len(group.words)), np.uint64))
-    return Rows(ring, blocks[0].first, np.concatenate([rows.words for rows in blocks]))
+        out[rows.first - begin : row - begin] = rows.words
+    return Rows(reader.schema.rings[group.ring], first, out[first - begin : max(first, min(row, end)) - begin])

@@ -48,7 +48,7 @@ def sides(panel: Panel) -> tuple[bool, ...]:
 def refusal(panel: Panel, other: Panel, most: int = MAX_SERIES) -> str:
     """Return why two panels can't be one; empty when they can."""
     if not (has_curves(panel) and has_curves(other)):
-        return "only curves can be joined: booleans, enumerations and texts have a lane of their own"
+        return "only curves can be joined, lanes stay alone"
     if len(panel) + len(other) > most:
         return "without colours two curves fit in a plot" if most < MAX_SERIES else f"{most} curves fit in a plot"
     units = dict.fromkeys(plotted.element.unit for plotted in panel + other)

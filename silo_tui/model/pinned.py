@@ -9,11 +9,11 @@ import asyncio
 import math
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from silo.columns import MAX_COLUMNS, ColumnGrid, ColumnStore, HistoryColumns, bins_of, coarser, grid_of
+from silo.columns import MAX_COLUMNS, Bins, ColumnGrid, ColumnStore, HistoryColumns, bins_of, coarser, grid_of
 from silo.errors import SiloError
 from silo.model import ElementInfo
 from silo.values import newest_values, numbers
@@ -21,9 +21,6 @@ from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, SPANS_S, Plotted, signs_of
 from silo_tui.model.recorded import SHORT_SPANS_S, Facts
 from silo_tui.model.source import PlotSource, Samples
-
-if TYPE_CHECKING:
-    from silo.ipc.samples import Samples as RawSamples
 
 SLICES = 32  # the span is fetched in so many pieces
 QUICK_S = 10.0  # what isn't looked at is fetched too where all of it comes within that time
@@ -35,7 +32,7 @@ class PinReader(Protocol):
     async def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Return columns of what is pinned."""
 
-    async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> "dict[str, RawSamples]":
+    async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> dict[str, Samples]:
         """Return samples of what is pinned with `start_ns <= time stamp < end_ns`."""
 
 
@@ -52,6 +49,7 @@ class PinnedSource:
         self.begin_ns, self.end_ns = start_ns, max(start_ns + 1, end_ns)
         self.problem = ""  # why no more is fetched
         self._live = live
+        self._element_of = {plotted.name: plotted.element.name for plotted in plots}
         self._elements = {plotted.element.name: plotted.element for plotted in plots}
         self._periods = {name: live.period_ns(name) for name in self._elements}
         self._reader: PinReader | None = None
@@ -175,7 +173,7 @@ class PinnedSource:
                 self.problem = str(error)
                 return False
             self._slice_s, self.problem = time.monotonic() - began_s, ""
-            self._slices[number] = {name: (some.time_ns, some.values) for name, some in found.items()}
+            self._slices[number] = found
             return True
 
     def _has(self, start_ns: int, end_ns: int) -> bool:
@@ -219,11 +217,29 @@ class PinnedSource:
             if not whole:
                 for wide in (self._coarse, self._shown):
                     _spread(grid, row, name, wide, column_ns)
-            time_ns, values = self.held(name, first * column_ns, stop * column_ns - 1)
-            if len(time_ns):
-                grid.add(row, bins_of(time_ns, column_ns), values)
+            self._lay_samples(grid, row, name, column_ns)
         bases = {row: base for row, base in enumerate(grid.bases) if base}
         return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases)
+
+    def _lay_samples(self, grid: ColumnGrid, row: int, name: str, column_ns: int) -> None:
+        """Lay samples over a grid; a column without one shows the value that held, until two more would be due."""
+        begin_ns, end_ns = grid.first * column_ns, (grid.first + grid.count) * column_ns
+        holds_ns = 2 * self._period_of(name)
+        time_ns, values = self.held(name, begin_ns - holds_ns, end_ns - 1)
+        if not len(time_ns):
+            return
+        grid.add(row, bins_of(time_ns, column_ns), values)
+        if column_ns >= holds_ns:
+            return
+        empty = grid.first + np.flatnonzero(np.isnan(grid.low[row]) & (grid.marks[row] == 0))
+        newest = np.searchsorted(time_ns, empty * column_ns, "right") - 1
+        holding = (newest >= 0) & (empty * column_ns - time_ns[newest] <= holds_ns)
+        if holding.any():
+            columns = empty[holding].astype(np.int64)
+            grid.add(row, Bins(columns, np.arange(len(columns))), values[newest[holding]])
+
+    def _period_of(self, entry: str) -> int:
+        return self._periods[self._element_of[entry]] if entry in self._element_of else 0
 
     def facts(self, name: str, first: int, stop: int, column_ns: int) -> Facts:
         """Minimum, maximum and mean of the samples that are here in columns `first ... stop - 1`."""

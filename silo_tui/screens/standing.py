@@ -224,7 +224,7 @@ class StandingStill(SiloScreen):
                 self.say("that is now")
                 return
             if self._oldest_ns + self.window.span_ns >= self._newest_ns - self._column_ns:
-                self.say(f"no older rows: {text.span(self.window.span_s)} are shown, + shows fewer")
+                self.say("that is the oldest that is held")
                 return
             self._stand_still()
         end, seen = self._end_ns, self.window.cursor is not None
@@ -239,7 +239,7 @@ class StandingStill(SiloScreen):
         self.line.refresh()
 
     def _edge(self, direction: int) -> str:
-        return "that is where it was paused" if direction > 0 else "that is the oldest"
+        return "that is where it was paused" if direction > 0 else "that is the oldest that is held"
 
     def command_oldest(self) -> None:
         self._stand_still()
@@ -398,8 +398,8 @@ class StandingStill(SiloScreen):
         moment = found.moments[place]
         self._jump_to(moment.time_ns)
         name = f" in {self._short(moment.name)}" if len(self.stack.plots) > 1 else ""
-        at = f" at {self.moment_words(moment.time_ns)}"
-        self.say(f"{words}{name}: {moment.words}{at}, {place + 1} of {len(found.moments)}")
+        at = f"{moment.words} at {self.moment_words(moment.time_ns)}"
+        self.say(f"{words}{name}, {place + 1} of {len(found.moments)}: {at}")
 
     @property
     def _older_gone(self) -> bool:

@@ -14,13 +14,13 @@ from silo.model import BufferType
 from silo_tui.model import text
 from silo_tui.model.pinned import PinnedSource
 from silo_tui.model.plots import Plotted
-from silo_tui.model.source import PlotSource
+from silo_tui.model.source import PlotSource, Samples
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session, in_pieces
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
-    from silo.ipc.samples import Pin, Samples
+    from silo.ipc.samples import Pin
 
 REPLY_BYTES = 2**18  # on a thin link a key gets its turn after half a minute at most
 
@@ -40,11 +40,12 @@ class _LinkPin:
 
         return await in_pieces(self._link, names, column_ns, ask)
 
-    async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> "dict[str, Samples]":
+    async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> dict[str, Samples]:
         """Return samples of what is pinned."""
-        return await self._link.read(
+        found = await self._link.read(
             lambda client: client.samples(names, start_ns, end_ns, pin=self._pin, reply_bytes=REPLY_BYTES)
         )
+        return {name: (some.time_ns, some.values) for name, some in found.items()}
 
 
 class Pause:

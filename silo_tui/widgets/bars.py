@@ -57,7 +57,8 @@ class StatusBar(Widget):
         if self.mode:
             line.append("  ")
             line.append(f" {self.mode} ", style="reverse")
-        line.append(f"  {status.enabled}/{status.elements}")
+        if not self.mode or self.size.width >= 100:
+            line.append(f"  {status.enabled}/{status.elements}")
         if self.size.width >= 100:
             line.append(" elements")
         rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz

@@ -150,7 +150,9 @@ class RecordedLine(MonitorLine):
         whole = window.span_s == window.spans[-1]
         parts = ["whole file" if whole else f"{text.span(window.span_s)} shown"]
         parts += ["y held"] if window.fixed_scale else []
-        parts.append(self._words())
+        parts += self._words().split(" │ ")
+        while len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
+            parts.pop(0)  # what was said last is read whole
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
 
 

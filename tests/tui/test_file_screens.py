@@ -279,7 +279,7 @@ async def test_the_detail_plot_counts_time_from_the_start(path, on_file):
         await plot(screen, "torque")
         await screen.press("enter")
         await screen.until(lambda: isinstance(screen.app.screen, FileDetailScreen))
-        await screen.shows("time [s]")
+        await screen.shows("TIME")
         await screen.press("plus", "home")
         await screen.shows("0 … 10 s")
         await screen.press("escape")

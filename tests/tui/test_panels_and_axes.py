@@ -42,7 +42,7 @@ def test_a_plot_joins_with_the_next_one_and_the_second_unit_takes_the_right_axis
     ("plots", "most", "reason"),
     [
         ([A], 8, "no next plot"),
-        ([A, ON], 8, "lane of their own"),
+        ([A, ON], 8, "lanes stay alone"),
         ([A, B, plotted("/e")], 2, "without colours two curves fit"),
         ([A, C, D], 8, "two axes, these have 3 units: Nm, rad, N"),
     ],

@@ -33,7 +33,7 @@ async def test_an_element_that_is_only_saved_has_its_value_too(fake, opened):
         await screen.type("/solver_cost")
         await screen.until(lambda: fake.views and fake.views[-1].values == ("/log/state/solver_cost",))
         value = float(signal("/log/state/solver_cost", np.array([fake.seconds]))[0])
-        await screen.shows(f"{value:.2f}")
+        await screen.shows(f"{value:.4f}")
 
 
 async def test_a_full_buffer_says_so_instead_of_an_old_value(fake, opened):

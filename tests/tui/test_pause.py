@@ -1,0 +1,165 @@
+"""Holding the picture: what is pinned stays, whatever becomes of buffers, link and robot."""
+
+import numpy as np
+import pytest
+
+from silo.model import BufferType
+from tests.stand_ins.fake_logger import HZ, START_NS, scalar, signal
+
+TORQUE = "/log/legs/LF/HAA/torque"
+
+
+def monitor(screen):
+    return screen.app.screen
+
+
+async def open_torque(screen):
+    await screen.type("/LF/HAA/torque")
+    await screen.press("enter", "m")
+    await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
+
+
+async def hold(screen):
+    await screen.press("space")
+    await screen.shows("held, all here")
+    return monitor(screen).pause.source
+
+
+def store_of(screen):
+    return monitor(screen).stack.store
+
+
+def filled(screen, share=0.95):
+    low = store_of(screen).low
+    return low.size and np.isfinite(low).mean() > share
+
+
+def logged(time_ns):
+    """What the fake logs of the torque at these times."""
+    return signal(TORQUE, np.round((time_ns - START_NS) / 1e9 * HZ) / HZ)
+
+
+@pytest.fixture
+def deep(new_fake):
+    """A logger whose buffers hold all that it logged."""
+    return new_fake([scalar(TORQUE, "Nm", buffer_type=BufferType.GROWING)])
+
+
+async def test_space_pins_the_picture_and_as_much_before_it(deep, opened):
+    fake = deep
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        held = await hold(screen)
+        await screen.shows("PAUSED 0 s ago, ")
+        assert len(fake.pins) == 1
+        assert 1.9 * monitor(screen).window.span_s < held.held_s <= 2 * monitor(screen).window.span_s
+        assert held.fetched_s == held.held_s
+
+
+async def test_what_is_pinned_stays_when_the_buffers_overwrite_it(new_fake, opened):
+    fake = new_fake([scalar(TORQUE, "Nm", buffer_type=BufferType.LOOPING, buffer_size=8000)])
+    fake.run(60)
+    async with opened(fake) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not store_of(screen).empty, "history in the plot")
+        held = await hold(screen)
+        fake.advance(500)
+        assert len(fake.samples([TORQUE], 0, held.end_ns)[TORQUE]) == 0
+        before = monitor(screen).window.paused_end_ns
+        await screen.press("pageup")
+        await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns <= before, "an earlier window")
+        await screen.until(lambda: filled(screen), "all of the earlier window")
+        time_ns, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
+        np.testing.assert_array_equal(values, logged(time_ns))
+
+
+async def test_zoom_pan_and_samples_work_after_the_link_was_cut(fake, opened):
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        held = await hold(screen)
+        fake.cut()
+        await screen.press("plus", "plus", "plus", "pageup")
+        await screen.until(lambda: monitor(screen).window.span_s == 1.0 and filled(screen), "one second of columns")
+        stamps, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
+        np.testing.assert_array_equal(values, logged(stamps))
+        assert len(stamps) == round(held.held_s * HZ) + 1
+
+
+async def test_a_link_that_is_cut_at_once_leaves_the_picture(fake, opened):
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.until(lambda: filled(screen), "the whole picture")
+        fake.cut()
+        await screen.press("space")
+        await screen.shows("only the picture here")
+        await screen.until(lambda: filled(screen), "the whole picture")
+
+
+async def test_space_again_lets_go_and_shows_what_comes(fake, opened):
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        held = await hold(screen)
+        await screen.press("space")
+        await screen.until(lambda: not fake.pins, "the pin is let go of")
+        fake.advance(3)
+        await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns > held.end_ns, "it goes on")
+
+
+async def test_leaving_the_plots_lets_go_of_the_pin(fake, opened):
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await hold(screen)
+        await screen.press("escape", "escape")
+        await screen.until(lambda: not fake.pins, "the pin is let go of")
+
+
+async def test_scrolling_back_while_it_runs_looks_into_the_buffers_and_end_returns(deep, opened):
+    fake = deep
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("pageup", "pageup")
+        await screen.shows("End: now")
+        await screen.until(lambda: filled(screen), "what was logged before")
+        assert not fake.pins
+        await screen.press("end")
+        fake.advance(2)
+        await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns >= fake.now_ns, "it goes on")
+
+
+async def test_where_the_buffers_hold_no_more_than_the_picture_scrolling_back_says_so(fake, opened):
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("pageup")
+        await screen.shows("that is the oldest that is held")
+
+
+async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom(fake, opened):
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        held = await hold(screen)
+        for column_ns in (1_000_000, 10_000_000, 250_000_000):
+            found = held.columns([TORQUE], held.begin_ns, held.end_ns, column_ns)
+            if found.low.shape[1] < 4096:
+                assert np.nanmax(found.high) == 40.0
+        facts = held.facts(TORQUE, held.begin_ns // 10**9, held.end_ns // 10**9 + 1, 10**9)
+        assert facts.largest == 40.0
+
+
+async def test_columns_of_what_is_not_fetched_come_from_wider_ones(fake, opened):
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        held = await hold(screen)
+        held._slices.clear()
+        wide = held.columns([TORQUE], held.begin_ns, held.end_ns, 500_000_000)
+        close = held.columns([TORQUE], held.end_ns - 10**9, held.end_ns, 2_000_000)
+        assert np.nanmax(wide.high) == 40.0
+        assert np.isfinite(close.low).mean() > 0.95
