@@ -64,7 +64,7 @@ class PlotStack(Widget):
 
     def __init__(self, plots: list[Plotted], window: PlotWindow, source: PlotSource) -> None:
         super().__init__()
-        self.panels: list[Panel] = stacked(plots)
+        self._take(stacked(plots))
         self.window = window
         self.source = source
         self.store = ColumnStore((), 1, 1)
@@ -82,7 +82,14 @@ class PlotStack(Widget):
     @property
     def plots(self) -> list[Plotted]:
         """All signals, in the order of the panels."""
-        return [plotted for panel in self.panels for plotted in panel]
+        return self._plots
+
+    def _take(self, panels: Sequence[Panel]) -> None:
+        # what is asked for many times a frame is found once: with 700 panels it took 50 ms
+        self.panels = list(panels)
+        self._plots = [plotted for panel in panels for plotted in panel]
+        self._two_sided = any(any(sides(panel)) for panel in panels if has_curves(panel))
+        self._worded = any(len(panel) > 1 or not has_curves(panel) for panel in panels)
 
     @property
     def chosen_plot(self) -> Plotted:
@@ -109,7 +116,7 @@ class PlotStack(Widget):
     def show_panels(self, panels: Sequence[Panel]) -> None:
         """Show these panels; the chosen signal stays the chosen one if it is still there."""
         chosen = self.plots[self.chosen] if self.plots else None
-        self.panels = list(panels)
+        self._take(panels)
         plots = self.plots
         self.choose(plots.index(chosen) if chosen in plots else self.chosen)
 
@@ -133,9 +140,7 @@ class PlotStack(Widget):
     @property
     def right_width(self) -> int:
         """Cells right of the curves: for letters, words of lanes, or a second axis."""
-        if any(any(sides(panel)) for panel in self.panels if has_curves(panel)):
-            return AXIS + 1
-        return 8 if any(len(panel) > 1 or not has_curves(panel) for panel in self.panels) else 2
+        return AXIS + 1 if self._two_sided else 8 if self._worded else 2
 
     @property
     def plot_width(self) -> int:
