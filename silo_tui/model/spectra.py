@@ -76,7 +76,9 @@ def spectrum_of(piece: Piece) -> Spectrum:
     size = float(np.abs(piece.values).max()) or 1.0
     shares = piece.values / size  # neither 1e300 nor 1e-300 squared is a float
     hann = np.hanning(count + 1)[:-1]
-    amplitudes = 2 * np.abs(np.fft.rfft((shares - shares.mean()) * hann)) / hann.sum()
+    # the mean under the window: that of the samples leaves a rest in the first line
+    shares = shares - (shares * hann).sum() / hann.sum()
+    amplitudes = 2 * np.abs(np.fft.rfft(shares * hann)) / hann.sum()
     if count % 2 == 0:
         amplitudes[-1] /= 2  # half the sampling rate has no mirror
     return Spectrum(amplitudes[1:] * size, 1 / (count * piece.period_s))

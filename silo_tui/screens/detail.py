@@ -221,7 +221,7 @@ class DetailScreen(SiloScreen):
         notes.append(f"{text.compact(step)} Hz a line")
         notes.append(f"{first.seconds:.3g} s of {rate:.4g} Hz, jitter {text.span(float(f'{first.jitter_s:.2g}'))}")
         if len(first.values) < first.held:
-            notes.append(f"longest piece without a hole: {len(first.values)} of {first.held} samples")
+            notes.append(f"longest whole piece: {len(first.values)} of {first.held} samples")
         notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
         top_hz = max(len(each.amplitudes) * each.step_hz for each in spectra)
         return Analysed(drawn, notes, f"Hann {len(first.values)} of {first.held}", peaks, top_hz)

@@ -181,7 +181,7 @@ async def test_the_detail_plot_goes_from_time_to_histogram(monitor):
         await screen.shows("r = ")
         await screen.press("tab")
         await screen.shows("SPECTRUM linear")
-        await screen.shows("longest piece without a hole: 3000 of 4000")
+        await screen.shows("longest whole piece: 3000 of 4000")
         await screen.press("Y", "Y")
         await screen.shows("0 dB = 1 Nm")
         await screen.press("right_square_bracket")
@@ -197,7 +197,7 @@ async def test_looking_back_live_and_end_is_now_again(fake, opened):
         await screen.press("enter", "m")
         shown = lambda: screen.app.screen  # noqa: E731
         await screen.until(lambda: not shown().stack.store.empty, "history in the plot")
-        await screen.press("pageup")
+        await screen.press("plus", "plus", "pageup")
         await screen.shows("End: now")
         await screen.press("end")
         await screen.shows("live")

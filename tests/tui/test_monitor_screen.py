@@ -203,7 +203,7 @@ async def test_the_detail_plot_has_axes(fake, opened):
 async def test_two_signals_can_be_plotted_against_one_another(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
-        await screen.type("/LF/HAA")
+        await screen.type("/LF torque")
         await screen.press("enter", "asterisk", "m", "enter", "tab")
         await screen.shows("X-Y")
         await screen.shows("r = ")
