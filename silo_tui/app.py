@@ -16,6 +16,7 @@ from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
 from silo_tui.commands.runner import CommandRunner
 from silo_tui.context import Context
+from silo_tui.model import dots
 from silo_tui.screens.holding import Holding
 from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder
@@ -245,6 +246,7 @@ class SiloApp(App[None]):
         old, self.context.settings = self.context.settings, settings
         if settings.theme != old.theme:
             self.theme = theme.theme_name(settings.theme)
+        dots.choose(settings.dots)
         if settings.mouse != old.mouse:
             terminal.take_mouse(self, wanted=terminal.mouse_wanted(settings.mouse))
         if settings.keys != old.keys:

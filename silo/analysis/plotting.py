@@ -32,6 +32,8 @@ _MAX_POINTS = 4000
 _FLAT = 1e-12
 # beyond, differences overflow; below, they vanish
 _HUGE, _TINY = 1e300, 1e-300
+_SMALL = 1e-280
+_SIDES = (("left", False), ("right", True))
 
 
 @dataclass(frozen=True)
@@ -145,10 +147,12 @@ def _draw(chart: Chart, marks: Sequence[str], width: int, height: int, color: bo
     figure.plot_size(width, height)
     figure.theme("simple")
     limits: dict[object, list[float]] = {}
+    powers = {side: _power([curve.y for curve in chart.curves if curve.right is right]) for side, right in _SIDES}
     for index, (curve, mark) in enumerate(zip(chart.curves, marks, strict=True)):
-        x, y = thin_out(curve.x, np.where(np.isfinite(curve.y), np.clip(curve.y, -_HUGE, _HUGE), np.nan), 2 * width)
-        x, y, connected = _segments(x, y)
         side = "right" if curve.right else "left"
+        values = np.where(np.isfinite(curve.y), np.clip(curve.y, -_HUGE, _HUGE), np.nan)
+        x, y = thin_out(curve.x, _enlarged(values, powers[side]), 2 * width)
+        x, y, connected = _segments(x, y)
         pixel = _COLORS[index % len(_COLORS)][0] if color else None
         signal = figure.signal(x.tolist(), y.tolist(), marker=plotext.marker(mark, pixel=pixel), yside=side)
         signal.lines(True)
@@ -159,8 +163,9 @@ def _draw(chart: Chart, marks: Sequence[str], width: int, height: int, color: bo
             limits.setdefault("x", []).extend((float(x.min()), float(x.max())))
             limits.setdefault(side, []).extend((float(y.min()), float(y.max())))
     _set_ruler(figure.ruler(axis="x"), limits.get("x"), width // 12)
-    _set_ruler(figure.ruler(axis="y", side="left"), limits.get("left"), height // 4, chart.left_ticks)
-    _set_ruler(figure.ruler(axis="y", side="right"), limits.get("right"), height // 4, chart.right_ticks)
+    _set_ruler(figure.ruler(axis="y", side="left"), limits.get("left"), height // 4, chart.left_ticks, powers["left"])
+    right = figure.ruler(axis="y", side="right")
+    _set_ruler(right, limits.get("right"), height // 4, chart.right_ticks, powers["right"])
     if chart.title:
         figure.title(shorten(chart.title, width))
     third = width // 3 - 1
@@ -172,7 +177,24 @@ def _draw(chart: Chart, marks: Sequence[str], width: int, height: int, color: bo
     return "\n".join(line.rstrip() for line in str(text).rstrip("\n").split("\n"))
 
 
-def _set_ruler(ruler: Any, values: Sequence[float] | None, count: int, names: Mapping[int, str] | None = None) -> None:
+def _power(values: Sequence[Floats]) -> int:
+    """By which power of ten numbers are drawn larger: those next to the smallest that there are have no steps."""
+    size = max((float(np.abs(each[np.isfinite(each)]).max(initial=0.0)) for each in values), default=0.0)
+    return -math.floor(math.log10(size)) if 0 < size < _SMALL else 0
+
+
+def _enlarged(values: Floats, power: int) -> Floats:
+    # in two steps: 1e324 is too much for a float
+    return values * 10.0 ** (power // 2) * 10.0 ** (power - power // 2) if power else values
+
+
+def _set_ruler(
+    ruler: Any,
+    values: Sequence[float] | None,
+    count: int,
+    names: Mapping[int, str] | None = None,
+    power: int = 0,
+) -> None:
     if not values:
         return
     low, high = min(values), max(values)
@@ -186,7 +208,8 @@ def _set_ruler(ruler: Any, values: Sequence[float] | None, count: int, names: Ma
         low, high = low - room, high + room
     ticks = nice_ticks(low, high, max(count, 2)) or [low, high]
     ruler.lim(low, high)
-    ruler.ticks(ticks, tick_texts(ticks))
+    texts = tick_texts(ticks)
+    ruler.ticks(ticks, [f"{word}e-{power}" if float(word) else "0" for word in texts] if power else texts)
 
 
 def _on_one_line(name: str) -> str:

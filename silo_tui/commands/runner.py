@@ -1,12 +1,8 @@
 """What the words of the `:` line do where they take arguments, or mean something else than the command's key."""
 
 import os
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
-
-from textual.app import App
 
 from silo.arguments import path as file_path
 from silo.errors import RefusedError, SiloError
@@ -17,6 +13,7 @@ from silo_tui.commands import flows
 from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.model import command_line, text
+from silo_tui.screens.exporting import picture
 from silo_tui.screens.table import TableScreen
 
 
@@ -199,13 +196,3 @@ async def open_view(context: Context, name: str) -> None:
         raise RefusedError(str(error)) from error
     missing = await views.show(context, layout)
     context.say("; ".join(filter(None, [f"view {name}", missing, *problems[:1]])))
-
-
-def picture(app: App[Any]) -> str:
-    """Return the screen as SVG. Blanks between braille dots become blank braille, which is as wide as they are."""
-
-    def widen(match: re.Match[str]) -> str:
-        has_dots = any("\u2800" < char <= "\u28ff" for char in match[0])
-        return match[0].replace("&#160;", "\u2800") if has_dots else match[0]
-
-    return re.sub(r">[^<>]+</text>", widen, app.export_screenshot(title="silo-tui"))

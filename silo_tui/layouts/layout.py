@@ -19,7 +19,7 @@ class Layout:
     sort: str = "name"
     filter: str = ""
     columns: tuple[str, ...] = ()
-    plots: tuple[str, ...] = ()
+    plots: tuple[tuple[str, ...], ...] = ()  # signals that share a plot
     chosen: str = ""
     span_s: float = 10.0
     scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # held, by plot
@@ -37,6 +37,19 @@ def _texts(node: yaml.Node) -> tuple[str, ...]:
     if is_null(node):
         return ()
     raise ValueError(f"a list such as [a, b], not {describe(node)}")
+
+
+def _panels(node: yaml.Node) -> tuple[tuple[str, ...], ...]:
+    if isinstance(node, yaml.SequenceNode):
+        seen: set[str] = set()
+        found = []
+        for each in node.value:
+            names = _texts(each) if isinstance(each, yaml.SequenceNode) else (_text(each),)
+            found.append(tuple(name for name in names if name not in seen))
+            seen.update(names)
+        return tuple(panel for panel in found if panel)
+    _texts(node)  # nothing, or what says that it is no list
+    return ()
 
 
 def _number(node: yaml.Node) -> float:
@@ -69,7 +82,7 @@ def _scales(node: yaml.Node) -> dict[str, tuple[float, float]]:
 
 
 FIELDS: dict[str, Callable[[yaml.Node], Any]] = {
-    "sort": _text, "filter": _text, "columns": _texts, "plots": _texts, "chosen": _text, "span_s": _span,
+    "sort": _text, "filter": _text, "columns": _texts, "plots": _panels, "chosen": _text, "span_s": _span,
     "scales": _scales,
 }  # fmt: skip
 
@@ -106,7 +119,7 @@ def write(layout: Layout) -> str:
     if "columns" in kept:
         kept["columns"] = list(kept["columns"])
     if "plots" in kept:
-        kept["plots"] = list(kept["plots"])
+        kept["plots"] = [list(panel) if len(panel) > 1 else panel[0] for panel in kept["plots"]]
     if "scales" in kept:
         kept["scales"] = {name: list(ends) for name, ends in kept["scales"].items()}
     return str(yaml.safe_dump(kept, sort_keys=False, allow_unicode=True)) if kept else "{}\n"

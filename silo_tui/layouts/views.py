@@ -30,7 +30,7 @@ def capture(context: Context) -> Layout | None:
         layout.sort,
         layout.filter,
         layout.columns,
-        plots=tuple(short(plotted.name) for plotted in stack.plots),
+        plots=tuple(tuple(short(plotted.name) for plotted in panel) for panel in stack.panels),
         chosen=short(stack.plots[stack.chosen].name) if stack.plots else "",
         span_s=window.span_s,
         scales={short(name): ends for name, ends in held.items() if ends[0] < ends[1]},
@@ -59,14 +59,16 @@ async def show(context: Context, layout: Layout) -> str:
         for entry in element.entries
     }
     entries |= {name: (element, name) for element, name in entries.values()}  # whole names are taken too
-    wanted = [entries[name][1] for name in layout.plots if name in entries]
-    gone = [name for name in layout.plots if name not in entries]
-    if wanted:
-        elements = list(dict.fromkeys(entries[name][0] for name in layout.plots if name in entries))
+    names = [name for panel in layout.plots for name in panel]
+    gone = [name for name in names if name not in entries]
+    if len(gone) < len(names):
+        elements = list(dict.fromkeys(entries[name][0] for name in names if name in entries))
         monitor = MonitorScreen(session, table.source, elements)
         window, stack = monitor.window, monitor.stack
-        place = {name: position for position, name in enumerate(wanted)}
-        stack.plots = sorted((each for each in stack.plots if each.name in place), key=lambda each: place[each.name])
+        plotted = {each.name: each for each in stack.plots}
+        found = [[plotted.get(entries[name][1]) for name in panel if name in entries] for panel in layout.plots]
+        panels = [tuple(each for each in panel if each is not None) for panel in found]
+        stack.show_panels([panel for panel in panels if panel])
         window.span_s = min(SPANS_S, key=lambda span: abs(span - layout.span_s))
         window.scales.update({entries[name][1]: ends for name, ends in layout.scales.items() if name in entries})
         window.fixed_scale = bool(layout.scales)
@@ -75,7 +77,5 @@ async def show(context: Context, layout: Layout) -> str:
         if stack.plots:
             await context.app.push_screen(monitor)
     if gone:
-        missing.append(
-            f"{len(gone)} of {len(layout.plots)} plots ({', '.join(gone[:3])}{' …' if len(gone) > 3 else ''})"
-        )
+        missing.append(f"{len(gone)} of {len(names)} plots ({', '.join(gone[:3])}{' …' if len(gone) > 3 else ''})")
     return "not on this logger: " + ", ".join(missing) if missing else ""

@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.columns import HOLE_TEXTS, Hole, Mark, holes_of
+from silo_tui.model import dots
 from silo_tui.model.columns import Floats, Marks
+from silo_tui.model.dots import Cells, Dots
 
-# value of each dot by (row, column) inside a cell
-_DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint32)
-# not U+2800: some fonts draw its dots, and a space is one byte instead of three
-BLANK = " "
 POS_INF, NEG_INF, NAN, SEVERAL = "▲", "▼", "×", "!"
 SHADE = "░"
 CONSTANT = 1e-13  # a smaller share of the value is rounding, not a change
@@ -27,32 +25,36 @@ CONSTANT = 1e-13  # a smaller share of the value is rounding, not a change
 def rasterise(
     low: Floats, high: Floats, scale: tuple[float, float], width: int, height: int, marks: Marks | None = None
 ) -> list[str]:
-    """Return `height` lines of `width` braille cells showing `2 * width` columns between the ends of `scale`.
+    """Return `height` lines of `width` cells showing `2 * width` columns between the ends of `scale`.
 
     Columns that are NaN stay empty; what lies outside of the range is drawn at its edge. `marks` are those of
     `silo.columns`, one per column.
     """
-    columns, rows = 2 * width, 4 * height
-    low, high = _fit(low, columns), _fit(high, columns)
     if width < 1 or height < 1:
         return []
+    cells = dots.cells(curve(low, high, scale, width, height))
+    if marks is not None and len(marks):
+        draw_marks(cells, marks)
+        for hole in holes(low, marks, width):
+            draw_hole(cells, hole)
+    return dots.lines_of(cells)
+
+
+def curve(low: Floats, high: Floats, scale: tuple[float, float], width: int, height: int) -> Dots:
+    """Return the dots of a curve, shape `(4 * height, 2 * width)`, row 0 on top: neighbouring columns are joined."""
+    columns, rows = 2 * width, 4 * height
+    low, high = _fit(low, columns), _fit(high, columns)
     valid = ~(np.isnan(low) | np.isnan(high))
     # row 0 is the highest; infinite values belong to the edge of their side
-    upper = np.where(valid, rows - 1 - _row(high, scale, rows), rows)
-    lower = np.where(valid, rows - 1 - _row(low, scale, rows), -1)
+    upper = np.where(valid, rows - 1 - row_of(high, scale, rows), rows)
+    lower = np.where(valid, rows - 1 - row_of(low, scale, rows), -1)
     _join(upper, lower, valid)
     at = np.arange(rows)[:, None]
-    dots = (at >= upper) & (at <= lower)
-    cells = (dots.reshape(height, 4, width, 2) * _DOTS[None, :, None, :]).sum(axis=(1, 3)).astype(np.uint32) + 0x2800
-    cells[cells == 0x2800] = ord(BLANK)
-    if marks is not None and len(marks):
-        _draw_marks(cells, np.concatenate([np.zeros(max(0, columns - len(marks)), np.uint8), marks[-columns:]]))
-        for hole in holes(low, marks, width):
-            _draw_hole(cells, hole)
-    return [line.tobytes().decode("utf-32-le") for line in cells.astype("<u4")]
+    lit: Dots = (at >= upper) & (at <= lower)
+    return lit
 
 
-def _row(values: Floats, scale: tuple[float, float], rows: int) -> NDArray[np.int64]:
+def row_of(values: Floats, scale: tuple[float, float], rows: int) -> NDArray[np.int64]:
     """Return the row of each value, 0 at the bottom, whatever the size of the numbers."""
     bottom, top = scale
     # as shares of the largest end: neither 1e308 - -1e308 nor 1 / 1e-310 fits into a float
@@ -80,9 +82,9 @@ def _join(upper: NDArray[np.int64], lower: NDArray[np.int64], valid: NDArray[np.
     upper[:], lower[:] = new_upper, new_lower
 
 
-def _draw_marks(cells: NDArray[np.uint32], marks: Marks) -> None:
-    """Marks of NaN and inf, over what was drawn in their cells."""
-    pairs = marks.reshape(-1, 2)
+def draw_marks(cells: Cells, marks: Marks) -> None:
+    """Draw the marks of NaN and inf over what was drawn in their cells; `marks` are one per column, newest last."""
+    pairs = _fit_marks(marks, 2 * cells.shape[1]).reshape(-1, 2)
     flags = pairs[:, 0] | pairs[:, 1]
     kinds = np.zeros(cells.shape, np.int64)
     for flag, line, sign in ((Mark.POS_INF, 0, POS_INF), (Mark.NEG_INF, -1, NEG_INF), (Mark.NAN, -1, NAN)):
@@ -111,7 +113,7 @@ def holes(low: Floats, marks: Marks, width: int) -> list[DrawnHole]:
     """
     columns = 2 * width
     low = _fit(low, columns)
-    marks = np.concatenate([np.zeros(max(0, columns - len(marks)), np.uint8), marks[-columns:]])
+    marks = _fit_marks(marks, columns)
     why = holes_of(marks)
     empty = np.isnan(low) & (marks == why << 4)
     filled = np.flatnonzero(~empty)
@@ -135,7 +137,8 @@ def band(height: int) -> range:
     return range((height - lines) // 2, (height - lines) // 2 + lines)
 
 
-def _draw_hole(cells: NDArray[np.uint32], hole: DrawnHole) -> None:
+def draw_hole(cells: Cells, hole: DrawnHole) -> None:
+    """Shade where no sample is, and write why if there is room."""
     lines = band(len(cells))
     words = f" {HOLE_TEXTS[hole.why]} "
     # before the start nothing is missing
@@ -151,6 +154,10 @@ def _fit(values: Floats, columns: int) -> Floats:
     if len(values) >= columns:
         return values[len(values) - columns :]
     return np.concatenate([np.full(columns - len(values), np.nan), values])
+
+
+def _fit_marks(marks: Marks, columns: int) -> Marks:
+    return np.concatenate([np.zeros(max(0, columns - len(marks)), np.uint8), marks[-columns:]])
 
 
 # --------------------------------------------------------------------------------------------------------- scales

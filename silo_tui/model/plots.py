@@ -1,18 +1,22 @@
 """The time window of the monitor, shared by all its plots: span, pause, cursor, y scale; and what a plot is of."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.columns import Mark, Marks
 from silo.model import ElementInfo, Entry
-from silo_tui.model import braille
-from silo_tui.model.columns import ColumnStore, Floats, Piece, hold_piece
+from silo_tui.model import axes, braille, dots
+from silo_tui.model.columns import ColumnStore, Piece, hold_piece
 
 SPANS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
 MAX_COLUMNS = 4096
 SECOND_NS = 1_000_000_000
+
+Owners = NDArray[np.int8]
 
 
 @dataclass(frozen=True)
@@ -50,10 +54,12 @@ class PlotWindow:
     span_s: float = 10.0
     paused_end_ns: int | None = None  # right edge while the picture stands still
     cursor: int | None = None  # columns from the right edge
+    at_ns: int | None = None  # while the picture stands still: the moment of cursor A
+    other_ns: int | None = None  # the moment of cursor B
     fixed_scale: bool = False
     scales: dict[str, tuple[float, float]] = field(default_factory=dict)
     spans: tuple[float, ...] = SPANS_S
-    _bases: dict[str, int] = field(default_factory=dict)
+    _bases: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     @property
     def paused(self) -> bool:
@@ -89,27 +95,36 @@ class PlotWindow:
         self.cursor = max(0, min(columns - 2, wanted))
         return self.cursor - wanted
 
-    def follow_scale(self, name: str, low: Floats, high: Floats, base: int = 0) -> tuple[float, float]:
-        """Return bottom and top of a plot: of what is in the window, or as it was when the scale was held."""
-        if self.fixed_scale and name in self.scales and self._bases.get(name, 0) == base:
-            return self.scales[name]
-        self._bases[name] = base
-        found = braille.value_range(low, high)
+    def follow_scale(self, key: str, found: tuple[float, float] | None, lines: int, base: int = 0) -> axes.Scale:
+        """Return bottom and top of an axis: around what was found in the window, or as it was when it was held.
+
+        It stays as it is while the values lie inside and use at least half of it: axes that jump can't be read.
+        """
+        held = self.scales.get(key) if self._bases.get(key, (0, lines)) == (base, lines) else None
+        if self.fixed_scale and held is not None:
+            return held
         if found is None:
-            return self.scales.get(name, (math.nan, math.nan))
-        self.scales[name] = braille.nice_range(*found)
-        return self.scales[name]
+            return self.scales.get(key, (math.nan, math.nan))
+        self._bases[key] = (base, lines)
+        if held is not None and held[0] <= found[0] and found[1] <= held[1]:
+            used = (found[1] / 2 - found[0] / 2) >= (held[1] / 2 - held[0] / 2) / 2
+            if used or braille.is_constant(*found):
+                return held
+        self.scales[key] = axes.round_scale(*found, lines)
+        return self.scales[key]
 
 
 @dataclass(frozen=True)
 class Picture:
-    """One plot, ready to be drawn: braille lines, the ends of its scale, and what stands at the cursor.
+    """One signal, ready to be drawn: its dots, the ends of its scale, and what stands at the cursor.
 
-    All numbers are offsets from `base`; NaN where there is no finite one. `signs` names what is no number.
+    All numbers are offsets from `base`; NaN where there is no finite one. `signs` names what is no number. `newest` is
+    the row of dots of the newest value, None where there is none.
     """
 
-    lines: tuple[str, ...]
-    scale: tuple[float, float]
+    piece: Piece
+    lit: dots.Dots
+    scale: axes.Scale
     smallest: float
     largest: float
     at_cursor: tuple[float, float] | None
@@ -117,14 +132,70 @@ class Picture:
     holes: tuple[braille.DrawnHole, ...] = ()
     signs: str = ""
     cursor_signs: str = ""
+    newest: int | None = None
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The signal alone, as lines."""
+        return tuple(dots.lines_of(together([self])[0]))
+
+
+def pieces_of(
+    store: ColumnStore, series: Sequence[Plotted], columns: int, period_of: Callable[[str], int]
+) -> list[Piece]:
+    """Return the newest columns of signals, the values of slow ones held between their samples."""
+    return [
+        hold_piece(
+            store.piece(plotted.name, store.end, columns),
+            max(2, 2 * period_of(plotted.element.name) // max(1, store.column_ns) + 1),
+        )
+        for plotted in series
+    ]
 
 
 def draw(store: ColumnStore, window: PlotWindow, plotted: Plotted, width: int, height: int, period_ns: int) -> Picture:
-    """Draw a plot of `width` x `height` cells from the newest columns of a store."""
+    """Draw a signal alone, in `width` x `height` cells, from the newest columns of a store."""
+    return draw_panel(store, window, [plotted], [False], width, height, lambda name: period_ns)[0]
+
+
+def draw_panel(
+    store: ColumnStore,
+    window: PlotWindow,
+    series: Sequence[Plotted],
+    right: Sequence[bool],
+    width: int,
+    height: int,
+    period_of: Callable[[str], int],
+) -> list[Picture]:
+    """Draw signals that share a plot; `right` says which belong to the axis on the right."""
+    pieces = pieces_of(store, series, 2 * width, period_of)
+    scales: dict[bool, tuple[axes.Scale, int]] = {}
+    for side in dict.fromkeys(right):
+        members = [at for at, its in enumerate(right) if its is side]
+        base = max((pieces[at].base for at in members), key=abs)
+        for at in members:
+            pieces[at] = _on_base(pieces[at], base)
+        key = "|".join(series[at].name for at in members)
+        found = [ends for at in members if (ends := braille.value_range(pieces[at].low, pieces[at].high))]
+        around = (min(low for low, _ in found), max(high for _, high in found)) if found else None
+        scales[side] = window.follow_scale(key, around, height, base), base
+    return [
+        _picture(store, window, piece, scales[side][0], width, height)
+        for piece, side in zip(pieces, right, strict=True)
+    ]
+
+
+def _on_base(piece: Piece, base: int) -> Piece:
+    if piece.base == base:
+        return piece
+    shift = float(piece.base - base)
+    return Piece(piece.low + shift, piece.high + shift, piece.marks, base)
+
+
+def _picture(
+    store: ColumnStore, window: PlotWindow, piece: Piece, scale: axes.Scale, width: int, height: int
+) -> Picture:
     columns = 2 * width
-    found = store.piece(plotted.name, store.end, columns)
-    piece = hold_piece(found, max(2, 2 * period_ns // max(1, store.column_ns) + 1))
-    scale = window.follow_scale(plotted.name, piece.low, piece.high, piece.base)
     ends = braille.value_range(piece.low, piece.high) or (math.nan, math.nan)
     at_cursor, cursor_signs = None, ""
     if window.cursor is not None:
@@ -133,8 +204,12 @@ def draw(store: ColumnStore, window: PlotWindow, plotted: Plotted, width: int, h
         if not np.isnan(piece.low[here]).all():
             at_cursor = float(np.nanmin(piece.low[here])), float(np.nanmax(piece.high[here]))
         cursor_signs = signs_of(piece.marks[here])
+    lit = braille.curve(piece.low, piece.high, scale, width, height)
+    newest = np.flatnonzero(~np.isnan(piece.low))
+    row = int(braille.row_of(piece.high[newest[-1:]], scale, 4 * height)[0]) if len(newest) else None
     return Picture(
-        tuple(braille.rasterise(piece.low, piece.high, scale, width, height, piece.marks)),
+        piece,
+        lit,
         scale,
         *ends,
         at_cursor,
@@ -142,7 +217,37 @@ def draw(store: ColumnStore, window: PlotWindow, plotted: Plotted, width: int, h
         tuple(braille.holes(piece.low, piece.marks, width)),
         signs_of(piece.marks),
         cursor_signs,
+        None if row is None else 4 * height - 1 - row,
     )
+
+
+NOBODY, HOLE = -1, -2
+
+
+def together(pictures: Sequence[Picture], front: int = 0) -> tuple[dots.Cells, Owners]:
+    """Return the cells of pictures over one another, shape `(height, width)`, and whose colour each cell has.
+
+    The one in `front` is drawn last. NOBODY owns an empty cell, HOLE one that is shaded.
+    """
+    lit = np.zeros_like(pictures[0].lit)
+    rows, columns = lit.shape
+    owners = np.full((rows // 4, columns // 2), NOBODY, np.int8)
+    for at in [*(at for at in range(len(pictures)) if at != front), front]:
+        lit |= pictures[at].lit
+        mine = pictures[at].lit.reshape(rows // 4, 4, columns // 2, 2).any(axis=(1, 3))
+        owners[mine] = at
+    cells = dots.cells(lit)
+    for at, picture in enumerate(pictures):
+        marked = cells.copy()
+        braille.draw_marks(marked, picture.piece.marks)
+        owners[marked != cells] = at
+        cells = marked
+    for hole in pictures[front].holes:
+        shaded = cells.copy()
+        braille.draw_hole(shaded, hole)
+        free = (shaded != cells) & (owners == NOBODY)
+        cells[free], owners[free] = shaded[free], HOLE
+    return cells, owners
 
 
 def signs_of(marks: Marks) -> str:

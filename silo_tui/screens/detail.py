@@ -1,64 +1,103 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
-"""One large plot with axes, drawn by plotext: several series over time, one against another, or their spectrum.
+"""One large plot: signals over time, one against another, their spectrum, a histogram.
 
-plotext needs 140 ms and more a frame, so it draws in a thread, when asked, and never while keys are waiting.
+Reading and computing happen in a worker when asked, never while keys are waiting.
 """
 
 import asyncio
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from rich.text import Text
 from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.timer import Timer
 from textual.widgets import Static
 
-from silo.columns import HistoryColumns
 from silo.errors import SiloError
+from silo.values import as_floats
 from silo_tui.actions import bindings_for
 from silo_tui.context import SiloScreen
-from silo_tui.model import text
-from silo_tui.model.columns import Floats
-from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, Plotted
-from silo_tui.model.source import PlotSource
+from silo_tui.model import big_plot, text
+from silo_tui.model.big_plot import BigPlot
+from silo_tui.model.columns import ColumnStore, Floats
+from silo_tui.model.panels import LETTERS, sides
+from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, Plotted, PlotWindow
+from silo_tui.model.source import PlotSource, Samples
+from silo_tui.model.spectra import (
+    MOST_PEAKS,
+    Peak,
+    Piece,
+    Spectrum,
+    histogram_of,
+    longest_piece,
+    pair_of,
+    peaks_of,
+    spectrum_of,
+)
+from silo_tui.screens.exporting import ask_export
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
+from silo_tui.widgets.detail_plot import DetailPlot
 
-if TYPE_CHECKING:
-    from silo.analysis.plotting import Chart
-
-MODES = ("time", "x-y", "spectrum")
-MAX_SERIES = 6
+MODES = ("time", "x-y", "spectrum", "histogram")
+LEVELS = ("linear", "log", "dB")
+MAX_SERIES = 8
 DEBOUNCE_S = 0.15
+FAR = 10
+FEW_PEAKS = 6  # as many as two lines of 80 cells hold
+
+
+@dataclass(frozen=True)
+class Analysed:
+    """A plot, and what is said of it."""
+
+    plot: BigPlot
+    notes: Sequence[str]
+    kind: str = ""  # what stands in the title
+    peaks: Sequence[Peak] = ()
+    top_hz: float = 0.0
 
 
 class DetailScreen(SiloScreen):
-    """A plot of up to six entries; the first is the one that was chosen."""
+    """A plot of up to eight entries: the first `count` of `plots` are those of the panel that was chosen."""
 
     scope = "detail"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("detail")
 
     def __init__(
-        self, session: Session, source: PlotSource, plots: Sequence[Plotted], end_ns: int, span_s: float
+        self,
+        session: Session,
+        source: PlotSource,
+        plots: Sequence[Plotted],
+        end_ns: int,
+        span_s: float,
+        count: int = 1,
     ) -> None:
         super().__init__()
         self.session = session
         self.source = source
         self.plots = list(plots[:MAX_SERIES])
+        self.count = min(count, MAX_SERIES)
         self.end_ns = end_ns
         self.span_s = span_s
         self.mode = MODES[0]
-        self._said = "" if len(plots) <= MAX_SERIES else f"the first {MAX_SERIES} of {len(plots)}"
+        self.level = LEVELS[0]
+        self._said = ""
+        self._kind = ""
+        self._peaks: Sequence[Peak] = ()
+        self._peak: int | None = None
+        self._top_hz = 0.0
         self._timer: Timer | None = None
 
     def compose(self) -> ComposeResult:
         """Yield title, plot, keys."""
         yield Static("", id="detail-title", markup=False)
-        yield Static("drawing …", id="detail-plot", markup=False)
+        self.plot = DetailPlot()
+        yield self.plot
         yield KeyBar(self.scope)
 
     def on_resize(self, event: events.Resize) -> None:
@@ -78,10 +117,18 @@ class DetailScreen(SiloScreen):
         self._title()
 
     def _title(self) -> None:
-        parts = [f"silo {self.session.name}", self.mode, self._place()]
-        if self._said:
-            parts.append(self._said)
+        shown = self.plots[: self.count if self.mode in {"time", "spectrum"} else 2 if self.mode == "x-y" else 1]
+        names = "  ".join(f"{self._letter(place)}{self._label(plotted)}" for place, plotted in enumerate(shown))
+        level = f" {self.level}" if self.mode == "spectrum" else ""
+        name = self.session.name if self.size.width >= 100 else text.shorten_left(self.session.name, 12)
+        parts = [f"silo {name}", f"{self.mode.upper()}{level}", *([self._kind] if self._kind else [])]
+        parts += [self._place(), *([self._said] if self._said else [])]
+        room = self.size.width - len("  ".join(parts)) - 6
+        parts.insert(1, text.shorten_left(names, max(12, room)))
         self.query_one("#detail-title", Static).update("  ".join(parts))
+
+    def _letter(self, place: int) -> str:
+        return f"{LETTERS[place]} " if self.count > 1 or self.mode == "x-y" else ""
 
     def _place(self) -> str:
         back = (self.source.end_ns - self.end_ns) / SECOND_NS
@@ -96,59 +143,117 @@ class DetailScreen(SiloScreen):
         self.run_worker(self._draw(), group="draw", exclusive=True)
 
     async def _draw(self) -> None:
-        from silo.analysis.plotting import draw_text
-
-        plot = self.query_one("#detail-plot", Static)
-        size = plot.size
-        span_ns = round(self.span_s * SECOND_NS)
-        column_ns = self._column_ns(size.width, span_ns)
-        names = [plotted.name for plotted in self.plots]
+        ways = {"time": self._time, "spectrum": self._spectrum, "x-y": self._pair, "histogram": self._histogram}
         try:
-            past = await self.source.history(names, self.end_ns - span_ns, self.end_ns, column_ns)
+            found = await ways[self.mode]()
         except SiloError as error:
-            plot.update(f"No data: {error}")
+            self.plot.say(f"No data: {error}")
             return
-        chart = self._chart(past)
-        if chart is None:
-            plot.update("There is no data in this window.")
+        except ValueError as short:
+            self.plot.say(f"{self.mode} of {self._label(self.plots[0])}: {short}")
             return
-        color = not self.app.no_color
-        drawn = await asyncio.to_thread(draw_text, chart, size.width, size.height, color=color)
-        plot.update(Text.from_ansi(drawn, no_wrap=True))
+        self._kind, self._peaks, self._top_hz = found.kind, found.peaks, found.top_hz
+        self.plot.show(found.plot, [*found.notes, *self._at_cursor()])
+        self._title()
 
-    def _column_ns(self, width: int, span_ns: int) -> int:
-        """Return two columns per cell over time; one per sample where phases and frequencies matter."""
-        period = max(self.source.period_ns(plotted.element.name) for plotted in self.plots)
-        columns = 2 * max(10, width) if self.mode == "time" else MAX_COLUMNS
-        return max(math.ceil(span_ns / columns), period if self.mode != "time" else 1)
+    @property
+    def _span_ns(self) -> int:
+        return round(self.span_s * SECOND_NS)
 
-    def _chart(self, past: HistoryColumns) -> "Chart | None":
-        from silo.analysis.plotting import Chart, Curve
+    async def _time(self) -> Analysed:
+        plots = [plotted for plotted in self.plots[: self.count] if plotted.numeric]
+        self.plot.two_sided = any(sides(tuple(plots)))
+        width, _ = self.plot.plot_size
+        names = [plotted.name for plotted in plots]
+        store = ColumnStore(names, 2 * width, max(1, math.ceil(self._span_ns / (2 * width))))
+        past = await self.source.history(names, self.end_ns - self._span_ns, self.end_ns, store.column_ns)
+        store.advance_to(self.end_ns // store.column_ns + 1)
+        store.take(past)
+        if np.isnan(store.low).all() and not store.marks.any():
+            raise ValueError("no sample in this window")
+        window = PlotWindow(self.span_s)
+        below = [self._time_word(share) for share in (0, 0.25, 0.5, 0.75, 1)]
+        drawn = big_plot.over_time(store, window, plots, self.plot.plot_size, self.source.period_ns, below)
+        notes = []
+        for place, plotted in enumerate(plots):
+            finite = store.low[place][np.isfinite(store.low[place])], store.high[place][np.isfinite(store.high[place])]
+            ends = text.told_apart(float(finite[0].min()), float(finite[1].max())) if len(finite[0]) else ("-", "-")
+            base = f" from {store.base(place)}" if store.base(place) else ""
+            notes.append(f"{self._letter(place)}{self._label(plotted)}  min {ends[0]}  max {ends[1]}{base}")
+        return Analysed(drawn, notes)
 
-        count = past.low.shape[1]
-        if not count or np.isnan(past.low).all():
-            return None
-        bases = [past.bases.get(row, 0) for row in range(len(self.plots))]
-        seconds = ((past.first + np.arange(count)) * past.column_ns - self.zero_ns) / SECOND_NS
-        units = list(dict.fromkeys(plotted.element.unit for plotted in self.plots))
-        labels = [
-            self._label(plotted) + (f" - {base}" if base else "")
-            for plotted, base in zip(self.plots, bases, strict=True)
+    def _time_word(self, share: float) -> str:
+        at_ns = self.end_ns - round(self._span_ns * (1 - share))
+        decimals = max(0, min(9, 2 - math.floor(math.log10(self.span_s / 4))))
+        return f"{(at_ns - self.zero_ns) / SECOND_NS + 0.0:.{decimals}f} s"
+
+    async def _samples(self, plotted: Plotted) -> Samples:
+        """Raw samples; where there are none, the middle of columns of one sample each."""
+        start_ns = self.end_ns - self._span_ns
+        try:
+            return await self.source.samples(plotted.name, start_ns, self.end_ns)
+        except SiloError:
+            period = self.source.period_ns(plotted.element.name)
+            column_ns = max(period, math.ceil(self._span_ns / (MAX_COLUMNS - 2)))
+            past = await self.source.history([plotted.name], start_ns, self.end_ns, column_ns)
+            middle = past.low[0] / 2 + past.high[0] / 2 + past.bases.get(0, 0)
+            times = (past.first + np.arange(len(middle), dtype=np.int64)) * column_ns
+            return times[~np.isnan(middle)], middle[~np.isnan(middle)]
+
+    async def _spectrum(self) -> Analysed:
+        spectra: list[Spectrum] = []
+        pieces: list[Piece] = []
+        plots = [plotted for plotted in self.plots[: self.count] if plotted.numeric]
+        for plotted in plots:
+            piece = longest_piece(*await self._samples(plotted))
+            pieces.append(piece)
+            spectra.append(await asyncio.to_thread(spectrum_of, piece))
+        unit, peaks = plots[0].element.unit, peaks_of(spectra[0], MOST_PEAKS if self.plot.beside else FEW_PEAKS)
+        drawn = big_plot.of_spectra(spectra, peaks, self.level, self.plot.plot_size, self._peak)
+        first, step = pieces[0], spectra[0].step_hz
+        words = [
+            f"{number}  {peak.frequency_hz:.{_decimals(step)}f} Hz  "
+            + big_plot.level_words(peak.amplitude, self.level, unit)
+            for number, peak in enumerate(peaks, 1)
         ]
-        if self.mode == "x-y" and len(self.plots) > 1:
-            x, y = (_middle(past, row) for row in (0, 1))
-            good = ~(np.isnan(x) | np.isnan(y))
-            return Chart([Curve(f"{labels[1]} over {labels[0]}", x[good], y[good])], "", labels[0], labels[1])
-        if self.mode == "spectrum":
-            curves = [Curve(label, *_spectrum(_middle(past, row), past.column_ns)) for row, label in enumerate(labels)]
-            return Chart(curves, "", "frequency [Hz]", "amplitude")
-        curves = []
-        for row, plotted in enumerate(self.plots):
-            x, y = _outline(seconds, past.low[row], past.high[row])
-            curves.append(Curve(labels[row], x, y, len(units) == 2 and plotted.element.unit == units[1]))
-        ticks = self.plots[0].entry.labels if len(self.plots) == 1 else None
-        right = units[1] if len(units) == 2 else ""
-        return Chart(curves, "", "time [s]", units[0] if len(units) <= 2 else "", right, ticks or {})
+        notes = [f"peak {words[0]}", *words[1:]] if words else ["no peak stands out"]
+        rate = 1 / first.period_s
+        notes.append(f"{text.compact(step)} Hz a line")
+        notes.append(f"{first.seconds:.3g} s of {rate:.4g} Hz, jitter {text.span(float(f'{first.jitter_s:.2g}'))}")
+        if len(first.values) < first.held:
+            notes.append(f"longest whole piece: {len(first.values)} of {first.held} samples")
+        notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
+        top_hz = max(len(each.amplitudes) * each.step_hz for each in spectra)
+        return Analysed(drawn, notes, f"Hann {len(first.values)} of {first.held}", peaks, top_hz)
+
+    async def _pair(self) -> Analysed:
+        if len(self.plots) < 2:
+            raise ValueError("it needs two plots: mark two elements")
+        x, y = self.plots[0], self.plots[1]
+        found = await asyncio.to_thread(pair_of, *await self._samples(x), *await self._samples(y))
+        if len(found.x) < 2:
+            raise ValueError(f"{len(found.x)} held, 2 needed of both at the same time")
+        drawn = big_plot.of_pair(found, self.plot.plot_size)
+        units = [plotted.element.unit for plotted in (x, y)]
+        notes = [f"x  a {self._label(x)}", f"y  b {self._label(y)} over x"]
+        if math.isnan(found.correlation):
+            notes.append("r: one of them is constant")
+        else:
+            per = "" if units == ["-", "-"] else f" {units[1]}/{units[0]}"
+            notes.append(f"r = {found.correlation:.3f}  slope {text.compact(found.slope)}{per}")
+        work = " J (hysteresis)" if sorted(units) == ["Nm", "rad"] or sorted(units) == ["N", "m"] else ""
+        notes.append(f"loop area {text.compact(found.area)}{work}")
+        notes.append(f"newest ●  older • ∙ ·   {len(found.x)} samples in {text.span(self.span_s)}")
+        return Analysed(drawn, notes)
+
+    async def _histogram(self) -> Analysed:
+        _, values = await self._samples(self.plots[0])
+        floats = as_floats(values)
+        finite = floats[np.isfinite(floats)]
+        if not len(finite):
+            raise ValueError(f"{len(floats)} held, none is a finite number")
+        drawn = big_plot.of_histogram(histogram_of(finite, self.plot.plot_size[0]), self.plot.plot_size)
+        return Analysed(drawn, _histogram_notes(floats, finite))
 
     def _label(self, plotted: Plotted) -> str:
         unit = "" if plotted.element.unit == "-" else f" [{plotted.element.unit}]"
@@ -158,8 +263,65 @@ class DetailScreen(SiloScreen):
 
     def command_mode(self) -> None:
         self.mode = MODES[(MODES.index(self.mode) + 1) % len(MODES)]
-        self._said = "x-y needs two plots: mark two elements" if self.mode == "x-y" and len(self.plots) < 2 else ""
+        self._said = self._kind = ""
+        self._peak = self.plot.cursor = None
+        self.plot.two_sided = False
+        self._peaks = ()
         self.draw_soon()
+
+    def command_level(self) -> None:
+        if self.mode != "spectrum":
+            self.say("Y is for spectra: Tab leads there")
+            return
+        self.level = LEVELS[(LEVELS.index(self.level) + 1) % len(LEVELS)]
+        self._said = ""
+        self.draw_soon()
+
+    def command_next_peak(self) -> None:
+        self._go_to_peak(1)
+
+    def command_previous_peak(self) -> None:
+        self._go_to_peak(-1)
+
+    def _go_to_peak(self, step: int) -> None:
+        if not self._peaks:
+            self.say("no peaks" if self.mode == "spectrum" else "peaks are in spectra: Tab leads there")
+            return
+        before = self._peak if self._peak is not None else (-1 if step > 0 else len(self._peaks))
+        self._peak = (before + step) % len(self._peaks)
+        peak = self._peaks[self._peak]
+        level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
+        self._said = f"peak {self._peak + 1}: {peak.frequency_hz:.6g} Hz, {level}"
+        self.draw_soon()
+
+    def command_detail_cursor_left(self) -> None:
+        self._move_cursor(-1)
+
+    def command_detail_cursor_right(self) -> None:
+        self._move_cursor(1)
+
+    def command_detail_cursor_far_left(self) -> None:
+        self._move_cursor(-FAR)
+
+    def command_detail_cursor_far_right(self) -> None:
+        self._move_cursor(FAR)
+
+    def _move_cursor(self, cells: int) -> None:
+        if self.mode not in {"time", "spectrum"}:
+            return
+        width = self.plot.plot_size[0]
+        before = self.plot.cursor
+        self.plot.cursor = width // 2 if before is None else max(0, min(width - 1, before + cells))
+        self._said = " ".join(self._at_cursor())
+        self._title()
+        self.plot.refresh()
+
+    def _at_cursor(self) -> list[str]:
+        """Where the cursor is."""
+        if self.plot.cursor is None:
+            return []
+        share = (self.plot.cursor + 0.5) / self.plot.plot_size[0]
+        return [f"A {share * self._top_hz:.5g} Hz" if self.mode == "spectrum" else f"A {self._time_word(share)}"]
 
     def command_detail_closer(self) -> None:
         self._zoom(-1)
@@ -171,13 +333,17 @@ class DetailScreen(SiloScreen):
         self.span_s = SPANS_S[max(0, min(len(SPANS_S) - 1, SPANS_S.index(self.span_s) + step))]
         self.draw_soon()
 
-    def command_detail_left(self) -> None:
+    def command_detail_earlier(self) -> None:
         self.end_ns -= round(self.span_s * SECOND_NS) // 4
         self.draw_soon()
 
-    def command_detail_right(self) -> None:
+    def command_detail_later(self) -> None:
         self.end_ns = min(self.source.end_ns, self.end_ns + round(self.span_s * SECOND_NS) // 4)
         self.draw_soon()
+
+    def command_export_plots(self) -> None:
+        shown = (self.end_ns - self._span_ns, self.end_ns)
+        ask_export(self, self.source, [tuple(self.plots[: self.count])], shown, self.zero_ns)
 
     def command_detail_swap(self) -> None:
         if len(self.plots) > 1:
@@ -192,27 +358,24 @@ class DetailScreen(SiloScreen):
         self.context.leave_screen()
 
 
-def _middle(past: HistoryColumns, row: int) -> Floats:
-    middle: Floats = past.low[row] / 2 + past.high[row] / 2
-    return middle
+def _decimals(step: float) -> int:
+    """How many decimals tell lines of a spectrum apart."""
+    return max(0, min(6, -math.floor(math.log10(step)))) if step > 0 else 3
 
 
-def _outline(seconds: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Return minimum and maximum of each column in turn, so that spikes show; empty columns are left out."""
-    good = ~np.isnan(low)
-    pairs: Floats = np.column_stack([low[good], high[good]])
-    return np.repeat(seconds[good], 2), pairs.reshape(-1)
-
-
-def _spectrum(values: Floats, column_ns: int) -> tuple[Floats, Floats]:
-    """Return frequencies and single-sided amplitudes, by a Hann window; lines bridge gaps."""
-    good = np.isfinite(values)
-    if good.sum() < 8:
-        return np.zeros(0), np.zeros(0)
-    first, last = np.flatnonzero(good)[[0, -1]]
-    values, good = values[first : last + 1], good[first : last + 1]
-    values = np.interp(np.arange(len(values)), np.flatnonzero(good), values[good])
-    hann = np.hanning(len(values))
-    amplitudes = 2 * np.abs(np.fft.rfft((values - values.mean()) * hann)) / hann.sum()
-    frequencies: Floats = np.asarray(np.fft.rfftfreq(len(values), column_ns / SECOND_NS), np.float64)
-    return frequencies[1:], np.asarray(amplitudes[1:], np.float64)
+def _histogram_notes(floats: Floats, finite: Floats) -> list[str]:
+    low, middle, high = (float(each) for each in np.percentile(finite, (1, 50, 99)))
+    size = float(np.abs(finite).max()) or 1.0
+    mean, std = float((finite / size).mean()) * size, float((finite / size).std()) * size
+    notes = [
+        f"{text.count(len(finite))} samples",
+        f"mean {text.compact(mean)}",
+        f"std {text.compact(std)}",
+        f"min {text.compact(float(finite.min()))}",
+        f"1 % {text.compact(low)}",
+        f"median {text.compact(middle)}",
+        f"99 % {text.compact(high)}",
+        f"max {text.compact(float(finite.max()))}",
+    ]
+    names = ((np.isnan(floats), "nan"), (floats == np.inf, "inf"), (floats == -np.inf, "-inf"))
+    return notes + [f"{int(here.sum())} {name} left out" for here, name in names if here.any()]

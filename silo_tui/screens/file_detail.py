@@ -14,15 +14,21 @@ from silo_tui.sessions.recorded import FileSession
 
 
 class FileDetailScreen(DetailScreen, inherit_bindings=False):
-    """A plot of up to six entries of a file."""
+    """A plot of up to eight entries of a file."""
 
     scope = "file_detail"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file_detail")
 
     def __init__(
-        self, session: FileSession, plots: Sequence[Plotted], end_ns: int, span_s: float, spans: tuple[float, ...]
+        self,
+        session: FileSession,
+        plots: Sequence[Plotted],
+        end_ns: int,
+        span_s: float,
+        spans: tuple[float, ...],
+        count: int = 1,
     ) -> None:
-        super().__init__(session, session.source, plots, end_ns, span_s)
+        super().__init__(session, session.source, plots, end_ns, span_s, count)
         self.file = session
         self.spans = spans
 
@@ -45,10 +51,10 @@ class FileDetailScreen(DetailScreen, inherit_bindings=False):
         self.span_s = spans[max(0, min(len(spans) - 1, spans.index(self.span_s) + step))]
         self._show(middle + round(self.span_s * SECOND_NS) // 2)
 
-    def command_detail_left(self) -> None:
+    def command_detail_earlier(self) -> None:
         self._show(self.end_ns - round(self.span_s * SECOND_NS) // 4)
 
-    def command_detail_right(self) -> None:
+    def command_detail_later(self) -> None:
         self._show(self.end_ns + round(self.span_s * SECOND_NS) // 4)
 
     def command_file_start(self) -> None:

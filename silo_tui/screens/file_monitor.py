@@ -40,7 +40,7 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
     def _words(self) -> str:
         clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""
         words = [f"cursor at {self.file.seconds:.9g} s{clock}"]
-        total, fitting = len(self.stack.plots), self.stack.fitting
+        total, fitting = len(self.stack.panels), self.stack.fitting
         if total > fitting:
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
         return " │ ".join([*words, *([self._said] if self._said else [])])
@@ -48,13 +48,13 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
     # ------------------------------------------------------------------------------------------------- the window
 
     @property
-    def _column_ns(self) -> int:
-        return self.window.column_ns(self.stack.columns)
+    def _at_ns(self) -> int | None:
+        """The moment whose values are shown; there always is one."""
+        return self.file.time_ns
 
-    @property
-    def _end_ns(self) -> int:
-        end = self.window.paused_end_ns
-        return self.file.source.end_ns if end is None else end
+    @_at_ns.setter
+    def _at_ns(self, time_ns: int | None) -> None:
+        self.file.time_ns = self.file.time_ns if time_ns is None else time_ns
 
     def request_view(self) -> None:
         """Read what is on the screen; nothing is taken from the last picture, the source keeps what it read."""
@@ -65,56 +65,29 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         store = ColumnStore(names, columns, self.window.column_ns(columns))
         self.run_worker(self._fill(store, names), group="history", exclusive=True)
 
-    async def _fill(self, store: ColumnStore, names: list[str]) -> None:
-        await super()._fill(store, names)
-        self._show_moment()
-
-    def _show(self, end_ns: int) -> None:
-        """Put the right edge of the window there, as far as there is something to see."""
-        self.window.paused_end_ns = self.file.source.clamp_end(end_ns, self.window.span_ns - self._column_ns)
-        self._show_moment()
-        self.request_view()
-
-    def _show_moment(self) -> None:
-        """Show the cursor's column in the window that is on the screen, and the values there."""
-        store = self.stack.store
-        cursor = store.end - 1 - self.file.time_ns // store.column_ns
-        self.window.cursor = cursor if 0 <= cursor < self.stack.columns else None
+    def _moment_shown(self) -> None:
+        """Read the values at the cursor."""
         self.file.read(list(dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())))
         self.stack.readings = self.file.live.readings
-        self.stack.redraw()
-        self.line.refresh()
 
-    def _go_to(self, time_ns: int) -> None:
-        """Move the cursor to a moment; the window follows when it leaves it."""
-        source = self.file.source
-        self.file.time_ns = time_ns = max(source.begin_ns, min(time_ns, source.end_ns))
-        end, span, column_ns = self._end_ns, self.window.span_ns, self._column_ns
-        # in whole columns: where the window begins and ends is between two of them
-        if time_ns // column_ns > end // column_ns:
-            self._show(max(end + span // 4, time_ns))
-        elif time_ns // column_ns <= end // column_ns - self.stack.columns:
-            self._show(min(end - span // 4, time_ns + span - column_ns))
-        else:
-            self._show_moment()
+    def moment_words(self, time_ns: int) -> str:
+        """Return a moment: from the start of the file, and by the clock."""
+        return f"{(time_ns - self.file.source.begin_ns) / SECOND_NS:.{self._decimals}f} s{self._clock(time_ns)}"
 
-    def _zoom(self, *, closer: bool) -> None:
-        """Zoom around the cursor, or around the middle when the cursor is elsewhere."""
-        before, end = self.window.span_ns, self._end_ns
-        if not self.window.zoom(closer=closer):
-            self.say("that is the shortest span" if closer else "that is the whole file")
-            return
-        seen = self.window.cursor is not None
-        fixed = self.file.time_ns if seen else end - before // 2
-        self._said = ""
-        self._show(fixed + round((end - fixed) * self.window.span_ns / before))
+    def _longest(self) -> str:
+        return "that is the whole file"
 
-    def _move_cursor(self, cells: int) -> None:
-        self._said = ""
-        if self.window.cursor is None:  # it is elsewhere: take it here
-            self._go_to(self._end_ns - self.window.span_ns // 2)
-        else:
-            self._go_to(self.file.time_ns + 2 * cells * self._column_ns)
+    def _edge(self, direction: int) -> str:
+        return f"that is the {'end' if direction > 0 else 'beginning'} of the file"
+
+    @property
+    def _held_ns(self) -> tuple[int, int]:
+        """All of the file."""
+        return self.file.source.begin_ns, self.file.source.end_ns
+
+    @property
+    def _older_gone(self) -> bool:
+        return False
 
     # --------------------------------------------------------------------------------------------------- commands
 
@@ -124,38 +97,9 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
     def command_last_plot(self) -> None:
         self.command_plot_bottom()
 
-    def command_earlier(self) -> None:
-        self._pan(-1)
-
-    def command_later(self) -> None:
-        self._pan(1)
-
-    def _pan(self, direction: int) -> None:
-        """Pan by half a window; the cursor stays where it is in the picture."""
-        end, seen = self._end_ns, self.window.cursor is not None
-        self._show(end + direction * self.window.span_ns // 2)
-        moved = self._end_ns - end
-        self._said = "" if moved else f"that is the {'end' if direction > 0 else 'beginning'} of the file"
-        if seen:
-            source = self.file.source
-            self.file.time_ns = max(source.begin_ns, min(self.file.time_ns + moved, source.end_ns))
-        self.line.refresh()
-
-    def command_file_start(self) -> None:
-        self._go_to(self.file.source.begin_ns)
-
-    def command_file_end(self) -> None:
-        self._go_to(self.file.source.end_ns)
-
-    def command_whole_file(self) -> None:
+    def command_all_held(self) -> None:
         self.window.span_s = self.window.spans[-1]
         self._show(self.file.source.end_ns)
-
-    def command_next_sample(self) -> None:
-        self._step(1)
-
-    def command_previous_sample(self) -> None:
-        self._step(-1)
 
     def _step(self, step: int) -> None:
         plotted = self.stack.plots[self.stack.chosen]
@@ -175,13 +119,13 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self._show_moment()
 
     def command_detail(self) -> None:
-        chosen = self.stack.plots[self.stack.chosen]
-        plots = [chosen, *(plotted for plotted in self.stack.plots if plotted is not chosen)]
-        plots = [plotted for plotted in plots if plotted.numeric]
+        plots, count = self.stack.for_detail()
         if not plots:
             self.say(f"{text.plural(len(self.stack.plots), 'text')}: nothing to draw")
             return
-        self.app.push_screen(FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s, self.window.spans))
+        self.app.push_screen(
+            FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s, self.window.spans, count)
+        )
 
     def command_back(self) -> None:
         self.context.leave_screen()

@@ -4,10 +4,11 @@
 What it shows comes from a `PlotSource`, so that a recording can stand in for a live logger.
 """
 
+import asyncio
 from collections.abc import Sequence
 from typing import ClassVar
 
-from textual import events
+from textual import events as textual_events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.timer import Timer
@@ -15,23 +16,26 @@ from textual.timer import Timer
 from silo.errors import SiloError
 from silo.ipc.frames import Frame
 from silo_tui.actions import bindings_for
-from silo_tui.context import SiloScreen
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
+from silo_tui.model.find import Search, What, places_of
+from silo_tui.model.panels import gathered, isolate, join, stacked
 from silo_tui.model.plots import SECOND_NS, SPANS_S, PlotWindow, plots_of
 from silo_tui.model.recorded import SHORT_SPANS_S
 from silo_tui.model.source import PlotSource
+from silo_tui.screens.finding import value_words
+from silo_tui.screens.standing import StandingStill
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
 from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
+from silo_tui.widgets.between import BetweenTable
 from silo_tui.widgets.plot_stack import PlotStack
 
 DEBOUNCE_S = 0.1
-FAR = 10
 
 
-class MonitorScreen(SiloScreen):
+class MonitorScreen(StandingStill):
     """Plots of the elements that were marked when it was opened."""
 
     scope = "monitor"
@@ -64,15 +68,15 @@ class MonitorScreen(SiloScreen):
         yield self.status_bar
         yield self.banner
         yield self.stack
+        self.between = BetweenTable()
+        yield self.between
         yield self.line
         yield KeyBar(self.scope)
 
     def bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
         """Return the lines around the plots."""
-        return (
-            StatusBar(self.session, read_only=False), Banner(self.session),
-            MonitorLine(self.window, self._words, self._state),
-        )  # fmt: skip
+        line = MonitorLine(self.window, self._words, self._state)
+        return StatusBar(self.session, read_only=False), Banner(self.session), line
 
     def on_mount(self) -> None:
         """Show at once; history fills the plots."""
@@ -84,7 +88,7 @@ class MonitorScreen(SiloScreen):
         """Let go of what is held."""
         self.pause.release()
 
-    def on_resize(self, event: events.Resize) -> None:
+    def on_resize(self, event: textual_events.Resize) -> None:
         """Show other columns for another width."""
         self.call_after_refresh(self._sized)
 
@@ -136,8 +140,23 @@ class MonitorScreen(SiloScreen):
         if store is not self._asked and not self.window.paused:
             return  # another one was asked for meanwhile
         self.stack.store = store
-        self.stack.redraw()
-        self.line.refresh()
+        await self._fill_texts(end)
+        self._show_moment()
+
+    async def _fill_texts(self, end_ns: int) -> None:
+        """Read since when which text held."""
+        for plotted in self.stack.on_screen():
+            if plotted.numeric:
+                continue
+            try:
+                time_ns, values = await self.source.samples(plotted.name, end_ns - 2 * self.window.span_ns, end_ns)
+            except SiloError:
+                continue  # a live one that gives no samples now: its newest text stands there
+            changes = await asyncio.to_thread(places_of, Search(What.CHANGE), time_ns, values, 1)
+            begins = [0, *changes.tolist()] if len(values) else []
+            self.stack.events[plotted.name] = [
+                (int(time_ns[at]), value_words(plotted.entry, values[at : at + 1])) for at in begins
+            ]
 
     # ------------------------------------------------------------------------------------ what the app tells us
 
@@ -145,6 +164,7 @@ class MonitorScreen(SiloScreen):
         """Show new columns and values."""
         self.status_bar.update()
         self.stack.readings = self.session.live.readings
+        self._take_texts(frame)
         if not self.window.paused:
             if self.session.running and not self.stack.store.empty:
                 self.stack.store.advance_to(frame.time_ns // self.stack.store.column_ns + 1)
@@ -152,6 +172,16 @@ class MonitorScreen(SiloScreen):
             if self.session.columns is self._asked and self._asked.gapped and not self._mending:
                 self._mending = True  # frames got lost on their way: the logger still has what was in them
                 self.run_worker(self._fill(self._asked, list(self._asked.names)), group="history")
+
+    def _take_texts(self, frame: Frame) -> None:
+        """Note texts that changed."""
+        for plotted in self.stack.plots:
+            reading = None if plotted.numeric else self.stack.readings.get(plotted.element.name)
+            if reading is None or plotted.position not in reading.texts:
+                continue
+            events, word = self.stack.events.setdefault(plotted.name, []), reading.texts[plotted.position]
+            if not events or events[-1][1] != word:
+                events.append((frame.time_ns, word))
 
     def status_changed(self) -> None:
         """Follow a change of state or link."""
@@ -173,8 +203,7 @@ class MonitorScreen(SiloScreen):
         wanted = {plotted.name for plotted in self.stack.plots}
         plots = [each for each in plots_of(found) if each.name in wanted or each.element.name in published]
         if plots != self.stack.plots:
-            self.stack.plots = plots
-            self.stack.choose(self.stack.chosen)
+            self.stack.keep(plots)
             self.fill_soon()
 
     def second_passed(self) -> None:
@@ -190,10 +219,12 @@ class MonitorScreen(SiloScreen):
 
     def _words(self) -> str:
         words = [self.pause.text] if self.pause.text else []
-        if self.window.cursor is not None:
+        if self.window.paused and self.window.at_ns is not None:
+            words.append(f"A {self.moment_words(self.window.at_ns)}")
+        elif self.window.cursor is not None:
             back = self.window.cursor * self.stack.store.column_ns / 1e9
             words.append(f"cursor at -{text.span(back)}" if back else "cursor at 0 s")
-        total, fitting = len(self.stack.plots), self.stack.fitting
+        total, fitting = len(self.stack.panels), self.stack.fitting
         if total > fitting:
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
         if missing := self.stack.missing():
@@ -224,10 +255,9 @@ class MonitorScreen(SiloScreen):
         self._choose(len(self.stack.plots) - 1)
 
     @property
-    def _shown_ns(self) -> tuple[int, int]:
-        """What stretch of time is on the screen."""
-        end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
-        return end - self.window.span_ns, end
+    def _held_ns(self) -> tuple[int, int]:
+        """The oldest and the newest moment that one can look at."""
+        return self.pause.held_ns(self.stack.plots)
 
     def _state(self) -> str:
         if self.pause.source is not None or not self._live.live:
@@ -248,12 +278,10 @@ class MonitorScreen(SiloScreen):
         if self.pause.source is not None:
             self._go_on()
             return
-        store, (_, end) = self.stack.store, self._shown_ns
-        if self.window.paused_end_ns is None and not store.empty:
-            end = store.end * store.column_ns - 1
+        self._stand_still()
+        store, end = self.stack.store, self._end_ns
         held = self.pause.hold(self.stack.plots, end, self.window.span_ns, store)
         self.source = self.stack.source = held
-        self.window.paused_end_ns = end
         self.window.spans = (*SHORT_SPANS_S, *SPANS_S)
         self.run_worker(self.pause.fetch(store.column_ns, self.window.span_ns), group="pause", exclusive=True)
         self._more_is_here()
@@ -263,82 +291,19 @@ class MonitorScreen(SiloScreen):
         """Show what comes again."""
         self.pause.release()
         self.source = self.stack.source = self._live
-        self.window.paused_end_ns = self.window.cursor = None
+        self.window.paused_end_ns = self.window.cursor = self.window.at_ns = self.window.other_ns = None
         self.window.spans = SPANS_S
         self.window.span_s = max(SPANS_S[0], self.window.span_s)
+        self._found = None
+        self._show_between()
         self._more_is_here()
         self.request_view()
-
-    def command_earlier(self) -> None:
-        self._look_at(self._shown_ns[1] - self.window.span_ns // 2)
-
-    def command_later(self) -> None:
-        self._look_at(self._shown_ns[1] + self.window.span_ns // 2)
-
-    def command_oldest(self) -> None:
-        self._look_at(0)
-
-    def command_newest(self) -> None:
-        self._look_at(2**62)
-
-    def _look_at(self, end_ns: int) -> None:
-        """Move the window, in what is held or in the logger's buffers; beyond the newest it goes on by itself."""
-        oldest_ns, newest_ns = self.pause.held_ns(self.stack.plots)
-        end = max(end_ns, min(oldest_ns + self.window.span_ns, newest_ns))
-        self._said = "that is the oldest that is held" if end > end_ns else ""
-        if end < newest_ns or self.pause.source is not None:
-            self.window.paused_end_ns = min(end, newest_ns)
-            self.request_view()
-        elif self.window.paused:
-            self._go_on()
-        self.line.refresh()
-
-    def command_closer(self) -> None:
-        self._zoom(closer=True)
-
-    def command_wider(self) -> None:
-        self._zoom(closer=False)
-
-    def _zoom(self, *, closer: bool) -> None:
-        """Zoom around the cursor when the picture stands still, else at its right end."""
-        cursor = self.window.cursor
-        before = self.window.span_ns
-        if not self.window.zoom(closer=closer):
-            self.say("that is the shortest span" if closer else "that is the longest span")
-            return
-        if self.window.paused_end_ns is not None and cursor is not None:
-            back = cursor * self.stack.store.column_ns
-            self.window.paused_end_ns -= back - round(back * self.window.span_ns / before)
-        self.say("")
-        self.request_view()
-
-    def command_cursor_left(self) -> None:
-        self._move_cursor(-1)
-
-    def command_cursor_right(self) -> None:
-        self._move_cursor(1)
-
-    def command_cursor_far_left(self) -> None:
-        self._move_cursor(-FAR)
-
-    def command_cursor_far_right(self) -> None:
-        self._move_cursor(FAR)
-
-    def _move_cursor(self, cells: int) -> None:
-        beyond = self.window.move_cursor(cells, self.stack.columns)
-        if beyond and self.window.paused_end_ns is not None:
-            # the window itself moves on by a quarter, so that one can walk through a recording
-            step = self.window.span_ns // 4 if beyond > 0 else -self.window.span_ns // 4
-            self._look_at(self.window.paused_end_ns + step)
-        self.stack.redraw()
-        self.line.refresh()
 
     def on_plot_stack_pointed(self, event: PlotStack.Pointed) -> None:
         """Choose the plot that was clicked, and put the cursor there."""
         self._choose(event.index)
         if event.column is not None:
-            self.window.cursor = event.column
-            self.stack.redraw()
+            self._point_at(event.column)
         self.line.refresh()
         self.update_keys()
 
@@ -352,10 +317,40 @@ class MonitorScreen(SiloScreen):
         self.stack.redraw()
         self.line.refresh()
 
+    def command_join_plots(self) -> None:
+        try:
+            self.stack.show_panels(join(self.stack.panels, self.stack.chosen_panel, self.stack.most))
+        except ValueError as refused:
+            self.say(f"{refused}; nothing was changed")
+            return
+        self._said = ""
+        self.fill_soon()
+
+    def command_isolate_plot(self) -> None:
+        self.stack.show_panels(isolate(self.stack.panels, self.stack.chosen_plot))
+        self.fill_soon()
+
+    def command_arrange_plots(self) -> None:
+        """Go on to the next arrangement that looks different."""
+        plots, most = self.stack.plots, self.stack.most
+        ways = (
+            ("each alone", stacked(plots)),
+            ("by unit", gathered(plots, by_unit=True, most=most)),
+            ("as few plots as can be", gathered(plots, by_unit=False, most=most)),
+        )
+        at = max((place for place, (_, panels) in enumerate(ways) if panels == self.stack.panels), default=2)
+        for words, panels in (ways[at + 1 :] + ways[: at + 1])[:2]:
+            if panels != self.stack.panels:
+                self.stack.show_panels(panels)
+                self.say(f"plots: {words}")
+                self.fill_soon()
+                return
+        self.say("these can't be arranged in another way")
+
     def command_drop_plot(self) -> None:
-        if len(self.stack.plots) > 1:
-            del self.stack.plots[self.stack.chosen]
-            self.stack.choose(self.stack.chosen)
+        plots = self.stack.plots
+        if len(plots) > 1:
+            self.stack.keep([plotted for plotted in plots if plotted != self.stack.chosen_plot])
             self.fill_soon()
         else:
             self.command_back()
@@ -365,14 +360,12 @@ class MonitorScreen(SiloScreen):
 
         if not self.stack.plots:
             return
-        chosen = self.stack.plots[self.stack.chosen]
-        plots = [chosen, *(plotted for plotted in self.stack.plots if plotted is not chosen)]
-        plots = [plotted for plotted in plots if plotted.numeric and self.source.is_live(plotted.element.name)]
+        plots, count = self.stack.for_detail()
         if not plots:
             self.say("nothing that is on to plot")
             return
         end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
-        self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s))
+        self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s, count))
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a pause or a cursor asks for."""
@@ -382,9 +375,11 @@ class MonitorScreen(SiloScreen):
         return (*paused, ("cursor_left", "Cursor"), ("back", back)) if back else paused
 
     def command_back(self) -> None:
-        """Leave the cursor, then the pause, then the screen."""
-        if self.window.cursor is not None:
-            self.window.cursor = None
+        """Leave cursor B, then the cursor, then the pause, then the screen."""
+        if self.window.other_ns is not None:
+            self.command_cursor_b()
+        elif self.window.cursor is not None:
+            self.window.cursor = self._at_ns = None
             self.stack.redraw()
             self.line.refresh()
         elif self.window.paused and self.pause.possible:

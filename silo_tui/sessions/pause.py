@@ -3,6 +3,7 @@
 `Pause` has the logic, the screen its keys: it calls `hold`, awaits `fetch` in a worker, and `release`s.
 """
 
+import asyncio
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -59,6 +60,12 @@ class Pause:
         self.note = ""  # what could not be had
         self._since_s = 0.0
         self.source: PinnedSource | None = None
+        self._settled = asyncio.Event()
+        self._settled.set()
+
+    async def settled(self) -> None:
+        """Wait until it is known what is pinned, or that nothing is."""
+        await self._settled.wait()
 
     @property
     def possible(self) -> bool:
@@ -95,6 +102,7 @@ class Pause:
     def hold(self, plots: Sequence[Plotted], end_ns: int, span_ns: int, shown: ColumnStore) -> PinnedSource:
         """Hold the picture that ends there, and what was before it for at least as long."""
         self.release()
+        self._settled.clear()
         self._since_s = time.monotonic()
         plots = [plotted for plotted in plots if self._live.is_live(plotted.element.name)]
         self.source = PinnedSource(self._live, plots, end_ns - 2 * span_ns, end_ns, shown)
@@ -102,32 +110,43 @@ class Pause:
 
     async def fetch(self, column_ns: int, span_ns: int) -> None:
         """Have the logger pin it; then fetch columns of all, samples of the picture, and the rest if quick."""
-        source, link = self.source, self._session.link
-        if source is None or link is None or not source.names:
-            return
-        names, start_ns, end_ns = list(source.names), source.begin_ns, source.end_ns
         try:
-            pin = await link.read(lambda client: client.pin(names, start_ns, end_ns))
-        except SiloError as error:
-            source.problem = "nothing is pinned: " + (str(error) if isinstance(error, RefusedError) else "no link")
-            self._changed()
+            opened = await self._open()
+        finally:
+            self._settled.set()
+        source = self.source
+        if not opened or source is None:
             return
-        if self.source is not source:
-            pin.close()
-            return
-        self._pin = pin
-        if not pin.opened.run:
-            source.problem = "the logger holds nothing of it"
-            return
-        source.opened(_LinkPin(link, pin), pin.opened.begin_ns, pin.opened.end_ns)
-        self.note = pin.opened.text
-        self._changed()
         await source.fetch_columns(column_ns)
         self._changed()
         await source.fetch(source.end_ns - span_ns, source.end_ns)
         self._changed()
         while self.source is source and await source.fetch_rest():
             self._changed()
+
+    async def _open(self) -> bool:
+        """Have the logger pin it; False where there is nothing to fetch."""
+        source, link = self.source, self._session.link
+        if source is None or link is None or not source.names:
+            return False
+        names, start_ns, end_ns = list(source.names), source.begin_ns, source.end_ns
+        try:
+            pin = await link.read(lambda client: client.pin(names, start_ns, end_ns))
+        except SiloError as error:
+            source.problem = "nothing is pinned: " + (str(error) if isinstance(error, RefusedError) else "no link")
+            self._changed()
+            return False
+        if self.source is not source:
+            pin.close()
+            return False
+        self._pin = pin
+        if not pin.opened.run:
+            source.problem = "the logger holds nothing of it"
+            return False
+        source.opened(_LinkPin(link, pin), pin.opened.begin_ns, pin.opened.end_ns)
+        self.note = pin.opened.text
+        self._changed()
+        return True
 
     async def look(self, start_ns: int, end_ns: int) -> None:
         """Fetch the samples of what is looked at now; after a link that was lost too."""
@@ -142,5 +161,6 @@ class Pause:
     def release(self) -> None:
         """Let go of what is held."""
         pin, self._pin, self.source, self.note = self._pin, None, None, ""
+        self._settled.set()
         if pin is not None:
             pin.close()

@@ -1,9 +1,10 @@
-"""Live plots one below the other, made of braille by NumPy and drawn line by line.
+"""Plots one below the other, made of dots by NumPy and drawn line by line.
 
 Measured: 5 - 8 ms for a screen full; twenty of Textual's Sparkline widgets at 10 Hz cost a quarter of a core.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import ClassVar
@@ -17,37 +18,65 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from silo.columns import HOLE_TEXTS, Hole
-from silo_tui.model import text
-from silo_tui.model.braille import BLANK, band
-from silo_tui.model.columns import ColumnStore
+from silo_tui.model import axes, braille, dots, lanes, text
+from silo_tui.model.columns import ColumnStore, Piece
+from silo_tui.model.dots import BLANK
 from silo_tui.model.live import Reading, entry_text, offset_text
-from silo_tui.model.plots import Picture, Plotted, PlotWindow, draw
+from silo_tui.model.panels import (
+    LETTERS,
+    MAX_SERIES,
+    Kind,
+    Panel,
+    first_to_show,
+    has_curves,
+    heights,
+    kind_of,
+    per_title_line,
+    sides,
+    stacked,
+    title_lines,
+)
+from silo_tui.model.plots import HOLE, NOBODY, Owners, Picture, Plotted, PlotWindow, draw_panel, pieces_of, together
 from silo_tui.model.source import PlotSource
+from silo_tui.widgets.series import most_series, series_style
 
 AXIS = 10  # cells for the numbers on the left
-LEAST, MOST = 4, 14  # lines of a plot with its title
+CURSOR_A, CURSOR_B = "│", "┊"
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A panel as cells: the characters, whose colour each has, and what stands at both sides of each line."""
+
+    pictures: list[Picture]
+    lines: list[str]
+    owners: Owners
+    left: dict[int, str]
+    right: dict[int, tuple[str, int]]  # text and whose colour
+    origins: tuple[str, str] = ("", "")
 
 
 class PlotStack(Widget):
     """Draws the plots that fit; which one is chosen and which come first is kept here."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
-        "plot--title", "plot--chosen", "plot--quiet", "plot--line", "plot--stale", "plot--cursor",
+        "plot--title", "plot--chosen", "plot--quiet", "plot--line", "plot--stale", "plot--cursor", "plot--band",
     }  # fmt: skip
     DEFAULT_CSS = "PlotStack { height: 1fr; width: 1fr; }"
 
     def __init__(self, plots: list[Plotted], window: PlotWindow, source: PlotSource) -> None:
         super().__init__()
-        self.plots = plots
+        self._take(stacked(plots))
         self.window = window
         self.source = source
         self.store = ColumnStore((), 1, 1)
         self.readings: dict[str, Reading] = {}
+        self.events: dict[str, list[tuple[int, str]]] = {}  # of texts: since when which
         self.prefix = ""
         self.fresh = True
-        self.chosen = 0
-        self.first = 0
-        self._pictures: dict[int, Picture] = {}
+        self.chosen = 0  # of all signals, those that share a panel counted one by one
+        self.first = 0  # panel
+        self._drawn_panels: dict[int, Drawn] = {}
         self._drawn: dict[int, list[Segment]] = {}
 
     # --------------------------------------------------------------------------------------------------- mouse
@@ -67,12 +96,31 @@ class PlotStack(Widget):
         zooms: bool
 
     def on_click(self, event: events.Click) -> None:
-        """Ask for the plot and the place that was clicked."""
-        index = self.first + event.y // self.block
-        if index < min(len(self.plots), self.first + self.fitting):
-            cell = event.x - AXIS - 1
-            inside = 0 <= cell < self.plot_width and event.y % self.block > 0
-            self.post_message(self.Pointed(index, 2 * (self.plot_width - 1 - cell) if inside else None))
+        """Ask for the signal and the place that was clicked."""
+        found = self._place_of(event.y)
+        if found is None:
+            return
+        at, line = found
+        panel = self.panels[at]
+        first = sum(len(each) for each in self.panels[:at])
+        titles = title_lines(panel, self.size.width)
+        if line < titles:
+            side_by_side = per_title_line(self.size.width) if len(panel) > 1 else 1
+            place = line * side_by_side + event.x * side_by_side // max(1, self.size.width)
+            self.post_message(self.Pointed(first + min(place, len(panel) - 1), None))
+            return
+        cell = event.x - AXIS - 1
+        inside = 0 <= cell < self.plot_width
+        index = self.chosen if self.chosen_panel == at else first
+        self.post_message(self.Pointed(index, 2 * (self.plot_width - 1 - cell) if inside else None))
+
+    def _place_of(self, y: int) -> tuple[int, int] | None:
+        """Return which panel a line of the widget belongs to, and which line of it that is; None for the time axis."""
+        for at, height in enumerate(self._heights(), self.first):
+            if y < height:
+                return at, y
+            y -= height
+        return None
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
         """Ask for the next plot, or a longer span."""
@@ -84,12 +132,75 @@ class PlotStack(Widget):
         event.stop()
         self.post_message(self.Wheeled(-1, zooms=event.ctrl))
 
+    # ---------------------------------------------------------------------------------------------- what is plotted
+
+    @property
+    def plots(self) -> list[Plotted]:
+        """All signals, in the order of the panels."""
+        return self._plots
+
+    def _take(self, panels: Sequence[Panel]) -> None:
+        # what is asked for many times a frame is found once: with 700 panels it took 50 ms
+        self.panels = list(panels)
+        self._plots = [plotted for panel in panels for plotted in panel]
+        self._two_sided = any(any(sides(panel)) for panel in panels if has_curves(panel))
+        self._worded = any(len(panel) > 1 or not has_curves(panel) for panel in panels)
+
+    @property
+    def chosen_plot(self) -> Plotted:
+        """The signal that is chosen."""
+        return self.plots[self.chosen]
+
+    @property
+    def chosen_panel(self) -> int:
+        """Where the panel with the chosen signal is."""
+        return self._panel_of(self.chosen)
+
+    def _panel_of(self, index: int) -> int:
+        for at, panel in enumerate(self.panels):
+            index -= len(panel)
+            if index < 0:
+                return at
+        return max(0, len(self.panels) - 1)
+
+    @property
+    def most(self) -> int:
+        """How many curves may share a panel."""
+        return most_series(self.app, MAX_SERIES)
+
+    def show_panels(self, panels: Sequence[Panel]) -> None:
+        """Show these panels; the chosen signal stays the chosen one if it is still there."""
+        chosen = self.plots[self.chosen] if self.plots else None
+        self._take(panels)
+        plots = self.plots
+        self.choose(plots.index(chosen) if chosen in plots else self.chosen)
+
+    def keep(self, plots: Sequence[Plotted]) -> None:
+        """Show these signals: what shares a panel goes on to, new ones come at the end."""
+        known = self.plots
+        panels = [tuple(plotted for plotted in panel if plotted in plots) for panel in self.panels]
+        self.show_panels(
+            [panel for panel in panels if panel] + [(plotted,) for plotted in plots if plotted not in known]
+        )
+
+    def for_detail(self) -> tuple[list[Plotted], int]:
+        """What one large plot shows: the chosen signal, those of its panel, the others; how many share it."""
+        shown = [each for each in self.plots if each.numeric and self.source.is_live(each.element.name)]
+        chosen, panel = self.chosen_plot, self.panels[self.chosen_panel]
+        mine = [each for each in shown if each == chosen] + [each for each in shown if each in panel and each != chosen]
+        return mine + [each for each in shown if each not in panel], max(1, len(mine))
+
     # ------------------------------------------------------------------------------------------------ geometry
+
+    @property
+    def right_width(self) -> int:
+        """Cells right of the curves: for letters, words of lanes, or a second axis."""
+        return AXIS + 1 if self._two_sided else 8 if self._worded else 2
 
     @property
     def plot_width(self) -> int:
         """Cells of a curve."""
-        return max(4, self.size.width - AXIS - 2)
+        return max(4, self.size.width - AXIS - self.right_width)
 
     @property
     def columns(self) -> int:
@@ -97,38 +208,38 @@ class PlotStack(Widget):
         return 2 * self.plot_width
 
     @property
-    def block(self) -> int:
-        """Lines of a plot with its title."""
-        room = max(LEAST, self.size.height - 1)
-        return max(LEAST, min(MOST, room // max(1, len(self.plots))))
+    def _room(self) -> int:
+        return max(1, self.size.height - 1)
+
+    def _heights(self) -> list[int]:
+        return heights(self.panels, self.first, self._room, self.size.width)
 
     @property
     def fitting(self) -> int:
-        """Plots that fit on the screen."""
-        return max(1, (self.size.height - 1) // self.block)
+        """Panels that are on the screen."""
+        return len(self._heights())
 
     def on_screen(self) -> list[Plotted]:
-        """The plots that are visible now."""
-        return self.plots[self.first : self.first + self.fitting]
+        """The signals that are visible now."""
+        return [plotted for panel in self.panels[self.first : self.first + self.fitting] for plotted in panel]
 
     def choose(self, index: int) -> bool:
-        """Chooses a plot and brings it on the screen; True when other plots are visible then."""
+        """Chooses a signal and brings it on the screen; True when other panels are visible then."""
         self.chosen = max(0, min(index, len(self.plots) - 1))
-        first = min(max(self.first, self.chosen - self.fitting + 1), self.chosen)
-        first = max(0, min(first, len(self.plots) - self.fitting))
+        first = first_to_show(self.panels, self.first, self.chosen_panel, self._room, self.size.width)
         moved, self.first = first != self.first, first
         self.redraw()
         return moved
 
     def redraw(self) -> None:
         """Everything anew."""
-        self._pictures.clear()
+        self._drawn_panels.clear()
         self._drawn.clear()
         self.refresh()
 
     def advance(self) -> None:
         """New columns came: only lines that look different are painted."""
-        self._pictures.clear()
+        self._drawn_panels.clear()
         drawn, self._drawn = self._drawn, {}
         for line in range(self.size.height):
             if drawn.get(line) != self._line(line):
@@ -149,51 +260,136 @@ class PlotStack(Widget):
         return self.get_component_rich_style(name)
 
     def _segments(self, y: int) -> list[Segment]:
-        slot, line = divmod(y, self.block)
-        used = min(self.fitting, len(self.plots) - self.first)
-        if slot >= used:
-            return self._time_axis() if y == used * self.block else []
-        index = self.first + slot
-        plotted = self.plots[index]
-        if line == 0:
-            return self._title(index, plotted)
-        if not plotted.numeric:
-            return self._text(plotted) if line == 1 else []
-        if not self.source.is_live(plotted.element.name):
+        found = self._place_of(y)
+        if found is None:
+            return self._time_axis() if y == sum(self._heights()) else []
+        at, line = found
+        height = self._heights()[at - self.first]
+        titles = title_lines(self.panels[at], self.size.width)
+        return self._title(at, line) if line < titles else self._body(at, line - titles, height - titles)
+
+    def _body(self, at: int, line: int, height: int) -> list[Segment]:
+        panel = self.panels[at]
+        if panel[0].numeric and not any(self.source.is_live(plotted.element.name) for plotted in panel):
             words = " " * AXIS + " off: t in the table switches it on"
-            return [Segment(words if line == 1 else "", self._style("plot--quiet"))]
-        return self._curve(index, line - 1)
+            return [Segment(words if line == 0 else "", self._style("plot--quiet"))]
+        if has_curves(panel):
+            return self._curve(at, line)
+        return self._lane(panel[0]) if line == 0 else []
 
-    def _picture(self, index: int) -> Picture:
-        if index not in self._pictures:
-            plotted = self.plots[index]
-            period = self.source.period_ns(plotted.element.name)
-            self._pictures[index] = draw(self.store, self.window, plotted, self.plot_width, self.block - 1, period)
-        return self._pictures[index]
+    def _panel(self, at: int) -> Drawn:
+        if at not in self._drawn_panels:
+            height = self._heights()[at - self.first] - title_lines(self.panels[at], self.size.width)
+            self._drawn_panels[at] = self._draw_panel(at, height)
+        return self._drawn_panels[at]
 
-    def _title(self, index: int, plotted: Plotted) -> list[Segment]:
-        style = self._style("plot--chosen" if index == self.chosen else "plot--title")
+    def _draw_panel(self, at: int, height: int) -> Drawn:
+        panel, right = self.panels[at], sides(self.panels[at])
+        period_of = self.source.period_ns
+        pictures = draw_panel(self.store, self.window, panel, right, self.plot_width, height, period_of)
+        front = panel.index(self.chosen_plot) if self.chosen_plot in panel else 0
+        cells, owners = together(pictures, front)
+        left, origin = self._axis(panel[0], pictures[0], height)
+        marks: dict[int, tuple[str, int]] = {}
+        other = ""
+        if any(right):
+            words, other = self._axis(panel[right.index(True)], pictures[right.index(True)], height)
+            marks = {line: (word, right.index(True)) for line, word in words.items()}
+        elif len(panel) > 1:
+            for place, picture in enumerate(pictures):
+                if picture.newest is not None:
+                    line = picture.newest // 4
+                    marks[line] = marks.get(line, ("", place))[0] + self.letter(panel[place]), place
+        if len(panel) > 1:
+            for place in range(len(panel)):
+                spot = _letter_spot(owners, place, len(panel))
+                if spot is not None:
+                    cells[spot] = ord(self.letter(panel[place]) or BLANK)
+        return Drawn(pictures, dots.lines_of(cells), owners, left, marks, (origin, other))
+
+    def letter(self, plotted: Plotted) -> str:
+        """The letter of a signal; none where there is one only."""
+        plots = self.plots
+        return LETTERS[plots.index(plotted) % len(LETTERS)] if len(plots) > 1 else ""
+
+    def _color(self, panel: Panel, place: int) -> Style:
+        if not self.fresh:
+            return self._style("plot--stale")
+        line = self._style("plot--line")
+        return line if len(panel) == 1 else line + series_style(self.app, place)
+
+    def _axis(self, plotted: Plotted, picture: Picture, height: int) -> tuple[dict[int, str], str]:
+        """What stands on which line of an axis, and what these numbers count from."""
+        ends = picture.scale
+        if plotted.entry.dtype[1:2] == "M" and not math.isnan(ends[0]):
+            words = [offset_text(plotted.entry, end, picture.base, 30) for end in ends]
+            if words[0][: AXIS - 2] != words[1][: AXIS - 2]:
+                return {height - 1: words[0][: AXIS - 2], 0: words[1][: AXIS - 2]}, ""
+        return axes.tick_words(axes.ticks_of(ends, height), picture.base, AXIS - 1)
+
+    # --------------------------------------------------------------------------------------------------- titles
+
+    def _title(self, at: int, line: int) -> list[Segment]:
+        panel = self.panels[at]
+        if len(panel) == 1:
+            return self._single_title(at, panel[0])
+        side_by_side = per_title_line(self.size.width)
+        room = self.size.width // side_by_side
+        found: list[Segment] = []
+        for place in range(line * side_by_side, min(len(panel), (line + 1) * side_by_side)):
+            plotted = panel[place]
+            chosen = plotted == self.chosen_plot
+            style = self._style("plot--chosen" if chosen else "plot--title")
+            now = self._short_fact(at, place)
+            unit = "" if plotted.element.unit == "-" else f" {plotted.element.unit}"
+            head = f"{'>' if chosen else ' '}{self.letter(plotted)} "
+            name = text.shorten_left(self._short(plotted), max(8, room - len(head) - len(now) - len(unit) - 3))
+            colored = Style(color=self._color(panel, place).color, bold=True, bgcolor=style.bgcolor)
+            words = f"{name}{'→' if sides(panel)[place] else ''}"
+            found += [
+                Segment(head, colored),
+                Segment(words, style),
+                Segment(f" {now}{unit}", style + Style(bold=False)),
+            ]
+            rest = room - len(head) - len(words) - len(now) - len(unit) - 1
+            found.append(Segment(" " * max(1, rest), self._style("plot--quiet")))
+        return found
+
+    def _short_fact(self, at: int, place: int) -> str:
+        """What stands beside the name of one of several signals: its value at the cursor, or the newest one."""
+        plotted, picture = self.panels[at][place], self._panel(at).pictures[place]
+        if picture.at_cursor is not None:
+            low, high = (offset_text(plotted.entry, end, picture.base, 9) for end in picture.at_cursor)
+            return low if low == high else f"{low}…{high}"
+        return picture.cursor_signs or self._now(plotted)
+
+    def _short(self, plotted: Plotted) -> str:
+        name = plotted.name
+        return name[len(self.prefix) :] if self.prefix and name.startswith(self.prefix + "/") else name
+
+    def _single_title(self, at: int, plotted: Plotted) -> list[Segment]:
+        chosen = plotted == self.chosen_plot
+        style = self._style("plot--chosen" if chosen else "plot--title")
         quiet = style + Style(bold=False)
         unit = "" if plotted.element.unit == "-" else f" {plotted.element.unit}"
         facts = ""
         if plotted.numeric and self.source.is_live(plotted.element.name):
-            facts = self._facts(index, plotted)
-        width = self.size.width
-        mark = ">" if index == self.chosen else " "
-        room = width - len(facts) - len(unit) - 4
-        name = plotted.name
-        if self.prefix and name.startswith(self.prefix + "/"):
-            name = name[len(self.prefix) :]
-        name = text.shorten_left(name, max(8, room))
-        origin = self._ends(index)[2] if facts else ""
+            facts = self._facts(at, plotted)
+        letter = self.letter(plotted)
+        mark = (">" if chosen else " ") + (f"{letter} " if letter else "")
+        room = self.size.width - len(facts) - len(unit) - len(mark) - 3
+        name = text.shorten_left(self._short(plotted), max(8, room))
+        origin = self._panel(at).origins[0] if facts and kind_of(plotted) is Kind.CURVE else ""
         if origin and len(name) + len(origin) + 7 <= room:
             name += f"  from {origin}"
-        gap = max(1, width - 1 - len(mark) - len(name) - len(unit) - len(facts))
+        gap = max(1, self.size.width - 1 - len(mark) - len(name) - len(unit) - len(facts))
         return [Segment(mark + name, style), Segment(unit + " " * gap + facts + " ", quiet)]
 
-    def _facts(self, index: int, plotted: Plotted) -> str:
+    def _facts(self, at: int, plotted: Plotted) -> str:
         """The numbers at the right end of a title."""
-        picture = self._picture(index)
+        if kind_of(plotted) is not Kind.CURVE:
+            return self._lane_facts(plotted)
+        picture = self._panel(at).pictures[0]
         if picture.at_cursor is not None:
             low, high = (offset_text(plotted.entry, end, picture.base, 12) for end in picture.at_cursor)
             highest = f" … {high}" if high != low else ""
@@ -206,6 +402,17 @@ class PlotStack(Widget):
             words += [f"min {smallest}", f"max {largest}"]
         return "  ".join([*words, f"now {self._now(plotted)}"]) if words else ""
 
+    def _lane_facts(self, plotted: Plotted) -> str:
+        if self.window.cursor is None:
+            return f"now {self._now(plotted)}"
+        piece = self._piece(plotted)
+        last = self.columns - 1 - self.window.cursor
+        found = braille.value_range(piece.low[max(0, last - 1) : last + 1], piece.high[max(0, last - 1) : last + 1])
+        if found is None:
+            return ""
+        words = dict.fromkeys(offset_text(plotted.entry, end, piece.base, 12) for end in found)
+        return "at cursor " + " … ".join(words)
+
     def _extremes(self, plotted: Plotted, picture: Picture) -> tuple[str, str]:
         if picture.base or plotted.entry.dtype[1:2] == "M":
             smallest, largest = (
@@ -216,13 +423,17 @@ class PlotStack(Widget):
 
     def missing(self) -> str:
         """What the chosen plot has no samples of, and why."""
-        if not self.plots or not self.plots[self.chosen].numeric or self.store.empty:
+        if not self.plots or not self.chosen_plot.numeric or self.store.empty:
             return ""
+        piece = self._piece(self.chosen_plot)
         cell_s = 2 * self.store.column_ns / 1e9
         seconds: dict[Hole, float] = {}
-        for hole in self._picture(self.chosen).holes:
+        for hole in braille.holes(piece.low, piece.marks, self.plot_width):
             seconds[hole.why] = seconds.get(hole.why, 0.0) + (hole.stop - hole.start) * cell_s
         return ", ".join(f"{text.span(float(f'{some:.2g}'))} {HOLE_TEXTS[why]}" for why, some in seconds.items())
+
+    def _piece(self, plotted: Plotted) -> Piece:
+        return pieces_of(self.store, [plotted], self.columns, self.source.period_ns)[0]
 
     def _now(self, plotted: Plotted) -> str:
         reading = self.readings.get(plotted.element.name)
@@ -233,40 +444,71 @@ class PlotStack(Widget):
         width = max(12, len(word)) if word is not None and plotted.entry.dtype[1:2] in "iu" else 12
         return entry_text(plotted.entry, float(reading.newest[plotted.position]), word, width)
 
-    def _text(self, plotted: Plotted) -> list[Segment]:
-        reading = self.readings.get(plotted.element.name)
-        word = reading.texts.get(plotted.position, "") if reading is not None else ""
-        return [Segment(" " * AXIS + f" {text.clean(word) or '-'}", self._style("plot--line"))]
+    # ------------------------------------------------------------------------------------------- curves and lanes
 
-    def _curve(self, index: int, line: int) -> list[Segment]:
-        picture = self._picture(index)
-        bottom, top, _ = self._ends(index)
-        label = top if line == 0 else bottom if line == len(picture.lines) - 1 else ""
-        cells = picture.lines[line]
-        style = self._style("plot--line" if self.fresh else "plot--stale")
-        axis = Segment(f"{label:>{AXIS - 1}} │", self._style("plot--quiet"))
-        styles = [style] * len(cells)
-        for hole in picture.holes if line in band(len(picture.lines)) else ():
-            styles[hole.start : hole.stop] = [self._style("plot--quiet")] * (hole.stop - hole.start)
-        if self.window.cursor is not None:
-            at = max(0, len(cells) - 1 - self.window.cursor // 2)
-            cells = cells[:at] + cells[at].replace(BLANK, "│") + cells[at + 1 :]
-            styles[at] = self._style("plot--cursor")
-        pieces = groupby(zip(cells, styles, strict=True), lambda cell: cell[1])
-        return [axis, *(Segment("".join(char for char, _ in some), its) for its, some in pieces)]
+    def _curve(self, at: int, line: int) -> list[Segment]:
+        drawn, panel = self._panel(at), self.panels[at]
+        quiet = self._style("plot--quiet")
+        colors = {place: self._color(panel, place) for place in range(len(panel))} | {HOLE: quiet, NOBODY: quiet}
+        styles = [colors[owner] for owner in drawn.owners[line].tolist()]
+        label = drawn.left.get(line, "")
+        axis = Segment(f"{label:>{AXIS - 1}} {'┤' if label else '│'}", quiet)
+        return [axis, *self._cells(drawn.lines[line], styles), *self._right(drawn.right.get(line), colors)]
 
-    def _ends(self, index: int) -> tuple[str, str, str]:
-        """What stands at both ends of the scale, and what these count from."""
-        picture, entry = self._picture(index), self.plots[index].entry
-        ends = picture.scale
-        if entry.labels and all(end == end // 1 and int(end) in entry.labels for end in ends):
-            bottom, top = (entry.labels[int(end)][: AXIS - 1] for end in ends)
-            return bottom, top, ""
-        if entry.dtype[1:2] == "M" and not math.isnan(ends[0]):
-            words = [offset_text(entry, end, picture.base, 30) for end in ends]
-            if words[0][: AXIS - 2] != words[1][: AXIS - 2]:
-                return words[0][: AXIS - 2], words[1][: AXIS - 2], ""
-        return text.axis_ends(*ends, picture.base)
+    def _right(self, mark: tuple[str, int] | None, colors: dict[int, Style]) -> list[Segment]:
+        if self.right_width <= 2:
+            return []
+        if mark is None:
+            return [Segment("│", self._style("plot--quiet"))]
+        return [Segment("├", self._style("plot--quiet")), Segment(mark[0], colors[mark[1]])]
+
+    def _lane(self, plotted: Plotted) -> list[Segment]:
+        kind, width = kind_of(plotted), self.plot_width
+        piece = self._piece(plotted)
+        if kind is Kind.LANE:
+            line, word = lanes.bool_lane(piece, width), self._now(plotted)
+        elif kind is Kind.BAND:
+            entry = plotted.entry
+            line = lanes.band(piece, lambda value: offset_text(entry, value, piece.base, 40), width)
+            word = self._now(plotted)
+        else:
+            reading = self.readings.get(plotted.element.name)
+            word = reading.texts.get(plotted.position, "") if reading is not None else ""
+            events = self.events.get(plotted.name) or ([(0, word)] if word else [])
+            line = lanes.events_band(events, self.store.end, self.store.column_ns, width)
+        body = "plot--line" if kind is Kind.LANE else "plot--band"
+        styles = [self._style(body if self.fresh else "plot--stale")] * width
+        if kind is not Kind.TEXT:
+            cells = list(line)
+            for hole in braille.holes(piece.low, piece.marks, width):
+                for cell in range(hole.start, hole.stop):
+                    cells[cell] = braille.SHADE if hole.why is not Hole.BEFORE else BLANK
+                    styles[cell] = self._style("plot--quiet")
+            line = "".join(cells)
+        room = self.right_width - 1
+        word = text.clean(word)
+        word = word if len(word) <= room else word[: room - 1] + "…"
+        axis = Segment(f"{self.letter(plotted):>{AXIS - 1}} │", self._style("plot--quiet"))
+        return [axis, *self._cells(line, styles), Segment("│" + word, self._style("plot--quiet"))]
+
+    def _cells(self, cells: str, styles: list[Style]) -> list[Segment]:
+        """The cells of a line, with the cursors where nothing is drawn."""
+        chars = list(cells)
+        for cursor, sign in ((self.other_cursor, CURSOR_B), (self.window.cursor, CURSOR_A)):
+            if cursor is not None:
+                at = max(0, len(chars) - 1 - cursor // 2)
+                chars[at] = chars[at].replace(BLANK, sign)
+                styles[at] = self._style("plot--cursor")
+        pieces = groupby(zip(chars, styles, strict=True), lambda cell: cell[1])
+        return [Segment("".join(char for char, _ in some), its) for its, some in pieces]
+
+    @property
+    def other_cursor(self) -> int | None:
+        """How many columns cursor B is from the right edge; None where it isn't in the picture."""
+        if self.window.other_ns is None or self.store.empty:
+            return None
+        column = self.store.end - 1 - self.window.other_ns // self.store.column_ns
+        return column if 0 <= column < self.columns else None
 
     def _time_axis(self) -> list[Segment]:
         width = self.plot_width
@@ -276,6 +518,9 @@ class PlotStack(Widget):
             start = min(width - len(word), max(0, round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
             if all(char == " " for char in line[max(0, start - 1) : start + len(word) + 1]):
                 line[start : start + len(word)] = word
+        for cursor, sign in ((self.other_cursor, "B"), (self.window.cursor, "A")):
+            if cursor is not None and self.window.other_ns is not None:
+                line[max(0, width - 1 - cursor // 2)] = sign
         return [Segment(" " * (AXIS + 1) + "".join(line), self._style("plot--quiet"))]
 
     def _axis_word(self, share: float) -> str:
@@ -283,3 +528,16 @@ class PlotStack(Widget):
         if share == 1.0:
             return "now" if self.source.live and not self.window.paused else "0"
         return "-" + text.span(self.window.span_s * (1 - share))
+
+
+def _letter_spot(owners: Owners, place: int, count: int) -> tuple[int, int] | None:
+    """Where on its curve the letter of a signal stands: about the same place, so that it doesn't run."""
+    width = owners.shape[1]
+    wanted = (place + 1) * width // (count + 1)
+    for step in range(width):
+        for cell in (wanted - step, wanted + step):
+            if 0 <= cell < width:
+                lines = (owners[:, cell] == place).nonzero()[0]
+                if len(lines):
+                    return int(lines[len(lines) // 2]), cell
+    return None

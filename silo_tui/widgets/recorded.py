@@ -150,7 +150,9 @@ class RecordedLine(MonitorLine):
         whole = window.span_s == window.spans[-1]
         parts = ["whole file" if whole else f"{text.span(window.span_s)} shown"]
         parts += ["y held"] if window.fixed_scale else []
-        parts.append(self._words())
+        parts += self._words().split(" │ ")
+        while len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
+            parts.pop(0)  # what was said last is read whole
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
 
 
@@ -163,7 +165,7 @@ class RecordedStack(PlotStack):
         self.prefix = session.status.prefix.rstrip("/")
         self._file = session
 
-    def _facts(self, index: int, plotted: Plotted) -> str:
+    def _facts(self, at: int, plotted: Plotted) -> str:
         store = self.store
         facts = self._file.source.facts(plotted.name, store.end - self.columns, store.end, store.column_ns)
         words = f"= {self._now(plotted)}"

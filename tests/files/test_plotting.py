@@ -116,6 +116,18 @@ class TestText:
         assert len(text.split("\n")) == 14
         assert "\x1b[31m" not in text
 
+    @pytest.mark.parametrize("size", [1e-300, 1e-310, 5e-324])
+    def test_the_smallest_numbers_are_a_wave_with_their_size_at_the_axis(self, size):
+        x = np.arange(20.0)
+        lines = draw_text(Chart([Curve("a", x, np.where(x % 2 == 0, size, -size))]), 60, 12, color=False).splitlines()
+        assert sum(any("\u2800" < char <= "\u28ff" for char in line) for line in lines) > 5, lines
+        assert f"e-{f'{size:e}'.split('-')[1]}" in "".join(lines)
+
+    def test_a_constant_next_to_zero_is_not_drawn_as_zero(self):
+        drawn = draw_text(Chart([Curve("a", np.arange(20.0), np.full(20, 1e-300))]), 60, 12, color=False)
+        assert "1.0" in drawn
+        assert "-1" not in drawn.replace("e-1", "")
+
     def test_rounding_errors_of_a_constant_are_a_flat_line(self):
         text = draw_text(line(40 + np.arange(TICKS) % 2 * 1e-14), 60, 12, color=False)
         assert sum("⠤" in row or "⠒" in row or "⠉" in row for row in text.split("\n")[:-1]) == 1

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from silo_tui.model import braille
+from silo_tui.model import braille, dots
 from silo_tui.model.columns import ColumnStore, hold
 
 values = st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=60).map(np.array)
@@ -67,18 +67,18 @@ def test_a_spike_of_one_sample_always_reaches_the_top(at, height):
     low, high = np.zeros(80), np.zeros(80)
     high[at] = 10.0
     top = braille.rasterise(low, high, (0.0, 10.0), 40, height)[0]
-    assert top[at // 2] != braille.BLANK
+    assert top[at // 2] != dots.BLANK
 
 
 def test_gaps_stay_empty():
     some = np.full(10, np.nan)
-    assert braille.rasterise(some, some, (0.0, 1.0), 5, 2) == [braille.BLANK * 5] * 2
+    assert braille.rasterise(some, some, (0.0, 1.0), 5, 2) == [dots.BLANK * 5] * 2
 
 
 def test_a_steep_line_has_no_holes():
     some = np.array([0.0, 0.0, 10.0, 10.0])
     picture = braille.rasterise(some, some, (0.0, 10.0), 2, 4)
-    assert all(any(char != braille.BLANK for char in line) for line in picture)
+    assert all(any(char != dots.BLANK for char in line) for line in picture)
 
 
 @given(st.floats(-1e9, 1e9), st.floats(0, 1e9))

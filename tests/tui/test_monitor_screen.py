@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from silo.columns import Hole, hole_mark
-from silo_tui.model.braille import BLANK
+from silo_tui.model.dots import BLANK
 
 TORQUE = "/log/legs/LF/HAA/torque"
 
@@ -194,19 +194,19 @@ async def test_the_detail_plot_has_axes(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
         await open_torque(screen)
-        await screen.press("d")
-        await screen.shows("time [s]")
+        await screen.press("enter")
+        await screen.shows("TIME")
         await screen.press("tab", "tab")
-        await screen.shows("frequency [Hz]")
+        await screen.shows("SPECTRUM")
 
 
 async def test_two_signals_can_be_plotted_against_one_another(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
-        await screen.type("/LF/HAA")
-        await screen.press("enter", "asterisk", "m", "d", "tab")
-        await screen.shows("x-y")
-        await screen.shows("velocity [rad/s] over /legs/LF/HAA/position" if False else " over ")
+        await screen.type("/LF torque")
+        await screen.press("enter", "asterisk", "m", "enter", "tab")
+        await screen.shows("X-Y")
+        await screen.shows("r = ")
 
 
 async def test_a_lost_link_is_told_over_the_plots(fake, opened):

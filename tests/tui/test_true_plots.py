@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from silo.columns import HOLE_TEXTS, ColumnGrid, ColumnStore, Hole, Mark, bins_of, hole_mark
 from silo.model import ElementInfo, ElementOptions, Entry
-from silo_tui.model import braille, text
+from silo_tui.model import braille, dots, text
 from silo_tui.model.live import entry_text, offset_text
 from silo_tui.model.plots import Plotted, PlotWindow, draw, trend
 
@@ -126,8 +126,8 @@ def test_a_wave_is_a_wave_at_every_size(scale):
 def test_a_counter_far_from_zero_rises(start):
     counts = np.array([start + number for number in range(COLUMNS)], "i8")
     drawn = picture_of(range(0, COLUMNS * 10, 10), counts, "<i8")
-    assert drawn.lines[0][-1] != braille.BLANK != drawn.lines[-1][0]
-    assert drawn.lines[-1][-1] == braille.BLANK == drawn.lines[0][0]
+    assert drawn.lines[0][-1] != dots.BLANK != drawn.lines[-1][0]
+    assert drawn.lines[-1][-1] == dots.BLANK == drawn.lines[0][0]
     entry = Entry("", "<i8")
     assert offset_text(entry, drawn.smallest, drawn.base, 8) == str(start)
     assert offset_text(entry, drawn.largest, drawn.base, 8) == str(start + COLUMNS - 1)
@@ -137,7 +137,7 @@ def test_an_unsigned_counter_at_its_end_rises():
     counts = np.array([2**64 - COLUMNS + number for number in range(COLUMNS)], "u8")
     drawn = picture_of(range(0, COLUMNS * 10, 10), counts, "<u8")
     assert offset_text(Entry("", "<u8"), drawn.largest, drawn.base, 8) == str(2**64 - 1)
-    assert drawn.lines[0][0] == braille.BLANK
+    assert drawn.lines[0][0] == dots.BLANK
 
 
 @given(st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1, max_size=20), st.integers(0, 20))

@@ -1,0 +1,50 @@
+"""The table under the plots while there are two cursors: what lies between them, a signal a line."""
+
+import math
+from collections.abc import Sequence
+
+from rich.text import Text
+from textual.widgets import Static
+
+from silo_tui.model import text
+from silo_tui.model.between import Between
+
+MOST_LINES = 8
+_TITLES = ("at A", "B-A", "slope/s", "mean", "std", "rms", "min", "max")
+
+
+class BetweenTable(Static):
+    """Hidden without cursor B."""
+
+    DEFAULT_CSS = "BetweenTable { height: auto; display: none; }"
+
+    def show(self, times: str, facts: Sequence[tuple[str, str, Between]]) -> None:
+        """Show the times of both cursors, and of each signal its letter, name and facts."""
+        column = 8 if self.app.size.width < 100 else 10
+        name_width = min(40, max(10, self.app.size.width - 2 - column * len(_TITLES)))
+        lines = Text(no_wrap=True, overflow="ellipsis")
+        lines.append(f" {times}\n", style="bold")
+        lines.append(" " + "A to B".ljust(name_width) + "".join(f"{title:>{column}}" for title in _TITLES))
+        for letter, name, found in facts[:MOST_LINES]:
+            head = f"{letter} " if letter else ""
+            lines.append(f"\n {head + text.shorten_left(name, name_width - len(head)):<{name_width}}")
+            lines.append("".join(f"{word:>{column}}" for word in words_of(found, column)))
+        if len(facts) > MOST_LINES:
+            lines.append(f"\n {len(facts) - MOST_LINES} more signals: I isolates one, x takes one away")
+        self.update(lines)
+        self.display = True
+
+    def hide(self) -> None:
+        """Take it off the screen."""
+        self.display = False
+
+
+def words_of(found: Between, column: int) -> list[str]:
+    """Return the numbers of a line; what no number is said of stays empty."""
+    values = (
+        found.at_a, found.difference, found.slope, found.mean, found.std, found.rms, found.smallest, found.largest
+    )  # fmt: skip
+    words = ["" if math.isnan(value) else text.number(value, column - 1) for value in values]
+    if not any(words):
+        words[0] = f"{found.samples} rows"
+    return words

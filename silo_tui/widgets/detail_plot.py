@@ -1,0 +1,130 @@
+"""One plot that fills the screen, with what is said of it below, or at its right where there is room."""
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import ClassVar
+
+from rich.segment import Segment
+from rich.style import Style
+from textual.strip import Strip
+from textual.widget import Widget
+
+from silo_tui.model.big_plot import BigPlot
+from silo_tui.model.dots import BLANK
+from silo_tui.widgets.plot_stack import AXIS, CURSOR_A
+from silo_tui.widgets.series import series_style
+
+WIDE, SIDE = 140, 42  # from how many columns on the notes stand at the right, and how much they take
+BELOW = 4  # lines for them elsewhere
+RIGHT = 11  # cells for a second axis
+
+
+class DetailPlot(Widget):
+    """Draws a `BigPlot`, or says why there is none."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = {"plot--quiet", "plot--line", "plot--cursor", "plot--title"}
+    DEFAULT_CSS = "DetailPlot { height: 1fr; width: 1fr; }"
+
+    def __init__(self) -> None:
+        super().__init__(id="detail-plot")
+        self.plot: BigPlot | None = None
+        self.notes: Sequence[str] = ()
+        self.message = "reading …"
+        self.cursor: int | None = None  # cell
+        self.two_sided = False
+
+    @property
+    def beside(self) -> bool:
+        """Whether the notes stand at the right."""
+        return self.size.width >= WIDE
+
+    @property
+    def plot_size(self) -> tuple[int, int]:
+        """Cells of the plot itself."""
+        width = self.size.width - AXIS - 1 - (RIGHT if self.two_sided else 2) - (SIDE if self.beside else 0)
+        return max(10, width), max(3, self.size.height - 1 - (0 if self.beside else BELOW))
+
+    def show(self, plot: BigPlot, notes: Sequence[str]) -> None:
+        """Show a plot and what is said of it."""
+        self.plot, self.notes = plot, [*plot.notes, *notes]
+        self.refresh()
+
+    def say(self, message: str) -> None:
+        """Say why there is nothing to draw."""
+        self.plot, self.message = None, message
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        """One line of the plot, its axis, or the notes."""
+        quiet = self.get_component_rich_style("plot--quiet")
+        if self.plot is None:
+            return Strip([Segment(f"  {self.message}" if y == 1 else "", quiet)]).adjust_cell_length(
+                self.size.width, quiet
+            )
+        width, height = self.plot_size
+        if y < height:
+            found = self._curve(self.plot, y)
+        elif y == height:
+            found = [Segment(" " * (AXIS + 1) + _spread(self.plot.below, width), quiet)]
+        else:
+            found = self._note(y - height - 1, self.size.width)
+        strip = Strip(found)
+        if self.beside:
+            left = strip.adjust_cell_length(self.size.width - SIDE, quiet)
+            return Strip([*left, *self._note(y, SIDE)]).adjust_cell_length(self.size.width, quiet)
+        return strip.adjust_cell_length(self.size.width, quiet)
+
+    def _note(self, line: int, width: int) -> list[Segment]:
+        words = self._wrapped(width - 2)
+        style = self.get_component_rich_style("plot--title")
+        return [Segment(f" {words[line]}", style + Style(bold=False))] if line < len(words) else []
+
+    def _wrapped(self, width: int) -> list[str]:
+        """The notes as lines: several in one where they fit."""
+        if self.beside:
+            return [note if len(note) <= width else note[: width - 1] + "…" for note in self.notes]
+        lines: list[str] = []
+        for note in self.notes:
+            if lines and len(lines[-1]) + 3 + len(note) <= width:
+                lines[-1] += " │ " + note
+            else:
+                lines.append(note)
+        return [line if len(line) <= width else line[: width - 1] + "…" for line in lines]
+
+    def _color(self, owner: int) -> Style:
+        if owner < 0:
+            return self.get_component_rich_style("plot--quiet")
+        line = self.get_component_rich_style("plot--line")
+        if self.plot is not None and self.plot.aged:
+            return (self.get_component_rich_style("plot--quiet"), line, line, line + Style(bold=True))[owner]
+        return line if owner == 0 else line + series_style(self.app, owner)
+
+    def _curve(self, plot: BigPlot, y: int) -> list[Segment]:
+        quiet = self.get_component_rich_style("plot--quiet")
+        chars = list(plot.lines[y]) if y < len(plot.lines) else []
+        styles = [self._color(owner) for owner in plot.owners[y].tolist()] if chars else []
+        if self.cursor is not None and self.cursor < len(chars):
+            chars[self.cursor] = chars[self.cursor].replace(BLANK, CURSOR_A)
+            styles[self.cursor] = self.get_component_rich_style("plot--cursor")
+        for line, cell, sign in plot.spots:
+            for place, char in enumerate(sign):
+                if line == y and cell + place < len(chars):
+                    chars[cell + place] = char
+                    styles[cell + place] = self.get_component_rich_style("plot--title")
+        label = plot.left.get(y, "")
+        found = [Segment(f"{label:>{AXIS - 1}} {'┤' if label else '│'}", quiet)]
+        pieces = groupby(zip(chars, styles, strict=True), lambda cell: cell[1])
+        found += [Segment("".join(char for char, _ in some), its) for its, some in pieces]
+        right = plot.right.get(y, "")
+        return [*found, Segment(f"{'├' if right else '│'}{right}", quiet)]
+
+
+def _spread(words: Sequence[str], width: int) -> str:
+    """Words at even distances; those that don't fit between the others are left out."""
+    line = [" "] * width
+    for place, word in enumerate(words):
+        share = place / max(1, len(words) - 1)
+        start = max(0, min(width - len(word), round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
+        if all(char == " " for char in line[max(0, start - 1) : start + len(word) + 1]):
+            line[start : start + len(word)] = word
+    return "".join(line)

@@ -1,0 +1,73 @@
+"""What is plotted, written to a file."""
+
+import asyncio
+import csv
+
+import numpy as np
+import pytest
+
+from silo.errors import SiloError
+from silo.model import ElementInfo, ElementOptions, Entry
+from silo_tui.model.panels import stacked
+from silo_tui.model.plots import Plotted
+from silo_tui.screens.exporting import csv_text, export
+
+
+def plotted(name, unit="Nm", dtype="<f8"):
+    return Plotted(ElementInfo(name, unit, "scalar", (), (Entry("", dtype),), ElementOptions()), 0)
+
+
+A, STATE = plotted("/a"), plotted("/state", "-", "|S8")
+FAST = (np.array([10, 20, 30, 40]), np.array([0.1, np.nan, 1 / 3, -np.inf]))
+SLOW = (np.array([10, 30]), np.array([b"walk", b"a, b"], "S8"))
+
+
+class Held:
+    """Samples that stand still."""
+
+    def __init__(self, **found):
+        self.found = found
+
+    async def samples(self, name, start_ns, end_ns):
+        return self.found[name[1:]]
+
+
+def write(path, source=None):
+    source = source or Held(a=FAST, state=SLOW)
+    return asyncio.run(export(None, source, stacked([A, STATE]), (0, 50), 0, path))
+
+
+def test_a_csv_has_every_sample_with_all_its_digits_and_nothing_where_there_is_none():
+    rows = list(csv.reader(csv_text([A, STATE], [FAST, SLOW]).splitlines()))
+    assert rows[0] == ["time_ns", "/a [Nm]", "/state"]
+    assert rows[1:] == [["10", "0.1", "walk"], ["20", "nan", ""], ["30", repr(1 / 3), "a, b"], ["40", "-inf", ""]]
+
+
+def test_what_was_written_is_counted(tmp_path):
+    assert write(tmp_path / "plots.csv").startswith("6 samples of 2 signals are in ")
+    assert (tmp_path / "plots.csv").read_text().startswith("time_ns,")
+
+
+def test_a_png_is_a_picture(tmp_path):
+    pytest.importorskip("matplotlib")
+    write(tmp_path / "plots.png")
+    assert (tmp_path / "plots.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_file_that_is_there_stays_as_it_was(tmp_path):
+    (tmp_path / "plots.csv").write_text("mine")
+    with pytest.raises(SiloError, match="exists: choose another name; nothing was written"):
+        write(tmp_path / "plots.csv")
+    assert (tmp_path / "plots.csv").read_text() == "mine"
+
+
+def test_an_ending_that_nobody_knows_is_refused(tmp_path):
+    with pytest.raises(SiloError, match="ends in none of"):
+        write(tmp_path / "plots.bmp")
+
+
+def test_nothing_to_write_is_no_empty_file(tmp_path):
+    nothing = (np.zeros(0, np.int64), np.zeros(0))
+    with pytest.raises(SiloError, match="no samples in what is shown"):
+        write(tmp_path / "plots.csv", Held(a=nothing, state=nothing))
+    assert not (tmp_path / "plots.csv").exists()

@@ -1,0 +1,130 @@
+"""Find the moment, and what lies between two cursors: exact to the sample, as a naive loop has it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from silo_tui.model.between import between
+from silo_tui.model.find import Search, What, neighbour, parse_crossing, places_of
+
+PERIOD = 10
+values = st.lists(st.sampled_from([0.0, 1.0, 2.5, -3.0, 7.0, math.nan, math.inf, -math.inf]), max_size=30)
+steps = st.lists(st.integers(1, 40), min_size=30, max_size=30)
+
+
+def found(search, samples, times=None, dtype="f8"):
+    samples = np.array(samples, dtype)
+    times = np.arange(len(samples)) * PERIOD if times is None else np.array(times)
+    return places_of(search, times.astype(np.int64), samples, PERIOD).tolist()
+
+
+def naive(search, samples):
+    places, last = [], None
+    numbered = [value for value in samples if not math.isnan(value)]
+    finite = [value for value in samples if math.isfinite(value)]
+    for at, value in enumerate(samples):
+        before = samples[at - 1] if at else None
+        if search.what is What.HIGHEST:
+            hit = numbered and value == max(numbered) and value != before
+        elif search.what is What.LOWEST:
+            hit = numbered and value == min(numbered) and value != before
+        elif search.what is What.NOT_FINITE:
+            hit = not math.isfinite(value) and (before is None or math.isfinite(before))
+        elif search.what is What.CHANGE:
+            hit = before is not None and value != before and not (math.isnan(value) and math.isnan(before))
+        elif search.what is What.EDGE:
+            both = before is not None and math.isfinite(before) and math.isfinite(value)
+            hit = both and max(finite) > min(finite) and abs(value - before) > (max(finite) - min(finite)) / 2
+        else:
+            hit = False
+            if not math.isnan(value):
+                rose = last is not None and last < search.level <= value
+                fell = last is not None and value < search.level <= last
+                hit = (rose and search.direction >= 0) or (fell and search.direction <= 0)
+                last = value
+        if hit:
+            places.append(at)
+    return places
+
+
+@settings(deadline=None, max_examples=300)
+@given(values, st.sampled_from(list(What)), st.sampled_from([-3.0, 0.0, 1.5, 7.0]), st.sampled_from([-1, 0, 1]))
+def test_every_search_finds_what_a_loop_finds(samples, what, level, direction):
+    if what in {What.HOLE, What.OUTSIDE, What.TRIGGER, What.MARKER}:
+        return
+    search = Search(what, level, direction)
+    assert found(search, samples) == naive(search, samples)
+
+
+@given(steps)
+def test_a_hole_is_the_last_sample_before_it(gaps):
+    times = np.cumsum(gaps)
+    expected = [at for at in range(len(gaps) - 1) if times[at + 1] - times[at] > 15]
+    assert found(Search(What.HOLE), np.zeros(len(gaps)), times) == expected
+
+
+def test_the_highest_of_counters_beyond_2_to_the_53_is_exact():
+    counts = [2**62, 2**62 + 1, 2**62 + 3, 2**62 + 2]
+    assert found(Search(What.HIGHEST), counts, dtype="i8") == [2]
+
+
+def test_texts_and_booleans_have_changes_and_no_highest_text():
+    words = np.array([b"walk", b"walk", b"trot", b"walk"])
+    times = np.arange(4, dtype=np.int64)
+    assert places_of(Search(What.CHANGE), times, words, 1).tolist() == [2, 3]
+    assert not len(places_of(Search(What.HIGHEST), times, words, 1))
+    assert found(Search(What.EDGE), [False, True, True, False], dtype="?") == [1, 3]
+
+
+@pytest.mark.parametrize("what", list(What))
+def test_nothing_is_found_in_nothing(what):
+    assert found(Search(what), []) == []
+
+
+def test_next_and_before_never_return_the_moment_itself():
+    assert neighbour([10, 20, 30], 20, 1) == 2
+    assert neighbour([10, 20, 30], 20, -1) == 0
+    assert neighbour([10, 20, 30], 30, 1) is None
+    assert neighbour([], 30, -1) is None
+
+
+def test_a_level_is_typed_with_its_direction():
+    assert parse_crossing(" >20 ") == Search(What.CROSSING, 20.0, 1)
+    assert parse_crossing("<-1e-3") == Search(What.CROSSING, -1e-3, -1)
+    assert parse_crossing("0").direction == 0
+    with pytest.raises(ValueError, match="'fast' is no number"):
+        parse_crossing("fast")
+    with pytest.raises(ValueError, match="nothing crosses nan"):
+        parse_crossing("nan")
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40), st.integers(0, 400), st.integers(0, 400))
+def test_statistics_between_the_cursors_are_those_of_their_samples(samples, a_ns, b_ns):
+    times = np.arange(len(samples), dtype=np.int64) * PERIOD
+    facts = between(times, np.array(samples), a_ns, b_ns)
+    inside = [value for at, value in zip(times, samples, strict=True) if min(a_ns, b_ns) <= at <= max(a_ns, b_ns)]
+    assert facts.samples == len(inside)
+    assert facts.at_a == samples[min(len(samples) - 1, a_ns // PERIOD)]
+    if inside:
+        near = pytest.approx
+        assert facts.mean == near(np.mean(inside), abs=1e-9)
+        assert facts.std == near(np.std(inside), abs=1e-6)
+        assert facts.rms == near(math.sqrt(np.mean(np.square(inside))), abs=1e-6)
+        assert (facts.smallest, facts.largest) == (min(inside), max(inside))
+    if a_ns != b_ns:
+        assert facts.slope == pytest.approx(facts.difference / ((b_ns - a_ns) / 1e9))
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e300])
+def test_rms_of_very_small_and_very_large_numbers_is_one(size):
+    facts = between(np.arange(4, dtype=np.int64), np.array([size, -size, size, -size]), 0, 3)
+    assert facts.rms == pytest.approx(size)
+    assert facts.std == pytest.approx(size)
+
+
+def test_what_is_no_number_is_counted_and_left_out():
+    facts = between(np.arange(4, dtype=np.int64), np.array([1.0, math.nan, 3.0, math.inf]), 0, 3)
+    assert (facts.mean, facts.not_finite, facts.samples) == (2.0, 2, 4)

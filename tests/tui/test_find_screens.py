@@ -1,0 +1,215 @@
+"""Find moments, two cursors, plots that share an axis: driven by keys, on a file and on a logger."""
+
+import numpy as np
+import pytest
+
+from silo.analysis.log import Log
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo_tui.app import SiloApp
+from silo_tui.screens.file_monitor import FileMonitorScreen
+from silo_tui.sessions.recorded import FileSession
+
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
+START_NS = 1_790_000_000_000_000_000
+STEP_NS = 2_500_000
+TICKS = 4000
+
+
+def element(name, values, unit="Nm", labels=None):
+    entry = RecordedEntry(f"/log/{name}", Entry("", values.dtype.str, labels), values)
+    return RecordedElement(f"/log/{name}", unit, "scalar", (), 1, BufferType.LOOPING, 0, (entry,))
+
+
+def recording():
+    seconds = np.arange(TICKS) / 400
+    torque = np.sin(2 * np.pi * seconds)
+    torque[2345] = 40.0
+    elements = (
+        element("LF/torque", torque),
+        element("LF/contact", np.sin(2 * np.pi * seconds) > 0, "-"),
+        element("RF/torque", np.cos(2 * np.pi * seconds)),
+        element("position", seconds, "rad"),
+        element("phase", np.array([b"stand"] * 1000 + [b"walk"] * 3000, "S8"), "-"),
+    )
+    times = START_NS + STEP_NS * np.arange(TICKS, dtype=np.int64)
+    times[3000:] += 1_000_000_000  # a second is missing
+    return Recording("robot", times, TICKS, elements, frequency_hz=400.0, started_ns=START_NS)
+
+
+@pytest.fixture
+def monitor(new_finder, screen_of):
+    """Opens the monitor of a file on some of its elements."""
+    from contextlib import asynccontextmanager
+
+    @asynccontextmanager
+    async def open_monitor(*names, size=(80, 24)):
+        session = FileSession(Log(recording(), "robot.silo"))
+        async with screen_of(SiloApp(new_finder(), file=session), size) as screen:
+            await screen.shows("/LF/torque")
+            shown = FileMonitorScreen(session, [f"/log/{name}" for name in names])
+            screen.app.push_screen(shown)
+            await screen.until(lambda: shown.is_mounted and not shown.stack.store.empty, "plots")
+            await screen.pilot.pause()
+            yield screen, shown
+
+    return open_monitor
+
+
+async def test_the_highest_sample_is_two_keys_away_and_exact(monitor):
+    async with monitor("LF/torque") as (screen, shown):
+        await screen.press("f", "h")
+        await screen.shows("highest, 1 of 1: 40")
+        assert shown.file.time_ns == START_NS + 2345 * STEP_NS
+        assert shown.window.cursor is not None
+
+
+async def test_brackets_go_from_crossing_to_crossing(monitor):
+    async with monitor("LF/torque", "RF/torque") as (screen, shown):
+        await screen.press("home", "f", "x")
+        await screen.shows("Enter finds it")
+        for _ in range(12):
+            await screen.press("backspace")
+        await screen.type(">0.5")
+        await screen.press("enter")
+        await screen.shows("crossing of 0.5 rising in /LF/torque, 1 of")
+        first = shown.file.time_ns
+        assert first == START_NS + 34 * STEP_NS  # sin(pi / 6) lies between ticks 33 and 34
+        await screen.press("right_square_bracket")
+        await screen.until(lambda: shown.file.time_ns > first, "the next one")
+        await screen.press("left_square_bracket")
+        await screen.until(lambda: shown.file.time_ns == first, "the one before")
+
+
+async def test_what_is_no_level_is_said_and_can_be_typed_again(monitor):
+    async with monitor("LF/torque") as (screen, _):
+        await screen.press("f", "x")
+        await screen.type("fast")
+        await screen.press("enter")
+        await screen.shows("is no number")
+        await screen.press("escape")
+        await screen.shows("whole file")
+
+
+async def test_all_plotted_signals_can_be_looked_through(monitor):
+    async with monitor("RF/torque", "LF/torque") as (screen, _):
+        await screen.press("home", "f", "asterisk")
+        await screen.shows("all 2 signals")
+        await screen.press("h")
+        await screen.shows("of 11")  # ten times one, once forty
+
+
+async def test_nothing_found_says_how_much_was_looked_through(monitor):
+    async with monitor("LF/torque") as (screen, _):
+        await screen.press("f", "n")
+        await screen.shows("nan or inf: none in 11 s held")
+        await screen.press("f", "t")
+        await screen.shows("there are no triggers")
+
+
+async def test_a_boolean_goes_from_change_to_change_without_a_search(monitor):
+    async with monitor("LF/contact") as (screen, shown):
+        await screen.press("home", "right_square_bracket")
+        await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the first edge")
+        await screen.shows("true at")
+
+
+async def test_braces_go_to_the_hole(monitor):
+    async with monitor("LF/torque") as (screen, shown):
+        await screen.press("home", "right_curly_bracket")
+        await screen.shows("1 s without sample")
+        assert shown.file.time_ns == START_NS + 2999 * STEP_NS
+
+
+async def test_two_cursors_tell_what_lies_between(monitor):
+    async with monitor("LF/torque", "position", size=(120, 40)) as (screen, _):
+        await screen.press("home", "B", *["shift+right"] * 3)
+        await screen.shows("slope/s")
+        await screen.shows("B-A -")
+        line = [line for line in screen.text.splitlines() if line.startswith(" b /position")][-1]
+        assert float(line.split()[4]) == pytest.approx(1.0, abs=0.01)  # a second a second
+        await screen.press("B")
+        await screen.until(lambda: "slope/s" not in screen.text, "the table to go")
+
+
+async def test_joined_plots_have_letters_and_both_units(monitor):
+    async with monitor("LF/torque", "RF/torque", "position", size=(120, 40)) as (screen, shown):
+        await screen.press("J")
+        await screen.until(lambda: len(shown.stack.panels) == 2, "one plot of two")
+        await screen.press("J")
+        await screen.until(lambda: len(shown.stack.panels) == 1, "all in one")
+        await screen.shows("c /position→")
+        await screen.press("j", "I")
+        await screen.until(lambda: [len(panel) for panel in shown.stack.panels] == [2, 1], "one alone")
+        assert shown.stack.chosen_plot.name == "/log/RF/torque"
+
+
+async def test_tab_goes_through_the_arrangements_and_back(monitor):
+    async with monitor("LF/torque", "LF/contact", "RF/torque", "position") as (screen, shown):
+        counts = []
+        for _ in range(3):
+            await screen.press("tab")
+            await screen.pilot.pause()
+            counts.append(len(shown.stack.panels))
+        assert counts == [3, 2, 4]
+
+
+async def test_a_lane_can_t_be_joined_and_says_why(monitor):
+    async with monitor("LF/torque", "LF/contact") as (screen, _):
+        await screen.press("J")
+        await screen.shows("lanes stay alone; nothing was changed")
+
+
+async def test_texts_hang_at_their_time(monitor):
+    async with monitor("phase") as (screen, _):
+        await screen.shows("stand")
+        await screen.shows("│walk")
+
+
+async def test_full_stop_goes_by_samples_and_the_window_follows(monitor):
+    async with monitor("LF/torque") as (screen, shown):
+        await screen.press("home", "full_stop", "full_stop", "comma")
+        await screen.until(lambda: shown.file.time_ns == START_NS + STEP_NS, "the second sample")
+
+
+async def test_the_detail_plot_goes_from_time_to_histogram(monitor):
+    async with monitor("RF/torque", "position", size=(160, 50)) as (screen, _):
+        await screen.press("enter")
+        await screen.shows("TIME")
+        await screen.press("tab")
+        await screen.shows("r = ")
+        await screen.press("tab")
+        await screen.shows("SPECTRUM linear")
+        await screen.shows("longest whole piece: 3000 of 4000")
+        await screen.press("Y", "Y")
+        await screen.shows("0 dB = 1 Nm")
+        await screen.press("right_square_bracket")
+        await screen.shows("peak 1: ")
+        await screen.press("tab")
+        await screen.shows("median")
+
+
+async def test_looking_back_live_and_end_is_now_again(fake, opened):
+    fake.run(60)
+    async with opened(fake) as screen:
+        await screen.type("/LF/HAA/torque")
+        await screen.press("enter", "m")
+        shown = lambda: screen.app.screen  # noqa: E731
+        await screen.until(lambda: not shown().stack.store.empty, "history in the plot")
+        await screen.press("plus", "plus", "pageup")
+        await screen.shows("End: now")
+        await screen.press("end")
+        await screen.shows("live")
+        assert not shown().window.paused
+
+
+async def test_the_highest_of_a_live_plot_is_looked_for_in_what_is_pinned(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.type("/LF/HAA/torque")
+        await screen.press("enter", "m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plot")
+        await screen.press("f", "h")
+        await screen.shows("PAUSED")
+        await screen.shows("highest, ")

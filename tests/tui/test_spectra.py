@@ -1,0 +1,128 @@
+"""Spectra with their peaks, one signal over another, histograms: what the detail plot computes and draws."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from silo_tui.model import big_plot
+from silo_tui.model.spectra import (
+    Spectrum,
+    histogram_of,
+    longest_piece,
+    pair_of,
+    peaks_of,
+    spectrum_of,
+)
+
+HZ = 400
+PERIOD_NS = 2_500_000
+SIZE = (60, 16)
+
+
+def times(count):
+    return np.arange(count, dtype=np.int64) * PERIOD_NS
+
+
+def waves(count, *parts):
+    seconds = np.arange(count) / HZ
+    return sum(size * np.sin(2 * math.pi * hz * seconds) for hz, size in parts)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1.0, 1e300])
+def test_two_waves_are_two_peaks_with_their_frequencies_and_amplitudes(size):
+    piece = longest_piece(times(4000), waves(4000, (12.53, size), (40.0, size / 4)))
+    peaks = peaks_of(spectrum_of(piece))
+    assert [peak.frequency_hz for peak in peaks] == pytest.approx([12.53, 40.0], abs=0.02)
+    assert [peak.amplitude / size for peak in peaks] == pytest.approx([1, 0.25], rel=0.02)
+
+
+def test_noise_and_constants_have_no_peaks():
+    assert peaks_of(spectrum_of(longest_piece(times(256), np.full(256, 3.0)))) == []
+    noise = np.random.default_rng(1).normal(size=4096)
+    assert len(peaks_of(spectrum_of(longest_piece(times(4096), noise)))) <= 3
+
+
+def test_too_few_samples_say_how_many_are_needed():
+    with pytest.raises(ValueError, match="12 held, 64 needed"):
+        spectrum_of(longest_piece(times(12), np.zeros(12)))
+    with pytest.raises(ValueError, match="0 held, 64 needed"):
+        spectrum_of(longest_piece(times(0), np.zeros(0)))
+
+
+def test_the_longest_piece_has_neither_hole_nor_nan():
+    time_ns, values = times(1000), np.arange(1000.0)
+    time_ns[300:] += 50 * PERIOD_NS
+    values[800] = math.nan
+    piece = longest_piece(time_ns, values)
+    assert piece.values.tolist() == list(range(300, 800))
+    assert (piece.held, round(1 / piece.period_s)) == (1000, HZ)
+
+
+def test_a_late_loop_is_no_hole_but_jitter():
+    late = times(2000)
+    late[1::2] += PERIOD_NS // 2
+    seconds = late / 1e9
+    piece = longest_piece(late, np.sin(2 * math.pi * 10 * seconds))
+    assert len(piece.values) == 2000
+    assert piece.jitter_s == pytest.approx(PERIOD_NS / 2 / 1e9, rel=0.01)
+    assert peaks_of(spectrum_of(piece))[0].frequency_hz == pytest.approx(10, abs=0.05)
+
+
+@pytest.mark.parametrize("way", ["linear", "log", "dB"])
+def test_the_peak_is_the_highest_cell_of_its_plot_and_has_its_number(way):
+    found = spectrum_of(longest_piece(times(4000), waves(4000, (50.0, 2.0), (150.0, 0.2))))
+    plot = big_plot.of_spectra([found], peaks_of(found), way, SIZE, None)
+    assert all(len(line) == SIZE[0] for line in plot.lines)
+    (_, first, one), (_, second, two) = plot.spots
+    assert (one, two) == ("1", "2")
+    assert first == pytest.approx(15, abs=1)
+    assert second == pytest.approx(45, abs=1)
+    assert plot.left
+
+
+def test_the_log_axis_names_powers_of_ten():
+    plot = big_plot.of_spectra([Spectrum(np.array([1.0, 1e-3, 0.1] * 30), 1.0)], [], "log", SIZE, None)
+    assert set(plot.left.values()) == {"1e0", "1e-1", "1e-2", "1e-3"}
+
+
+def test_a_circle_has_its_area_and_no_correlation():
+    angle = np.linspace(0, 2 * math.pi, 1000, endpoint=False)
+    found = pair_of(times(1000), 2 * np.cos(angle), times(1000), 3 * np.sin(angle))
+    assert found.area == pytest.approx(6 * math.pi, rel=1e-3)
+    assert found.correlation == pytest.approx(0, abs=1e-9)
+
+
+def test_a_line_has_its_slope_whatever_the_rates():
+    x = np.arange(100.0)
+    found = pair_of(times(100), x, times(100)[::4], 5 - 2 * x[::4])
+    assert (found.correlation, found.slope) == pytest.approx((-1, -2))
+
+
+def test_a_constant_has_no_correlation():
+    found = pair_of(times(10), np.full(10, 1e12), times(10), np.arange(10.0))
+    assert math.isnan(found.correlation)
+
+
+def test_the_newest_sample_of_an_x_y_plot_stands_out_and_older_ones_fade():
+    pair = pair_of(times(300), np.arange(300.0), times(300), np.arange(300.0))
+    plot = big_plot.of_pair(pair, SIZE)
+    assert "".join(plot.lines).count("●") == 1
+    assert plot.lines[-1].strip()[0] == "·"
+    assert "•" in "".join(plot.lines)
+
+
+@settings(deadline=None)
+@given(st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=200), st.integers(1, 100))
+def test_every_value_is_in_the_histogram_once(values, most):
+    found = histogram_of(np.array(values), most)
+    assert found.counts.sum() == len(values)
+    assert len(found.counts) <= max(1, most)
+    big_plot.of_histogram(found, SIZE)
+
+
+def test_whole_numbers_have_a_step_each():
+    found = histogram_of(np.array([3.0, 5.0, 5.0]), 40)
+    assert (found.counts.tolist(), found.first, found.step) == ([1, 0, 2], 2.5, 1.0)
