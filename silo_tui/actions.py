@@ -94,6 +94,7 @@ _MONITOR = ("monitor",)
 _DETAIL = ("detail",)
 _LOGGERS = ("loggers",)
 _SETTINGS = ("settings",)
+_RECORDINGS = ("recordings",)
 _BOTH = ("table", "monitor")
 # the same screens on a file: what changes a logger has no place there
 _FILE = ("file",)
@@ -232,6 +233,25 @@ COMMANDS: tuple[Command, ...] = (
     Command("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
     Command("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 2),
+    # ---------------------------------------------------------------------------------------------- recordings
+    Command("recordings", "F", "Recordings", "what was saved on the robot: open, fetch, delete", "Go", _BOTH + _DETAIL,
+            asks=True, typed=Typed(("files",))),
+    Command("next_recording", "j,down", "Down", "next recording", "Recordings", _RECORDINGS, hidden=True),
+    Command("previous_recording", "k,up", "Up", "previous recording", "Recordings", _RECORDINGS, hidden=True),
+    Command("first_recording", "g,home", "Top", "first recording", "Recordings", _RECORDINGS),
+    Command("last_recording", "G,end", "Bottom", "last recording", "Recordings", _RECORDINGS),
+    Command("recordings_down", "ctrl+d,pagedown", "Page down", "a page down", "Recordings", _RECORDINGS),
+    Command("recordings_up", "ctrl+u,pageup", "Page up", "a page up", "Recordings", _RECORDINGS),
+    Command("open_recording", "enter", "Open", "look into it here; Esc comes back", "Recordings", _RECORDINGS, 1,
+            asks=True),
+    Command("fetch_recording", "w", "Fetch", "copy it to this machine; goes on where a link was cut", "Recordings",
+            _RECORDINGS, 2, asks=True),
+    Command("delete_recording", "x", "Delete", "delete it on the robot, after a question", "Recordings", _RECORDINGS,
+            4, writes=True, asks=True),
+    Command("mark_recording", "space", "Mark", "mark or unmark, and move on", "Recordings", _RECORDINGS, 7),
+    Command("filter_recordings", "slash", "Filter", "show only some recordings", "Recordings", _RECORDINGS, 5),
+    Command("order_recordings", "o", "Order", "by begin, name, why, span, size", "Recordings", _RECORDINGS, 6),
+    Command("read_recordings", "r", "Read again", "read the list again", "Recordings", _RECORDINGS, asks=True),
     # ------------------------------------------------------------------------------------------------ settings
     Command("settings", "f2", "Settings", "colours, keys, columns, mouse and the like", "Go", ("any",),
             typed=Typed(("settings",))),

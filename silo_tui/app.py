@@ -63,6 +63,7 @@ class SiloApp(App[None]):
         self.context = Context(
             self, Holding, read_only=read_only, settings=settings, settings_problems=settings_problems
         )
+        self.context.came_back = self._catch_up
         self.context.take_up = lambda: self.context.run_flow(flows.take_up_edits(self.context))
         self.set_keymap(dict(settings.keys))
         self._finder = finder
@@ -107,7 +108,8 @@ class SiloApp(App[None]):
             self._opener.demo.stop()
         if self.context.has_session:
             self.context.keep_edits()
-            self.context.session.close()
+            if (session := self.context.logger_session) is not None:
+                session.close()
 
     # ---------------------------------------------------------------------------------------------------- timers
 
@@ -171,9 +173,22 @@ class SiloApp(App[None]):
             session.lose()
             self.context.status_changed()
 
-    async def _regain(self, session: Session) -> None:
+    def _catch_up(self) -> None:
+        """Follow what happened in the logger while a file lay over it."""
+        session = self._live_session
+        if session is None or session.link is None:
+            return
+        if session.link.connected:
+            self.run_worker(self._regain(session, quiet=session.lost_since is None), group="regain", exclusive=True)
+        else:
+            session.lose()
+            self.context.status_changed()
+
+    async def _regain(self, session: Session, *, quiet: bool = False) -> None:
         async def follow() -> None:
-            self.context.say(await session.regain())
+            words = await session.regain()
+            if not quiet:
+                self.context.say(words)
 
         await self.context.quietly(follow())
         self.context.table_changed()
@@ -260,8 +275,22 @@ class SiloApp(App[None]):
         self.context.tell(lambda screen: screen.settings_changed())
         self.context.tell(lambda screen: screen.update_keys())
 
+    def command_recordings(self) -> None:
+        from silo_tui.screens.recordings import RecordingsScreen
+
+        self.push_screen(RecordingsScreen(self.context.session))
+
     def command_quit(self) -> None:
+        if self.context.file_over_logger:
+            self._leave_file()  # what is pending in the logger is asked for there
         self.context.run_flow(flows.leave(self.context))
+
+    def _leave_file(self) -> None:
+        from silo_tui.screens.file_table import FileTableScreen
+
+        while not isinstance(self.screen_stack[-1], FileTableScreen):
+            self.pop_screen()
+        self.context.leave_file()
 
     def command_quit_now(self) -> None:
         self.exit()

@@ -51,6 +51,8 @@ class Context:
         self.saved_settings = self.settings  # as the file has them
         self.script_names: tuple[str, ...] = ()
         self._session: Session | None = None
+        self._behind: Session | None = None  # the logger behind a file that was opened over it
+        self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = False
 
     # ---------------------------------------------------------------------------------------------- what is open
@@ -78,6 +80,26 @@ class Context:
     def take_session(self, session: Session | None) -> None:
         """Make another logger the open one, or none."""
         self._session = session
+
+    @property
+    def file_over_logger(self) -> bool:
+        """Whether a file is open over a logger, which goes on behind it."""
+        return self._behind is not None
+
+    @property
+    def logger_session(self) -> Session | None:
+        """The logger that is open, behind a file too."""
+        return self._behind or self._session
+
+    def show_file(self, file: Session) -> None:
+        """Make a file the open one, over the logger."""
+        self._behind, self._session = self._session, file
+
+    def leave_file(self) -> None:
+        """Go back to the logger, and to the screen from which the file was opened."""
+        self._session, self._behind = self._behind, None
+        self.leave_screen()
+        self.came_back()
 
     # ------------------------------------------------------------------------------------------------ permission
 
@@ -111,7 +133,7 @@ class Context:
 
     def keep_edits(self) -> None:
         """Write what is pending where the next start finds it; a lost terminal must not take it along."""
-        session = self._session
+        session = self.logger_session
         if session is None or self.read_only or not len(session.table) or session.link is None:
             return
         try:

@@ -18,7 +18,7 @@ def _monitor_of(context: Context) -> MonitorScreen | None:
 def capture(context: Context) -> Layout | None:
     """Return what is on the screens of the logger that is open; None without one."""
     table, monitor = _table_of(context), _monitor_of(context)
-    if table is None or not context.has_session or not len(context.session.table):
+    if table is None or not context.has_session or context.file_over_logger or not len(context.session.table):
         return None
     rows, short = context.session.rows, context.session.short_name
     layout = Layout(sort=rows.sort, filter=rows.filter.text, columns=table.table.chosen_columns)

@@ -2,7 +2,7 @@
 """What is in a file: the table of a logger with other columns and without what edits."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 from textual.binding import Binding
@@ -26,7 +26,7 @@ class FileTableScreen(ElementsScreen):
     filter_hint = "words, globs, unit:Nm div>1 size>1000 buf:loop"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file")
 
-    def __init__(self, session: FileSession) -> None:
+    def __init__(self, session: FileSession, leave: Callable[[], None] | None = None) -> None:
         elements, reports = session.table.elements, session.rows_of
         table = ElementTable(
             session, FILE_COLUMNS, lambda row, values: FileRow(elements[row], reports[elements[row].name])
@@ -36,6 +36,7 @@ class FileTableScreen(ElementsScreen):
         super().__init__(session, table, RecordedPane(session, table), inspector, bars, read_only=True)
         self.file = session
         self.plots = inspector
+        self._leave = leave  # to what it was opened from
 
     def on_mount(self) -> None:
         """Tell at once what the file lacks."""
@@ -94,6 +95,18 @@ class FileTableScreen(ElementsScreen):
     def on_element_table_picked(self) -> None:
         """Plot what was clicked twice."""
         self.command_plot()
+
+    def command_back(self) -> None:
+        """Leave range, filter and marks; then the file, where it was opened from inside."""
+        rows = self.session.rows
+        if self._leave is None or rows.anchor is not None or rows.filter.text or rows.marked_count:
+            super().command_back()
+        else:
+            self._leave()
+
+    def mode_keys(self) -> Sequence[tuple[str, str]]:
+        """Return how to go back, where there is something behind."""
+        return super().mode_keys() or ((("back", "Back"),) if self._leave is not None else ())
 
     def command_plot(self) -> None:
         from silo_tui.screens.file_monitor import FileMonitorScreen

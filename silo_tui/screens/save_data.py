@@ -31,6 +31,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
         Binding("up,k", "app.focus_previous", show=False),
         *(Binding(name[0], f"turn('{name}')", show=False) for name in SAVED_NAMES),
         Binding("enter,ctrl+s", "save", show=False),
+        Binding("o", "open", show=False),
     ]
 
     def __init__(
@@ -95,6 +96,19 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
         else:
             self.action_leave()
 
+    def action_open(self) -> None:
+        """Look into what was saved."""
+        from silo_tui.screens.opened import open_saved
+
+        if self._files and not self._go_on:
+            context, files = self.context, self._files
+            self.dismiss(files)
+            self.app.call_after_refresh(
+                lambda: self.app.run_worker(
+                    open_saved(context, context.session, files), group="opening", exclusive=True
+                )
+            )
+
     def action_leave(self) -> None:
         """Leave; a save that is under way goes on in the helper process."""
         if self._saving:
@@ -151,7 +165,7 @@ class SaveDialog(ModalScreen[list[SavedFile] | None]):
                 done.display = False  # three formats and where they are don't fit 80x24 together
             self.query_one("#save-go", Button).label = "Close"
             self.query_one("#save-no").display = False
-            self.query_one("#save-hint", Static).update("Enter or Esc closes")
+            self.query_one("#save-hint", Static).update("o opens it   Enter or Esc closes")
             self.query_one("#save-go").focus()
         elif event.kind is EventKind.SAVE_FAILED:
             self._saving = False

@@ -273,7 +273,9 @@ class TableScreen(ElementsScreen):
     # ------------------------------------------------------------------------------------------------- editing
 
     def command_edit(self) -> None:
-        if self._field_chosen:
+        if self.session.dead:  # nothing is edited any more; what it logged is to be seen
+            self._open_left()
+        elif self._field_chosen:
             self.edit_field(self.table.field)
         elif self._targets_known():
             count = len(self.session.rows.targets())
@@ -281,6 +283,13 @@ class TableScreen(ElementsScreen):
             self.app.push_screen(
                 Question(f"Edit what of {text.plural(count, 'element')}?", "", choices), self._edit_chosen
             )
+
+    def _open_left(self) -> None:
+        from silo_tui.screens.opened import open_saved
+
+        self.run_worker(
+            open_saved(self.context, self.session, self.session.left_files), group="opening", exclusive=True
+        )
 
     def _edit_chosen(self, answer: str | None) -> None:
         if answer is not None:

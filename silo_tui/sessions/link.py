@@ -90,6 +90,12 @@ class Link:
         """Run a call that only reads, beside those that change something."""
         return await self._run(self._reading, job)
 
+    async def aside(self, job: "Callable[[Client], Result]") -> Result:
+        """Run a call that may take minutes in a thread of its own: nothing waits for it."""
+        if self._closed:
+            raise ConnectionLostError("the connection was closed")
+        return await asyncio.to_thread(job, self._client)
+
     def watch(self, request: ViewRequest) -> None:
         """Make frames be about this from now on; several calls in a row cost one request."""
         with self._lock:

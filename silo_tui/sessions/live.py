@@ -7,16 +7,17 @@ import functools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from silo.columns import MAX_COLUMNS, HistoryColumns
 from silo.errors import RefusedError
 from silo.ipc.frames import Frame
-from silo.ipc.messages import RefusedWhy, Unsaved
+from silo.ipc.messages import Recordings, RefusedWhy, Unsaved
 from silo.ipc.published import Event, EventKind
-from silo.model import ElementInfo, State, Status
+from silo.model import ElementInfo, SavedFile, State, Status
 from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
@@ -27,9 +28,12 @@ from silo_tui.model.source import Samples
 from silo_tui.model.table import TableState
 from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn
 from silo_tui.sessions.link import Link, ViewRequest
+from silo_tui.sessions.recordings import Fetching
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
+
+Result = TypeVar("Result")
 
 MAX_HISTORY_NAMES = 64
 AHEAD_NS = 2_000_000_000
@@ -59,6 +63,8 @@ class Session:
         self.frame_at = 0.0  # monotonic, of the newest frame
         self.lost_since: float | None = None  # monotonic, when the link was lost
         self.saves: dict[int, Event] = {}  # the newest event of each save
+        self.fetches: dict[str, Fetching] = {}  # what is on its way here, by name
+        self.left_files: list[SavedFile] = []  # of a robot program that died
         self.jitter_s = 0.0  # of the loop, as the newest survey says
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
@@ -117,6 +123,22 @@ class Session:
     async def refresh_status(self) -> None:
         """Ask for the status."""
         self.take_status(await self._link.call(lambda client: client.status()))
+
+    async def recordings(self) -> Recordings:
+        """Ask for the list of recordings."""
+        return await self._link.read(lambda client: client.recordings())
+
+    async def fetch(self, name: str, folder: Path, fetching: Fetching) -> Path:
+        """Copy a recording into a folder of this machine; takes as long as it takes."""
+        return await self.aside(lambda client: client.fetch(name, folder, fetching.progress))
+
+    async def delete_recording(self, name: str) -> str:
+        """Delete a recording; return what was deleted, in words."""
+        return await self._link.call(lambda client: client.delete_recording(name))
+
+    async def aside(self, job: "Callable[[Client], Result]") -> "Result":
+        """Run a call that may take minutes."""
+        return await self._link.aside(job)
 
     async def apply(self) -> int:
         """Apply the pending edits as one transaction and return how many elements changed.
@@ -236,6 +258,8 @@ class Session:
         """Follow what happened in the logger."""
         if event.job:
             self.saves[event.job] = event
+        if event.kind is EventKind.CRASHED:
+            self.left_files = event.files
         if event.status is not None:
             self.take_status(event.status)
         elif event.kind not in {EventKind.SAVING, EventKind.SCRIPT_SAVED, EventKind.SAVE_FAILED}:
@@ -269,6 +293,8 @@ class Session:
 
     def close(self) -> None:
         """Let the connection go."""
+        for fetching in self.fetches.values():
+            fetching.given_up = True
         if self.link is not None:
             self.link.close()
 

@@ -129,7 +129,9 @@ class Banner(Widget):
             kept = " Pending edits are kept." if session.table.pending_count[0] else ""
             return f"No link to {session.name} for {age}. Values are {age} old; trying again by itself.{kept}"
         if session.dead:
-            return f"{session.name} died: {session.status.reason or 'nothing is known of why'}"
+            reason = session.status.reason
+            opens = " Enter opens it." if session.left_files or ": saved " in reason or "; saved " in reason else ""
+            return f"{session.name} died: {reason or 'nothing is known of why'}{opens}"
         if len(session.table) and not session.table.live.any() and session.running:
             return "Nothing is logged, every element is off: mark elements, press t, then a to apply."
         return ""

@@ -1,0 +1,63 @@
+"""Opening a recording of the robot in place: the screens of a file above those of the logger, and back."""
+
+import asyncio
+from pathlib import PurePath
+
+from silo.errors import SiloError
+from silo.ipc.messages import RecordingFile
+from silo.model import SavedFile
+from silo_tui.context import Context
+from silo_tui.model import text
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.recordings import Fetching, GivenUpError, bring_here, cache_folder
+
+
+async def open_recording(context: Context, session: Session, folder: str, file: RecordingFile) -> None:
+    """Show a recording; one that isn't on this machine is fetched first, which is told."""
+    from silo_tui.screens.file_table import FileTableScreen
+    from silo_tui.sessions.recorded import open_file
+
+    asked_on = context.upper_screen
+    if file.name in session.fetches:
+        context.say(f"{file.name} is on its way already")
+        return
+    fetching = session.fetches[file.name] = Fetching(file.name)
+    cache = cache_folder(session.status.host, session.name)
+    try:
+        path = await session.aside(lambda client: bring_here(client, folder, file, cache, fetching))
+        opened = await asyncio.to_thread(open_file, path)
+    except GivenUpError:
+        return
+    except (SiloError, OSError) as error:
+        context.fail(f"{file.name} can't be opened: {error}")
+        return
+    finally:
+        session.fetches.pop(file.name, None)
+    if context.upper_screen is not asked_on or context.app.screen is not asked_on:
+        context.say(f"{file.name} is here: {path}")  # whoever asked went elsewhere meanwhile
+        return
+    context.show_file(opened)
+    await context.app.push_screen(FileTableScreen(opened, leave=context.leave_file))
+    context.table_changed()
+    context.status_changed()
+    if path.parent == cache:
+        context.say(f"fetched, {text.size(file.size_bytes)}: {path}")
+
+
+async def open_saved(context: Context, session: Session, files: list[SavedFile]) -> None:
+    """Show what was just saved, or saved when the robot program died; without `files`, the newest of these."""
+    try:
+        listed = await session.recordings()
+    except SiloError as error:
+        context.fail(str(error))
+        return
+    names = {PurePath(file.path).name for file in files}
+    died = [one for one in listed.recordings if one.why.startswith("program died")]
+    found = [one for one in listed.recordings if names & {file.name for file in one.files}] if names else died
+    if not found:
+        context.say(f"it is not in {listed.folder}; F lists what is there")
+        return
+    from silo_tui.model.recordings import begun_ns, best_file
+
+    newest = max(found, key=begun_ns)
+    await open_recording(context, session, listed.folder, best_file(newest))

@@ -1,0 +1,106 @@
+"""Recordings of a robot on this machine: where they lie already, or fetched into a cache, or to where one wants them.
+
+Blocking functions for a thread of their own, so that a file that takes minutes holds up neither screen nor link.
+"""
+
+import os
+import shutil
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from silo.ipc.messages import RecordingFile
+from silo_tui.model import text
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
+
+CACHED_BYTES = 4_000_000_000
+
+
+class GivenUpError(Exception):
+    """Nobody waits for this any more; what came is kept, and gone on with the next time."""
+
+
+@dataclass
+class Fetching:
+    """One fetch under way: written by its thread, read by the screen."""
+
+    name: str
+    done: int = 0
+    total: int = 0
+    given_up: bool = False
+    began_s: float = field(default_factory=time.monotonic)
+    first: int = -1  # bytes that were here before
+
+    def progress(self, done: int, total: int) -> None:
+        """Note how far it is. Raises GivenUpError to end it."""
+        if self.given_up:
+            raise GivenUpError
+        self.first = done if self.first < 0 else self.first
+        self.done, self.total = done, total
+
+    @property
+    def words(self) -> str:
+        """How far it is, fit to show."""
+        if not self.total:
+            return f"fetching {self.name}"
+        elapsed_s = max(0.001, time.monotonic() - self.began_s)
+        rate = (self.done - max(0, self.first)) / elapsed_s
+        return f"fetching {self.name}  {self.done / self.total:.0%}  {text.size(rate)}/s"
+
+
+def here(folder: str | os.PathLike[str], file: RecordingFile) -> Path | None:
+    """Return where a recording lies in a folder of this machine; None where no such file, or another one, is there."""
+    path = Path(folder) / file.name
+    try:
+        inner = list(path.iterdir()) if path.is_dir() else [path]
+        stats = [each.stat() for each in inner]
+    except OSError:
+        return None
+    size, changed = sum(each.st_size for each in stats), max((each.st_mtime_ns for each in stats), default=0)
+    same = (size, changed) == (file.size_bytes, file.changed_ns) and all(os.access(each, os.R_OK) for each in inner)
+    return path if same else None
+
+
+def size_here(path: Path, file: RecordingFile) -> bool:
+    """Whether a file of this name and size is here, whenever it was changed."""
+    try:
+        return path.stat().st_size == file.size_bytes if path.is_file() else here(path.parent, file) is not None
+    except OSError:
+        return False
+
+
+def cache_folder(host: str, logger: str) -> Path:
+    """Return where recordings of a logger are kept that were opened from far away."""
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    plain = "".join(char if char.isalnum() or char in "-." else "_" for char in f"{host or 'here'}-{logger}")
+    return Path(base) / "silo" / "recordings" / plain.lstrip(".")
+
+
+def bring_here(client: "Client", folder: str, file: RecordingFile, cache: Path, fetching: Fetching) -> Path:
+    """Return a path of this machine where the recording can be opened; fetched into the cache if it must be."""
+    found = here(folder, file) or here(cache, file)
+    if found is not None:
+        return found
+    path = client.fetch(file.name, cache, fetching.progress, replace=True)
+    _make_room(cache.parent, path)
+    return path
+
+
+def _make_room(cache: Path, newest: Path) -> None:
+    """Remove what was fetched longest ago until all takes at most `CACHED_BYTES`; the newest stays."""
+    found = [path for path in cache.glob("*/*") if path != newest and path.name != f"{newest.name}.json"]
+    by_age = sorted(found, key=lambda path: path.lstat().st_ctime, reverse=True)
+    left = CACHED_BYTES - _size(newest)
+    for path in by_age:
+        left -= _size(path)
+        if left < 0 and path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        elif left < 0:
+            path.unlink(missing_ok=True)
+
+
+def _size(path: Path) -> int:
+    return sum(each.lstat().st_size for each in ([path] if not path.is_dir() else path.iterdir()))

@@ -1,0 +1,394 @@
+"""The recordings of a robot on the screen, driven by keys: listed, opened in place, fetched, deleted."""
+
+import os
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from silo.errors import ConnectionLostError
+from silo.files import write
+from silo.ipc.messages import RecordingFile, SavedRecording
+from silo.ipc.published import EventKind
+from silo.model import BufferType, Entry, FileType, SavedFile, State
+from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo_tui.model import recordings as rows
+from silo_tui.screens.file_monitor import FileMonitorScreen
+from silo_tui.screens.file_table import FileTableScreen
+from silo_tui.screens.monitor import MonitorScreen
+from silo_tui.screens.recordings import RecordingsScreen
+from silo_tui.screens.table import TableScreen
+
+SECOND = 10**9
+BEGIN = 1_790_000_000 * SECOND
+
+
+def log_of(seconds: int = 5, logger: str = "robot") -> Recording:
+    time_ns = BEGIN + np.arange(100 * seconds + 1, dtype=np.int64) * SECOND // 100
+    entry = RecordedEntry("/log/legs/LF/HAA/torque", Entry("", "<f8"), np.sin(np.arange(len(time_ns)) / 20))
+    torque = RecordedElement(entry.name, "Nm", "scalar", (), 1, BufferType.LOOPING, 0, (entry,))
+    return Recording(logger, time_ns, len(time_ns), [torque])
+
+
+@pytest.fixture
+def logs(fake, tmp_path, monkeypatch):
+    """Three recordings in the folder of the fake logger: the newest is a capture, the oldest is of another logger."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    fake.logs = tmp_path / "logs"
+    stem = "robot_20260921_14-00-00"
+    for place, (name, why, seconds) in enumerate(
+        [("arm_20260921_14-00-00_00003", "saved by bob@lab", 3), (f"{stem}_00006", "program died", 25),
+         (f"{stem}_00007_fall_3", "trigger fall", 6)]
+    ):  # fmt: skip
+        logger = name.partition("_")[0]
+        recording = log_of(seconds, logger)
+        recording = replace(recording, time_ns=recording.time_ns + 100 * place * SECOND)
+        (file,) = write(recording, fake.logs, logger, ["silo"], name, why=why)
+        os.utime(file.path, ns=(BEGIN + place, BEGIN + place))
+    return fake.logs
+
+
+def far(fake, monkeypatch):
+    """As if the logger were on another machine: its folder isn't here."""
+    told = fake.recordings
+    monkeypatch.setattr(fake, "recordings", lambda most=1000: msgspec.structs.replace(told(most), folder="/robot/logs"))
+
+
+async def at_recordings(screen):
+    await screen.press("F")
+    await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the screen")
+    await screen.shows("trigger fall")
+
+
+def lines_with(screen, words):
+    return [line for line in screen.text.splitlines() if words in line]
+
+
+# ------------------------------------------------------------------------------------------------------- the list
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_the_list_says_why_when_how_long_how_large(opened, fake, logs, size):
+    async with opened(fake, size=size) as screen:
+        await at_recordings(screen)
+        (line,) = lines_with(screen, "trigger fall")
+        assert "00007_fall_3" in line
+        assert "6 s" in line
+        assert "kB" in line
+        assert line.rstrip().endswith("T")
+        found = screen.text.splitlines()
+        order = [next(place for place, line in enumerate(found) if words in line) for words in ("fall_3", "00006")]
+        assert order == sorted(order)
+        assert "3 saved │ disk" in screen.text
+        assert all(len(line) <= size[0] for line in found)
+
+
+async def test_names_of_other_loggers_stay_apart_from_ours(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        assert lines_with(screen, "arm…_00003")
+        assert lines_with(screen, "  …_00006")
+
+
+async def test_nothing_saved_yet_is_told_with_the_key_that_saves(opened, fake):
+    async with opened(fake) as screen:
+        await screen.press("F")
+        await screen.shows("Nothing is saved in /home/ann/logs yet. w in the table")
+
+
+async def test_a_filter_leaves_what_has_all_words(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("/")
+        await screen.type("robot -fall")
+        await screen.press("enter")
+        await screen.until(lambda: not lines_with(screen, "fall_3"), "the filter")
+        assert lines_with(screen, "…_00006")
+        assert "1 of 3" in screen.text
+        await screen.press("escape")
+        await screen.shows("trigger fall")
+
+
+async def test_an_order_is_chosen_by_its_letter_and_turned_by_it(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("o", "s")
+        assert [one.span_s for one in screen.app.screen._shown] == [25.0, 6.0, 3.0]
+        await screen.press("o", "s")
+        assert [one.span_s for one in screen.app.screen._shown] == [3.0, 6.0, 25.0]
+
+
+async def test_what_is_saved_meanwhile_comes_into_the_list(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        write(log_of(), logs, "robot", ["silo"], "robot_20260921_14-00-00_00009", why="saved by bob@lab")
+        fake.publish(EventKind.SAVED, "saved it", by="bob@lab")
+        await screen.shows("…_00009")
+
+
+# ------------------------------------------------------------------------------------------------ opening in place
+
+
+async def test_enter_opens_the_file_and_escape_comes_back_to_the_same_row(opened, fake, logs):
+    fake.run()
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("j", "enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        await screen.shows("legs/LF/HAA/torque")
+        assert " FILE " in screen.text.splitlines()[0]
+        assert "00006" in screen.text.splitlines()[0]
+        await screen.press("m")
+        await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "its plots")
+        await screen.press("escape")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        await screen.press("escape")
+        await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
+        assert screen.app.screen._row.stem.endswith("00006")
+        await screen.press("escape")
+        await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
+
+
+async def test_plots_from_which_it_was_opened_are_there_again_and_go_on(opened, fake, logs):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("m")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
+        plotted = [each.name for each in screen.app.screen.stack.plots]
+        await at_recordings(screen)
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        await screen.press("escape", "escape")
+        await screen.until(lambda: type(screen.app.screen) is MonitorScreen, "plots")
+        assert [each.name for each in screen.app.screen.stack.plots] == plotted
+        fake.advance(1.0)
+        before = screen.session.frame_time_ns
+        fake.advance(1.0)
+        await screen.until(lambda: screen.session.frame_time_ns > before, "frames")
+
+
+async def test_what_happened_to_the_logger_meanwhile_is_followed_on_coming_back(opened, fake, logs):
+    fake.run()
+    async with opened(fake) as screen:
+        live = screen.session
+        await at_recordings(screen)
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        fake.state = State.STOPPED
+        fake.somebody_edits("/log/base/position", divider=7)
+        await screen.press("escape")
+        await screen.until(lambda: not live.running and live.table.revision == fake.revision, "the news")
+        await screen.shows("STOPPED")
+
+
+async def test_a_link_that_broke_meanwhile_is_told_on_coming_back(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        fake.cut()
+        await screen.press("escape")
+        await screen.shows("NO LINK")
+
+
+async def test_pending_edits_are_asked_for_when_one_quits_from_a_file(opened, fake, logs):
+    async with opened(fake) as screen:
+        await screen.press("t")
+        await at_recordings(screen)
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        await screen.press("q")
+        await screen.shows("Quit without applying?")
+        assert screen.session.table.pending_count[0] == 1
+
+
+async def test_a_file_that_vanished_is_told(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        for path in logs.glob("*fall*"):
+            path.unlink()
+        await screen.press("enter")
+        await screen.shows("can't be opened")
+        assert isinstance(screen.app.screen, RecordingsScreen)
+
+
+async def test_a_recording_from_far_away_is_fetched_first_and_only_once(opened, fake, logs, tmp_path, monkeypatch):
+    far(fake, monkeypatch)
+    fetched: list[str] = []
+    fetch = fake.fetch
+    monkeypatch.setattr(fake, "fetch", lambda name, *rest, **how: fetched.append(name) or fetch(name, *rest, **how))
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        for _ in range(2):
+            await screen.press("enter")
+            await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+            await screen.shows("legs/LF/HAA/torque")
+            await screen.press("escape")
+            await screen.until(lambda: isinstance(screen.app.screen, RecordingsScreen), "the list")
+    assert len(fetched) == 1
+    assert len(list((tmp_path / "cache" / "silo" / "recordings" / "anymal-robot").iterdir())) == 1
+
+
+async def test_after_a_save_one_key_opens_the_file(opened, fake, logs, monkeypatch):
+    fake.run()
+    name = "robot_20260921_14-00-00_00007_fall_3.silo"
+
+    def save(types, name_given=""):
+        told = [SavedFile(str(logs / name), FileType.SILO, 1)]
+        fake.publish(EventKind.SAVED, "saved", by="ann@here silo-tui 1", job=1, progress=1.0, files=told)
+        return 1
+
+    monkeypatch.setattr(fake, "save", save)
+    async with opened(fake) as screen:
+        await screen.press("w", "enter")
+        await screen.shows("o opens it")
+        await screen.press("o")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        assert "fall_3" in screen.text.splitlines()[0]
+        await screen.press("escape")
+        await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
+
+
+async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fake, logs):
+    fake.run()
+    async with opened(fake) as screen:
+        fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
+        left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
+        fake.publish(EventKind.CRASHED, fake.reason, files=left)
+        await screen.shows("Enter opens it")
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        assert "00006" in screen.text.splitlines()[0]
+
+
+async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs):
+    fake.run()
+    fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
+    async with opened(fake) as screen:
+        await screen.shows("Enter opens it")
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        assert "00006" in screen.text.splitlines()[0]
+
+
+# --------------------------------------------------------------------------------------------- fetching, deleting
+
+
+async def test_w_fetches_to_a_folder_and_says_where_it_is(opened, fake, logs, tmp_path):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("w")
+        await screen.shows("To which folder of this machine?")
+        screen.app.screen.query_one("Input").value = str(tmp_path / "here")
+        await screen.press("enter")
+        await screen.shows("fetched:")
+        (file,) = (tmp_path / "here").iterdir()
+        assert file.read_bytes() == (logs / file.name).read_bytes()
+
+
+async def test_a_fetch_shows_how_far_it_is_and_the_keys_go_on(opened, fake, logs, tmp_path, monkeypatch):
+    go_on = threading.Event()
+
+    def fetch(name, folder, progress=None, **how):
+        progress(0, 1000)
+        progress(620, 1000)
+        assert go_on.wait(60)
+        return Path(folder) / name
+
+    monkeypatch.setattr(fake, "fetch", fetch)
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("w", "enter")
+        await screen.shows("62%")
+        await screen.press("j")
+        assert screen.app.screen._row.stem.endswith("00006")
+        go_on.set()
+        await screen.until(lambda: not screen.session.fetches, "its end")
+
+
+async def test_a_fetch_that_fails_says_what_is_kept(opened, fake, logs, monkeypatch):
+    def fetch(name, folder, progress=None, **how):
+        raise ConnectionLostError("the link is cut; 1.0 MB of 2.0 MB are kept in 'x.part': fetch again to go on")
+
+    monkeypatch.setattr(fake, "fetch", fetch)
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("w", "enter")
+        await screen.shows("fetch again to go on")
+
+
+async def test_x_asks_with_the_size_and_deletes_only_then(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("x")
+        await screen.shows("Delete robot_20260921_14-00-00_00007_fall_3, ")
+        await screen.press("enter")  # the harmless answer has the focus
+        assert len(list(logs.glob("*fall*"))) == 1
+        await screen.press("x", "y")
+        await screen.until(lambda: not list(logs.glob("*fall*")), "its end")
+        await screen.until(lambda: not lines_with(screen, "trigger fall"), "the list without it")
+
+
+async def test_marked_ones_are_deleted_together(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("space", "space", "x")
+        await screen.shows("Delete 2 recordings, ")
+        await screen.press("y")
+        await screen.until(lambda: [path.name for path in logs.glob("*.silo")] == ["arm_20260921_14-00-00_00003.silo"])
+
+
+async def test_what_another_logger_wrote_is_not_deleted(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("G", "x")
+        await screen.shows("the logger arm wrote it")
+    assert ("delete", "arm_20260921_14-00-00_00003") not in fake.calls
+
+
+async def test_who_may_only_look_may_not_delete(opened, fake, logs):
+    fake.may_edit = False
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("x")
+        await screen.shows("lets you watch this logger, not change it")
+    assert len(list(logs.glob("*.silo"))) == 3
+
+
+async def test_without_a_link_the_list_stays_and_says_so(opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        fake.cut()
+        await screen.shows("NO LINK")
+        assert lines_with(screen, "trigger fall")
+        await screen.press("x")
+        await screen.shows("no link to robot")
+
+
+# ------------------------------------------------------------------------------------------------------ its words
+
+
+def one(stem="robot_20260921_14-00-00_00007", why="", **more):
+    return SavedRecording(stem, [RecordingFile(f"{stem}.silo", FileType.SILO, 1000, BEGIN)], why=why, **more)
+
+
+def test_a_name_is_shortened_only_where_it_must_be():
+    assert rows.short_stem(one(), "robot", 40) == "robot_20260921_14-00-00_00007"
+    assert rows.short_stem(one(), "robot", 12) == "…_00007"
+    assert rows.short_stem(one("first_walk"), "robot", 12) == "first_walk"
+    assert rows.short_stem(one(), "arm", 13) == "robot…_00007"
+
+
+def test_rows_have_the_width_of_the_screen_and_the_titles_stand_over_them():
+    for width in (80, 100, 120, 160, 250):
+        row, head = rows.row(one(why="trigger fall" * 9, span_s=5.0), "robot", width), rows.head(width)
+        assert len(row) <= width - 2
+        assert head.index("begun") - 2 == row.index(rows.begun_text(BEGIN, 0.0)[:4])
+
+
+def test_a_recording_of_an_own_clock_is_dated_by_its_file():
+    assert rows.begun_ns(one(begun_ns=5)) == BEGIN
+    assert rows.begun_ns(one(begun_ns=BEGIN + 7)) == BEGIN + 7
