@@ -246,6 +246,8 @@ COMMANDS: tuple[Command, ...] = (
             asks=True),
     Command("fetch_recording", "w", "Fetch", "copy it to this machine; goes on where a link was cut", "Recordings",
             _RECORDINGS, 2, asks=True),
+    Command("overlay_recording", "O", "Overlay", "lay it over the live plots, by time since start; again: lift it",
+            "Recordings", _RECORDINGS, 3, asks=True),
     Command("delete_recording", "x", "Delete", "delete it on the robot, after a question", "Recordings", _RECORDINGS,
             4, writes=True, asks=True),
     Command("mark_recording", "space", "Mark", "mark or unmark, and move on", "Recordings", _RECORDINGS, 7),

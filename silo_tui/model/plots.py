@@ -1,8 +1,9 @@
 """The time window of the monitor, shared by all its plots: span, pause, cursor, y scale; and what a plot is of."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,16 +167,21 @@ def draw_panel(
     width: int,
     height: int,
     period_of: Callable[[str], int],
+    ghosts: Mapping[int, Piece] = MappingProxyType({}),
 ) -> list[Picture]:
-    """Draw signals that share a plot; `right` says which belong to the axis on the right."""
-    pieces = pieces_of(store, series, 2 * width, period_of)
+    """Draw signals that share a plot; `right` says which belong to the axis on the right.
+
+    `ghosts` are what a saved run had then, by the place of the signal: they share its axis, and come behind the others.
+    """
+    pieces = pieces_of(store, series, 2 * width, period_of) + list(ghosts.values())
+    right = [*right, *(right[place] for place in ghosts)]
     scales: dict[bool, tuple[axes.Scale, int]] = {}
     for side in dict.fromkeys(right):
         members = [at for at, its in enumerate(right) if its is side]
         base = max((pieces[at].base for at in members), key=abs)
         for at in members:
             pieces[at] = _on_base(pieces[at], base)
-        key = "|".join(series[at].name for at in members)
+        key = "|".join(series[at].name for at in members if at < len(series))
         found = [ends for at in members if (ends := braille.value_range(pieces[at].low, pieces[at].high))]
         around = (min(low for low, _ in found), max(high for _, high in found)) if found else None
         scales[side] = window.follow_scale(key, around, height, base), base
@@ -224,15 +230,17 @@ def _picture(
 NOBODY, HOLE = -1, -2
 
 
-def together(pictures: Sequence[Picture], front: int = 0) -> tuple[dots.Cells, Owners]:
+def together(pictures: Sequence[Picture], front: int = 0, ghosts: int = 0) -> tuple[dots.Cells, Owners]:
     """Return the cells of pictures over one another, shape `(height, width)`, and whose colour each cell has.
 
-    The one in `front` is drawn last. NOBODY owns an empty cell, HOLE one that is shaded.
+    The one in `front` is drawn last, the last `ghosts` pictures first. NOBODY owns an empty cell, HOLE one that is
+    shaded.
     """
     lit = np.zeros_like(pictures[0].lit)
     rows, columns = lit.shape
     owners = np.full((rows // 4, columns // 2), NOBODY, np.int8)
-    for at in [*(at for at in range(len(pictures)) if at != front), front]:
+    behind = range(len(pictures) - ghosts, len(pictures))
+    for at in [*behind, *(at for at in range(len(pictures) - ghosts) if at != front), front]:
         lit |= pictures[at].lit
         mine = pictures[at].lit.reshape(rows // 4, 4, columns // 2, 2).any(axis=(1, 3))
         owners[mine] = at

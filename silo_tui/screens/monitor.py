@@ -19,6 +19,7 @@ from silo_tui.actions import bindings_for
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.find import Search, What, places_of
+from silo_tui.model.overlay import SIGN
 from silo_tui.model.panels import gathered, isolate, join, stacked
 from silo_tui.model.plots import SECOND_NS, SPANS_S, PlotWindow, plots_of
 from silo_tui.model.recorded import SHORT_SPANS_S
@@ -139,9 +140,21 @@ class MonitorScreen(StandingStill):
         self._mending = False
         if store is not self._asked and not self.window.paused:
             return  # another one was asked for meanwhile
+        await self._fill_ghost(store)
         self.stack.store = store
         await self._fill_texts(end)
         self._show_moment()
+
+    async def _fill_ghost(self, store: ColumnStore) -> None:
+        """Read what a saved run had in this window, and in the next one: the live one goes on."""
+        overlay, began_ns = self.session.overlay, self.session.status.started_ns
+        if overlay is None or not began_ns or not store.names:
+            self.stack.ghost = None
+            return
+        first = store.end - self.stack.columns
+        self.stack.ghost = await asyncio.to_thread(
+            overlay.columns, store.names, first, 2 * self.stack.columns, store.column_ns, began_ns
+        )
 
     async def _fill_texts(self, end_ns: int) -> None:
         """Read since when which text held."""
@@ -169,6 +182,8 @@ class MonitorScreen(StandingStill):
             if self.session.running and not self.stack.store.empty:
                 self.stack.store.advance_to(frame.time_ns // self.stack.store.column_ns + 1)
             self.stack.advance()
+            if self.stack.ghost is not None and self.stack.ghost.end < self.stack.store.end:
+                self.run_worker(self._fill_ghost(self.stack.store), group="ghost", exclusive=True)
             if self.session.columns is self._asked and self._asked.gapped and not self._mending:
                 self._mending = True  # frames got lost on their way: the logger still has what was in them
                 self.run_worker(self._fill(self._asked, list(self._asked.names)), group="history")
@@ -227,6 +242,8 @@ class MonitorScreen(StandingStill):
         total, fitting = len(self.stack.panels), self.stack.fitting
         if total > fitting:
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
+        if self.session.overlay is not None:
+            words.append(f"{SIGN} {self.session.overlay.name}{self._ghost_words()}")
         if missing := self.stack.missing():
             words.append(missing)
         if self._waiting and not self._said:
@@ -234,6 +251,13 @@ class MonitorScreen(StandingStill):
         if self._said:
             words.append(self._said)
         return " │ ".join(words)
+
+    def _ghost_words(self) -> str:
+        """Where the saved run is, if it isn't on the screen."""
+        ghost, overlay = self.stack.ghost, self.session.overlay
+        if ghost is None or overlay is None or any(self.stack.has_ghost(panel) for panel in self.stack.panels):
+            return ""
+        return f": {overlay.extent}"
 
     # --------------------------------------------------------------------------------------------------- commands
 

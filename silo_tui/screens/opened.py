@@ -1,38 +1,32 @@
 """Opening a recording of the robot in place: the screens of a file above those of the logger, and back."""
 
 import asyncio
-from pathlib import PurePath
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
 
 from silo.errors import SiloError
 from silo.ipc.messages import RecordingFile
 from silo.model import SavedFile
 from silo_tui.context import Context
 from silo_tui.model import text
+from silo_tui.model.overlay import overlay_of
+from silo_tui.model.recordings import begun_ns, best_file
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, bring_here, cache_folder
+
+if TYPE_CHECKING:
+    from silo_tui.sessions.recorded import FileSession
 
 
 async def open_recording(context: Context, session: Session, folder: str, file: RecordingFile) -> None:
     """Show a recording; one that isn't on this machine is fetched first, which is told."""
     from silo_tui.screens.file_table import FileTableScreen
-    from silo_tui.sessions.recorded import open_file
 
     asked_on = context.upper_screen
-    if file.name in session.fetches:
-        context.say(f"{file.name} is on its way already")
+    found = await _opened(context, session, folder, file)
+    if found is None:
         return
-    fetching = session.fetches[file.name] = Fetching(file.name)
-    cache = cache_folder(session.status.host, session.name)
-    try:
-        path = await session.aside(lambda client: bring_here(client, folder, file, cache, fetching))
-        opened = await asyncio.to_thread(open_file, path)
-    except GivenUpError:
-        return
-    except (SiloError, OSError) as error:
-        context.fail(f"{file.name} can't be opened: {error}")
-        return
-    finally:
-        session.fetches.pop(file.name, None)
+    path, opened = found
     if context.upper_screen is not asked_on or context.app.screen is not asked_on:
         context.say(f"{file.name} is here: {path}")  # whoever asked went elsewhere meanwhile
         return
@@ -40,8 +34,39 @@ async def open_recording(context: Context, session: Session, folder: str, file: 
     await context.app.push_screen(FileTableScreen(opened, leave=context.leave_file))
     context.table_changed()
     context.status_changed()
-    if path.parent == cache:
+    if path.parent == cache_folder(session.status.host, session.name):
         context.say(f"fetched, {text.size(file.size_bytes)}: {path}")
+
+
+async def overlay_recording(context: Context, session: Session, folder: str, file: RecordingFile, name: str) -> None:
+    """Lay a recording over the live plots."""
+    found = await _opened(context, session, folder, file)
+    if found is not None:
+        session.overlay = overlay_of(name, found[1].source)
+        context.say(f"{name} lies over the plots, with data {session.overlay.extent}; O again lifts it")
+
+
+async def _opened(
+    context: Context, session: Session, folder: str, file: RecordingFile
+) -> "tuple[Path, FileSession] | None":
+    """Return a recording, opened, and where it is on this machine; None, and told why, where it can't be."""
+    from silo_tui.sessions.recorded import open_file
+
+    if file.name in session.fetches:
+        context.say(f"{file.name} is on its way already")
+        return None
+    fetching = session.fetches[file.name] = Fetching(file.name)
+    cache = cache_folder(session.status.host, session.name)
+    try:
+        path = await session.aside(lambda client: bring_here(client, folder, file, cache, fetching))
+        return path, await asyncio.to_thread(open_file, path)
+    except GivenUpError:
+        return None
+    except (SiloError, OSError) as error:
+        context.fail(f"{file.name} can't be opened: {error}")
+        return None
+    finally:
+        session.fetches.pop(file.name, None)
 
 
 async def open_saved(context: Context, session: Session, files: list[SavedFile]) -> None:
@@ -57,7 +82,5 @@ async def open_saved(context: Context, session: Session, files: list[SavedFile])
     if not found:
         context.say(f"it is not in {listed.folder}; F lists what is there")
         return
-    from silo_tui.model.recordings import begun_ns, best_file
-
     newest = max(found, key=begun_ns)
     await open_recording(context, session, listed.folder, best_file(newest))

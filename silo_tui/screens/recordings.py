@@ -20,7 +20,7 @@ from silo_tui.context import SiloScreen
 from silo_tui.model import recordings as rows
 from silo_tui.model import text
 from silo_tui.screens.dialogs import Choice, Prompt, Question
-from silo_tui.screens.opened import open_recording
+from silo_tui.screens.opened import open_recording, overlay_recording
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, here
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
@@ -148,7 +148,7 @@ class RecordingsScreen(SiloScreen):
 
     def table_changed(self) -> None:
         """Follow what was saved, captured or deleted."""
-        if self.context.upper_screen is self:
+        if self.app.is_running and self.context.upper_screen is self:
             self.read_again()
 
     def status_changed(self) -> None:
@@ -278,6 +278,21 @@ class RecordingsScreen(SiloScreen):
         self._said = ""
         self.run_worker(
             open_recording(self.context, self.session, self.found.folder, rows.best_file(one)),
+            group="opening", exclusive=True,
+        )  # fmt: skip
+
+    def command_overlay_recording(self) -> None:
+        one = self._row
+        if one is None or self.found is None or one.unfinished:
+            self.say("nothing to lay over the plots here")
+            return
+        name = rows.short_stem(one, self.session.status.logger, 30)
+        if self.session.overlay is not None and self.session.overlay.name == name:
+            self.session.overlay = None
+            self.say(f"{name} is lifted off the plots")
+            return
+        self.run_worker(
+            overlay_recording(self.context, self.session, self.found.folder, rows.best_file(one), name),
             group="opening", exclusive=True,
         )  # fmt: skip
 

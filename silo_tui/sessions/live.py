@@ -23,6 +23,7 @@ from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
 from silo_tui.model.fields import options_of, rows_of
 from silo_tui.model.live import LiveValues
+from silo_tui.model.overlay import Overlay
 from silo_tui.model.rows import RowList
 from silo_tui.model.source import Samples
 from silo_tui.model.table import TableState
@@ -64,6 +65,7 @@ class Session:
         self.lost_since: float | None = None  # monotonic, when the link was lost
         self.saves: dict[int, Event] = {}  # the newest event of each save
         self.fetches: dict[str, Fetching] = {}  # what is on its way here, by name
+        self.overlay: Overlay | None = None  # a saved run over the plots
         self.left_files: list[SavedFile] = []  # of a robot program that died
         self.jitter_s = 0.0  # of the loop, as the newest survey says
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}

@@ -22,6 +22,7 @@ from silo_tui.model import axes, braille, dots, lanes, text
 from silo_tui.model.columns import ColumnStore, Piece
 from silo_tui.model.dots import BLANK
 from silo_tui.model.live import Reading, entry_text, offset_text
+from silo_tui.model.overlay import SIGN, ghost_piece
 from silo_tui.model.panels import (
     LETTERS,
     MAX_SERIES,
@@ -42,6 +43,7 @@ from silo_tui.widgets.series import most_series, series_style
 
 AXIS = 10  # cells for the numbers on the left
 CURSOR_A, CURSOR_B = "│", "┊"
+GHOST = Style(dim=True)
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ class PlotStack(Widget):
         self.store = ColumnStore((), 1, 1)
         self.readings: dict[str, Reading] = {}
         self.events: dict[str, list[tuple[int, str]]] = {}  # of texts: since when which
+        self.ghost: ColumnStore | None = None  # a saved run, on the grid of the live one
         self.prefix = ""
         self.fresh = True
         self.chosen = 0  # of all signals, those that share a panel counted one by one
@@ -195,7 +198,7 @@ class PlotStack(Widget):
     @property
     def right_width(self) -> int:
         """Cells right of the curves: for letters, words of lanes, or a second axis."""
-        return AXIS + 1 if self._two_sided else 8 if self._worded else 2
+        return AXIS + 1 if self._two_sided else 8 if self._worded else 4 if self.ghost is not None else 2
 
     @property
     def plot_width(self) -> int:
@@ -286,17 +289,21 @@ class PlotStack(Widget):
     def _draw_panel(self, at: int, height: int) -> Drawn:
         panel, right = self.panels[at], sides(self.panels[at])
         period_of = self.source.period_ns
-        pictures = draw_panel(self.store, self.window, panel, right, self.plot_width, height, period_of)
+        ghosts = self._ghosts(panel)
+        pictures = draw_panel(self.store, self.window, panel, right, self.plot_width, height, period_of, ghosts)
         front = panel.index(self.chosen_plot) if self.chosen_plot in panel else 0
-        cells, owners = together(pictures, front)
+        cells, owners = together(pictures, front, len(ghosts))
         left, origin = self._axis(panel[0], pictures[0], height)
         marks: dict[int, tuple[str, int]] = {}
         other = ""
         if any(right):
             words, other = self._axis(panel[right.index(True)], pictures[right.index(True)], height)
             marks = {line: (word, right.index(True)) for line, word in words.items()}
-        elif len(panel) > 1:
-            for place, picture in enumerate(pictures):
+        elif len(panel) > 1 or ghosts:
+            for ghost, place in enumerate(ghosts, len(panel)):
+                if (line := pictures[ghost].newest) is not None:
+                    marks[line // 4] = f"{self.letter(panel[place])}{SIGN}", ghost
+            for place, picture in enumerate(pictures[: len(panel)]):
                 if picture.newest is not None:
                     line = picture.newest // 4
                     marks[line] = marks.get(line, ("", place))[0] + self.letter(panel[place]), place
@@ -306,6 +313,20 @@ class PlotStack(Widget):
                 if spot is not None:
                     cells[spot] = ord(self.letter(panel[place]) or BLANK)
         return Drawn(pictures, dots.lines_of(cells), owners, left, marks, (origin, other))
+
+    def has_ghost(self, panel: Panel) -> bool:
+        """Whether a saved run has something of these signals in the window."""
+        return bool(self._ghosts(panel))
+
+    def _ghosts(self, panel: Panel) -> dict[int, Piece]:
+        """What a saved run had in the window, by the place of the signal."""
+        if self.ghost is None or self.ghost.column_ns != self.store.column_ns:
+            return {}
+        found = {
+            place: ghost_piece(self.ghost, plotted.name, self.store.end, self.columns)
+            for place, plotted in enumerate(panel)
+        }
+        return {place: piece for place, piece in found.items() if piece is not None}
 
     def letter(self, plotted: Plotted) -> str:
         """The letter of a signal; none where there is one only."""
@@ -450,6 +471,8 @@ class PlotStack(Widget):
         drawn, panel = self._panel(at), self.panels[at]
         quiet = self._style("plot--quiet")
         colors = {place: self._color(panel, place) for place in range(len(panel))} | {HOLE: quiet, NOBODY: quiet}
+        for ghost, place in enumerate(self._ghosts(panel) if self.ghost is not None else (), len(panel)):
+            colors[ghost] = colors[place] + GHOST
         styles = [colors[owner] for owner in drawn.owners[line].tolist()]
         label = drawn.left.get(line, "")
         axis = Segment(f"{label:>{AXIS - 1}} {'┤' if label else '│'}", quiet)
