@@ -1,6 +1,6 @@
 """The list of orders: a letter orders and closes, the letter of the present order turns it round."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rich.text import Text
 from textual import events
@@ -17,9 +17,17 @@ COLUMN = 32
 class OrderDialog(ModalScreen[str | None]):
     """Answers with the order whose letter was pressed; None on any other key."""
 
-    def __init__(self, orders: Sequence[str], now: str, arrow: str) -> None:
+    def __init__(
+        self,
+        orders: Sequence[str],
+        now: str,
+        arrow: str,
+        letters: Mapping[str, str] = LETTERS,
+        words: Mapping[str, str] = WORDS,
+    ) -> None:
         super().__init__()
-        self._orders = [order for order in orders if order in LETTERS]
+        self._letters, self._words = letters, words
+        self._orders = [order for order in orders if order in letters]
         self._now, self._arrow = now, arrow
 
     def compose(self) -> ComposeResult:
@@ -33,8 +41,8 @@ class OrderDialog(ModalScreen[str | None]):
         half = -(-len(self._orders) // 2)
         for left in range(half):
             for order in self._orders[left::half][:2]:
-                words = WORDS.get(order, order) + (f"  {self._arrow}" if order == self._now else "")
-                lines.append(LETTERS[order], style="bold")
+                words = self._words.get(order, order) + (f"  {self._arrow}" if order == self._now else "")
+                lines.append(self._letters[order], style="bold")
                 lines.append(f" {words:<{COLUMN - 2}}")
             lines.append("\n")
         lines.append("\nthe same letter again: the other way round")
@@ -44,4 +52,4 @@ class OrderDialog(ModalScreen[str | None]):
         """Order, or leave."""
         event.stop()
         event.prevent_default()
-        self.dismiss(next((order for order in self._orders if LETTERS[order] == event.character), None))
+        self.dismiss(next((order for order in self._orders if self._letters[order] == event.character), None))

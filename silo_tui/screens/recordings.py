@@ -21,6 +21,7 @@ from silo_tui.model import recordings as rows
 from silo_tui.model import text
 from silo_tui.screens.dialogs import Choice, Prompt, Question
 from silo_tui.screens.opened import open_recording, overlay_recording
+from silo_tui.screens.order import OrderDialog
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, here
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
@@ -223,9 +224,12 @@ class RecordingsScreen(SiloScreen):
             self._show_rows()
 
     def command_order_recordings(self) -> None:
-        choices = [Choice(order.name, order.words, order.letter) for order in rows.ORDERS]
-        now = rows.BY_NAME[self._order].words
-        self.app.push_screen(Question("Order by", f"now: {now}; again: turned", choices), self._by)
+        letters = {order.name: order.letter for order in rows.ORDERS}
+        words = {order.name: order.words for order in rows.ORDERS}
+        backwards = rows.BY_NAME[self._order].backwards != self._turned
+        self.app.push_screen(
+            OrderDialog(list(letters), self._order, "↓" if backwards else "↑", letters, words), self._by
+        )
 
     def _by(self, order: str | None) -> None:
         if order is not None:

@@ -118,10 +118,11 @@ class FileBar(StatusBar):
         facts += f"  {report.rate_hz:.4g} Hz" if report.rate_hz else ""
         facts += f"  {text.size(report.size_bytes)}" if wide and report.size_bytes else ""
         lost = f"  lost {text.count(report.lost)}"
-        room = max(8, self.content_size.width - len(facts) - len(lost) - 12)
+        room = max(8, self.content_size.width - len(facts) - len(lost) - (10 if wide else 5))
         line = Text(no_wrap=True, overflow="ellipsis")
-        line.append("silo ", style="bold")
-        line.append(" FILE ", style="reverse")
+        if wide:
+            line.append("silo ", style="bold")
+        line.append("FILE", style="reverse")  # on a small screen instead: the file's name is worth more
         line.append(" ")
         line.append(text.shorten_left(self._file.name, room))
         line.append(facts)

@@ -204,6 +204,7 @@ def test_every_command_has_its_method():
     from silo_tui.screens.file_table import FileTableScreen
     from silo_tui.screens.loggers import LoggersScreen
     from silo_tui.screens.monitor import MonitorScreen
+    from silo_tui.screens.recordings import RecordingsScreen
     from silo_tui.screens.settings import SettingsScreen
 
     screens = {"table": TableScreen, "monitor": MonitorScreen, "detail": DetailScreen, "loggers": LoggersScreen}
@@ -212,6 +213,7 @@ def test_every_command_has_its_method():
         "file_monitor": FileMonitorScreen,
         "file_detail": FileDetailScreen,
         "settings": SettingsScreen,
+        "recordings": RecordingsScreen,
     }
     for command in COMMANDS:
         for scope in command.scopes if "any" not in command.scopes else screens:

@@ -139,7 +139,7 @@ async def test_enter_opens_the_file_and_escape_comes_back_to_the_same_row(opened
         await screen.press("j", "enter")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
         await screen.shows("legs/LF/HAA/torque")
-        assert " FILE " in screen.text.splitlines()[0]
+        assert "FILE " in screen.text.splitlines()[0]
         assert "00006" in screen.text.splitlines()[0]
         await screen.press("m")
         await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "its plots")
