@@ -39,6 +39,7 @@ from silo.model import FileType
 MAX_LISTED = 10_000
 MAX_VISITED = 100_000
 MAX_PIECE = 4 << 20
+MAX_OFFSET = 1 << 60
 MAX_SUMMED = 64 << 20
 READ_S = 1.0  # for which files are looked into per request; those that are left come with the next ones
 BLOCK = 1 << 20
@@ -91,7 +92,7 @@ class RecordingFolder:
     def piece(self, place: str, request: GetPiece) -> Piece:
         """Return a piece of a part. Raises RecordingRefusedError."""
         limit = MAX_SUMMED if request.sum_only else MAX_PIECE
-        if not 0 < request.count <= limit or request.offset < 0:
+        if not 0 < request.count <= limit or not 0 <= request.offset <= MAX_OFFSET:
             text = f"a piece has 1 to {limit} bytes from 0 on, asked for are {request.count} from {request.offset} on"
             raise RecordingRefusedError(RefusedWhy.INVALID, text)
         name, _, inner = request.path.partition("/")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from silo.ipc.messages import RecordingFile, SavedRecording
+from silo.ipc.messages import RecordingFile, Recordings, SavedRecording
 from silo.model import FileType
 from silo_tui.model import text
 
@@ -135,11 +135,12 @@ def _line(cells: tuple[str, ...], width: int) -> str:
     return f"{name:<{name_width}} {why:<{why_width}}{kinds} {begun:<14} {span:>8} {size:>9}  {marks:<5}"
 
 
-def summary(count: int, shown: int, disk_bytes: int, free_bytes: int, words: str) -> str:
+def summary(found: Recordings, shown: int, words: str) -> str:
     """Return what the message line says when nothing else is there to be said."""
-    parts = [f"{count} saved"]
-    if disk_bytes:
-        parts.append(f"disk {1 - free_bytes / disk_bytes:.0%} of {text.size(disk_bytes)}")
+    here, count = len(found.recordings), text.count(found.count)
+    parts = [f"{count} saved" if here >= found.count else f"the newest {here} of {count} saved"]
+    if found.disk_bytes:
+        parts.append(f"disk {1 - found.free_bytes / found.disk_bytes:.0%} of {text.size(found.disk_bytes)}")
     if words:
-        parts.append(f"/{words}: {shown} of {count}")
+        parts.append(f"/{words}: {shown} of {text.count(here)}")
     return " │ ".join(parts)

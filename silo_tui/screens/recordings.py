@@ -28,6 +28,7 @@ from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.inputs import Fleeting, Line
 
 FOLLOW_S = 0.25
+FIRST, MOST = 200, 10_000  # how many are asked for
 LOOK_AGAIN_S = 0.3
 FILTER_KEYS = "Enter keeps the filter  Esc clears it"
 GUTTER = 2
@@ -47,6 +48,7 @@ class RecordingsScreen(SiloScreen):
         self._marked: set[str] = set()
         self._order, self._turned, self._words = "begun", False, ""
         self._said = ""
+        self._most = FIRST
 
     def compose(self) -> ComposeResult:
         """Yield status, banner, what runs, titles, list, message, a line to type in, keys."""
@@ -83,11 +85,12 @@ class RecordingsScreen(SiloScreen):
     async def _read(self) -> None:
         while True:
             try:
-                found = await self.session.recordings()
+                found = await self.session.recordings(self._most)
             except SiloError as error:
                 self._said = f"the list can't be read: {error}"
                 break
             self.found = found
+            self._said = "" if self._said.startswith("asking") else self._said
             self._show_rows()
             if not any(one.unread for one in found.recordings):
                 break
@@ -137,7 +140,7 @@ class RecordingsScreen(SiloScreen):
         elif found is not None:
             marked = [f"{len(self._marked)} marked"] if self._marked else []
             order = [f"by {self._order}"] if self._order != "begun" or self._turned else []
-            count = rows.summary(found.count, len(self._shown), found.disk_bytes, found.free_bytes, self._words)
+            count = rows.summary(found, len(self._shown), self._words)
             parts = [count, *marked, *order, *parts]
         self.query_one("#recordings-said", Static).update(" " + " │ ".join(parts))
 
@@ -188,7 +191,16 @@ class RecordingsScreen(SiloScreen):
         place = self._list.highlighted
         return self._shown[place] if place is not None and place < len(self._shown) else None
 
+    def _more(self) -> None:
+        """Ask for all of them, where only the newest are here."""
+        if self.found is not None and len(self.found.recordings) < self.found.count and self._most < MOST:
+            self._most = MOST
+            self.say("asking for the older ones …")
+            self.read_again()
+
     def _move(self, lines: int) -> None:
+        if lines > 0 and (self._list.highlighted or 0) + lines >= len(self._shown):
+            self._more()
         if self._shown:
             self._list.highlighted = max(0, min((self._list.highlighted or 0) + lines, len(self._shown) - 1))
 
@@ -259,6 +271,8 @@ class RecordingsScreen(SiloScreen):
 
     def _filter_by(self, words: str) -> None:
         self._words, self._said = words, ""
+        if words:
+            self._more()
         self._show_rows()
 
     def _back_to_list(self) -> None:

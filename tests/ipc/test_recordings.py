@@ -208,7 +208,7 @@ def test_a_file_that_is_no_recording_is_not_read(tmp_path):
         assert refusal(RecordingFolder().piece, str(tmp_path), request) in {RefusedWhy.FORBIDDEN, RefusedWhy.INVALID}
 
 
-@pytest.mark.parametrize(("offset", "count"), [(-1, 10), (0, 0), (0, -1), (0, 2**40)])
+@pytest.mark.parametrize(("offset", "count"), [(-1, 10), (0, 0), (0, -1), (0, 2**40), (2**63 - 1, 10)])
 def test_a_piece_has_its_bounds(tmp_path, offset, count):
     stem = saved(tmp_path)
     folder = RecordingFolder()

@@ -95,6 +95,7 @@ def test_a_plot_without_a_ghost_is_as_it_was():
     assert np.array_equal(cells, together([picture])[0])
 
 
+@pytest.mark.slow
 async def test_O_lays_a_run_over_the_plots_and_lifts_it_again(opened, fake, tmp_path):
     fake.logs = tmp_path / "logs"
     write(saved(seconds=30), fake.logs, "robot", ["silo"], "old_walk", why="saved by ann")

@@ -11,16 +11,16 @@ import pytest
 
 from silo.errors import ConnectionLostError
 from silo.files import write
-from silo.ipc.messages import RecordingFile, SavedRecording
 from silo.ipc.published import EventKind
 from silo.model import BufferType, Entry, FileType, SavedFile, State
 from silo.recording import RecordedElement, RecordedEntry, Recording
-from silo_tui.model import recordings as rows
 from silo_tui.screens.file_monitor import FileMonitorScreen
 from silo_tui.screens.file_table import FileTableScreen
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.screens.recordings import RecordingsScreen
 from silo_tui.screens.table import TableScreen
+
+pytestmark = pytest.mark.slow  # each walks through the whole app
 
 SECOND = 10**9
 BEGIN = 1_790_000_000 * SECOND
@@ -368,27 +368,12 @@ async def test_without_a_link_the_list_stays_and_says_so(opened, fake, logs):
         await screen.shows("no link to robot")
 
 
-# ------------------------------------------------------------------------------------------------------ its words
-
-
-def one(stem="robot_20260921_14-00-00_00007", why="", **more):
-    return SavedRecording(stem, [RecordingFile(f"{stem}.silo", FileType.SILO, 1000, BEGIN)], why=why, **more)
-
-
-def test_a_name_is_shortened_only_where_it_must_be():
-    assert rows.short_stem(one(), "robot", 40) == "robot_20260921_14-00-00_00007"
-    assert rows.short_stem(one(), "robot", 12) == "…_00007"
-    assert rows.short_stem(one("first_walk"), "robot", 12) == "first_walk"
-    assert rows.short_stem(one(), "arm", 13) == "robot…_00007"
-
-
-def test_rows_have_the_width_of_the_screen_and_the_titles_stand_over_them():
-    for width in (80, 100, 120, 160, 250):
-        row, head = rows.row(one(why="trigger fall" * 9, span_s=5.0), "robot", width, 0.0), rows.head(width)
-        assert len(row) <= width - 2
-        assert head.index("begun") - 2 == row.index(rows.begun_text(BEGIN, 0.0))
-
-
-def test_a_recording_of_an_own_clock_is_dated_by_its_file():
-    assert rows.begun_ns(one(begun_ns=5)) == BEGIN
-    assert rows.begun_ns(one(begun_ns=BEGIN + 7)) == BEGIN + 7
+@pytest.mark.parametrize("keys", [("G",), ("/", "b", "o", "b", "enter")])
+async def test_the_older_ones_come_when_one_goes_there_or_filters(opened, fake, logs, monkeypatch, keys):
+    monkeypatch.setattr("silo_tui.screens.recordings.FIRST", 2)
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.shows("the newest 2 of 3 saved")
+        assert not lines_with(screen, "arm…_00003")
+        await screen.press(*keys)
+        await screen.shows("arm…_00003")

@@ -1,0 +1,48 @@
+"""The list of recordings as rows of text: names, dates, widths, filter."""
+
+from silo.ipc.messages import RecordingFile, SavedRecording
+from silo.model import FileType
+from silo_tui.model import recordings as rows
+
+BEGIN = 1_790_000_000 * 10**9
+
+
+def one(stem="robot_20260921_14-00-00_00007", why="", **more):
+    return SavedRecording(stem, [RecordingFile(f"{stem}.silo", FileType.SILO, 1000, BEGIN)], why=why, **more)
+
+
+def test_a_name_is_shortened_only_where_it_must_be():
+    assert rows.short_stem(one(), "robot", 40) == "robot_20260921_14-00-00_00007"
+    assert rows.short_stem(one(), "robot", 12) == "…_00007"
+    assert rows.short_stem(one("first_walk"), "robot", 12) == "first_walk"
+    assert rows.short_stem(one(), "arm", 13) == "robot…_00007"
+
+
+def test_rows_have_the_width_of_the_screen_and_the_titles_stand_over_them():
+    for width in (80, 100, 120, 160, 250):
+        row, head = rows.row(one(why="trigger fall" * 9, span_s=5.0), "robot", width, 0.0), rows.head(width)
+        assert len(row) <= width - 2
+        assert head.index("begun") - 2 == row.index(rows.begun_text(BEGIN, 0.0))
+
+
+def test_a_recording_of_an_own_clock_is_dated_by_its_file():
+    assert rows.begun_ns(one(begun_ns=5)) == BEGIN
+    assert rows.begun_ns(one(begun_ns=BEGIN + 7)) == BEGIN + 7
+
+
+def test_a_filter_takes_words_in_any_order_either_and_not():
+    walk = one("robot_20260921_14-00-00_00007_fall_3", "trigger fall")
+    for words, passing in {
+        "": True, "fall": True, "SILO fall": True, "bag": False, "bag|silo": True, "-bag": True, "-fall": False,
+        "fall -trigger": False, "-": False,
+    }.items():  # fmt: skip
+        assert rows.passes(walk, words) is passing, words
+
+
+def test_a_span_has_three_digits():
+    assert [rows.span_text(s) for s in (0.0123, 5.7612, 433.0, 40_000.0)] == ["12.3 ms", "5.76 s", "7.22 min", "11.1 h"]
+
+
+def test_of_two_that_began_at_once_the_later_name_comes_first():
+    found = rows.arranged([one("a_1"), one("a_2")], "", "begun", turned=False)
+    assert [each.stem for each in found] == ["a_2", "a_1"]
