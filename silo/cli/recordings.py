@@ -25,6 +25,12 @@ def files() -> None:
     """List, fetch and delete the recordings in the folder of a logger, on the robot.
 
     A NAME is that of a file or bag as `silo files ls` shows it, or its beginning before the ending, or a run number.
+
+    \b
+    Examples:
+      silo files ls demo
+      silo files fetch demo 17 -o logs
+      silo files rm demo first_walk
     """
 
 

@@ -10,6 +10,11 @@ from click.testing import CliRunner
 
 from silo.cli.main import cli
 from silo.errors import RefusedError
+from silo.ipc.client import Client
+from silo.ipc.exchange import client_name
+from silo.ipc.published import EventKind
+from tests.ipc.conftest import Heard
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -82,3 +87,22 @@ def test_a_fetch_goes_on_where_it_was_when_the_helper_process_died_and_came_agai
     assert killed
     assert here.read_bytes() == path.read_bytes()
     assert shares == sorted(shares)
+
+
+def test_why_a_recording_is_there_is_told_whoever_saved_it(robots, tmp_path):
+    robot = robots("bot")
+    with Client.connect("bot") as client:
+        heard = Heard(client)
+        wait_until(lambda: client.status().ticks > 10)
+        client.wait_saved(client.save(name="by_hand"))
+        robot.kill()
+        heard.wait(EventKind.CRASHED)
+        listed = {one.stem: one for one in client.recordings().recordings}
+        by_hand = listed.pop("by_hand")
+        (died,) = listed.values()
+        assert by_hand.why == f"saved by {client_name().split()[0]}"
+        assert died.why == "program died"
+        assert by_hand.own
+        assert died.own
+        assert died.span_s > 0
+        assert "deleted" in client.delete_recording(died.stem)
