@@ -12,7 +12,7 @@ from silo_tui.model import text
 from silo_tui.model.overlay import overlay_of
 from silo_tui.model.recordings import begun_ns, best_file
 from silo_tui.sessions.live import Session
-from silo_tui.sessions.recordings import Fetching, GivenUpError, bring_here, cache_folder
+from silo_tui.sessions.recordings import Fetching, GivenUpError, as_listed, bring_here, cache_folder
 
 if TYPE_CHECKING:
     from silo_tui.sessions.recorded import FileSession
@@ -74,7 +74,11 @@ async def open_saved(context: Context, session: Session, files: list[SavedFile])
     try:
         listed = await session.recordings()
     except SiloError as error:
-        context.fail(str(error))
+        local = _on_this_machine(files)
+        if local is None:
+            context.fail(str(error))
+        else:  # the link is cut, or its helper process has ended: the file is there all the same
+            await open_recording(context, session, *local)
         return
     names = {PurePath(file.path).name for file in files}
     died = [one for one in listed.recordings if one.why.startswith("program died")]
@@ -84,3 +88,13 @@ async def open_saved(context: Context, session: Session, files: list[SavedFile])
         return
     newest = max(found, key=begun_ns)
     await open_recording(context, session, listed.folder, best_file(newest))
+
+
+def _on_this_machine(files: list[SavedFile]) -> tuple[str, RecordingFile] | None:
+    """Return folder and file of what was saved, if it lies here."""
+    for file in files:
+        path = Path(file.path)
+        found = as_listed(path, file.type)
+        if found is not None:
+            return str(path.parent), found
+    return None

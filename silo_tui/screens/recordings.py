@@ -80,7 +80,8 @@ class RecordingsScreen(SiloScreen):
 
     def read_again(self) -> None:
         """Ask what there is."""
-        self.run_worker(self._read(), group="recordings", exclusive=True)
+        if self.is_running and self.app.is_running:
+            self.run_worker(self._read(), group="recordings", exclusive=True)
 
     async def _read(self) -> None:
         while True:
@@ -152,7 +153,7 @@ class RecordingsScreen(SiloScreen):
 
     def table_changed(self) -> None:
         """Follow what was saved, captured or deleted."""
-        if self.app.is_running and self.context.upper_screen is self:
+        if self.context.upper_screen is self:
             self.read_again()
 
     def status_changed(self) -> None:

@@ -161,6 +161,9 @@ class TableScreen(ElementsScreen):
         """Do what a key asks for; rows don't move under it."""
         self._key_s = time.monotonic()
         self._top_wanted = False
+        if command_id == "edit" and self.session.dead:  # nothing is edited any more; what it logged is to be seen
+            self._open_left()
+            return
         super().action_command(command_id)
 
     def order_changed(self) -> None:
@@ -273,9 +276,7 @@ class TableScreen(ElementsScreen):
     # ------------------------------------------------------------------------------------------------- editing
 
     def command_edit(self) -> None:
-        if self.session.dead:  # nothing is edited any more; what it logged is to be seen
-            self._open_left()
-        elif self._field_chosen:
+        if self._field_chosen:
             self.edit_field(self.table.field)
         elif self._targets_known():
             count = len(self.session.rows.targets())

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from silo.ipc.messages import RecordingFile
+from silo.model import FileType
 from silo_tui.model import text
 
 if TYPE_CHECKING:
@@ -54,22 +55,20 @@ class Fetching:
 def here(folder: str | os.PathLike[str], file: RecordingFile) -> Path | None:
     """Return where a recording lies in a folder of this machine; None where no such file, or another one, is there."""
     path = Path(folder) / file.name
+    return path if as_listed(path, file.type) == file else None
+
+
+def as_listed(path: Path, kind: FileType) -> RecordingFile | None:
+    """Return a file or bag folder of this machine as a robot would list it; None where it can't be read."""
     try:
         inner = list(path.iterdir()) if path.is_dir() else [path]
         stats = [each.stat() for each in inner]
     except OSError:
         return None
-    size, changed = sum(each.st_size for each in stats), max((each.st_mtime_ns for each in stats), default=0)
-    same = (size, changed) == (file.size_bytes, file.changed_ns) and all(os.access(each, os.R_OK) for each in inner)
-    return path if same else None
-
-
-def size_here(path: Path, file: RecordingFile) -> bool:
-    """Whether a file of this name and size is here, whenever it was changed."""
-    try:
-        return path.stat().st_size == file.size_bytes if path.is_file() else here(path.parent, file) is not None
-    except OSError:
-        return False
+    if not stats or not all(os.access(each, os.R_OK) for each in inner):
+        return None
+    size, changed = sum(each.st_size for each in stats), max(each.st_mtime_ns for each in stats)
+    return RecordingFile(path.name, kind, size, changed)
 
 
 def cache_folder(host: str, logger: str) -> Path:

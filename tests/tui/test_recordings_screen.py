@@ -264,8 +264,23 @@ async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fak
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
 
 
-async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs):
+async def test_what_a_dead_robot_left_here_is_opened_without_a_link_too(opened, fake, logs):
     fake.run()
+    async with opened(fake) as screen:
+        fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
+        left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
+        fake.publish(EventKind.CRASHED, fake.reason, files=left)
+        await screen.shows("Enter opens it")
+        fake.cut()
+        await screen.shows("NO LINK")
+        await screen.press("enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+
+
+@pytest.mark.parametrize("may_edit", [True, False])
+async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs, may_edit):
+    fake.run()
+    fake.may_edit = may_edit
     fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
     async with opened(fake) as screen:
         await screen.shows("Enter opens it")
@@ -366,6 +381,8 @@ async def test_without_a_link_the_list_stays_and_says_so(opened, fake, logs):
         assert lines_with(screen, "trigger fall")
         await screen.press("x")
         await screen.shows("no link to robot")
+        await screen.press("enter")  # it lies on this machine
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
 
 
 @pytest.mark.parametrize("keys", [("G",), ("/", "b", "o", "b", "enter")])
