@@ -284,6 +284,10 @@ class SiloScreen(Screen[None]):
 
     def on_screen_suspend(self) -> None:
         """Show the keys of a dialog that lies above."""
+        self.show_keys_above()
+
+    def show_keys_above(self) -> None:
+        """Show the keys of what lies above this screen, where it is a dialog."""
         if self.app.screen.is_modal:
             for bar in self.query(KeyBar):
                 bar.show_instead(getattr(self.app.screen, "KEYS_HERE", "Enter Does it  Esc Closes"))

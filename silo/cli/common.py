@@ -72,16 +72,17 @@ def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str
     return words[0], list(words[1:])
 
 
-def no_pattern(logger: str | None, usage: str) -> click.UsageError:
-    """Return the error for words without a pattern: one may have been taken for a logger, as several run."""
+def unknown_logger(logger: str | None) -> click.UsageError | None:
+    """Return the error for a word that is no logger where several run, so that it may be a pattern of one of them."""
     from silo.ipc.discovery import discover
 
-    if logger is not None:
-        found = discover(config=configuration()).loggers
-        if len(found) > 1 and logger not in {name for one in found for name in (one.name, one.label)}:
-            labels = ", ".join(one.label for one in found)
-            return click.UsageError(f"no logger is called '{logger}', and several run: say which before it: {labels}")
-    return click.UsageError(usage)
+    if logger is None:
+        return None
+    found = discover(config=configuration()).loggers
+    if len(found) < 2 or logger in {name for one in found for name in (one.name, one.label)}:
+        return None
+    labels = ", ".join(one.label for one in found)
+    return click.UsageError(f"no logger is called '{logger}', and several run: say which before it: {labels}")
 
 
 # --------------------------------------------------------------------------------------------------------- completion

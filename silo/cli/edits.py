@@ -13,10 +13,10 @@ from silo.cli.common import (
     complete_words,
     connect,
     many,
-    no_pattern,
     say_saved,
     show_rows,
     split_logger,
+    unknown_logger,
     unsaved,
     unsaved_options,
 )
@@ -86,7 +86,9 @@ def set_command(words: tuple[str, ...], dry_run: bool, restart: bool, save_first
     logger, rest = split_logger(words, or_pattern=True)
     patterns, settings_words = split_settings(rest)
     if not patterns or not settings_words:
-        raise no_pattern(logger, "give a pattern and a setting: silo set demo '*/torque' divider=5")
+        raise unknown_logger(logger) or click.UsageError(
+            "give a pattern and a setting: silo set demo '*/torque' divider=5"
+        )
     settings = read_settings(settings_words)
     chosen = unsaved(save_first=save_first, discard=discard)
     with connect(logger) as client:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import complete_words, connect, json_option, many, show_json, split_logger
+from silo.cli.common import complete_words, connect, json_option, many, show_json, split_logger, unknown_logger
 from silo.cli.edits import select
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.ipc.published import NOT_LIVE_TEXTS
@@ -93,6 +93,8 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
       silo watch demo /log/battery --rate 1 --json | jq .values
     """
     logger, patterns = split_logger(words, or_pattern=True)
+    if not patterns and (problem := unknown_logger(logger)) is not None:
+        raise problem
     try:
         with connect(logger) as client:
             _watch(client, patterns, rate, count, as_json=as_json)

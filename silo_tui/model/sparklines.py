@@ -8,15 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from silo_tui.model.braille import CONSTANT
+from silo_tui.model import dots
+from silo_tui.model.braille import CONSTANT, SHADE
 from silo_tui.model.columns import ColumnStore, Floats, hold_piece
 from silo_tui.model.plots import trend
 
 ROWS = 4  # dots of a cell
 HOLD = 4  # columns that a slow signal holds
-# value of each dot, left and right column, from the bottom
-_DOTS = np.array([[0x40, 0x04, 0x02, 0x01], [0x80, 0x20, 0x10, 0x08]], np.uint32)
-_BLANK, _EMPTY = ord(" "), 0x2800
 
 
 def trends(store: ColumnStore, names: Sequence[str], width: int) -> list[str]:
@@ -48,13 +46,21 @@ def sparklines(low: Floats, high: Floats) -> list[str]:
     valid = ~np.isnan(low)
     top, bottom = _rows(low, high, valid)
     _join(top, bottom, valid)
-    # dots from `bottom` to `top` of each column; none where it is empty
-    at = np.arange(ROWS)
-    dots = (at >= bottom[:, :, None]) & (at <= top[:, :, None]) & valid[:, :, None]
-    cells = (dots.reshape(signals, columns // 2, 2, ROWS) * _DOTS).sum(axis=(2, 3)).astype(np.uint32) + _EMPTY
-    cells[cells == _EMPTY] = _BLANK
-    whole = cells.astype("<u4").tobytes().decode("utf-32-le")
-    return [whole[start : start + columns // 2] for start in range(0, len(whole), columns // 2)]
+    # dots from `bottom` to `top` of each column, the highest first; none where it is empty
+    at = np.arange(ROWS - 1, -1, -1)[:, None]
+    lit = (at >= bottom[:, None, :]) & (at <= top[:, None, :]) & valid[:, None, :]
+    cells = dots.cells(lit.reshape(signals * ROWS, columns))
+    cells[_missing(valid)] = ord(SHADE)
+    return dots.lines_of(cells)
+
+
+def _missing(valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells between the first and the last sample of a signal that have none."""
+    begun = np.logical_or.accumulate(valid, axis=1)
+    goes_on = np.logical_or.accumulate(valid[:, ::-1], axis=1)[:, ::-1]
+    missing: NDArray[np.bool_] = ~valid & begun & goes_on
+    both: NDArray[np.bool_] = np.logical_and(missing[:, ::2], missing[:, 1::2])
+    return both
 
 
 def _hold(low: Floats, high: Floats) -> tuple[Floats, Floats]:

@@ -9,7 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.widgets import Static
 
-from silo_tui.context import Held
+from silo_tui.context import Held, SiloScreen
 from silo_tui.model import text
 from silo_tui.screens.dialogs import Prompt
 
@@ -21,6 +21,8 @@ class Holding(Held):
 
     CSS = "Holding { background: $background 0%; align: left bottom; } Holding #waiting { display: none; height: 1; \
 width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
+
+    KEYS_HERE = "Esc Lets it go on"
 
     def __init__(self, what: str) -> None:
         super().__init__()
@@ -55,9 +57,16 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
         keys, self._keys = self._keys, []
         if isinstance(self.app.screen, Prompt):
             self.app.screen.take_early(keys)
+        self._tell_keys()
+
+    def _tell_keys(self) -> None:
+        for screen in self.app.screen_stack:
+            if isinstance(screen, SiloScreen):
+                screen.show_keys_above()
 
     def on_screen_resume(self) -> None:
         """Wait for the next step."""
+        self._tell_keys()
         self._began = time.monotonic()
         if self.ended:
             self.end()

@@ -393,7 +393,7 @@ class MonitorScreen(StandingStill):
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a pause or a cursor asks for."""
-        live = self.source.live
+        live = self._live.live  # what is held stands still, of a logger that goes on
         paused = (("pause", "Go on"),) if self.window.paused and live else ()
         back = "No cursor" if self.window.cursor is not None else "Live" if self.window.paused and live else ""
         return (*paused, ("cursor_left", "Cursor"), ("back", back)) if back else paused

@@ -448,10 +448,7 @@ class TableScreen(ElementsScreen):
         try:
             changed = self.session.change(parse_change(field, value))
         except ValueError as error:
-            shown = f"? {str(error).removesuffix('; nothing was changed')}"  # which the open editor says
-            self.info.ask(shown)
-            if len(shown) > self.info.size.width:
-                self.context.fail(str(error))  # the line shows its beginning only
+            self.info.ask(f"? {str(error).removesuffix('; nothing was changed')}")  # which the open editor says
             return False
         self._edited(f"{field.label}: {changed} changed" if changed else "nothing to change")
         return True

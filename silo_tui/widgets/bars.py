@@ -157,11 +157,14 @@ class InfoLine(Widget):
 
     def ask(self, words: str) -> None:
         """Show what is to be typed, alone, whatever happens meanwhile; empty: no more."""
+        refused = words.startswith("?") or self._prompt.startswith("?")
         self._prompt = words
-        self.refresh()
+        self.refresh(layout=refused)
 
     def render(self) -> RenderResult:
-        """Return the line."""
+        """Return the line; a refusal in as many as it takes."""
+        if self._prompt.startswith("?"):
+            return Text(self._prompt)
         if self._prompt:
             return Text(self._prompt, no_wrap=True, overflow="ellipsis")
         if self._whole:

@@ -11,6 +11,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -205,11 +206,11 @@ def test_a_growing_buffer_that_takes_long_to_copy_costs_the_looping_ones_nothing
         log.collect()
     copy = SegmentReader._copy
 
-    def copy_slowly(reader: SegmentReader, ring: RingSchema, begin: int, end: int) -> NDArray[np.uint64]:
+    def copy_slowly(reader: SegmentReader, ring: RingSchema, *rows: Any) -> NDArray[np.uint64]:
         if ring.buffer_type is BufferType.GROWING:
             for _ in range(500):
                 log.collect()
-        return copy(reader, ring, begin, end)
+        return copy(reader, ring, *rows)
 
     monkeypatch.setattr(SegmentReader, "_copy", copy_slowly)
     recording = log.snapshot()

@@ -3,6 +3,7 @@
 import asyncio
 import inspect
 import time
+import unicodedata
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 
 import pytest
 from textual import events
-from textual.keys import _character_to_key
+from textual.keys import REPLACED_KEYS, _character_to_key, _get_unicode_name_from_key
 from textual.screen import ModalScreen
 
 from silo.model import Action, ElementInfo
@@ -66,6 +67,14 @@ def robot() -> list[ElementInfo]:
     return robot_elements()
 
 
+def _character_of(name: str) -> str | None:
+    """Return what a key types; None for one that types nothing."""
+    try:
+        return unicodedata.lookup(_get_unicode_name_from_key(REPLACED_KEYS.get(name, name)))
+    except KeyError:
+        return name if len(name) == 1 else None
+
+
 class Screen:
     """An app in a headless terminal, with the steps that tests take."""
 
@@ -107,7 +116,7 @@ class Screen:
         """
         for key in keys:
             name = _character_to_key(key) if len(key) == 1 and not key.isalnum() else key
-            self.app.post_message(events.Key(name, key if len(key) == 1 else None))
+            self.app.post_message(events.Key(name, _character_of(name)))
             for _ in range(3):  # the key, what its command posted, and what that opened
                 await self.pilot._wait_for_screen()
         await self.pilot.pause(0)

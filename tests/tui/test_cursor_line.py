@@ -12,5 +12,5 @@ async def test_the_highlight_moves_with_the_cursor(fake, opened, field):
         table.field = field
         await screen.press("j", "k", "j", "j")
         await screen.pilot.pause()
-        backs = [next(iter(table.render_line(y))).style.bgcolor for y in range(6)]
+        backs = [list(table.render_line(y))[1].style.bgcolor for y in range(6)]  # behind the sign of what is pending
         assert [back == backs[2] for back in backs] == [y == 2 for y in range(6)]

@@ -209,24 +209,3 @@ async def test_what_is_wrong_with_a_value_is_read_whole(fake, opened):
         await screen.shows("? buffer size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got abc")
         await screen.press(*["backspace"] * 3, "9", "enter")
         assert screen.value(FIRST, Field.BUFFER_SIZE) == "9"
-
-
-@pytest.mark.slow
-async def test_the_monitor_leaves_out_what_is_saved_only_and_prepares_all_of_it(fake, opened):
-    fake.run()
-    async with opened(fake, size=(100, 30)) as screen:
-        await screen.type("/LF/HAA current")
-        await screen.press("enter", "asterisk")
-        await screen.type("/")
-        await screen.press(*["backspace"] * 15)
-        await screen.type("LF current")
-        await screen.press("enter", "asterisk", "escape")
-        await screen.type("/LF/HAA")
-        await screen.press("enter", "asterisk", "j", "j", "m")
-        await screen.shows("3 saved only: P prepares")
-        stack = screen.app.screen.stack
-        assert not any("current" in plotted.name for plotted in stack.plots)
-        assert "temperature" in stack.plots[stack.chosen].name
-        await screen.press("P")
-        await screen.shows("prepared for 3 elements")
-        assert screen.session.table.pending_count == (3, 3)

@@ -158,7 +158,7 @@ def test_blocks_are_two_dots_high(style):
 
 
 def test_an_unknown_style_is_refused(style):
-    with pytest.raises(ValueError, match="'sixel' is unknown; one of braille, octants, blocks"):
+    with pytest.raises(ValueError, match="'sixel' is unknown; one of auto, braille, octants, blocks"):
         style("sixel")
 
 

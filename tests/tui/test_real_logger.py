@@ -65,4 +65,6 @@ async def test_an_element_that_could_not_be_read_says_so_in_the_inspector(tmp_pa
             robot.mode = value
             log.collect()
         async with screen_of(SiloApp(ClientFinder(), rate_hz=10), size=(160, 40)) as screen:
+            await screen.shows("/mode")
+            await screen.press("i")
             await screen.shows("not read     at 2 ticks")

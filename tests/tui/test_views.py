@@ -20,10 +20,20 @@ def home(tmp_path, monkeypatch):
 
 names = st.text("aZé19 /_.:#-~*'\"[{,", max_size=12).map(str.strip)
 numbers = st.floats(-1e12, 1e12)
+# a signal stands in one plot
+panels = st.lists(names.filter(bool), unique=True, max_size=6).flatmap(
+    lambda given: st.lists(st.integers(1, 3), min_size=len(given), max_size=len(given)).map(
+        lambda sizes: tuple(
+            tuple(given[sum(sizes[:at]) : sum(sizes[: at + 1])])
+            for at in range(len(sizes))
+            if given[sum(sizes[:at]) : sum(sizes[: at + 1])]
+        )
+    )
+)
 layouts = st.builds(
     Layout,
     sort=names, filter=names, columns=st.lists(names, unique=True, max_size=3).map(tuple),
-    plots=st.lists(names, unique=True, max_size=4).map(tuple), chosen=names,
+    plots=panels, chosen=names,
     span_s=st.floats(1e-3, 1e6),
     scales=st.dictionaries(names, st.tuples(numbers, numbers).filter(lambda ends: ends[0] < ends[1]), max_size=2),
 )  # fmt: skip
@@ -109,7 +119,7 @@ async def test_a_view_is_kept_by_its_word_and_listed(fake, opened):
 async def test_what_a_logger_doesnt_have_is_told_and_the_rest_is_shown(fake, opened):
     name = fake.table().elements[0].name
     entry = name + fake.table().elements[0].entries[0].suffix
-    files.save(files.place("old"), Layout(sort="nope", plots=("gone/x", entry), columns=("div", "nope")))
+    files.save(files.place("old"), Layout(sort="nope", plots=(("gone/x", entry),), columns=("div", "nope")))
     async with opened(fake, size=(160, 50), view="old") as screen:
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         assert [plotted.name for plotted in screen.app.screen.stack.plots] == [entry]

@@ -67,7 +67,7 @@ def add_beside_every_field(part) -> int:
         return 0
     count = sum(map(add_beside_every_field, part.values()))
     if all(not key.lstrip("-").isdecimal() for key in part):  # not the labels of an enumeration
-        part["triggers"] = {"when": "x > 2", "pre_s": 1.5, "marks": [None, {"tick": 7}]}
+        part["novelties"] = {"when": "x > 2", "pre_s": 1.5, "marks": [None, {"tick": 7}]}
         count += 1
     return count
 
@@ -102,7 +102,7 @@ def test_fields_that_a_newer_silo_adds_to_the_description_are_passed_over(new_lo
     data = bytearray(path.read_bytes())
     words = np.frombuffer(data, np.int64)
     begin, size = int(words[Header.SCHEMA_OFFSET]), int(words[Header.SCHEMA_BYTES])
-    schema = {**msgspec.json.decode(bytes(data[begin : begin + size])), "limits": [{"of": "x"}]}
+    schema = {**msgspec.json.decode(bytes(data[begin : begin + size])), "novel": [{"of": "x"}]}
     assert add_beside_every_field(schema) >= 11
     body = msgspec.json.encode(schema)
     words[Header.SCHEMA_OFFSET], words[Header.SCHEMA_BYTES] = len(data), len(body)  # there it has room

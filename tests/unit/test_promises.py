@@ -14,15 +14,21 @@ PAGE = ROOT / ".docs" / "promises.md"
 PROMISES = re.findall(r"^\| (P\d+) \| (.+?) \| (.+?) \|$", PAGE.read_text(), re.MULTILINE)
 LOOSE = re.findall(r"^\| (N\d+) \|", PAGE.read_text(), re.MULTILINE)
 
+FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
+
 
 def named_in(file):
     """`test_name` and `Class::test_name` of a file."""
     names = set()
     for node in ast.parse(file.read_text()).body:
-        if isinstance(node, ast.FunctionDef):
+        if isinstance(node, FUNCTIONS):
             names.add(node.name)
         if isinstance(node, ast.ClassDef):
-            names |= {f"{node.name}::{one.name}" for one in node.body if isinstance(one, ast.FunctionDef)}
+            names |= {
+                f"{node.name}::{one.name}"
+                for one in node.body
+                if isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef)
+            }
     return {name for name in names if name.rpartition("::")[2].startswith("test_")}
 
 
