@@ -63,7 +63,7 @@ class _Owner:
 
     def __init__(self) -> None:
         self._owners: dict[str, tuple[int, str]] = {}
-        self._disown: Callable[[], None] | None = None
+        self._disown: weakref.ref[Callable[[], None]] | None = None  # what `collect` keeps, and its buffers with it
         self._ended = False
 
     def claim(self, disown: Callable[[], None]) -> int:
@@ -83,7 +83,7 @@ class _Owner:
             )
         # what Python knows of a thread that C code began ends with each call from there, not with the thread
         if self._disown is None and not isinstance(thread, threading._DummyThread):
-            self._disown = disown
+            self._disown = weakref.ref(disown)
             if not hasattr(_present, "end"):
                 _present.end = _ThreadEnd()
             _present.end.owners.add(self)
@@ -92,8 +92,8 @@ class _Owner:
     def thread_ended(self) -> None:
         """Let no thread go on with the run: the next one may have the id of the one that ended."""
         self._ended = True
-        if self._disown is not None:
-            self._disown()
+        if self._disown is not None and (disown := self._disown()) is not None:
+            disown()
 
 
 class _ThreadEnd:
