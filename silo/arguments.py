@@ -101,6 +101,8 @@ def real(argument: str, value: object, low: float, high: float, unit: str, *, in
 
 def whole_number(value: object) -> int | None:
     """A whole number of any type that has them (Python's, NumPy's, an array of one), None for anything else."""
+    if type(value) is int:
+        return value
     # an enumeration's member is a choice, not a number, whatever it counts as
     if isinstance(value, bool | enum.Enum) or not isinstance(value, SupportsIndex):
         return None

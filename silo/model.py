@@ -302,5 +302,4 @@ def buffer_size_for(seconds: float, frequency_hz: float, divider: int) -> int:
 
 def join_name(prefix: str, group: str, name: str) -> str:
     """Return `prefix/group/name` with runs of `/` folded into one and none at the end."""
-    parts = [part for piece in (prefix, group, name) for part in piece.split("/") if part]
-    return "/" + "/".join(parts)
+    return "/" + "/".join(filter(None, f"{prefix}/{group}/{name}".split("/")))

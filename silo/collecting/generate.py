@@ -2,18 +2,18 @@
 
 Measured against a class that walks lists: 8 - 45 % faster, and attributes cost 20 ns instead of 270.
 
-Facts that decide its form:
-- fancy indexing keeps the GIL up to 500 indices; `np.take` always drops it, and next to a busy thread single calls then
-  take 5 ms and more. So words are gathered in pieces of at most 500. A store through a memoryview slice keeps it too.
-- words that lie side by side in memory are cheaper to copy than to gather from some 128 words on.
+Facts that decide its form, beside those in `silo.collecting.pieces`:
 - rows first, then each ring's head, the time ring last: a reader that sees tick k finds row k in every ring.
+- to test one divider costs 30 ns a tick. With many of them, each row stands in a table under the tick at which it is
+  due next: a tick at which nothing is due costs one look, and 500 dividers no more than the rows that they write.
 """
 
 import functools
-import itertools
+import marshal
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from silo.collecting.chunks import Chunks
 from silo.collecting.clocks import NOTHING, clock_failed
 from silo.collecting.one_writer import guard_lines
+from silo.collecting.pieces import memory_window, row_pieces
 from silo.collecting.plan import Plan, RingPlan
 from silo.collecting.reasons import StopReason
 from silo.collecting.schema import ORDERED_STORES, STAMP_WORDS, TIME_RING, RingControl, RingSchema
@@ -32,9 +33,7 @@ from silo.collecting.sources import Expression
 from silo.errors import StateError
 from silo.model import BufferType
 
-GATHER_WORDS = 500
-RUN_WORDS = 128
-INLINE_DIVIDERS = 4  # with more distinct dividers, one comparison per tick tells whether any is due
+INLINE_DIVIDERS = 4  # with more distinct ones, rows wait in a table for the tick at which they are due
 
 # the store is the check of what the clock returned; a block that nothing fails in costs nothing
 CLOCK = """\
@@ -45,7 +44,6 @@ except StateError:
 except Exception as error:
     raise clock_failed(NOTHING, error) from error
 try:
-    stamp[0] = tick
     stamp[1] = t
 except Exception as error:
     raise clock_failed(t, error) from error""".splitlines()
@@ -64,15 +62,6 @@ class Generated:
     retire: Callable[[], None]
 
 
-@dataclass(frozen=True)
-class Piece:
-    """Columns `begin <= column < end` of a ring's row, and the array expression that fills them."""
-
-    begin: int
-    end: int
-    value: str
-
-
 class _Names:
     """Objects that the generated code refers to, each under a name of its own."""
 
@@ -83,23 +72,6 @@ class _Names:
         name = f"{prefix}{len(self.objects)}"
         self.objects[name] = value
         return name
-
-
-def memory_window(addresses: NDArray[np.int64], scratch_words: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-    """One array over all words that are gathered, and the word address where it begins.
-
-    Only the words that are indexed are ever touched: what lies between the sources need not be mapped.
-    """
-    scratch = int(scratch_words.__array_interface__["data"][0]) // 8
-    low = min(int(addresses.min(initial=scratch)), scratch)
-    high = max(int(addresses.max(initial=scratch)) + 1, scratch + len(scratch_words))
-    if low == scratch and high == scratch + len(scratch_words):
-        return scratch_words, scratch
-
-    class Window:
-        __array_interface__ = {"data": (8 * low, True), "shape": (high - low,), "typestr": "<i8", "version": 3}  # noqa: RUF012
-
-    return np.asarray(Window()), low
 
 
 def generate(
@@ -133,13 +105,35 @@ def generate(
         "after_end": after_end,
         "FULL": StopReason.TIME_FULL,
         "growth_ended": segment.growth_ended,
+        "rows_due": _rows_due,
     }
     writer = _Writer(plan, segment, names, memory, base, serialized=serialized)
     source = writer.source()
     namespace: dict[str, Any] = dict(names.objects)
-    exec(compile(source, "<silo collect>", "exec"), namespace)  # of names made here and checked identifiers
+    exec(_code(source), namespace)  # of names made here and checked identifiers
     # without its maker in its own namespace, `collect` is no cycle: old buffers are freed at once, not some day
     return Generated(*namespace.pop("make")())
+
+
+def _code(source: str) -> CodeType:
+    """The code of a text, an object of its own: what the interpreter learns of one run slows another one down."""
+    code = marshal.loads(_compiled(source))
+    assert isinstance(code, CodeType)
+    return code
+
+
+@functools.lru_cache(maxsize=8)
+def _compiled(source: str) -> bytes:
+    """A restart of an unchanged table has the text of the run before: 10,000 attributes take 0.3 s to compile."""
+    return marshal.dumps(compile(source, "<silo collect>", "exec"))
+
+
+def _rows_due(rows: "tuple[tuple[int, Callable[[int], int]], ...]", tick: int) -> "dict[int, list[object]]":
+    """Which rows are due at which tick, each only under its next one from `tick` on; `rows` with their dividers."""
+    due: dict[int, list[object]] = defaultdict(list)
+    for divider, row in rows:
+        due[-(-tick // divider) * divider].append(row)
+    return due
 
 
 def _forget(namespace: dict[str, Any]) -> None:
@@ -165,29 +159,27 @@ class _Writer:
         self._plan, self._segment, self._names = plan, segment, names
         self._memory, self._base = memory, base
         self._state: list[str] = []  # assignments that open `make`, of the names that collect() changes
+        self._functions: list[str] = []  # of `make`, each writes the rows of a divider
         self._chunks: dict[int, Chunks] = {}
         self._slow = SlowReads(plan, segment, self._chunks)
         self._undo: list[str] = []  # what takes back a tick that was interrupted
         self._changed: list[str] = ["tick"]
+        self._stamp_gathered = False
 
     def source(self) -> str:
         """The text of `make()`, which returns `collect`."""
-        groups: dict[int, list[RingPlan]] = defaultdict(list)
-        for ring in self._plan.rings[1:]:
-            groups[ring.schema.divider].append(ring)
-        slots = self._plan.scratch.by_divider()
-        body = list(self._groups(groups, slots))
-        body += [*self._ring(self._plan.rings[0], "n"), "tick = n"]
+        body = self._groups()
+        body += [*self._ring(self._plan.rings[TIME_RING], "n"), "tick = n"]
         if self._plan.time.buffer_type is BufferType.FIXED:
             body += [f"if n >= {self._plan.time.size}:", "    on_stop(FULL)"]
         guard = guard_lines(serialized=self._serialized)
         self._names.objects |= guard.objects
-        self._state += guard.state
-        self._changed += guard.changed
-        lines = ["def make():", "    tick = 0", *_indent(self._state, 1), "    def collect():"]
-        lines += [f"        nonlocal {', '.join(self._changed)}", *_indent(guard.enter, 2)]
-        lines += ["        try:", "            n = tick + 1", *_indent(CLOCK, 3), *_indent(body, 3)]
-        # Ctrl-C may come within a tick: all of it is logged, or nothing
+        changed = ", ".join(self._changed + guard.changed)
+        stamp = ["stamp[0] = tick"] if self._stamp_gathered else []
+        lines = ["def make():", "    tick = 0", *_indent([*self._state, *guard.state, *self._functions], 1)]
+        lines += ["    def collect():", f"        nonlocal {changed}", *_indent(guard.enter, 2)]
+        lines += ["        try:", "            n = tick + 1", *_indent([*CLOCK, *stamp, *body], 3)]
+        # Ctrl-C may come within a tick: all of it is logged, or nothing. A second one comes at a call, so none is here
         lines += [
             "        except BaseException:",
             "            if tick != n:",
@@ -199,31 +191,54 @@ class _Writer:
         lines += ["    return collect, retire"]
         return "\n".join(lines)
 
-    def _groups(self, groups: dict[int, list[RingPlan]], slots: dict[int, list[Slot]]) -> Iterator[str]:
+    def _groups(self) -> list[str]:
+        """The rows of all rings but the time ring's, divider by divider."""
+        groups: dict[int, list[RingPlan]] = defaultdict(list)
+        for ring in self._plan.rings[1:]:
+            groups[ring.schema.divider].append(ring)
+        slots = self._plan.scratch.by_divider()
         dividers = sorted(set(groups) | set(slots))
+        body = []
+        for divider in [divider for divider in dividers if divider == 1]:
+            body += [*self._reads(slots.get(divider, [])), *self._rings(groups[divider], "n")]
         slow = [divider for divider in dividers if divider > 1]
-        yield from (line for d in dividers if d == 1 for line in self._group(d, groups[d], slots.get(d, [])))
-        many = len(slow) > INLINE_DIVIDERS
-        if many:
-            self._state.append("due = 0")
-            self._undo.append("due = tick")
-            self._changed.append("due")
-            yield "if tick == due:"
-            yield f"    due = min([{', '.join(f'tick - tick % {d} + {d}' for d in slow)}])"
+        if len(slow) > INLINE_DIVIDERS:
+            return body + self._scheduled(slow, groups, slots)
         for divider in slow:
-            lines = [
-                f"if not tick % {divider}:",
-                *_indent(self._group(divider, groups[divider], slots.get(divider, [])), 1),
-            ]
-            yield from _indent(lines, 1) if many else lines
+            lines = [*self._reads(slots.get(divider, [])), f"k = tick // {divider} + 1"]
+            body += [f"if not tick % {divider}:", *_indent(lines + self._rings(groups[divider], "k"), 1)]
+        return body
 
-    def _group(self, divider: int, rings: list[RingPlan], slots: list[Slot]) -> list[str]:
-        lines = list(self._reads(slots))
-        if divider > 1:
-            lines.append(f"k = tick // {divider} + 1")
-        for ring in rings:
-            lines += self._ring(ring, "n" if divider == 1 else "k")
-        return lines
+    def _rings(self, rings: list[RingPlan], count: str) -> list[str]:
+        return [line for ring in rings for line in self._ring(ring, count)]
+
+    def _scheduled(
+        self, dividers: list[int], groups: dict[int, list[RingPlan]], slots: dict[int, list[Slot]]
+    ) -> list[str]:
+        """One function per divider that writes its rows and returns when they are due again.
+
+        They don't refer to the table in which they stand: old buffers are freed at once, not when cycles are found.
+        They remember no places either, which `collect()` would have to carry for the case that it is interrupted.
+        """
+        for divider in dividers:
+            rings = [self._placed_ring(ring) for ring in groups[divider]]
+            kept = [name for names, _ in rings for name in names]
+            lines = [f"nonlocal {', '.join(kept)}"] if kept else []
+            lines += [*self._reads(slots.get(divider, [])), f"k = tick // {divider} + 1"]
+            lines += [line for _, stores in rings for line in stores]
+            self._functions += [f"def row{divider}(t):", *_indent([*lines, f"return tick + {divider}"], 1)]
+        rows = ", ".join(f"({divider}, row{divider})" for divider in dividers)
+        self._functions += [f"rows = ({rows})", "due = {}", "astray = True"]
+        self._changed += ["due", "astray"]
+        self._undo.append("astray = True")
+        return [
+            "if astray:",
+            "    due = rows_due(rows, tick)",
+            "    astray = False",
+            "if tick in due:",
+            "    for row in due.pop(tick):",
+            "        due[row(t)].append(row)",
+        ]
 
     # ------------------------------------------------------------------------------------------- expressions
 
@@ -297,7 +312,7 @@ class _Writer:
         begin = schema.offset // 8
         end = begin + schema.capacity * schema.row_words
         self._state.append(f"{offset} = {begin}")
-        store = self._store(ring, schema, count, offset, "w")
+        store = [*self._store(ring, schema, count, offset, "w"), f"{offset} += {schema.row_words}"]
         head = f"w[{self._segment.ring_control(schema.ring) + RingControl.HEAD}]"
         before = f"-(-tick // {schema.divider})"
         if schema.buffer_type is BufferType.LOOPING:
@@ -316,11 +331,8 @@ class _Writer:
 
     def _growing_ring(self, ring: RingPlan, schema: RingSchema, count: str, offset: str) -> list[str]:
         number = schema.ring
-        memory, end = f"mem{number}", f"end{number}"
+        memory, end, more = self._first_chunk(schema, offset)
         self._changed += [memory, end]
-        chunks = self._chunks[number] = Chunks(self._segment, schema)
-        more = self._names.give("more", chunks.more)
-        self._state.append(f"{memory}, {offset}, {end} = {more}(0)")
         control = self._segment.ring_control(number)
         head, lost = f"w[{control + RingControl.HEAD}]", control + RingControl.LOST
         self._undo += [
@@ -332,7 +344,7 @@ class _Writer:
         gone = [f"w[{lost}] += 1"]
         if number == TIME_RING:
             gone += ["on_stop(growth_ended())", "return"]
-        store = self._store(ring, schema, count, offset, memory)
+        store = [*self._store(ring, schema, count, offset, memory), f"{offset} += {schema.row_words}"]
         return [
             f"if {offset} == {end}: {memory}, {offset}, {end} = {more}(({count} - 1) // {schema.capacity})",
             f"if {end} > 0:",
@@ -341,51 +353,56 @@ class _Writer:
             *_indent(gone, 1),
         ]
 
+    def _first_chunk(self, schema: RingSchema, offset: str) -> tuple[str, str, str]:
+        """The names of a growing ring: its present chunk, where that ends, and what gives the next one."""
+        memory, end = f"mem{schema.ring}", f"end{schema.ring}"
+        chunks = self._chunks[schema.ring] = Chunks(self._segment, schema)
+        more = self._names.give("more", chunks.more)
+        self._state.append(f"{memory}, {offset}, {end} = {more}(0)")
+        return memory, end, more
+
+    def _placed_ring(self, ring: RingPlan) -> tuple[list[str], list[str]]:
+        """The same for a row whose place follows from its number `k` alone; first the names that it keeps.
+
+        A tick that is done again writes the same row: its chunk is still the right one.
+        """
+        schema = self._segment.schema.rings[ring.schema.ring]
+        head = f"w[{self._segment.ring_control(schema.ring) + RingControl.HEAD}]"
+        before = f"-(-tick // {schema.divider})"
+        self._undo.append(f"if {head} > {before}: {head} = {before}")
+        if schema.buffer_type is not BufferType.GROWING:
+            store = self._store(ring, schema, "k", "at", "w")
+            place = [f"at = {schema.offset // 8} + (k - 1) % {schema.capacity} * {schema.row_words}", *store]
+            fixed = schema.buffer_type is BufferType.FIXED
+            return [], [f"if k <= {schema.capacity}:", *_indent(place, 1)] if fixed else place
+        memory, end, more = self._first_chunk(schema, "_")
+        lost = self._segment.ring_control(schema.ring) + RingControl.LOST
+        return [memory, end], [
+            f"at = (k - 1) % {schema.capacity} * {schema.row_words}",
+            f"if not at and {end} > 0: {memory}, _, {end} = {more}((k - 1) // {schema.capacity})",
+            f"if {end} > 0:",
+            *_indent(self._store(ring, schema, "k", "at", memory), 1),
+            "else:",
+            f"    w[{lost}] += 1",
+        ]
+
     def _store(self, ring: RingPlan, schema: RingSchema, count: str, offset: str, memory: str) -> list[str]:
         control = self._segment.ring_control(schema.ring)
         live = schema.ring == TIME_RING and not ORDERED_STORES
         lines = [f"w[{control + RingControl.LIVE}] = {count} - 1"] if live else []
-        for piece in self._pieces(ring):
+        for piece in row_pieces(ring.words, self._plan.scratch.address // 8, self._memory, self._base):
             begin = f"{offset} + {piece.begin}" if piece.begin else offset
-            if piece.end == STAMP_WORDS:  # nothing to gather with the stamp: two stores are cheaper than a slice
+            if piece.run is not None:
+                value = self._names.give("run", piece.run)
+            elif piece.indices is not None:
+                value = f"m[{self._names.give('i', piece.indices)}]"
+                self._stamp_gathered |= not piece.begin
+            else:  # nothing to gather with the stamp: two stores are cheaper than a slice
                 lines += [f"{memory}[{offset}] = tick", f"{memory}[{offset} + 1] = t"]
-            else:
-                lines.append(f"{memory}[{begin}:{offset} + {piece.end}] = {piece.value}")
+                continue
+            lines.append(f"{memory}[{begin}:{offset} + {piece.end}] = {value}")
         lines.append(f"w[{control + RingControl.HEAD}] = {count}")
-        lines.append(f"{offset} += {schema.row_words}")
         return lines
-
-    def _pieces(self, ring: RingPlan) -> list[Piece]:
-        """How a row is filled: long runs of memory as copies, the rest gathered, with the stamp in front."""
-        scratch = self._plan.scratch.address // 8
-        words = np.concatenate([np.arange(scratch, scratch + STAMP_WORDS), ring.words]) - self._base
-        pieces: list[Piece] = []
-        gathered = 0
-        if -(-len(words) // GATHER_WORDS) > -(-len(ring.words) // GATHER_WORDS):
-            gathered = STAMP_WORDS  # the stamp would cost a gather of its own
-            pieces.append(Piece(0, STAMP_WORDS, "stamp"))
-        for begin, end in _long_runs(words):
-            pieces += self._gather(words, gathered, begin)
-            pieces.append(Piece(begin, end, self._names.give("run", self._memory[words[begin] : words[end - 1] + 1])))
-            gathered = end
-        return pieces + self._gather(words, gathered, len(words))
-
-    def _gather(self, words: NDArray[np.int64], begin: int, end: int) -> list[Piece]:
-        starts = range(begin, end, GATHER_WORDS)
-        return [
-            Piece(start, min(start + GATHER_WORDS, end), f"m[{self._names.give('i', _indices(words, start, end))}]")
-            for start in starts
-        ]
-
-
-def _indices(words: NDArray[np.int64], start: int, end: int) -> NDArray[np.intp]:
-    return np.ascontiguousarray(words[start : min(start + GATHER_WORDS, end)], np.intp)
-
-
-def _long_runs(words: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Stretches of at least RUN_WORDS consecutive words, as places in `words`."""
-    cuts = np.concatenate([[0], np.flatnonzero(np.diff(words) != 1) + 1, [len(words)]])
-    return [(int(a), int(b)) for a, b in itertools.pairwise(cuts) if b - a >= RUN_WORDS]
 
 
 def _indent(lines: list[str], levels: int) -> list[str]:

@@ -3,12 +3,15 @@
 Made once at `start()`. Rules of the time buffer and of the size tiers are pure functions, tested without a segment.
 """
 
+import dataclasses
+import functools
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,8 +19,8 @@ from silo.collecting.schema import STAMP_WORDS, TIME_RING, ElementSchema, EntryS
 from silo.collecting.scratch import Scratch
 from silo.collecting.segment import chunk_bytes_for
 from silo.collecting.sources import Expression, Reference
-from silo.collecting.traits import Part, entry_of, strides_of
-from silo.model import BufferType, ElementInfo, ElementOptions
+from silo.collecting.traits import Part, expand
+from silo.model import BufferType, ElementInfo, ElementOptions, Entry
 
 LIVE_SECONDS = 2.0  # how long a sample must stay readable for the helper process to publish it
 SLACK_SECONDS = 0.25  # rows kept beyond a looping buffer, so that a snapshot during collection loses none
@@ -89,7 +92,19 @@ class _Placed:
     element: Element
     copied: bool  # whether part of it is read at each due tick, which can fail
     words: NDArray[np.int64]
-    entries: tuple[EntrySchema, ...]
+    entries: tuple[Entry, ...]
+    layout: "_Layout"
+
+
+class _Layout(NamedTuple):
+    """The words that a source covers, from the one where it begins; of its scalars the bytes from the first of them.
+
+    `swapped`: whether they are big-endian.
+    """
+
+    words: NDArray[np.int64]
+    offsets: tuple[int, ...]
+    swapped: tuple[bool, ...]
 
 
 @dataclass(frozen=True)
@@ -111,6 +126,26 @@ class Plan:
     chunk_bytes: int
     scratch: Scratch
     references: tuple[Reference, ...]
+
+    @functools.cached_property
+    def elements_json(self) -> bytes:
+        """The elements as they stand in the schema of a segment, but for the places where failures are counted."""
+        return msgspec.json.encode(self.elements)
+
+    def again(self) -> "Plan":
+        """The same for another run of an unchanged table. Its scratch is its own: a tick of the last run may last."""
+        scratch = self.scratch.again()
+        begin, count = self.scratch.address // 8, len(self.scratch.words)
+        moved = scratch.address // 8 - begin
+        rings = self.rings
+        if count > STAMP_WORDS:
+            inside = [(ring.words >= begin) & (ring.words < begin + count) for ring in rings]
+            rings = tuple(
+                RingPlan(ring.schema, ring.words + moved * within) for ring, within in zip(rings, inside, strict=True)
+            )
+        made = dataclasses.replace(self, scratch=scratch, rings=rings)
+        vars(made)["elements_json"] = self.elements_json
+        return made
 
 
 @dataclass
@@ -230,18 +265,21 @@ def _first_rows(rings: _Rings, placed: list[_Placed], time: TimeBuffer) -> dict[
 
 
 def _element_schema(number: int, placed: _Placed, rings: _Rings) -> ElementSchema:
+    info = placed.element.info
     ring, base = rings.where[number, False]
-    live_ring, live_base = rings.where.get((number, True), (ring, base))
-    entries = _shifted(placed.entries, base)
+    entries = _entry_schemas(placed, base)
     failures = 0 if placed.copied else -1
-    if not placed.element.info.options.action.publishes:
-        return ElementSchema(placed.element.info, ring, entries, failures=failures)
-    live_entries = _shifted(placed.entries, live_base)
-    return ElementSchema(placed.element.info, ring, entries, live_ring, live_entries, failures)
+    if not info.options.action.publishes:
+        return ElementSchema(info, ring, entries, failures=failures)
+    live = rings.where.get((number, True))
+    if live is None:
+        return ElementSchema(info, ring, entries, ring, entries, failures)
+    return ElementSchema(info, ring, entries, live[0], _entry_schemas(placed, live[1]), failures)
 
 
-def _shifted(entries: tuple[EntrySchema, ...], base: int) -> tuple[EntrySchema, ...]:
-    return tuple(EntrySchema(entry.entry, base + entry.byte_offset, entry.swapped) for entry in entries)
+def _entry_schemas(placed: _Placed, base: int) -> tuple[EntrySchema, ...]:
+    found = zip(placed.entries, placed.layout.offsets, placed.layout.swapped, strict=True)
+    return tuple(EntrySchema(entry, base + offset, swapped) for entry, offset, swapped in found)
 
 
 # ------------------------------------------------------------------------------------------------- words of memory
@@ -249,28 +287,46 @@ def _shifted(entries: tuple[EntrySchema, ...], base: int) -> tuple[EntrySchema, 
 
 def _place(element: Element, scratch: Scratch) -> _Placed:
     """The aligned 8-byte words that cover an element, each once, and where its entries lie in them."""
-    addresses: list[int] = []
-    sizes: list[int] = []
-    named: list[tuple[Any, bool]] = []
-    for part in element.parts:
-        base, strides = _memory(part, scratch)
-        for scalar in part.scalars(strides):
-            addresses.append(base + scalar.offset)
-            sizes.append(scalar.dtype.itemsize)
-            named.append(
-                (entry_of(scalar, part.labels), scalar.dtype.str.startswith(">") and scalar.dtype.itemsize > 1)
-            )
-    first = np.array(addresses, np.int64) // 8
-    last = (np.array(addresses, np.int64) + np.maximum(sizes, 1) - 1) // 8
+    parts = element.parts
+    copied = any(scratch.place_of(part.source) is not None for part in parts)
+    if len(parts) == 1:
+        words, layout = _part_words(parts[0], scratch)
+        return _Placed(element, copied, words, parts[0].entries(), layout)
+    placed = [_part_words(part, scratch) for part in parts]
+    words = np.unique(np.concatenate([one for one, _ in placed]))
+    offsets: list[int] = []
+    for covered, layout in placed:
+        within = np.array(layout.offsets, np.int64)
+        offsets += (8 * np.searchsorted(words, covered[within // 8]) + within % 8).tolist()
+    swapped = tuple(one for _, layout in placed for one in layout.swapped)
+    entries = tuple(entry for part in parts for entry in part.entries())
+    return _Placed(element, copied, words, entries, _Layout(words, tuple(offsets), swapped))
+
+
+def _part_words(part: Part, scratch: Scratch) -> tuple[NDArray[np.int64], _Layout]:
+    source = part.source
+    address, strides = _memory(part, scratch)
+    layout_of = _few_layout if part.is_small else _layout
+    layout = layout_of(source.dtype, source.shape, strides, part.kind, address % 8)
+    return layout.words + address // 8, layout
+
+
+def _layout(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], kind: str, begin: int) -> _Layout:
+    """How a source lies in words, whose first item is `begin` bytes into a word."""
+    scalars = expand(dtype, shape, strides, kind)
+    addresses = np.array([begin + scalar.offset for scalar in scalars], np.int64)
+    sizes = [scalar.dtype.itemsize for scalar in scalars]
+    first = addresses // 8
+    last = (addresses + np.maximum(sizes, 1) - 1) // 8
     spans = int((last - first).max()) + 1
     covered = first[:, None] + np.arange(spans)
     words = np.unique(covered[covered <= last[:, None]])
-    offsets = 8 * np.searchsorted(words, first) + np.array(addresses, np.int64) % 8
-    entries = tuple(
-        EntrySchema(entry, offset, swapped) for (entry, swapped), offset in zip(named, offsets.tolist(), strict=True)
-    )
-    copied = any(scratch.place_of(part.source) is not None for part in element.parts)
-    return _Placed(element, copied, words, entries)
+    offsets = 8 * np.searchsorted(words, first) + addresses % 8
+    swapped = tuple(scalar.dtype.str.startswith(">") and scalar.dtype.itemsize > 1 for scalar in scalars)
+    return _Layout(words, tuple(offsets.tolist()), swapped)
+
+
+_few_layout = functools.lru_cache(maxsize=1024)(_layout)
 
 
 def _memory(part: Part, scratch: Scratch) -> tuple[int, tuple[int, ...]]:
@@ -281,4 +337,4 @@ def _memory(part: Part, scratch: Scratch) -> tuple[int, tuple[int, ...]]:
     return view.__array_interface__["data"][0], view.strides
 
 
-__all__ = ["Element", "Plan", "RingPlan", "TimeBuffer", "make_plan", "size_tiers", "strides_of", "time_buffer"]
+__all__ = ["Element", "Plan", "RingPlan", "TimeBuffer", "make_plan", "size_tiers", "time_buffer"]

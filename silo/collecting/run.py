@@ -11,16 +11,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.generate import Collect, generate
+from silo.collecting.pieces import words_at
 from silo.collecting.plan import Element, Plan, make_plan
 from silo.collecting.reasons import StopReason
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment import Segment
 from silo.collecting.segment_reader import SegmentReader
-from silo.collecting.sources import Reference, abandoned
+from silo.collecting.sources import HeldArrays, Reference
 from silo.errors import SegmentError
 from silo.model import NO_EXTRAS, Extras, LoggerOptions, Storage, Threads
 from silo.runtime import (
@@ -49,16 +49,18 @@ class Run:
         on_stop: Callable[[StopReason], None],
         after_end: Collect,
         extras: Extras = NO_EXTRAS,
+        before: "Run | None" = None,
     ) -> None:
-        """Lay out, allocate and touch the buffers. Raises SegmentError where there is no room for them."""
-        plan = self._plan(options, elements, checked=options.checked)
-        if not options.checked and not addresses_work(plan):
-            logger.warning(
-                "reading variables by address doesn't work on this system: falling back to checked=True, 10x slower"
-            )
-            plan = self._plan(options, elements, checked=True)
-        self.plan = plan
-        _warn_of_abandoned(elements)
+        """Lay out, allocate and touch the buffers. Raises SegmentError where there is no room for them.
+
+        before: the logger's last run, whose layout is taken where the table is the same.
+        """
+        unchanged = before is not None and before._elements is elements
+        plan = before.plan.again() if before and unchanged else _laid_out(options, elements)
+        self.plan: Plan = plan
+        self._elements: Sequence[Element] | None = elements
+        self._watched: _Watched = before._watched if before and unchanged else _Watched(elements)
+        self._watched.warn_of_abandoned()
         path = self._path(options)
         self._announced = options.storage is Storage.FILE
         if self._announced:
@@ -69,6 +71,7 @@ class Run:
             plan.first_rows,
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is not Storage.FILE,
+            elements_json=plan.elements_json,
         )
         if self._announced:
             announce_segment(self.segment.path)
@@ -77,10 +80,6 @@ class Run:
         )
         self.collect, self._retire = generated.collect, generated.retire
         self._reader: SegmentReader | None = None
-
-    @staticmethod
-    def _plan(options: LoggerOptions, elements: Sequence[Element], *, checked: bool) -> Plan:
-        return make_plan(elements, options.frequency_hz, options.max_time_s, options.size_tiers, checked=checked)
 
     @staticmethod
     def _path(options: LoggerOptions) -> Path:
@@ -153,6 +152,7 @@ class Run:
         self._retire()
         self.collect = self._retire = _nothing
         self.plan = dataclasses.replace(self.plan, references=())
+        self._elements, self._watched = None, _Watched(())
         self.segment.unlink()
         if self._announced:
             withdraw_segment(self.segment.path)
@@ -161,21 +161,36 @@ class Run:
             self._reader = None
 
 
+def _laid_out(options: LoggerOptions, elements: Sequence[Element]) -> Plan:
+    plan = make_plan(elements, options.frequency_hz, options.max_time_s, options.size_tiers, checked=options.checked)
+    if options.checked or addresses_work(plan):
+        return plan
+    logger.warning("reading variables by address doesn't work on this system: falling back to checked=True, 10x slower")
+    return make_plan(elements, options.frequency_hz, options.max_time_s, options.size_tiers, checked=True)
+
+
 def _nothing() -> None:
     """What is left of a dropped run."""
 
 
-def _warn_of_abandoned(elements: Sequence[Element]) -> None:
-    sources = [(element.info, part.source) for element in elements for part in element.parts]
-    references = [(info, source) for info, source in sources if isinstance(source, Reference)]
-    alone = zip(references, abandoned([source for _, source in references]), strict=True)
-    for name in sorted({info.name for (info, _), gone in alone if gone and info.options.enabled}):
-        logger.warning(
-            "%s: only the logger refers to this array any more, its values won't change: it was assigned anew "
-            "(x = x + 1) since it was added; change it in place (x[:] = x + 1), or log the attribute "
-            "(log.add(owner, attr=...)), which follows assignments",
-            name,
-        )
+class _Watched:
+    """The elements whose values are read by reference, for the warning of those that can't change any more."""
+
+    def __init__(self, elements: Sequence[Element]) -> None:
+        sources = [(element.info, part.source) for element in elements for part in element.parts]
+        references = [(info, source) for info, source in sources if isinstance(source, Reference)]
+        self._infos = [info for info, _ in references]
+        self._held = HeldArrays([source for _, source in references])
+
+    def warn_of_abandoned(self) -> None:
+        gone = itertools.compress(self._infos, self._held.abandoned())
+        for name in sorted({info.name for info in gone if info.options.enabled}):
+            logger.warning(
+                "%s: only the logger refers to this array any more, its values won't change: it was assigned anew "
+                "(x = x + 1) since it was added; change it in place (x[:] = x + 1), or log the attribute "
+                "(log.add(owner, attr=...)), which follows assignments",
+                name,
+            )
 
 
 def addresses_work(plan: Plan) -> bool:
@@ -188,6 +203,8 @@ def addresses_work(plan: Plan) -> bool:
 
 def _same_bytes(view: NDArray[Any]) -> bool:
     address = view.__array_interface__["data"][0]
+    if view.size == 1:
+        return _read_words(address, view.nbytes) == view.tobytes()
     last = address + sum((size - 1) * step for size, step in zip(view.shape, view.strides, strict=True))
     # arrays of one item, not scalars: those have the byte order of the machine, and cut strings at their zeros
     first, final = ((..., *[one] * view.ndim) for one in (slice(0, 1), slice(-1, None)))
@@ -197,8 +214,4 @@ def _same_bytes(view: NDArray[Any]) -> bool:
 
 def _read_words(address: int, size_bytes: int) -> bytes:
     first, last = address // 8, (address + max(size_bytes, 1) - 1) // 8
-
-    class Window:
-        __array_interface__ = {"data": (8 * first, True), "shape": (last - first + 1,), "typestr": "<u8", "version": 3}  # noqa: RUF012
-
-    return np.asarray(Window()).tobytes()[address % 8 : address % 8 + size_bytes]
+    return words_at(first, last - first + 1).tobytes()[address % 8 : address % 8 + size_bytes]

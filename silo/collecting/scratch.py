@@ -145,6 +145,14 @@ class Scratch:
             slot.try_store()
             slot.first = view.tobytes()
 
+    def again(self) -> "Scratch":
+        """Another one with the same layout, in memory of its own, its sources read anew."""
+        made = Scratch()
+        for slot in self._slots:
+            made.add(slot.source, slot.divider, slot.name)
+        made.freeze()
+        return made
+
     @property
     def address(self) -> int:
         """Memory address of the first word."""

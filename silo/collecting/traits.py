@@ -6,7 +6,9 @@ lists and other registered types without a further word.
 
 import dataclasses
 import enum
+import functools
 import keyword
+import math
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -22,6 +24,7 @@ from silo.errors import ElementError, SiloError, SourceError
 from silo.model import Entry
 
 MAX_ENTRIES = 1_000_000
+KEPT_BYTES = 512  # of a source whose scalars are remembered: 10,000 elements have few layouts
 
 
 @dataclass(frozen=True)
@@ -42,16 +45,45 @@ class Part:
     kind: str = ""
     labels: Mapping[int, str] | None = None
 
-    def scalars(self, strides: tuple[int, ...]) -> list[Scalar]:
+    def scalars(self, strides: tuple[int, ...]) -> tuple[Scalar, ...]:
         """The part's scalars when its source's items lie at these strides."""
-        scalars = expand(self.source.dtype, self.source.shape, strides, self.kind)
-        return [dataclasses.replace(scalar, suffix=self.suffix + scalar.suffix) for scalar in scalars]
+        dtype, shape = self.source.dtype, self.source.shape
+        scalars_of = _few_scalars if self.is_small else _scalars
+        return scalars_of(dtype, shape, strides, self.kind, self.suffix)
+
+    def entries(self) -> tuple[Entry, ...]:
+        """How the part's scalars stand in tables and files, in their order."""
+        if self.labels or not self.is_small:
+            return tuple(entry_of(scalar, self.labels) for scalar in self.scalars(strides_of(self.source)))
+        return _few_entries(self.source.dtype, self.source.shape, self.kind, self.suffix)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether what follows from type and shape may be remembered."""
+        return math.prod(self.source.shape) * self.source.dtype.itemsize <= KEPT_BYTES
 
 
 def entry_of(scalar: Scalar, labels: Mapping[int, str] | None) -> Entry:
     """How a scalar stands in tables and files."""
     dtype = scalar.dtype.newbyteorder("<").str
     return Entry(scalar.suffix, dtype, dict(labels) if labels and scalar.dtype.kind in "iu" else None)
+
+
+def _scalars(
+    dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...], kind: str, suffix: str
+) -> tuple[Scalar, ...]:
+    return tuple(
+        Scalar(suffix + one.suffix, one.dtype, one.offset) if suffix else one
+        for one in expand(dtype, shape, strides, kind)
+    )
+
+
+_few_scalars = functools.lru_cache(maxsize=1024)(_scalars)
+
+
+@functools.lru_cache(maxsize=1024)
+def _few_entries(dtype: np.dtype[Any], shape: tuple[int, ...], kind: str, suffix: str) -> tuple[Entry, ...]:
+    return tuple(entry_of(scalar, None) for scalar in _few_scalars(dtype, shape, (0,) * len(shape), kind, suffix))
 
 
 # ---------------------------------------------------------------------------------------------- arrays to scalars
@@ -63,7 +95,7 @@ def expand(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...
         base, inner = dtype.subdtype
         inner_strides = tuple(base.itemsize * int(np.prod(inner[axis + 1 :])) for axis in range(len(inner)))
         return expand(base, shape + inner, strides + inner_strides, kind)
-    if int(np.prod(shape)) > MAX_ENTRIES:
+    if math.prod(shape) > MAX_ENTRIES:
         raise ElementError(f"an array of shape {shape} has more than {MAX_ENTRIES} values; log a part of it")
     return [
         Scalar(suffix + inner.suffix, inner.dtype, offset + inner.offset)
@@ -108,6 +140,7 @@ def _kind_of_numbers(dtype: np.dtype[Any], shape: tuple[int, ...]) -> str:
     return kinds.VECTOR.name if shape == kinds.VECTOR.shape and dtype.kind in "fiu" else kinds.ARRAY.name
 
 
+@functools.lru_cache(maxsize=1024)
 def kind_of(dtype: np.dtype[Any], shape: tuple[int, ...], kind: str) -> str:
     """What the table and files say of how the entries belong together."""
     given = kinds.kind_given(kind)
@@ -190,7 +223,7 @@ def _check_path(path: str) -> None:
 
 
 def _registered(value: object) -> _Registered | None:
-    found = next((_registry[base] for base in type(value).__mro__ if base in _registry), None)
+    found = next((_registry[base] for base in type(value).__mro__ if base in _registry), None) if _registry else None
     if found is None and dataclasses.is_dataclass(value) and not isinstance(value, type):
         kinds = {f.name: f.metadata["kind"] for f in dataclasses.fields(value) if "kind" in f.metadata}
         return _Registered(tuple(f.name for f in dataclasses.fields(value)), {}, kinds)
@@ -210,11 +243,11 @@ def describe(
             _check_path(attr)
             steps = tuple(Step(attr=piece) for piece in attr.split("."))
             parts = _describe(value, steps, "", name, kind, string_bytes)
-        elif _registered(value) is None and not can_refer(value) and callable(value):
+        elif callable(value) and _registered(value) is None and not can_refer(value):
             parts = _describe(value, (Step(call=True),), "", name, kind, string_bytes)
         else:
             parts = _describe(value, (), "", name, kind, string_bytes)
-        _check_suffixes([scalar.suffix for part in parts for scalar in part.scalars((0,) * len(part.source.shape))])
+        _check_suffixes(parts)
     except ElementError as error:
         raise ElementError(f"element '{name}': {error}") from None
     except SiloError:
@@ -234,7 +267,19 @@ def describe(
     return parts
 
 
-def _check_suffixes(suffixes: list[str]) -> None:
+def _check_suffixes(parts: list[Part]) -> None:
+    if len(parts) == 1 and parts[0].is_small:
+        _check_few_suffixes(parts[0].source.dtype, parts[0].source.shape, parts[0].kind, parts[0].suffix)
+    else:
+        _check_distinct([scalar.suffix for one in parts for scalar in one.scalars((0,) * len(one.source.shape))])
+
+
+@functools.lru_cache(maxsize=1024)
+def _check_few_suffixes(dtype: np.dtype[Any], shape: tuple[int, ...], kind: str, suffix: str) -> None:
+    _check_distinct([entry.suffix for entry in _few_entries(dtype, shape, kind, suffix)])
+
+
+def _check_distinct(suffixes: list[str]) -> None:
     for suffix, count in Counter(suffixes).items():
         if count > 1:
             raise ElementError(f"{count} of its values are named '...{suffix}' all alike; rename a field or key")

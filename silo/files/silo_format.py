@@ -270,7 +270,7 @@ def decode_text(text: bytes) -> str:
 
 def plain_text(text: str) -> str:
     """The text as JSON can hold it."""
-    return encode_text(text).decode("utf-8")
+    return text if text.isascii() else encode_text(text).decode("utf-8")
 
 
 def dtype_from(text: str) -> np.dtype[Any] | None:

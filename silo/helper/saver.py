@@ -147,7 +147,9 @@ class Saver:
                 text = f"saving {names}: {share:.0%}"
                 self._events.publish(EventKind.SAVING, text, by=by, job=job.number, progress=share)
 
-        order = WriteOrder(job.folder, job.logger, job.request.types, job.request.name, why=_why(job.request))
+        order = WriteOrder(
+            job.folder, job.logger, job.request.types, job.request.name, why=_why(job.request), awaited=job.for_robot
+        )
         report = write_log(job.reader, order, progress)
         files = report.files
         if report.error:

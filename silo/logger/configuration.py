@@ -4,7 +4,6 @@ The part of `Logger` that knows nothing of runs, segments and helper processes. 
 `collect()` never touches, and are refused while the logger runs.
 """
 
-import dataclasses
 import logging
 import os
 import threading
@@ -12,7 +11,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
-import msgspec
 from numpy.typing import DTypeLike, NDArray
 
 from silo.arguments import line, switch, text
@@ -20,25 +18,24 @@ from silo.arguments import path as file_path
 from silo.calls import told_class, unknown_argument
 from silo.collecting.arena import Arena
 from silo.collecting.plan import Element
-from silo.collecting.traits import describe, entry_of, kind_of, label_map, strides_of
+from silo.collecting.traits import describe, kind_of, label_map
 from silo.errors import ArgumentError, ElementError, ScriptError, StateError
 from silo.kinds import STRUCT, struct_text
 from silo.logger.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
-from silo.logger.options import array_layout, edits_given, element_name, string_room
+from silo.logger.options import array_layout, edits_given, element_name, new_options, string_room
 from silo.logger.table import Table
 from silo.model import (
     DEFAULT_OPTIONS,
     NO_EXTRAS,
     Edit,
     ElementInfo,
-    ElementOptions,
     Extras,
     LoggerOptions,
     Problem,
     join_name,
 )
-from silo.settings.rules import option_problems, refusal
-from silo.settings.words import Settings, apply_settings, read_options
+from silo.settings.rules import refusal
+from silo.settings.words import apply_settings, read_options
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed
@@ -164,13 +161,11 @@ class Configuration:
         kind, description = text("kind", kind, 'kind="pose"'), text("description", description, 'description="..."')
         room = string_room(string_bytes)
         full = join_name(self.options.prefix, group, name)
-        options = self._new_options(
-            full, buffer_size, enabled=enabled, divider=divider, action=action, buffer_type=buffer_type
+        options = new_options(
+            full, self.options.frequency_hz, self.options.max_time_s, enabled, divider, action, buffer_type, buffer_size
         )
         parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=room)
-        entries = tuple(
-            entry_of(scalar, part.labels) for part in parts for scalar in part.scalars(strides_of(part.source))
-        )
+        entries = parts[0].entries() if len(parts) == 1 else tuple(one for part in parts for one in part.entries())
         if labels and not any(entry.labels for entry in entries):
             raise ElementError(
                 f"element '{full}': labels name the values of integers, and it has none; leave them out, or log an int"
@@ -189,24 +184,6 @@ class Configuration:
         )
         with self._lock:
             self._table.add(Element(info, tuple(parts)))
-
-    def _new_options(self, name: str, buffer_size: Number | None, **given: Any) -> ElementOptions:
-        """The options of a new element. Raises ElementError."""
-        if buffer_size is not None:
-            given["buffer_size"] = buffer_size
-        rate = self.options.frequency_hz
-        settings = read_options(given, name)
-        (first,) = apply_settings(dataclasses.replace(settings, buffer_size=None), [(name, DEFAULT_OPTIONS)], rate)
-        # the room for max_time, and what "*2" makes of it, follow the divider
-        default = msgspec.structs.replace(first, buffer_size=self.options.default_buffer_size(first.divider))
-        if settings.buffer_size is None:
-            problems = option_problems(name, default)
-            way_out = f"that is max_time, {self.options.max_time_s:g} s at {rate:g} Hz: give a buffer_size"
-            if problems:
-                raise ElementError(refusal(problems).replace("; nothing", f" ({way_out}); nothing"))
-            return default
-        (options,) = apply_settings(Settings(buffer_size=settings.buffer_size), [(name, default)], rate)
-        return options
 
     def array(
         self,

@@ -150,7 +150,14 @@ class Logger(Conditions):
             self._present.number += 1
             stopped = functools.partial(self._stop_by_itself, self._present.number)
             make = functools.partial(
-                Run, self.options, self._table.elements, self._clock, stopped, self._collect_now, self.extras
+                Run,
+                self.options,
+                self._table.elements,
+                self._clock,
+                stopped,
+                self._collect_now,
+                self.extras,
+                self._present.run,
             )
             run = self._present.replace(make, self.options, self._let_go, self._hand_over)
             self._new_values = NewValuesReader()

@@ -1,5 +1,8 @@
 """What the arguments of `Logger` and of its methods may be, and what they become."""
 
+import contextlib
+import dataclasses
+import functools
 import grp
 import logging
 import math
@@ -12,12 +15,26 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, SupportsIndex
 
+import msgspec
 import numpy as np
 
 from silo.arguments import line, path, real, shown, switch, text, whole, word
 from silo.collecting.traits import MAX_ENTRIES
 from silo.errors import ElementError, SourceError
-from silo.model import Edit, ElementOptions, FileType, LoggerOptions, Storage, Threads, join_name
+from silo.model import (
+    DEFAULT_OPTIONS,
+    Action,
+    BufferType,
+    Edit,
+    ElementOptions,
+    FileType,
+    LoggerOptions,
+    Storage,
+    Threads,
+    join_name,
+)
+from silo.settings.rules import option_problems, refusal
+from silo.settings.words import Settings, apply_settings, read_options
 
 log = logging.getLogger("silo")
 
@@ -94,6 +111,44 @@ def element_name(source: object, name: object, attr: object) -> str:
     if not isinstance(found, str) or not found or found == "<lambda>":
         raise ElementError(f'give the element a name: log.add({type(source).__name__.lower()}, "name")')
     return found
+
+
+def new_options(name: str, frequency_hz: float, max_time_s: float, *given: object) -> ElementOptions:
+    """Return the options of a new element: enabled, divider, action, buffer type and size, of which None is `max_time`.
+
+    Raises ElementError.
+    """
+    if all(type(one) in _PLAIN for one in given):
+        with contextlib.suppress(ElementError):  # which is to name this element
+            return _alike(frequency_hz, max_time_s, *given)
+    return _new_options(name, frequency_hz, max_time_s, *given)
+
+
+_PLAIN = {bool, int, str, type(None), Action, BufferType}
+
+
+@functools.lru_cache(maxsize=1024, typed=True)  # 1 is no bool, Action.SAVE no divider
+def _alike(frequency_hz: float, max_time_s: float, *given: object) -> ElementOptions:
+    return _new_options("", frequency_hz, max_time_s, *given)
+
+
+def _new_options(name: str, frequency_hz: float, max_time_s: float, *given: object) -> ElementOptions:
+    named = dict(zip(("enabled", "divider", "action", "buffer_type", "buffer_size"), given, strict=True))
+    if named["buffer_size"] is None:
+        del named["buffer_size"]
+    settings = read_options(named, name)
+    (first,) = apply_settings(dataclasses.replace(settings, buffer_size=None), [(name, DEFAULT_OPTIONS)], frequency_hz)
+    # the room for max_time, and what "*2" makes of it, follow the divider
+    logger = LoggerOptions(frequency_hz=frequency_hz, max_time_s=max_time_s)
+    default = msgspec.structs.replace(first, buffer_size=logger.default_buffer_size(first.divider))
+    if settings.buffer_size is None:
+        problems = option_problems(name, default)
+        way_out = f"that is max_time, {max_time_s:g} s at {frequency_hz:g} Hz: give a buffer_size"
+        if problems:
+            raise ElementError(refusal(problems).replace("; nothing", f" ({way_out}); nothing"))
+        return default
+    (options,) = apply_settings(Settings(buffer_size=settings.buffer_size), [(name, default)], frequency_hz)
+    return options
 
 
 def string_room(given: SupportsIndex | None) -> int | None:

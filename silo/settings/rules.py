@@ -144,12 +144,28 @@ OPTION = {option.name: option for option in OPTIONS}
 
 def option_problems(name: str, options: ElementOptions) -> list[Problem]:
     """What is wrong in options that came from outside; empty when all is well."""
+    if _all_well(options):
+        return []
     given = {option.name: getattr(options, option.name) for option in OPTIONS}
     return [
         Problem(name, option.name, option.problem(shorten(repr(given[option.name]))))
         for option in OPTIONS
         if not option.accepts(given[option.name])
     ]
+
+
+def _all_well(options: ElementOptions) -> bool:
+    """Whether all values are of the very types of options, and in range: a tenth of what it takes to say what isn't."""
+    lowest, highest = RANGES["divider"]
+    smallest, largest = RANGES["buffer_size"]
+    return (
+        type(options.enabled) is bool
+        and type(options.action) is Action
+        and type(options.buffer_type) is BufferType
+        and type(options.divider) is type(options.buffer_size) is int
+        and lowest <= options.divider <= highest
+        and smallest <= options.buffer_size <= largest
+    )
 
 
 def raw_problems(name: str, options: Mapping[Any, Any]) -> list[Problem]:

@@ -1,7 +1,13 @@
 """What a tick costs, beside what else one could do with the same values: `python tests/benchmarks/collect.py`.
 
 All candidates of a row are timed in turns within one run, so that ratios hold on noisy machines. Times are medians in
-microseconds per tick.
+microseconds per tick; in brackets they are multiples of a copy of 4 kB (500 doubles) in the same run, which is what to
+compare with another machine. The first table is a tight loop, in which everything stays in the caches; the second one a
+loop that sleeps between ticks, as a robot's does, where each tick finds them cold: there every candidate costs more.
+
+Rivals are taken at their best: what can write all values of a tick as one message does so. The C++ original
+(`signal_logger`) was measured on another day, in a tight loop of its own, so that its figures stand beside a copy of
+that day's machine only roughly; `ORIGINAL_US` says where they come from.
 """
 
 import argparse
@@ -20,6 +26,11 @@ import numpy as np
 import silo
 
 Tick = Callable[[], object]
+
+# best / median us per `collectLoggerData()` of N doubles, divider 1, LOOPING: built with -O3 on a machine of two cores
+# that also runs this benchmark, beside others' work ("What it costs" of the notes on the original)
+ORIGINAL_US = {10: (0.32, 0.48), 100: (2.7, 3.8), 500: (16.7, 25.0), 1000: (48.0, 63.0), 5000: (525.0, 665.0)}
+COPIED = np.zeros(500)  # 4 kB
 
 
 def median_us(candidates: dict[str, Tick], seconds: float = 0.4, rounds: int = 15) -> dict[str, float]:
@@ -91,6 +102,37 @@ def csv_writer(arrays: list[np.ndarray]) -> Tick:
     return tick
 
 
+def mcap_batched(arrays: list[np.ndarray]) -> Tick | None:
+    """One message with all values: the fastest way that the library has."""
+    try:
+        from mcap.writer import Writer
+    except ImportError:
+        return None
+    writer = Writer(Path(os.devnull).open("wb"))  # noqa: SIM115  # open as long as the benchmark runs
+    writer.start()
+    schema = writer.register_schema("float64s", "ros2msg", b"float64[] values")
+    channel = writer.register_channel("/x", "cdr", schema)
+    pack = struct.Struct(f"<IIxxxx{len(arrays)}d").pack
+
+    def tick() -> None:
+        now = time.time_ns()
+        writer.add_message(channel, now, pack(256, len(arrays), *[array[0] for array in arrays]), now)
+
+    return tick
+
+
+def npz_row(arrays: list[np.ndarray]) -> Tick:
+    """A row of a matrix that `np.savez` would write: what one writes by hand."""
+    rows = np.zeros((1000, 1 + len(arrays)))
+    state = {"slot": 0}
+
+    def tick() -> None:
+        slot = state["slot"] = (state["slot"] + 1) % 1000
+        rows[slot] = [time.time(), *[array[0] for array in arrays]]
+
+    return tick
+
+
 def mcap_writer(arrays: list[np.ndarray]) -> Tick | None:
     try:
         from mcap.writer import Writer
@@ -125,6 +167,38 @@ def foxglove(arrays: list[np.ndarray]) -> Tick | None:
     return tick
 
 
+def foxglove_batched(arrays: list[np.ndarray]) -> Tick | None:
+    try:
+        from foxglove import Channel, open_mcap
+    except ImportError:
+        return None
+    open_mcap(f"{tempfile.mkdtemp()}/bench.mcap")
+    channel = Channel("/x", message_encoding="json")
+    names = [f"x{i}" for i in range(len(arrays))]
+
+    def tick() -> None:
+        channel.log({name: float(array[0]) for name, array in zip(names, arrays, strict=True)})
+
+    return tick
+
+
+def rerun_batched(arrays: list[np.ndarray]) -> Tick | None:
+    try:
+        import rerun as rr
+    except ImportError:
+        return None
+    rr.init("bench_batched")
+    rr.save(f"{tempfile.mkdtemp()}/bench.rrd")
+    scalars = getattr(rr, "Scalars", None)
+    if scalars is None:
+        return None
+
+    def tick() -> None:
+        rr.log("x", scalars([array[0] for array in arrays]))
+
+    return tick
+
+
 def rerun(arrays: list[np.ndarray]) -> Tick | None:
     try:
         import rerun as rr
@@ -141,10 +215,35 @@ def rerun(arrays: list[np.ndarray]) -> Tick | None:
     return tick
 
 
+def paced_us(candidates: dict[str, Tick], hz: float = 1000.0, ticks: int = 1500) -> dict[str, float]:
+    """Median time per call in a loop that sleeps between its ticks; the candidates taking turns by hundreds."""
+    period_ns = int(1e9 / hz)
+    times: dict[str, list[int]] = {name: [] for name in candidates}
+    for _ in range(ticks // 100):
+        for name, tick in candidates.items():
+            due = time.monotonic_ns()
+            for _ in range(100):
+                due += period_ns
+                time.sleep(max(0, due - time.monotonic_ns()) / 1e9)
+                begin = time.perf_counter_ns()
+                tick()
+                times[name].append(time.perf_counter_ns() - begin)
+    return {name: statistics.median(found) / 1e3 for name, found in times.items()}
+
+
 def show(title: str, times: dict[str, float]) -> None:
-    first = next(iter(times.values()))
-    columns = "  ".join(f"{name} {value:8.2f} ({value / first:5.2f}x)" for name, value in times.items())
+    copy = times["4 kB copy"]
+    columns = "  ".join(f"{name} {value:.2f} ({value / copy:.1f}x)" for name, value in times.items())
     print(f"{title:<34}{columns}", flush=True)
+
+
+def load() -> str:
+    """What else the machine does: a high figure explains a high spread."""
+    return f"load {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores"
+
+
+def timed(candidates: dict[str, Tick], seconds: float) -> dict[str, float]:
+    return median_us({**candidates, "4 kB copy": COPIED.copy}, seconds)
 
 
 def main() -> None:
@@ -153,16 +252,30 @@ def main() -> None:
     quick = parser.parse_args().quick
     seconds = 0.15 if quick else 0.4
     sizes = (10, 500) if quick else (10, 50, 100, 500, 1000, 5000)
-    print("us per tick, median; in brackets: multiples of the first column\n")
+    print(f"us per tick, median; in brackets: multiples of a copy of 4 kB. {load()} at the beginning\n")
     for count in sizes:
         arrays = scattered(count)
         log = by_reference(arrays)
-        plain = np.zeros(count)
-        others = {"loop": python_loop(arrays), "csv": csv_writer(arrays), "mcap": mcap_writer(arrays)}
-        others |= {"foxglove": foxglove(arrays), "rerun": rerun(arrays)} if count <= 1000 else {}
-        candidates: dict[str, Tick] = {"silo": log.collect, "copy": plain.copy}
+        others: dict[str, Tick | None] = {"loop": python_loop(arrays), "npz row": npz_row(arrays)}
+        others |= {"csv": csv_writer(arrays), "mcap": mcap_writer(arrays), "mcap, one message": mcap_batched(arrays)}
+        if count <= 1000:
+            others |= {"foxglove": foxglove(arrays), "foxglove, one message": foxglove_batched(arrays)}
+            others |= {"rerun": rerun(arrays), "rerun, one message": rerun_batched(arrays)}
+        candidates: dict[str, Tick] = {"silo": log.collect}
         candidates |= {name: tick for name, tick in others.items() if tick is not None}
-        show(f"{count} scattered float64, divider 1", median_us(candidates, seconds))
+        show(f"{count} scattered float64, divider 1", timed(candidates, seconds))
+        if count in ORIGINAL_US:
+            best, median = ORIGINAL_US[count]
+            print(f"{'':<34}the C++ original, on its day: {best:g} at best, {median:g} in the median")
+        log.close()
+    print(f"\nthe same in a loop of 1000 Hz that sleeps between its ticks ({load()})\n")
+    for count in sizes[:4]:
+        arrays = scattered(count)
+        log = by_reference(arrays)
+        mcap = mcap_batched(arrays)
+        candidates = {"silo": log.collect, "loop": python_loop(arrays), "4 kB copy": COPIED.copy}
+        candidates |= {"mcap, one message": mcap} if mcap is not None else {}
+        show(f"{count} scattered float64, paced", paced_us(candidates, ticks=500 if quick else 1500))
         log.close()
     print()
     arrays = scattered(500)
@@ -172,6 +285,8 @@ def main() -> None:
         "growing": {"buffer_type": silo.BufferType.GROWING, "buffer_size": 1000},
         "dividers 1 2 5 10": {"divider": [1, 2, 5, 10]},
         "dividers 1 ... 20": {"divider": list(range(1, 21))},
+        "dividers 100 ... 104": {"divider": list(range(100, 105))},
+        "dividers 100 ... 599": {"divider": list(range(100, 600)), "buffer_size": 20},
         "20 buffer sizes": {"buffer_size": [100 * (i + 1) for i in range(20)]},
         "all three types": {"buffer_type": list(silo.BufferType)},
         "published (save and publish)": {"action": silo.Action.SAVE_AND_PUBLISH},
@@ -181,16 +296,18 @@ def main() -> None:
     }
     for name, options in variants.items():
         log = by_reference(arrays, **options)
-        show(f"500, {name}", median_us({"silo": log.collect, "copy": np.zeros(500).copy}, 0.15))
+        for _ in range(1000):  # at the first tick all dividers are due
+            log.collect()
+        show(f"500, {name}", timed({"silo": log.collect}, 0.15))
         assert log.is_running
         assert not log.lost
         log.close()
     print()
-    for count in (100, 1000, 5000):
+    for count in (10, 100, 1000, 5000):
         log = new_logger()
         log.array("q", count, buffer_size=2000)
         log.start()
-        show(f"arena, {count} float64", median_us({"silo": log.collect, "copy": np.zeros(count).copy}, seconds))
+        show(f"arena, {count} float64", timed({"silo": log.collect}, seconds))
         log.close()
 
     class Robot:
@@ -202,13 +319,13 @@ def main() -> None:
         setattr(robot, f"a{i}", float(i))
         log.add(robot, attr=f"a{i}", buffer_size=2000)
     log.start()
-    show("100 attributes", median_us({"silo": log.collect}, seconds))
+    show("100 attributes", timed({"silo": log.collect}, seconds))
     log.close()
     log = new_logger(checked=True)
     for i, array in enumerate(arrays):
         log.add(array, f"x{i}", buffer_size=2000)
     log.start()
-    show("500 scattered, checked=True", median_us({"silo": log.collect}, seconds))
+    show("500 scattered, checked=True", timed({"silo": log.collect}, seconds))
     log.close()
 
 

@@ -1,11 +1,20 @@
 """Saves that get a process of their own, and what is said when it dies."""
 
+import io
+from types import SimpleNamespace
+
+import msgspec
 import pytest
 
 import silo
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError
-from silo.helper.writing import WriteOrder, write_log
+from silo.helper import writing
+from silo.helper.mirror import Mirror
+from silo.helper.saver import Saver
+from silo.helper.writing import WriteOrder, WriteReport, write_log
+from silo.ipc.messages import Save
+from silo.logger.answers import robot_state
 from silo.model import FileType
 
 pytestmark = pytest.mark.slow
@@ -53,3 +62,38 @@ def test_a_writing_process_that_dies_is_an_error_with_a_way_out(reader, tmp_path
     with pytest.raises(SaveError, match=r"exit code 1.*save as \.silo"):
         write_log(reader, order(tmp_path, FileType.BAG), lambda _: None)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("awaited", "steps"), [(True, []), (False, [writing.NICER])])
+def test_a_writing_process_is_nice_unless_the_robot_program_waits_for_it(tmp_path, monkeypatch, awaited, steps):
+    taken = []
+    wanted = WriteOrder(str(tmp_path), "bot", [FileType.CSV], "walk", log=str(tmp_path / "none.silo"), awaited=awaited)
+    out = io.BytesIO()
+    monkeypatch.setattr(writing.os, "nice", taken.append)
+    monkeypatch.setattr(writing.sys, "stdin", SimpleNamespace(buffer=io.BytesIO(msgspec.json.encode(wanted))))
+    monkeypatch.setattr(writing.sys, "stdout", SimpleNamespace(buffer=out))
+    writing.main()
+    assert taken == steps
+    assert b"none.silo" in out.getvalue()
+
+
+@pytest.mark.parametrize("for_robot", [True, False])
+def test_the_writing_process_knows_whether_the_robot_program_waits(new_logger, monkeypatch, for_robot):
+    orders = []
+
+    def write(reader, order, progress):
+        orders.append(order)
+        return WriteReport(1.0, True, 1)
+
+    monkeypatch.setattr(writing, "write_log", write)
+    logger = new_logger()
+    logger.array("x")
+    logger.start()
+    logger.collect()
+    mirror = Mirror(robot_state(logger, "", -1))
+    saver = Saver(mirror, SimpleNamespace(publish=lambda *_, **__: None), SimpleNamespace(send=lambda _: None))
+    job = saver.prepare(Save(types=[FileType.BAG], name="", client="x"), for_robot=for_robot)
+    saver.submit(job)
+    saver.start()
+    saver.stop()
+    assert [order.awaited for order in orders] == [for_robot]
