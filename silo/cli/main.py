@@ -34,6 +34,7 @@ COMMANDS = {
     "stop": LazyCommand("Loggers", "silo.cli.loggers", "stop", "Stop logging; the data stays."),
     "restart": LazyCommand("Loggers", "silo.cli.loggers", "restart", "Stop, and start with empty buffers."),
     "save": LazyCommand("Loggers", "silo.cli.loggers", "save", "Save what the buffers hold to files."),
+    "record": LazyCommand("Loggers", "silo.cli.record", "record", "Record to MCAP files, for days."),
     "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
     "recover": LazyCommand("Loggers", "silo.cli.recover", "recover", "Save what programs that died left behind."),
     "convert": LazyCommand("Saved files", "silo.cli.files", "convert_command", "Convert a log to another format."),

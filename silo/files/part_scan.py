@@ -10,10 +10,12 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Schema
+from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
 from silo.files.bag_channels import INDEX_ENTRY, unpack_chunk
@@ -22,6 +24,9 @@ from silo.files.part_facts import PART_ATTACHMENT, PartFacts, RingFacts, row_of,
 
 _PREFIX = 9  # opcode and length of a record
 _SEQUENCE_AT = 11  # in a message record
+_MESSAGE = np.dtype(
+    {"names": ["opcode", "channel", "time"], "formats": ["u1", "<u2", "<u8"], "offsets": [0, 9, 15], "itemsize": 23}
+)
 _ENTRIES_AT = 6  # in the body of a message index record
 _IN_CHUNK = (Opcode.SCHEMA, Opcode.CHANNEL)
 
@@ -143,6 +148,8 @@ def _take_chunk(scan: PartScan, record: PartRecord) -> bool:
         data = unpack_chunk(record.body)
     except (zstandard.ZstdError, ValueError, struct.error):
         return False
+    if not all(_is_right(data, index) for index in record.index):
+        return False
     if not scan.begun.channels:
         _take_definitions(scan, data)
     offsets, place = b"", record.end
@@ -164,6 +171,20 @@ def _take_chunk(scan: PartScan, record: PartRecord) -> bool:
     scan.begun.chunk_indexes.append(chunk_index(place_of_chunk, offsets, index_length, compression, packed, size))
     scan.begun.size = record.index_end
     return True
+
+
+def _is_right(chunk: bytes, index: memoryview) -> bool:
+    """Whether an index record points at the messages that it names: it has no checksum of its own."""
+    channel, size = struct.unpack_from("<HI", index)
+    if size + _ENTRIES_AT != len(index) or size % INDEX_ENTRY.itemsize or not size:
+        return False
+    entries = np.frombuffer(index[_ENTRIES_AT:], INDEX_ENTRY)
+    if len(chunk) < _MESSAGE.itemsize or int(entries["offset"].max()) > len(chunk) - _MESSAGE.itemsize:
+        return False
+    every: NDArray[np.void] = np.ndarray((len(chunk) - _MESSAGE.itemsize + 1,), _MESSAGE, chunk, 0, (1,))
+    found = every[entries["offset"].astype(np.int64)]
+    right = (found["opcode"] == Opcode.MESSAGE) & (found["channel"] == channel) & (found["time"] == entries["time"])
+    return bool(right.all())
 
 
 def _take_definitions(scan: PartScan, data: bytes) -> None:

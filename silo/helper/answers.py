@@ -16,6 +16,7 @@ from silo.helper.history import check_history, history
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.pins import Pins, no_pin
 from silo.helper.publisher import Publisher
+from silo.helper.recorders import Recording
 from silo.helper.requests import check_edits
 from silo.helper.robot import Robot
 from silo.helper.samples import check_samples, samples
@@ -38,6 +39,7 @@ from silo.ipc.messages import (
     Hello,
     HelloReply,
     KeepPin,
+    ListRecorders,
     ListScripts,
     LoadScript,
     OpenPin,
@@ -45,6 +47,8 @@ from silo.ipc.messages import (
     OpenView,
     PinOpened,
     ReadScript,
+    Recorders,
+    RecorderStarted,
     Refused,
     RefusedWhy,
     ReplyT,
@@ -58,8 +62,10 @@ from silo.ipc.messages import (
     Scripts,
     ScriptText,
     Start,
+    StartRecorder,
     StatusReply,
     Stop,
+    StopRecorder,
     StreamOpened,
     ViewOpened,
 )
@@ -93,12 +99,15 @@ def answers_to(
 class Answers:
     """Answers requests with everything that the helper has."""
 
-    def __init__(self, mirror: Mirror, events: Events, publisher: Publisher, saver: Saver, robot: Robot) -> None:
+    def __init__(
+        self, mirror: Mirror, events: Events, publisher: Publisher, saver: Saver, robot: Robot, recording: Recording
+    ) -> None:
         self._mirror = mirror
         self._events = events
         self._publisher = publisher
         self._saver = saver
         self._robot = robot
+        self._recording = recording
         self._pins = Pins()
 
     def answer(self, request: Request[Any]) -> bytes:
@@ -174,6 +183,10 @@ class Answers:
         self._pins.close(request.pin)
         return Done("the pin is closed")
 
+    @answers_to(ListRecorders)
+    def _list_recorders(self, _: ListRecorders) -> Recorders:
+        return Recorders(self._recording.infos())
+
     @answers_to(ListScripts)
     def _list_scripts(self, _: ListScripts) -> Scripts:
         own = self._own_script
@@ -208,6 +221,14 @@ class Answers:
     @answers_to(Save)
     def _save(self, request: Save) -> SaveStarted | Refused:
         return self._saver.save(_signed(request))
+
+    @answers_to(StartRecorder)
+    def _start_recorder(self, request: StartRecorder) -> RecorderStarted | Refused:
+        return _must_live(self._mirror.now) or self._recording.begin(_signed(request))
+
+    @answers_to(StopRecorder)
+    def _stop_recorder(self, request: StopRecorder) -> Done | Refused:
+        return self._recording.end(_signed(request))
 
     @answers_to(ApplyEdits)
     def _apply(self, request: ApplyEdits) -> EditsApplied | GoesOn | Refused:

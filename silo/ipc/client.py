@@ -35,12 +35,15 @@ from silo.ipc.messages import (
     Hello,
     HelloReply,
     KeepPin,
+    ListRecorders,
     ListScripts,
     LoadScript,
     OpenPin,
     OpenStream,
     OpenView,
     ReadScript,
+    RecorderInfo,
+    RecorderStarted,
     Refused,
     ReplyT,
     Request,
@@ -51,8 +54,10 @@ from silo.ipc.messages import (
     Scripts,
     ScriptText,
     Start,
+    StartRecorder,
     StatusReply,
     Stop,
+    StopRecorder,
     StreamOpened,
     Unsaved,
     ViewOpened,
@@ -289,6 +294,40 @@ class Client:
             names = ", ".join(f"FileType.{one.name}" for one in FileType)
             raise ElementError(f"types must be a list of {names}, got {shown(types)}; nothing is saved")
         return self._call(Save(types=list(types), name=name, client=self._name)).job
+
+    def record(
+        self,
+        patterns: Sequence[str] = (),
+        to: str = "",
+        split: str = "1GB",
+        keep: str = "",
+        name: str = "",
+    ) -> RecorderStarted:
+        """Record elements to MCAP files in a folder inside the logger's, until it is stopped; all without patterns.
+
+        split: `"1GB"` or `"10min"`, after which a part is finished. keep: `"50GB"`, above which the oldest are deleted.
+        """
+        from silo.amounts import read_keep, read_split
+
+        split_bytes, split_s = read_split(split)
+        request = StartRecorder(
+            name=name,
+            folder=to,
+            patterns=texts("patterns", patterns, "['/log/joints/*']"),
+            split_bytes=split_bytes,
+            split_s=split_s,
+            keep_bytes=read_keep(keep),
+            client=self._name,
+        )
+        return self._call(request)
+
+    def stop_recorder(self, name: str = "") -> str:
+        """Finish an endless recording, the only one without a name; returns what was done, in words."""
+        return self._call(StopRecorder(name=name, client=self._name)).text
+
+    def recorders(self) -> list[RecorderInfo]:
+        """Return the endless recordings of this logger."""
+        return self._call(ListRecorders(client=self._name)).recorders
 
     def wait_saved(
         self, job: int, timeout_s: float = 600.0, progress: Callable[[float], None] | None = None

@@ -90,6 +90,8 @@ class EventKind(str, enum.Enum):
     SCRIPT_LOADED = "script loaded"
     FILES_DELETED = "files deleted"
     DURABLE = "durable"  # the journal stopped or goes on
+    RECORDING = "recording"  # of an endless recording: begun, ended, a part finished, samples lost
+    RECORDING_FAILED = "recording failed"  # it ended by itself
     ENDED = "ended"  # a request that went on came to its end, well or not
     OTHER = "other"
 

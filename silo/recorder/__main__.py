@@ -7,8 +7,9 @@ import socket
 import sys
 from pathlib import Path
 
+from silo.model import RecorderState
 from silo.recorder.closing import close_parts
-from silo.recorder.orders import MAX_PACKET_BYTES, RecorderState, decode_order
+from silo.recorder.orders import MAX_PACKET_BYTES, decode_order
 from silo.recorder.recorder import Recorder
 
 NICER = 5
@@ -28,7 +29,9 @@ def main() -> int:
     body = sock.recv(MAX_PACKET_BYTES)
     if not body:
         return 1
-    return 0 if Recorder(decode_order(body), sock).run() is RecorderState.ENDED else 1
+    recorder = Recorder(decode_order(body), sock)
+    signal.signal(signal.SIGTERM, recorder.on_term)
+    return 0 if recorder.run() is RecorderState.ENDED else 1
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """What travels between a recorder and the process that started it: msgspec structs in JSON, a packet each."""
 
-import enum
-
 import msgspec
+
+from silo.model import RecorderState
 
 MAX_PACKET_BYTES = 180_000  # within the send buffer of a socket as Linux has it by default
 TEXT_BYTES = 2_000
@@ -34,27 +34,6 @@ class Finish(msgspec.Struct, frozen=True, tag=True):
     """Record what is there, finish the part, and end. `why` goes into the last report."""
 
     why: str
-
-
-class RecorderState(str, enum.Enum):
-    """What a recorder does. One that only a newer silo knows is read as OTHER."""
-
-    WAITING = "waiting"  # for the logger to start
-    RECORDING = "recording"
-    FINISHING = "finishing"
-    ENDED = "ended"
-    FAILED = "failed"  # it ended by itself: the text says why
-    DIED = "died"  # it was killed, and is started again
-    OTHER = "other"
-
-    @classmethod
-    def _missing_(cls, _: object) -> "RecorderState":
-        return cls.OTHER
-
-    @property
-    def over(self) -> bool:
-        """Whether it ended as it should, or cannot go on."""
-        return self in (RecorderState.ENDED, RecorderState.FAILED)
 
 
 class Report(msgspec.Struct, frozen=True):

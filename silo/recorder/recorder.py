@@ -7,7 +7,6 @@ import contextlib
 import logging
 import os
 import select
-import signal
 import socket
 import time
 from collections import deque
@@ -19,6 +18,7 @@ from silo.collecting.rows import Rows
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
+from silo.model import RecorderState
 from silo.recorder.closing import close_parts
 from silo.recorder.draining import MOST_PERIOD_S, Drain, Drained
 from silo.recorder.layout import ending, layout_of
@@ -28,7 +28,6 @@ from silo.recorder.orders import (
     TEXT_BYTES,
     Finish,
     Follow,
-    RecorderState,
     RecordOrder,
     Report,
     decode_command,
@@ -63,7 +62,6 @@ class Recorder:
 
     def run(self) -> RecorderState:
         """Record until told to end; returns how it ended."""
-        signal.signal(signal.SIGTERM, self._on_term)
         try:
             Path(self._order.folder).mkdir(parents=True, exist_ok=True)
             ledger = Ledger(Path(self._order.folder), self._order.name, PREDECESSOR_S)
@@ -111,7 +109,8 @@ class Recorder:
         self._send(self._report())
         return totals.state
 
-    def _on_term(self, _number: int, _frame: object) -> None:
+    def on_term(self, _number: int, _frame: object) -> None:
+        """Finish soon: the handler of SIGTERM."""
         self._why = self._why or "ended by SIGTERM"
 
     # --------------------------------------------------------------------------------------------------- the socket

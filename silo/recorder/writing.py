@@ -4,6 +4,7 @@ Beside the thread that reads, so that a disk that takes its time (a sync of a gi
 room: first in the queue, then in the rings.
 """
 
+import contextlib
 import logging
 import threading
 import time
@@ -12,13 +13,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from silo.collecting.journal_folders import RECORDINGS, remember_folder
 from silo.errors import SiloError
 from silo.files.atomic import reason
 from silo.files.mcap_write import Write
+from silo.model import RecorderState
 from silo.recorder.draining import Drained, Loss
 from silo.recorder.layout import Layout
 from silo.recorder.ledger import DiskRoom, Ledger, disk_room, left_free
-from silo.recorder.orders import RecorderState, RecordOrder
+from silo.recorder.orders import RecordOrder
 from silo.recorder.part import Part
 
 QUEUE_BYTES = 64 << 20
@@ -95,6 +98,11 @@ class Writing:
     def room_bytes(self) -> int:
         """How much may be put now."""
         return max(0, QUEUE_BYTES - self._queued_bytes)
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether all that was put is written."""
+        return not self._queue
 
     def put(self, item: Item) -> None:
         """Have something written, after all that was put before."""
@@ -202,6 +210,8 @@ class Writing:
         if self._part is None:
             part = Part(self._folder, self._order.name, self._present_layout, self._next, self._disk.write)
             self._part = part
+            with contextlib.suppress(OSError, RuntimeError):  # then `silo recover` must be told the folder
+                remember_folder(self._folder, RECORDINGS)
             self._ledger.begin(part.final.name, part.inode)
             self.totals.part = str(part.path)
         return self._part

@@ -23,6 +23,7 @@ from silo.helper.answers import Answers
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.publisher import Publisher
+from silo.helper.recorders import Recording
 from silo.helper.requests import decode_ask, decode_do
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
@@ -43,6 +44,7 @@ from silo.ipc.messages import (
     Hello,
     HelloReply,
     KeepPin,
+    ListRecorders,
     ListScripts,
     LoadScript,
     OpenPin,
@@ -56,8 +58,10 @@ from silo.ipc.messages import (
     Save,
     SaveScript,
     Start,
+    StartRecorder,
     StatusReply,
     Stop,
+    StopRecorder,
     TableReply,
     Unsaved,
     ViewOpened,
@@ -95,6 +99,9 @@ GOOD: list[Request[Any]] = [
     ApplyEdits(revision=-1, edits=[Edit("/log/x", ElementOptions(divider=2)), Edit("/log/q", ElementOptions())]),
     Start(), Start(unsaved=Unsaved.DISCARD), Stop(), Restart(unsaved=Unsaved.DISCARD), Restart(),
     Save(types=[FileType.SILO], name="fuzz"), LoadScript(path="good.yaml"), SaveScript(path="new.yaml"),
+    # one that is refused as it stands: no process is started for what is wrong in another way
+    StartRecorder(name="fuzz", folder="fuzz", patterns=["/log/x"], split_bytes=1), StopRecorder(name="fuzz"),
+    ListRecorders(),
 ]  # fmt: skip
 
 
@@ -160,7 +167,8 @@ class Bench:
         events = Events(self.session, root, self.mirror)
         self.publisher = Publisher(self.session, root, self.mirror, events)
         self.saver = Saver(self.mirror, events, self.robot)
-        self.answers = Answers(self.mirror, events, self.publisher, self.saver, self.robot)
+        self.recording = Recording(self.mirror, events)
+        self.answers = Answers(self.mirror, events, self.publisher, self.saver, self.robot, self.recording)
         self.frames = self.session.declare_subscriber(root.key("view", "*"), lambda _: None)
         self.publisher.start()
         self.saver.start()
