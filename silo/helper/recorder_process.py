@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import msgspec
@@ -36,7 +35,8 @@ class RecorderProcess:
         self.before = Report(RecorderState.WAITING)  # sums of the processes before this one
         self.run = ""  # that was handed over last
         self.ending = False  # it was told to end
-        self.short_lives = 0
+        self.useless_lives = 0  # in a row, in which nothing was recorded
+        self.begun_with = 0  # samples of all lives before
         self.again_s = 0.0  # when it is started again, 0 while it lives
         self.reported = threading.Event()
         self.ended = threading.Event()
@@ -63,7 +63,6 @@ class RecorderProcess:
         finally:
             theirs.close()
         self.socket.setblocking(False)
-        self.started_s = time.monotonic()
         self.again_s = 0.0
         self.run = ""
         self._send(encode(order))

@@ -30,8 +30,7 @@ from silo.runtime import process_start, runtime_dir
 MOST_RECORDERS = 8
 BEGIN_S = 5.0  # how long a client waits for the first report
 END_S = 5.0  # and for a part to be finished
-SHORT_LIFE_S = 20.0
-AGAIN_S = (0.0, 0.5, 2.0, 10.0, 30.0)  # before each new try of one that lives shortly
+AGAIN_S = (0.0, 0.5, 2.0, 10.0, 30.0)  # before each new try, after so many that recorded nothing
 SUFFIX = ".recorders"
 
 log = logging.getLogger("silo.helper")
@@ -262,13 +261,14 @@ class Recording:
                 self._tell(f"recording '{name}': {line}")
             self._over(recorder, f"its process died (exit code {code}) while it ended; its last part was closed")
             return
-        lived_s = time.monotonic() - recorder.started_s
-        recorder.short_lives = recorder.short_lives + 1 if lived_s < SHORT_LIFE_S else 0
-        if recorder.short_lives >= len(AGAIN_S):
+        useless = report.samples == recorder.begun_with
+        recorder.useless_lives = recorder.useless_lives + 1 if useless else 0
+        recorder.begun_with = report.samples
+        if recorder.useless_lives >= len(AGAIN_S):
             self._over(recorder, f"its process died again and again (exit code {code}); look into the helper's output")
             return
         recorder.report = msgspec.structs.replace(report, state=RecorderState.DIED)
-        recorder.again_s = time.monotonic() + AGAIN_S[recorder.short_lives]
+        recorder.again_s = time.monotonic() + AGAIN_S[recorder.useless_lives]
         self._tell(f"recording '{name}': its process died (exit code {code}); it is started again and goes on")
 
     def _over(self, recorder: RecorderProcess, text: str) -> None:

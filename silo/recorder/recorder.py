@@ -83,6 +83,8 @@ class Recorder:
         ledger.settle()
         self._ledger = ledger
         self._writing = Writing(self._order, ledger, self._disk)
+        if self._order.resume:
+            self._writing.totals.parts = sum(part.recorder == self._order.name and part.samples > 0 for part in closed)
         self._writing.start()
         problem = ""
         try:
