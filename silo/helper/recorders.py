@@ -134,7 +134,7 @@ class Recording:
         shown = ", ".join(short[:5]) + (f" and {len(short) - 5} more" if len(short) > 5 else "")
         return (
             f"{len(short)} of the elements are recorded only until their buffers are full ({shown}): "
-            "set buffer_type=looping, or action=save_and_publish, to record them without end"
+            "set buffer=looping, or action=both, to record them without end"
         )
 
     def _spawn(self, kept: Kept) -> RecorderProcess:
