@@ -14,6 +14,9 @@ import msgspec
 from silo.model import RecorderState
 from silo.recorder.orders import MAX_PACKET_BYTES, Finish, Follow, RecordOrder, Report, decode_report, encode
 
+# glibc answers each large block that is freed by keeping larger ones: within 3 minutes 54 MB became 68
+HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_MMAP_THRESHOLD_": str(2**20), "MALLOC_TRIM_THRESHOLD_": str(2**20)}
+
 log = logging.getLogger("silo.helper")
 
 
@@ -54,6 +57,7 @@ class RecorderProcess:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "silo.recorder", str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
+                env=os.environ | HEAP,
                 start_new_session=True,
                 stdin=subprocess.DEVNULL,
             )

@@ -28,6 +28,7 @@ from silo.recorder.orders import RecordOrder
 from silo.runtime import process_start, runtime_dir
 
 MOST_RECORDERS = 8
+MOST_PATTERNS, MOST_PATTERN_LETTERS = 1000, 50_000
 BEGIN_S = 5.0  # how long a client waits for the first report
 END_S = 5.0  # and for a part to be finished
 AGAIN_S = (0.0, 0.5, 2.0, 10.0, 30.0)  # before each new try, after so many that recorded nothing
@@ -264,11 +265,8 @@ class Recording:
         useless = report.samples == recorder.begun_with
         recorder.useless_lives = recorder.useless_lives + 1 if useless else 0
         recorder.begun_with = report.samples
-        if recorder.useless_lives >= len(AGAIN_S):
-            self._over(recorder, f"its process died again and again (exit code {code}); look into the helper's output")
-            return
         recorder.report = msgspec.structs.replace(report, state=RecorderState.DIED)
-        recorder.again_s = time.monotonic() + AGAIN_S[recorder.useless_lives]
+        recorder.again_s = time.monotonic() + AGAIN_S[min(recorder.useless_lives, len(AGAIN_S) - 1)]
         self._tell(f"recording '{name}': its process died (exit code {code}); it is started again and goes on")
 
     def _over(self, recorder: RecorderProcess, text: str) -> None:
@@ -340,6 +338,10 @@ def _wrong_numbers(request: StartRecorder) -> str:
             check_name(request.name)
         except SaveError as error:
             return str(error)
+    if len(request.patterns) > MOST_PATTERNS or sum(map(len, request.patterns)) > MOST_PATTERN_LETTERS:
+        return (
+            f"at most {MOST_PATTERNS} patterns of {MOST_PATTERN_LETTERS} letters together, got {len(request.patterns)}"
+        )
     if request.split_bytes and not LEAST_SPLIT_BYTES <= request.split_bytes <= MOST_BYTES:
         return f"a part must have {LEAST_SPLIT_BYTES} bytes or more, got {request.split_bytes}"
     if request.split_s and not LEAST_SPLIT_S <= request.split_s <= MOST_SPLIT_S:  # also false for NaN

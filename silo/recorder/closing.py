@@ -35,6 +35,7 @@ class ClosedPart:
     run: str
     recorder: str
     next_rows: dict[int, int]
+    inode: int = 0
 
     @property
     def text(self) -> str:
@@ -113,7 +114,22 @@ def close_part(path: Path) -> ClosedPart:
         os.fsync(file.fileno())
         path.rename(final)
         sync_folder(final.parent)
-        return ClosedPart(final, final.stat().st_size, samples, run, recorder, scan.next_rows)
+        found = os.fstat(file.fileno())
+        return ClosedPart(final, found.st_size, samples, run, recorder, scan.next_rows, found.st_ino)
+
+
+def finished_part(path: Path) -> ClosedPart | None:
+    """Return what a finished part holds, None for what can't be read."""
+    try:
+        with path.open("rb") as file:
+            scan = _scanned(file, path)
+            found = os.fstat(file.fileno())
+    except (OSError, FileFormatError):
+        return None
+    if scan.facts is None:
+        return None
+    samples = sum(scan.counts.values())
+    return ClosedPart(path, found.st_size, samples, scan.facts.run, scan.facts.recorder, scan.next_rows, found.st_ino)
 
 
 def _scanned(file: BinaryIO, path: Path) -> PartScan:

@@ -8,7 +8,7 @@ import contextlib
 import fcntl
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -16,6 +16,7 @@ import msgspec
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, reason
 from silo.files.part_facts import PART_ENDING
+from silo.recorder.closing import ClosedPart, finished_part
 
 ROOM_SHARE = 0.02  # of a disk that is left free, or
 ROOM_BYTES = 1_000_000_000  # that many, whichever is less
@@ -87,12 +88,22 @@ class Ledger:
         with atomic_file(self._path) as file:
             file.write(msgspec.json.encode(self.written))
 
-    def settle(self) -> None:
-        """Take in what became of parts that a predecessor left: closed, renamed, or gone."""
+    def settle(self, closed: Sequence[ClosedPart]) -> None:
+        """Take in what became of parts that a predecessor left: closed just now, by others, or gone.
+
+        One that was killed right before it noted a part, or its end, leaves that to its successor.
+        """
+        names = {entry.name for entry in self.written.parts}
+        ours = {part.path.name: part for part in closed if part.recorder == self.name and part.samples}
+        self.written.parts += [PartEntry(name, part.inode) for name, part in ours.items() if name not in names]
         for entry in self.written.parts:
             found = self._ours(entry)
-            if found is not None and not entry.size_bytes:
-                entry.size_bytes = found
+            if found is None or entry.size_bytes:
+                continue
+            entry.size_bytes = found
+            part = ours.get(entry.name) or finished_part(self.folder / entry.name)
+            if part is not None:
+                self.written.run, self.written.next_rows = part.run, part.next_rows
         self.written.parts = [entry for entry in self.written.parts if entry.size_bytes and self._ours(entry)]
         self._store()
 

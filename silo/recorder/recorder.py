@@ -77,10 +77,8 @@ class Recorder:
         closed, problems = close_parts(ledger.folder)
         for part in closed:
             self._news.append(part.text)
-            if part.recorder == self._order.name:
-                ledger.written.run, ledger.written.next_rows = part.run, part.next_rows
         self._news += problems
-        ledger.settle()
+        ledger.settle(closed)
         self._ledger = ledger
         self._writing = Writing(self._order, ledger, self._disk)
         if self._order.resume:

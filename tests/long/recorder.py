@@ -141,9 +141,9 @@ def phases(options: argparse.Namespace, folder: Path, robot: int, helper: int) -
 
         client.record(to="kills", name="kills", split="1h")
         for _ in range(options.kills):
-            time.sleep(rng.uniform(1.0, 4.0))
             while (info := client.recorders()[0]).state.value != "recording":
                 time.sleep(0.1)
+            time.sleep(rng.uniform(0.0, 3.0))
             os.kill(info.pid, 9)
         time.sleep(6.0)
         print(client.stop_recorder("kills"), flush=True)

@@ -17,7 +17,7 @@ from silo.files.bag import write_bag
 from silo.files.bag_read import read_bag
 from silo.model import RecorderState
 from silo.recorder.closing import close_part, close_parts, left_parts
-from silo.recorder.ledger import left_free
+from silo.recorder.ledger import Ledger, left_free
 from silo.recorder.orders import RecordOrder
 from silo.recorder.writing import QUEUE_BYTES, Disk
 
@@ -328,3 +328,37 @@ def test_of_two_recorders_of_one_name_in_one_folder_the_second_is_refused(robot,
     with pytest.raises(SaveError, match="another recorder writes"):
         truth.direct(robot, order(tmp_path))
     direct.finish()
+
+
+def test_who_goes_on_begins_behind_a_part_whose_end_was_never_noted(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(100)
+    direct.step()
+    noted = (tmp_path / "rec" / ".bot.recorder.json").read_bytes()
+    robot.ticks(50)
+    direct.step()
+    direct.finish()
+    (tmp_path / "rec" / ".bot.recorder.json").write_bytes(noted)  # killed between the name of the part and its note
+    ledger = Ledger(tmp_path / "rec", "bot", 0.0)
+    ledger.settle([])
+    ledger.close()
+    assert set(ledger.written.next_rows.values()) == {30, 150}
+    assert ledger.written.run == robot.log.present_run.id
+    assert ledger.size_bytes == parts(tmp_path)[0].stat().st_size
+
+
+def test_a_part_that_was_never_noted_counts_for_the_budget_once_it_is_closed(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(100)
+    direct.step()
+    (path,) = (tmp_path / "rec").glob("*.part")
+    (tmp_path / "rec" / path.name.replace("00001", "00007")).write_bytes(path.read_bytes())
+    direct.finish()
+    closed, _ = close_parts(tmp_path / "rec")
+    ledger = Ledger(tmp_path / "rec", "bot", 0.0)
+    ledger.settle(closed)
+    ledger.close()
+    assert ledger.size_bytes == sum(path.stat().st_size for path in parts(tmp_path))
+    assert len(parts(tmp_path)) == 2
