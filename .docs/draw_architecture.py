@@ -18,6 +18,7 @@ PROCESSES = {
     "robot": ("silo.logger", "robot program", "collect() once per tick"),
     "helper": ("silo.helper", "helper process", "one per logger that serves"),
     "writing": ("silo.helper.writing", "writing process", "one per save"),
+    "recorder": ("silo.recorder", "recorder", "one per endless recording"),
     "shell": ("silo.cli", "silo", "shell commands"),
     "tui": ("silo_tui", "silo-tui", "terminal"),
 }
@@ -27,10 +28,13 @@ CHANNELS = [
     ("segment", "helper", "read only"),
     ("segment", "writing", "read only"),
     ("robot", "helper", "link: commands, answers"),
+    ("segment", "recorder", "read only"),
     ("helper", "writing", "pipe: order, report"),
+    ("helper", "recorder", "socket: order, runs, reports"),
     ("helper", "shell", "Zenoh: requests, views, topics, events"),
     ("helper", "tui", "Zenoh: requests, views, topics, events"),
     ("writing", "files", "finished, then renamed"),
+    ("recorder", "files", "finished, then renamed"),
     ("files", "shell", ""),
     ("files", "tui", ""),
 ]

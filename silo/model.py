@@ -221,6 +221,27 @@ class State(str, enum.Enum):
     DEAD = "dead"  # the robot process is gone; the helper still answers
 
 
+class RecorderState(str, enum.Enum):
+    """What a recorder does. One that only a newer silo knows is read as OTHER."""
+
+    WAITING = "waiting"  # for the logger to start
+    RECORDING = "recording"
+    FINISHING = "finishing"
+    ENDED = "ended"
+    FAILED = "failed"  # it ended by itself: the text says why
+    DIED = "died"  # it was killed, and is started again
+    OTHER = "other"
+
+    @classmethod
+    def _missing_(cls, _: object) -> "RecorderState":
+        return cls.OTHER
+
+    @property
+    def over(self) -> bool:
+        """Whether it ended as it should, or cannot go on."""
+        return self in (RecorderState.ENDED, RecorderState.FAILED)
+
+
 class Status(msgspec.Struct, frozen=True):
     """A logger at a glance. Times are nanoseconds since 1970; `lost` counts samples that could not be
     kept, all elements together."""
@@ -253,6 +274,7 @@ class Status(msgspec.Struct, frozen=True):
     held_s: float = 0.0  # from the oldest of them to the newest
     failed: int = 0  # samples that stand for ones that could not be read, all elements together
     failed_most: dict[str, int] = {}  # the elements with most of them
+    recorders: int = 0  # endless recordings that are under way
 
 
 class Table(msgspec.Struct, frozen=True):

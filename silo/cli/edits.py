@@ -1,9 +1,7 @@
 """`silo set`: settings as words, elements by pattern, one transaction."""
 
-import re
 from collections.abc import Sequence
 from difflib import get_close_matches
-from fnmatch import translate
 from typing import TYPE_CHECKING
 
 import click
@@ -21,6 +19,7 @@ from silo.cli.common import (
     unsaved_options,
 )
 from silo.errors import ElementError, RefusedError
+from silo.patterns import pattern_matcher
 from silo.settings.words import Settings, apply_settings, completions, help_rows, is_setting, read_settings
 
 if TYPE_CHECKING:
@@ -64,9 +63,7 @@ def select(names: Sequence[str], patterns: Sequence[str]) -> list[int]:
     """
     chosen: set[int] = set()
     for pattern in patterns:
-        anchored = pattern if pattern.startswith(("/", "*")) else f"*/{pattern}"
-        anchored = anchored.rstrip("/") or "/*"
-        matcher = re.compile(f"{translate(anchored)}|{translate(anchored + '/*')}")
+        matcher = pattern_matcher(pattern)
         found = [place for place, name in enumerate(names) if matcher.match(name)]
         if not found:
             near = get_close_matches(pattern, names, 1, cutoff=0.5)

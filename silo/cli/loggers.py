@@ -62,15 +62,15 @@ def ls(as_json: bool) -> None:
         _tell_orphans(answers)
         raise ConnectionLostError(not_found_text("", discovery))
     header = ("LOGGER", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
+    rows = [header, *map(_ls_row, answers)]
     durable = [answer.status.durable_ticks if answer.status else -1 for answer in answers]
-    if max(durable) < 0:  # nobody asked for it
-        show_rows([header, *map(_ls_row, answers)], right=(2, 3, 4, 5, 6, 7))
-    else:
+    if max(durable) >= 0:  # somebody asked for it
         last = ("DURABLE TO TICK", *(str(tick) if tick >= 0 else "-" for tick in durable))
-        show_rows(
-            [(*row, end) for row, end in zip((header, *map(_ls_row, answers)), last, strict=True)],
-            right=(2, 3, 4, 5, 6, 7, 9),
-        )
+        rows = [(*row, end) for row, end in zip(rows, last, strict=True)]
+    recorders = [answer.status.recorders if answer.status else 0 for answer in answers]
+    if any(recorders):
+        rows = [(*row, end) for row, end in zip(rows, ("REC", *map(str, recorders)), strict=True)]
+    show_rows(rows, right=(2, 3, 4, 5, 6, 7, *range(9, len(rows[0]))))
     for answer in answers:
         if answer.error:
             click.echo(f"{answer.found.label}: {answer.error}", err=True)
@@ -236,6 +236,7 @@ def _show_status(status: "Status") -> None:
         *_failed(status),
         *_durable(status),
         ("elements", f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"),
+        *_endless(status),
         ("time limit", limit),
         ("memory", f"{status.segment_bytes / 1e6:.1f} MB"),
         ("folder", status.folder),
@@ -267,6 +268,13 @@ def _failed(status: "Status") -> list[tuple[str, str]]:
         return []
     names = ", ".join(f"{name} at {many(count, 'tick')}" for name, count in status.failed_most.items())
     return [("failed", f"{many(status.failed, 'sample')} could not be read: {names}")]
+
+
+def _endless(status: "Status") -> list[tuple[str, str]]:
+    """A line where something is recorded without end."""
+    if not status.recorders:
+        return []
+    return [("recorded", f"{many(status.recorders, 'recording')} under way: `silo record {status.logger} --ls`")]
 
 
 def _durable(status: "Status") -> list[tuple[str, str]]:

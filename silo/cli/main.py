@@ -35,6 +35,7 @@ COMMANDS = {
     "restart": LazyCommand("Loggers", "silo.cli.loggers", "restart", "Stop, and start with empty buffers."),
     "save": LazyCommand("Loggers", "silo.cli.loggers", "save", "Save what the buffers hold to files."),
     "files": LazyCommand("Loggers", "silo.cli.recordings", "files", "List, fetch, delete recordings of a robot."),
+    "record": LazyCommand("Loggers", "silo.cli.record", "record", "Record to MCAP files, for days."),
     "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
     "recover": LazyCommand("Loggers", "silo.cli.recover", "recover", "Save what programs that died left behind."),
     "convert": LazyCommand("Saved files", "silo.cli.files", "convert_command", "Convert a log to another format."),

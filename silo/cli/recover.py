@@ -40,7 +40,8 @@ def recover(
     folders in which loggers of this user kept them. FOLDER: only what is in that log folder, or was to be saved there.
 
     The helper process of a logger does this by itself, also when the program is started again; this command is for when
-    nobody does. Rests that hold no data are removed on the way.
+    nobody does. Rests that hold no data are removed on the way. Parts of endless recordings (`silo record`) that a kill
+    left open are closed where they are.
 
     \b
     Examples:
@@ -52,16 +53,20 @@ def recover(
 
     chosen = file_types(types)
     single, stale = _meant(paths, look_in)
+    folders = _recording_folders(paths, single, look_in)
     if only_list and single:
         raise click.UsageError(f"--list shows what is found in folders; {single[0]} is none")
     if only_list:
+        _show_parts(folders, as_json)
         _show(stale, as_json)
     else:
+        closed = _close_parts(folders, as_json)
         if not paths:
             _sweep([look_in, *_known_folders(), *(Path(one.schema.folder) for one in stale if one.schema)])
-        elif folders := [path for path in paths if path not in single]:
-            _sweep(folders)
-        _recover([*single, *(one.path for one in stale if one.holdings)], folder, chosen, as_json, single)
+        elif named := [path for path in paths if path not in single]:
+            _sweep(named)
+        found = [*single, *(one.path for one in stale if one.holdings)]
+        _recover(found, folder, chosen, as_json, single, quiet=closed)
         list_segments()  # removes the links to those that are gone now
     damaged = [one for one in stale if one.holdings is None]
     if damaged:
@@ -87,6 +92,42 @@ def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[Stal
         if one.path.parent.resolve() in inside or (one.schema is not None and Path(one.schema.folder) in inside)
     ]
     return [path for path in paths if path not in folders], stale
+
+
+def _recording_folders(paths: Sequence[Path], single: Sequence[Path], look_in: Path) -> list[Path]:
+    """Where open parts of recordings may be."""
+    from silo.collecting.journal_folders import RECORDINGS, remembered_folders
+
+    if paths:
+        return [path for path in paths if path not in single and path.is_dir()]
+    folders = [look_in, *(folder for folder in remembered_folders(RECORDINGS) if folder.is_dir())]
+    return list(dict.fromkeys(folder.resolve() for folder in folders))
+
+
+def _show_parts(folders: Sequence[Path], as_json: bool) -> None:
+    for folder in folders:
+        if any(folder.glob("*.mcap.part")):
+            from silo.recorder.closing import left_parts
+
+            for path in left_parts(folder):
+                text = f"{path}  {path.stat().st_size / 1e6:.1f} MB of a recording, left open by a kill"
+                click.echo(text, err=as_json)
+
+
+def _close_parts(folders: Sequence[Path], as_json: bool) -> bool:
+    """Close what killed recorders left open; returns whether there was anything."""
+    done = False
+    for folder in folders:
+        if any(folder.glob("*.mcap.part")):
+            from silo.recorder.closing import close_parts
+
+            closed, problems = close_parts(folder)
+            for part in closed:
+                click.echo(part.text, err=as_json)
+            for problem in problems:
+                click.echo(problem, err=True)
+            done = done or bool(closed)
+    return done
 
 
 def _known_folders() -> list[Path]:
@@ -158,7 +199,13 @@ def _facts(one: "StaleSegment") -> dict[str, object]:
 
 
 def _recover(
-    paths: Sequence[Path], folder: Path | None, types: Sequence[FileType], as_json: bool, named: Sequence[Path]
+    paths: Sequence[Path],
+    folder: Path | None,
+    types: Sequence[FileType],
+    as_json: bool,
+    named: Sequence[Path],
+    *,
+    quiet: bool,
 ) -> None:
     """Each segment by itself: one that fails doesn't keep the others. Raises SaveError at the end if any did.
 
@@ -191,7 +238,7 @@ def _recover(
                 click.echo(f"  {file.path}  {file.size_bytes / 1e6:.1f} MB")
     if as_json:
         show_json(files)
-    elif not paths:
+    elif not paths and not quiet:
         _say_nothing()
     if failed:
         raise SaveError(f"{failed} of {many(len(paths), 'segment')} could not be recovered; they stay as they are")

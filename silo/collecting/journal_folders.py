@@ -12,22 +12,25 @@ import os
 import time
 from pathlib import Path
 
+JOURNALS = "journals"
+RECORDINGS = "recordings"  # of recorders: what a kill left open is found as journals are
+_FILES = {JOURNALS: ".*.journal", RECORDINGS: "*.mcap.part"}
 KEPT_S = 30 * 86400.0  # of a link to a folder that isn't there: its disk may be mounted again
 
 
-def _links() -> Path:
+def _links(kind: str) -> Path:
     state = os.environ.get("XDG_STATE_HOME", "")
     root = Path(state) if os.path.isabs(state) else Path.home() / ".local" / "state"  # noqa: PTH117  # of a text
-    return root / "silo" / "journals"
+    return root / "silo" / kind
 
 
-def remember_folder(folder: Path) -> None:
-    """Have a folder that holds a journal found after a power cut; durable when this returns.
+def remember_folder(folder: Path, kind: str = JOURNALS) -> None:
+    """Have a folder that holds a journal, or parts of recordings, found after a power cut; durable when this returns.
 
     Raises OSError where the state folder can't be written, RuntimeError where this user has no home.
     """
     target = folder.absolute()
-    links = _links()
+    links = _links(kind)
     links.mkdir(mode=0o700, parents=True, exist_ok=True)
     link = links / hashlib.blake2b(os.fsencode(target), digest_size=8).hexdigest()
     with contextlib.suppress(FileNotFoundError):
@@ -44,18 +47,18 @@ def remember_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
-def remembered_folders() -> list[Path]:
-    """Return the folders that hold journals; those that aren't there, for their disk isn't mounted, too.
+def remembered_folders(kind: str = JOURNALS) -> list[Path]:
+    """Return the folders that hold such files; those that aren't there, for their disk isn't mounted, too.
 
-    Links to folders without a journal are removed, and after a month those to folders that aren't there.
+    Links to folders without any are removed, and after a month those to folders that aren't there.
     """
     found = []
     with contextlib.suppress(OSError, RuntimeError):  # nothing was ever remembered
-        for link in sorted(_links().iterdir()):
+        for link in sorted(_links(kind).iterdir()):
             with contextlib.suppress(OSError):  # no link, or another process removes it just now
                 folder = link.readlink()
                 there = os.path.lexists(folder)
-                if any(folder.glob(".*.journal")) or not (there or time.time() - link.lstat().st_mtime > KEPT_S):
+                if any(folder.glob(_FILES[kind])) or not (there or time.time() - link.lstat().st_mtime > KEPT_S):
                     found.append(folder)
                 else:
                     link.unlink()

@@ -78,11 +78,12 @@ def _utf8(recording: Recording) -> Recording:
     """
     if not any(entry.values.dtype.kind == "U" for element in recording.elements for entry in element.entries):
         return recording
-    elements = [replace(element, entries=tuple(map(_utf8_entry, element.entries))) for element in recording.elements]
+    elements = [replace(element, entries=tuple(map(utf8_entry, element.entries))) for element in recording.elements]
     return replace(recording, elements=elements)
 
 
-def _utf8_entry(entry: RecordedEntry) -> RecordedEntry:
+def utf8_entry(entry: RecordedEntry) -> RecordedEntry:
+    """The entry with its text as UTF-8, if it is one of 4 bytes per letter."""
     if entry.values.dtype.kind != "U":
         return entry
     try:
@@ -124,21 +125,22 @@ def _write_mcap(
     groups = group_channels(recording, channels)
     counts = {number: recording.elements[channel.element].count for number, channel in enumerate(channels, start=1)}
     first, last = _span(recording, groups)
-    metadata = _metadata_yaml(recording, channels, counts, name, (first, last))
+    metadata = metadata_yaml(recording, channels, counts, name, (first, last))
 
     mcap = McapFile(file, *definitions(recording, channels))
     mcap.add_metadata("silo", _summary(recording))
-    mcap.attach(FACTS_ATTACHMENT, "application/zstd", pack_facts(_facts(recording, channels)))
+    mcap.attach(FACTS_ATTACHMENT, "application/zstd", pack_facts(recording_facts(recording, channels)))
     mcap.attach(TIME_ATTACHMENT, "application/zstd", pack_times(recording.time_ns))
-    _write_windows(mcap, recording.time_ns, groups, progress)
+    write_windows(mcap, recording.time_ns, groups, progress)
     mcap.add_metadata("rosbag2", {"serialized_metadata": metadata})
     mcap.finish(counts, first, last)
     return metadata
 
 
-def _write_windows(
-    mcap: McapFile, times: NDArray[np.int64], groups: Sequence[MessageGroup], progress: Progress | None
+def write_windows(
+    mcap: McapFile, times: NDArray[np.int64], groups: Sequence[MessageGroup], progress: Progress | None = None
 ) -> None:
+    """Write the messages of all ticks with these time stamps as chunks."""
     total = len(times)
     per_tick = sum(group.tick_bytes / group.divider for group in groups)
     ticks = max(1, min(total, int(WINDOW_BYTES / max(per_tick, 1))))
@@ -235,7 +237,8 @@ def _summary(recording: Recording) -> dict[str, str]:
     }
 
 
-def _facts(recording: Recording, channels: Sequence[Channel]) -> RecordingFacts:
+def recording_facts(recording: Recording, channels: Sequence[Channel]) -> RecordingFacts:
+    """What a recording is beyond its messages."""
     where: dict[tuple[int, int], tuple[int, int, str, int]] = {}
     for number, channel in enumerate(channels, start=1):
         for part in channel.parts:
@@ -281,7 +284,7 @@ def _logged(entry: RecordedEntry) -> str:
     return entry.logged if isinstance(entry, Utf8Entry) else str(entry.values.dtype.str)
 
 
-def _metadata_yaml(
+def metadata_yaml(
     recording: Recording, channels: Sequence[Channel], counts: Mapping[int, int], name: str, span: tuple[int, int]
 ) -> str:
     """rosbag2's description of the bag. Version 8: QoS profiles are a text, which Humble can still parse."""

@@ -5,7 +5,7 @@ structured array of shape (samples, channels), filled by column, and copied to t
 one indexed store (5 ns per message).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from silo.files.mcap_write import INDEX_OPCODE, MESSAGE_OPCODE, IndexBlock, index_dtype
 from silo.files.ros_types import ENCAPSULATION, STRING, Channel, Part
 from silo.files.wide import to_wire
-from silo.recording import Recording
+from silo.recording import RecordedElement, Recording
 
 # of a message record: opcode 1, length 8, channel 2, sequence 4, log time 8, publish time 8
 RECORD_HEAD = 31
@@ -39,9 +39,16 @@ class _Key:
 
 def group_channels(recording: Recording, channels: Sequence[Channel]) -> list["MessageGroup"]:
     """Groups of all channels that have messages. Channels count from 1, as in the file."""
+    return group_samples(recording.elements, dict(enumerate(channels, start=1)))
+
+
+def group_samples(
+    elements: Sequence[RecordedElement], channels: Mapping[int, Channel], numbered_from: int = 0
+) -> list["MessageGroup"]:
+    """Groups of these channels, by their numbers; the first sample gets the sequence number `numbered_from`."""
     numbers: dict[_Key, list[int]] = {}
-    for number, channel in enumerate(channels, start=1):
-        element = recording.elements[channel.element]
+    for number, channel in channels.items():
+        element = elements[channel.element]
         if element.count == 0:
             continue
         text_size = element.entries[channel.parts[0].entry].values.dtype.itemsize if channel.is_string else 0
@@ -52,10 +59,10 @@ def group_channels(recording: Recording, channels: Sequence[Channel]) -> list["M
     for key, members in numbers.items():
         values = []
         for number in members:
-            channel = channels[number - 1]
-            entries = recording.elements[channel.element].entries
+            channel = channels[number]
+            entries = elements[channel.element].entries
             values.append([entries[part.entry].values for part in channel.parts])
-        groups.append(MessageGroup(key, channels[members[0] - 1].parts, members, values))
+        groups.append(MessageGroup(key, channels[members[0]].parts, members, values, numbered_from))
     return groups
 
 
@@ -63,8 +70,14 @@ class MessageGroup:
     """Channels with the same layout and ticks. Per window: `build`, `add_sizes`, `place`, then `index` per chunk."""
 
     def __init__(
-        self, key: _Key, parts: Sequence[Part], channels: Sequence[int], values: Sequence[Sequence[NDArray[Any]]]
+        self,
+        key: _Key,
+        parts: Sequence[Part],
+        channels: Sequence[int],
+        values: Sequence[Sequence[NDArray[Any]]],
+        numbered_from: int,
     ) -> None:
+        self._numbered_from = numbered_from
         self.divider = key.divider
         self.first = key.first
         self.count = key.count
@@ -111,7 +124,7 @@ class MessageGroup:
         if start == stop:
             return
         stamps = self._times = times[self._ticks].astype(np.int64)
-        records["sequence"] = np.arange(start, stop, dtype=np.uint64).astype("<u4")[:, None]
+        records["sequence"] = (np.arange(start, stop, dtype=np.uint64) + self._numbered_from).astype("<u4")[:, None]
         records["log_time"] = records["publish_time"] = stamps[:, None]
         records["sec"] = (stamps // _SECOND)[:, None]
         records["nanosec"] = (stamps % _SECOND)[:, None]

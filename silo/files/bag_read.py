@@ -8,11 +8,8 @@ a warning. Bags of others have no facts: `FileFormatError` says so.
 import mmap
 import os
 import struct
-import zlib
 from collections.abc import Iterator
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -22,24 +19,20 @@ from numpy.typing import NDArray
 
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
+from silo.files.bag_channels import INDEX_ENTRY, ChannelReader, Values, channel_readers, unpack_chunk
 from silo.files.bag_facts import (
     FACTS_ATTACHMENT,
     FACTS_VERSION,
     TIME_ATTACHMENT,
-    ElementFacts,
-    EntryFacts,
     RecordingFacts,
     unpack_facts,
     unpack_times,
 )
-from silo.files.bag_groups import RECORD_HEAD
 from silo.files.mcap_write import MAGIC
-from silo.files.ros_types import STRING
-from silo.files.silo_format import dtype_from
-from silo.files.wide import from_wire
+from silo.files.part_facts import PART_ATTACHMENT, unpack_part
+from silo.files.part_read import read_part
+from silo.files.part_scan import attachment
 from silo.recording import RecordedElement, RecordedEntry, Recording
-
-_INDEX_ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
 
 def read_bag(path: str | os.PathLike[str]) -> Recording:
@@ -77,52 +70,34 @@ def _storage_file(path: Path) -> Path:
     return files[0]
 
 
-class _Values:
-    """Grows the values of one element while chunks are read."""
-
-    def __init__(self, facts: ElementFacts, messages: int) -> None:
-        self.facts = facts
-        # a damaged count must not reserve memory that the file can't fill
-        room = min(facts.count, messages)
-        self.arrays = [np.zeros(room, dtype=_dtype(entry)) for entry in facts.entries]
-        self.filled = [0] * len(facts.entries)
-
-    def add(self, index: int, values: NDArray[Any]) -> None:
-        start = self.filled[index]
-        self.arrays[index][start : start + len(values)] = values
-        self.filled[index] = start + len(values)
-
-    @property
-    def whole(self) -> int:
-        return min(self.filled, default=0)
-
-
 def _read(data: memoryview) -> Recording:
     if bytes(data[: len(MAGIC)]) != MAGIC:
         raise FileFormatError("not an MCAP file: it doesn't start with the MCAP mark")
     facts: RecordingFacts | None = None
     times: NDArray[np.int64] | None = None
-    elements: list[_Values] = []
-    readers: dict[int, _ChannelReader] = {}
+    elements: list[Values] = []
+    readers: dict[int, ChannelReader] = {}
     chunk: bytes | None = None
     complete = False
     for opcode, body in _records(data):
         if opcode == Opcode.ATTACHMENT:
-            name, content = _attachment(body)
+            name, _, content = attachment(body)
             if name == FACTS_ATTACHMENT:
                 facts = unpack_facts(content)
                 if facts.version != FACTS_VERSION:
                     raise ValueError(f"layout version {facts.version} is newer than this silo reads ({FACTS_VERSION})")
                 # a message takes at least an index entry
-                elements = [_Values(element, len(data) // _INDEX_ENTRY.itemsize) for element in facts.elements]
-                readers = _channel_readers(facts, elements)
+                elements = [Values(element, len(data) // INDEX_ENTRY.itemsize) for element in facts.elements]
+                readers = channel_readers(facts, elements)
+            elif name == PART_ATTACHMENT:
+                return read_part(data, unpack_part(content))
             elif name == TIME_ATTACHMENT:
                 times = unpack_times(content)
         elif opcode == Opcode.CHUNK:
-            chunk = _unpack_chunk(body)
+            chunk = unpack_chunk(body)
         elif opcode == Opcode.MESSAGE_INDEX and chunk is not None:
             channel, size = struct.unpack_from("<HI", body)
-            entries = np.frombuffer(body[6 : 6 + size], dtype=_INDEX_ENTRY)
+            entries = np.frombuffer(body[6 : 6 + size], dtype=INDEX_ENTRY)
             if channel in readers:
                 readers[channel].add(chunk, entries["offset"])
         elif opcode == Opcode.DATA_END:
@@ -149,118 +124,7 @@ def _records(data: memoryview) -> Iterator[tuple[int, memoryview]]:
         at += length
 
 
-def _attachment(body: memoryview) -> tuple[str, bytes]:
-    at = 16
-    texts = []
-    for _ in range(2):
-        (length,) = struct.unpack_from("<I", body, at)
-        texts.append(bytes(body[at + 4 : at + 4 + length]))
-        at += 4 + length
-    (size,) = struct.unpack_from("<Q", body, at)
-    content = bytes(body[at + 8 : at + 8 + size])
-    (checksum,) = struct.unpack_from("<I", body, at + 8 + size)
-    if zlib.crc32(body[:-4]) != checksum:
-        raise ValueError(f"attachment {texts[0].decode(errors='replace')!r} is damaged: wrong checksum")
-    return texts[0].decode(), content
-
-
-def _unpack_chunk(body: memoryview) -> bytes:
-    _, _, size, checksum, length = struct.unpack_from("<QQQII", body)
-    compression = bytes(body[32 : 32 + length])
-    (packed,) = struct.unpack_from("<Q", body, 32 + length)
-    content = body[40 + length : 40 + length + packed]
-    if compression == b"zstd":
-        if zstandard.frame_content_size(bytes(content[:32])) != size:
-            raise ValueError("a chunk is damaged: it has not the size that it announces")
-        chunk = zstandard.decompress(content)
-    elif compression:
-        raise ValueError(f"a chunk is compressed with {compression.decode(errors='replace')!r}, not with zstd")
-    else:
-        chunk = bytes(content)
-    if zlib.crc32(chunk) != checksum:
-        raise ValueError("a chunk is damaged: wrong checksum")
-    return chunk
-
-
-class _ChannelReader:
-    """Takes the values of one channel out of chunks."""
-
-    def __init__(self, size: int) -> None:
-        self._size = RECORD_HEAD + size
-        self._targets: list[tuple[EntryFacts, _Values, int]] = []
-
-    def aim(self, entry: EntryFacts, values: _Values, index: int) -> None:
-        self._targets.append((entry, values, index))
-
-    @cached_property
-    def _layout(self) -> np.dtype[np.void]:
-        """A message record, of which only the values have names: their number in the list of targets."""
-        entries = [entry for entry, _, _ in self._targets]
-        formats: list[Any] = [e.wire if e.wire_count == 1 else (e.wire, (e.wire_count,)) for e in entries]
-        return np.dtype(
-            {
-                "names": [str(k) for k in range(len(entries))],
-                "formats": formats,
-                "offsets": [RECORD_HEAD + entry.offset for entry in entries],
-                "itemsize": self._size,
-            }
-        )
-
-    @cached_property
-    def _columns(self) -> list[tuple[str, np.dtype[Any], _Values, int]]:
-        return [(str(k), _dtype(entry), values, index) for k, (entry, values, index) in enumerate(self._targets)]
-
-    def add(self, chunk: bytes, offsets: NDArray[np.uint64]) -> None:
-        if len(offsets) == 0:
-            return
-        if int(offsets.max()) >= len(chunk):
-            raise ValueError("a message index points out of its chunk")
-        places = offsets.astype(np.int64)
-        if self._targets[0][0].wire == STRING:
-            self._add_strings(chunk, places)
-            return
-        rows = _overlapping(chunk, self._layout)[places]
-        for name, dtype, values, index in self._columns:
-            values.add(index, from_wire(rows[name], dtype))
-
-    def _add_strings(self, chunk: bytes, places: NDArray[np.int64]) -> None:
-        entry, values, index = self._targets[0]
-        start = places + RECORD_HEAD + entry.offset + 4
-        lengths = _overlapping(chunk, np.dtype("<u4"))[start - 4].astype(np.int64) - 1
-        texts: list[Any] = [chunk[at : at + size] for at, size in zip(start.tolist(), lengths.tolist(), strict=True)]
-        dtype = _dtype(entry)
-        if dtype.kind == "U":
-            texts = [text.decode() for text in texts]
-        values.add(index, np.array(texts, dtype=dtype))
-
-
-def _overlapping(chunk: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Items of `dtype` that start at every byte of the chunk; an index too far is an `IndexError`."""
-    if len(chunk) < dtype.itemsize:
-        raise ValueError("a message is cut off at the end of its chunk")
-    # as_strided does the same in three times as long
-    items: NDArray[Any] = np.ndarray((len(chunk) - dtype.itemsize + 1,), dtype, chunk, 0, (1,))
-    return items
-
-
-def _channel_readers(facts: RecordingFacts, elements: list[_Values]) -> dict[int, _ChannelReader]:
-    readers: dict[int, _ChannelReader] = {}
-    for values in elements:
-        for index, entry in enumerate(values.facts.entries):
-            if entry.channel not in readers:
-                readers[entry.channel] = _ChannelReader(facts.channel_sizes[entry.channel])
-            readers[entry.channel].aim(entry, values, index)
-    return readers
-
-
-def _dtype(entry: EntryFacts) -> np.dtype[Any]:
-    dtype = dtype_from(entry.dtype)
-    if dtype is None:
-        raise ValueError(f"{entry.name}: type {entry.dtype} can't stand in a file")
-    return dtype
-
-
-def _recording(facts: RecordingFacts, times: NDArray[np.int64], elements: list[_Values], complete: bool) -> Recording:
+def _recording(facts: RecordingFacts, times: NDArray[np.int64], elements: list[Values], complete: bool) -> Recording:
     warnings = list(facts.warnings)
     missing = sum(values.facts.count - values.whole for values in elements if values.facts.entries)
     if missing:
@@ -282,7 +146,7 @@ def _recording(facts: RecordingFacts, times: NDArray[np.int64], elements: list[_
     )
 
 
-def _element(values: _Values) -> RecordedElement:
+def _element(values: Values) -> RecordedElement:
     facts = values.facts
     return RecordedElement(
         name=facts.name,

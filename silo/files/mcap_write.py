@@ -7,7 +7,7 @@ records, summary, footer. The small records are written with the `mcap` package'
 import struct
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import BinaryIO
 
 import numpy as np
@@ -42,6 +42,9 @@ _LIBRARY = "silo"
 _PREFIX_BYTES = 9  # opcode and length of a record
 
 
+Write = Callable[[int, list[memoryview], int], None]  # `write_all`, or what stands for a slow disk
+
+
 @dataclass(frozen=True)
 class IndexBlock:
     """Message index records of channels with the same number of messages in a chunk.
@@ -53,11 +56,26 @@ class IndexBlock:
     records: NDArray[np.void]
 
 
+@dataclass
+class Begun:
+    """What is whole of a file that nobody finished: its first `size` bytes, and what its summary will say of them."""
+
+    size: int = 0
+    schemas: list[Schema] = field(default_factory=list)
+    channels: list[Channel] = field(default_factory=list)
+    chunk_indexes: list[bytes] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
+
+
 class McapFile:
     """Writes one MCAP file front to back into an open unbuffered file; `finish` writes the summary."""
 
-    def __init__(self, file: BinaryIO, schemas: Sequence[Schema], channels: Sequence[Channel]) -> None:
+    def __init__(
+        self, file: BinaryIO, schemas: Sequence[Schema], channels: Sequence[Channel], write: Write | None = None
+    ) -> None:
         self._descriptor = file.fileno()
+        self._write_all = write
         self._position = 0
         self._schemas = schemas
         self._channels = channels
@@ -65,10 +83,37 @@ class McapFile:
         self._compressors = [zstandard.ZstdCompressor(level=level) for level in _ZSTD_LEVELS]
         self._best = self._compressors[0]
         self._chunk_indexes: list[bytes] = []
+        self._index_bytes = 0
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self._write(MAGIC)
-        self._write(_bytes(Header(profile="ros2", library=_LIBRARY)))
+        self._write(file_start())
+
+    @classmethod
+    def continued(cls, file: BinaryIO, begun: "Begun") -> "McapFile":
+        """A file that was begun and not finished, to be finished; it is cut behind what is whole of it."""
+        found = cls.__new__(cls)
+        found._descriptor = file.fileno()
+        found._write_all = None
+        found._position = begun.size
+        found._schemas, found._channels = begun.schemas, begun.channels
+        found._undefined = b""
+        found._compressors = [zstandard.ZstdCompressor(level=level) for level in _ZSTD_LEVELS]
+        found._best = found._compressors[0]
+        found._index_bytes = sum(map(len, begun.chunk_indexes))
+        found._chunk_indexes = begun.chunk_indexes
+        found._attachments, found._metadata = begun.attachments, begun.metadata
+        file.truncate(begun.size)
+        return found
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes written up to now."""
+        return self._position
+
+    @property
+    def index_bytes(self) -> int:
+        """Bytes of the index so far, which is kept in memory until the end."""
+        return self._index_bytes
 
     @property
     def definitions_size(self) -> int:
@@ -103,9 +148,11 @@ class McapFile:
 
         chunk_length = _PREFIX_BYTES + length
         offsets, index_length = _index_offsets(index, at + chunk_length)
-        body = struct.pack("<QQQQI", start_ns, end_ns, at, chunk_length, offsets.nbytes) + offsets.tobytes()
-        body += struct.pack("<Q", index_length) + compression + struct.pack("<QQ", len(packed), len(data))
-        self._chunk_indexes.append(struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body)
+        place = (start_ns, end_ns, at, chunk_length)
+        self._chunk_indexes.append(
+            chunk_index(place, offsets.tobytes(), index_length, compression, len(packed), len(data))
+        )
+        self._index_bytes += len(self._chunk_indexes[-1])
 
     def finish(self, counts: Mapping[int, int], start_ns: int, end_ns: int) -> int:
         """Write the summary and the end of the file; `counts` are messages per channel. Returns the file's size."""
@@ -153,8 +200,25 @@ class McapFile:
 
     def _write(self, *buffers: bytes | memoryview) -> None:
         views = [memoryview(buffer) for buffer in buffers]
-        write_all(self._descriptor, views, self._position)
+        (self._write_all or write_all)(self._descriptor, views, self._position)
         self._position += sum(view.nbytes for view in views)
+
+
+def file_start() -> bytes:
+    """What every file begins with."""
+    return MAGIC + _bytes(Header(profile="ros2", library=_LIBRARY))
+
+
+def chunk_index(
+    place: tuple[int, int, int, int], offsets: bytes, index_length: int, compression: bytes, packed: int, size: int
+) -> bytes:
+    """A chunk index record. `place`: first and last time in ns, where the chunk record begins, its length.
+
+    `offsets` has channel and place of each message index record, `compression` its length before it.
+    """
+    body = struct.pack("<QQQQI", *place, len(offsets)) + offsets
+    body += struct.pack("<Q", index_length) + compression + struct.pack("<QQ", packed, size)
+    return struct.pack("<BQ", Opcode.CHUNK_INDEX, len(body)) + body
 
 
 def index_dtype(messages: int) -> np.dtype[np.void]:

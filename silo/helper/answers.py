@@ -16,6 +16,7 @@ from silo.helper.history import check_history, history
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.pins import Pins, no_pin
 from silo.helper.publisher import Publisher
+from silo.helper.recorders import Recording
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
 from silo.helper.requests import check_edits
 from silo.helper.robot import Robot
@@ -44,6 +45,7 @@ from silo.ipc.messages import (
     Hello,
     HelloReply,
     KeepPin,
+    ListRecorders,
     ListRecordings,
     ListScripts,
     LoadScript,
@@ -53,6 +55,8 @@ from silo.ipc.messages import (
     Piece,
     PinOpened,
     ReadScript,
+    Recorders,
+    RecorderStarted,
     RecordingParts,
     Recordings,
     Refused,
@@ -68,8 +72,10 @@ from silo.ipc.messages import (
     Scripts,
     ScriptText,
     Start,
+    StartRecorder,
     StatusReply,
     Stop,
+    StopRecorder,
     StreamOpened,
     Survey,
     ViewOpened,
@@ -104,12 +110,15 @@ def answers_to(
 class Answers:
     """Answers requests with everything that the helper has."""
 
-    def __init__(self, mirror: Mirror, events: Events, publisher: Publisher, saver: Saver, robot: Robot) -> None:
+    def __init__(
+        self, mirror: Mirror, events: Events, publisher: Publisher, saver: Saver, robot: Robot, recording: Recording
+    ) -> None:
         self._mirror = mirror
         self._events = events
         self._publisher = publisher
         self._saver = saver
         self._robot = robot
+        self._recording = recording
         self._pins = Pins()
         self._recordings = RecordingFolder()
         self._surveyor = Surveyor(mirror)
@@ -195,6 +204,10 @@ class Answers:
     def _survey(self, request: GetSurvey) -> Survey | Refused:
         return self._surveyor.answer(_signed(request))
 
+    @answers_to(ListRecorders)
+    def _list_recorders(self, _: ListRecorders) -> Recorders:
+        return Recorders(self._recording.infos())
+
     @answers_to(ListScripts)
     def _list_scripts(self, _: ListScripts) -> Scripts:
         own = self._own_script
@@ -250,6 +263,14 @@ class Answers:
     @answers_to(Save)
     def _save(self, request: Save) -> SaveStarted | Refused:
         return self._saver.save(_signed(request))
+
+    @answers_to(StartRecorder)
+    def _start_recorder(self, request: StartRecorder) -> RecorderStarted | Refused:
+        return _must_live(self._mirror.now) or self._recording.begin(_signed(request))
+
+    @answers_to(StopRecorder)
+    def _stop_recorder(self, request: StopRecorder) -> Done | Refused:
+        return self._recording.end(_signed(request))
 
     @answers_to(ApplyEdits)
     def _apply(self, request: ApplyEdits) -> EditsApplied | GoesOn | Refused:

@@ -10,6 +10,7 @@ import os
 import select
 import signal
 import socket
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -26,11 +27,22 @@ from silo.helper.judge import Judge
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.publisher import Publisher
+from silo.helper.recorders import Recording
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
 from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
-from silo.ipc.messages import AnyReply, Done, Refused, RefusedWhy, RobotRequest, Save, SaveStarted
+from silo.ipc.messages import (
+    AnyReply,
+    Done,
+    Refused,
+    RefusedWhy,
+    RobotRequest,
+    Save,
+    SaveStarted,
+    StartRecorder,
+    StopRecorder,
+)
 from silo.ipc.published import EventKind
 from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.handover import RunOffer
@@ -70,6 +82,7 @@ class Helper:
         self._deleted = ""  # the run whose files somebody deleted
         self._exit_code = 0
         self._judge: Judge | None = None
+        self._recording: Recording | None = None
 
     def run(self) -> int:
         """Serve until the robot process is gone and nobody needs the helper any more; returns the exit code."""
@@ -105,20 +118,20 @@ class Helper:
         publisher = Publisher(session, root, mirror, events)
         saver = Saver(mirror, events, self._robot)
         journaling = Journaling(mirror, events)
-        answers = Answers(mirror, events, publisher, saver, self._robot)
         judge = self._judge = Judge(mirror, events)
+        recording = self._recording = Recording(mirror, events)
+        answers = Answers(mirror, events, publisher, saver, self._robot, recording)
         control = Control(session, root, answers)
-        publisher.start()
-        saver.start()
-        journaling.start()
-        judge.start()
-        control.start()
+        for part in (publisher, saver, journaling, judge, recording, control):
+            part.start()
         token = session.liveliness().declare_token(root.key("alive"))
         predecessors = PredecessorRecovery(mirror, events)
         self._robot.send(LinkReply(READY, Done(str(path))))
         predecessors.start()
         try:
             ended = self._follow_robot(mirror, events, saver, path)
+            # a helper process that comes after this one goes on with what was recorded, unless the logger is closed
+            recording.stop(forget=ended is not _Ended.FILES_DELETED and not self._term_s)
             if ended is _Ended.FILES_DELETED:
                 self._exit_code = FILES_DELETED
                 judge.stop("the helper process was replaced")
@@ -144,6 +157,7 @@ class Helper:
             journaling.stop()
             control.stop()
             answers.stop()
+            recording.wait(SAVE_GRACE_S)
             publisher.stop()
             predecessors.stop(SAVE_GRACE_S)
             saver.stop(SAVE_GRACE_S)
@@ -190,6 +204,8 @@ class Helper:
             _take_run(mirror, offer, descriptor)
             if self._judge is not None:
                 self._judge.take_run()
+            if self._recording is not None:
+                self._recording.follow_present()
             self._deleted = "" if offer.named else offer.run
         return bool(taken)
 
@@ -217,6 +233,8 @@ class Helper:
     ) -> None:
         if isinstance(message, RobotState):
             before, now = mirror.take(message)
+            if self._recording is not None:
+                self._recording.follow_present()
             _tell_changes(events, before, now)
         elif isinstance(message, LetGo):
             mirror.let_go()
@@ -225,6 +243,9 @@ class Helper:
             if late is not None:
                 text = _ending(late, message.reply)
                 events.publish(EventKind.ENDED, text, by=late.client, job=message.number)
+        elif isinstance(message, LinkRequest) and isinstance(message.request, StartRecorder | StopRecorder):
+            # its answer takes as long as a process takes to start, or to finish a part
+            threading.Thread(target=self._record, args=(message.number, message.request), name="record").start()
         elif isinstance(message, LinkRequest) and isinstance(message.request, Save):
             job = saver.prepare(message.request, for_robot=True)
             if isinstance(job, Refused):
@@ -232,6 +253,14 @@ class Helper:
             else:
                 self._robot.send(LinkReply(message.number, SaveStarted(job.number)))
                 saver.submit(job)
+
+    def _record(self, number: int, request: StartRecorder | StopRecorder) -> None:
+        assert self._recording is not None
+        if isinstance(request, StartRecorder):
+            reply: AnyReply = self._recording.begin(request, anywhere=True)
+        else:
+            reply = self._recording.end(request)
+        self._robot.send(LinkReply(number, reply))
 
     # ------------------------------------------------------------------------------------------- after its end
 

@@ -71,6 +71,7 @@ class Mirror:
         self.user = user_name(os.getuid())
         self.measured_hz = 0.0
         self.durable: tuple[str, int] = ("", 0)  # a run, and how many of its ticks; set by the journal thread
+        self.recorders = 0  # that are under way; set by the thread that watches them
         self._generation = 0
         self._saved: tuple[str, int] = ("", 0)
         self._lock = threading.Lock()
@@ -241,6 +242,7 @@ class Mirror:
             held_samples=read.held.samples,
             held_s=read.held.seconds,
             durable_ticks=durable if options.storage is Storage.DISK else -1,
+            recorders=self.recorders,
             failed=sum(read.failed.values()),
             failed_most=dict(sorted(read.failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
         )

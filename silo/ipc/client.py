@@ -41,6 +41,7 @@ from silo.ipc.messages import (
     Hello,
     HelloReply,
     KeepPin,
+    ListRecorders,
     ListRecordings,
     ListScripts,
     LoadScript,
@@ -49,6 +50,8 @@ from silo.ipc.messages import (
     OpenView,
     Piece,
     ReadScript,
+    RecorderInfo,
+    RecorderStarted,
     RecordingParts,
     Recordings,
     Refused,
@@ -61,8 +64,10 @@ from silo.ipc.messages import (
     Scripts,
     ScriptText,
     Start,
+    StartRecorder,
     StatusReply,
     Stop,
+    StopRecorder,
     StreamOpened,
     Survey,
     Unsaved,
@@ -371,6 +376,40 @@ class Client:
     def save(self, types: FileTypes = (FileType.SILO,), name: str = "") -> int:
         """Begin to save in the helper process; returns the number of the job for `wait_saved`."""
         return self._call(Save(types=file_types(types), name=name, client=self._name)).job
+
+    def record(
+        self,
+        patterns: Sequence[str] = (),
+        to: str = "",
+        split: str = "1GB",
+        keep: str = "",
+        name: str = "",
+    ) -> RecorderStarted:
+        """Record elements to MCAP files in a folder inside the logger's, until it is stopped; all without patterns.
+
+        split: `"1GB"` or `"10min"`, after which a part is finished. keep: `"50GB"`, above which the oldest are deleted.
+        """
+        from silo.amounts import read_keep, read_split
+
+        split_bytes, split_s = read_split(split)
+        request = StartRecorder(
+            name=name,
+            folder=to,
+            patterns=texts("patterns", patterns, "['/log/joints/*']"),
+            split_bytes=split_bytes,
+            split_s=split_s,
+            keep_bytes=read_keep(keep),
+            client=self._name,
+        )
+        return self._call(request)
+
+    def stop_recorder(self, name: str = "") -> str:
+        """Finish an endless recording, the only one without a name; returns what was done, in words."""
+        return self._call(StopRecorder(name=name, client=self._name)).text
+
+    def recorders(self) -> list[RecorderInfo]:
+        """Return the endless recordings of this logger."""
+        return self._call(ListRecorders(client=self._name)).recorders
 
     def wait_saved(
         self, job: int, timeout_s: float = 600.0, progress: Callable[[float], None] | None = None

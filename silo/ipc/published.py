@@ -91,6 +91,8 @@ class EventKind(str, enum.Enum):
     FILES_DELETED = "files deleted"
     DURABLE = "durable"  # the journal stopped or goes on
     DELETED = "deleted"  # somebody deleted a recording
+    RECORDING = "recording"  # of an endless recording: begun, ended, a part finished, samples lost
+    RECORDING_FAILED = "recording failed"  # it ended by itself
     ENDED = "ended"  # a request that went on came to its end, well or not
     TRIGGERED = "triggered"
     CAPTURED = "captured"

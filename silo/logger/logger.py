@@ -8,18 +8,18 @@ import functools
 import logging
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from silo.arguments import path, text
+from silo.arguments import path, text, texts
 from silo.calls import told_class
 from silo.collecting.clocks import nanosecond_clock
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
 from silo.display import MOST_ROWS, html_table
-from silo.errors import StateError
+from silo.errors import SaveError, StateError
 from silo.logger.conditions import Conditions
 from silo.logger.current_run import CurrentRun
 from silo.logger.elements import LoggedElement, look_at, newest_text
@@ -333,6 +333,56 @@ class Logger(Conditions):
         with self._lock:
             self._present.mark_saved(run, ticks)
         return saved
+
+    def record(
+        self,
+        patterns: Iterable[str] = (),
+        *,
+        to: str | os.PathLike[str] = "recordings",
+        split: str = "1GB",
+        keep: str = "",
+        name: str = "",
+    ) -> str:
+        """Record every sample from now on to MCAP files, across restarts, until `stop_recording`; returns its name.
+
+        Needs `serve()`: a process of the helper's writes, the loop has no part in it. patterns: elements, namespaces or
+        globs, all without any. to: a folder, relative to the logger's. split: `"1GB"` or `"10min"`, after which a part
+        is finished. keep: `"50GB"`, above which its own oldest parts are deleted. name: of the recording and its files,
+        instead of the logger's. Raises ElementError for wrong arguments, StateError without `serve()`, SaveError where
+        it can't record.
+        """
+        from silo.amounts import read_keep, read_split
+        from silo.ipc.messages import StartRecorder
+
+        split_bytes, split_s = read_split(split)
+        request = StartRecorder(
+            name=text("name", name, 'log.record(name="walk")'),
+            folder=str(path("to", to)),
+            patterns=texts("patterns", patterns, "log.record(['joints/*'])"),
+            split_bytes=split_bytes,
+            split_s=split_s,
+            keep_bytes=read_keep(keep),
+            client="the robot program",
+        )
+        started = self._served("record").record(request)
+        if started.text:
+            log.warning("%s: %s", self.options.name, started.text)
+        return started.name
+
+    def stop_recording(self, name: str = "") -> str:
+        """Finish an endless recording, the only one without a name; returns what was done, in words.
+
+        Raises StateError without `serve()`, SaveError where there is none.
+        """
+        return self._served("stop_recording").stop_recording(text("name", name, 'log.stop_recording("walk")'))
+
+    def _served(self, call: str) -> "Serving":
+        self._check_open()
+        if self._serving is None or not self._serving.alive:
+            raise StateError(f"{call}() needs a helper process, which records: call serve() first; nothing was changed")
+        if not self._serving.is_up:
+            raise SaveError("the helper process is being started anew: try again in a moment; nothing was changed")
+        return self._serving
 
     def note_saved(self, run_id: str, ticks: int) -> None:
         """Take in that the helper process saved the first `ticks` of a run for one of its clients."""

@@ -250,6 +250,22 @@ class NullLogger:
         """Write nothing; no files."""
         return []
 
+    def record(
+        self,
+        patterns: Iterable[str] = (),
+        *,
+        to: str | os.PathLike[str] = "recordings",
+        split: str = "1GB",
+        keep: str = "",
+        name: str = "",
+    ) -> str:
+        """Record nothing."""
+        return name
+
+    def stop_recording(self, name: str = "") -> str:
+        """Do nothing."""
+        return ""
+
     def serve(self, *, group: str | None = None, config: str | os.PathLike[str] | None = None) -> NullServing:
         """Start nothing: nobody listens."""
         return NullServing()

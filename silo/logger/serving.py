@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 
 from silo.errors import ConnectionLostError, SaveError, SiloError
-from silo.ipc.messages import Done, Refused, Save, SaveStarted
+from silo.ipc.messages import AnyReply, Done, RecorderStarted, Refused, Save, SaveStarted, StartRecorder, StopRecorder
 from silo.link.handover import RunOffer, offer_run
 from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.logger.answers import Served, answer, robot_state
@@ -51,6 +51,7 @@ class Serving:
         self._numbers = itertools.count(1)
         self._replies: dict[int, concurrent.futures.Future[SaveFuture]] = {}
         self._saves: dict[int, SaveFuture] = {}
+        self._answers: dict[int, concurrent.futures.Future[AnyReply]] = {}
         self._table_sent = -1
         self._by = ""
         self._tries = 0
@@ -128,6 +129,10 @@ class Serving:
                     future.set_result(message.files)
 
     def _replied(self, message: LinkReply) -> None:
+        asked = self._answers.pop(message.number, None)
+        if asked is not None:
+            asked.set_result(message.reply)
+            return
         future = self._replies.pop(message.number, None)
         if future is None:
             return
@@ -203,6 +208,9 @@ class Serving:
             reply.set_exception(SaveError(reason))
         for save in list(self._saves.values()):
             save.set_exception(SaveError(reason))
+        for asked in list(self._answers.values()):
+            asked.set_exception(SaveError(reason))
+        self._answers.clear()
         self._replies.clear()
         self._saves.clear()
 
@@ -245,6 +253,31 @@ class Serving:
         except OSError as error:
             raise SaveError("the helper process died before it could save: call save() again") from error
         return started.result().result()
+
+    def record(self, request: StartRecorder) -> RecorderStarted:
+        """Start an endless recording in a process of the helper's. Raises SaveError."""
+        reply = self._asked(request)
+        if not isinstance(reply, RecorderStarted):
+            raise SaveError(reply.text if isinstance(reply, Refused) else repr(reply))
+        return reply
+
+    def stop_recording(self, name: str) -> str:
+        """Finish an endless recording; returns what was done, in words. Raises SaveError."""
+        reply = self._asked(StopRecorder(name=name, client="the robot program"))
+        if not isinstance(reply, Done):
+            raise SaveError(reply.text if isinstance(reply, Refused) else repr(reply))
+        return reply.text
+
+    def _asked(self, request: StartRecorder | StopRecorder) -> AnyReply:
+        number = next(self._numbers)
+        asked: concurrent.futures.Future[AnyReply] = concurrent.futures.Future()
+        self._answers[number] = asked
+        try:
+            self._send(LinkRequest(number, request))
+        except OSError as error:
+            self._answers.pop(number, None)
+            raise SaveError("the helper process died just now, a new one is being started: try again") from error
+        return asked.result()
 
     def close(self) -> None:
         """End the helper process: clients are told that the logger was closed. The logger goes on."""

@@ -13,7 +13,7 @@ import silo
 
 LONG = Path(__file__).resolve().parents[1] / "long"
 TICKS, SIZE = 50, 20
-PROGRAMS = ["kills.py", "soak.py", "quick_start.py", "memory.py", "power_cuts.py"]
+PROGRAMS = ["recorder.py", "kills.py", "soak.py", "quick_start.py", "memory.py", "power_cuts.py"]
 
 
 @pytest.fixture(scope="module")

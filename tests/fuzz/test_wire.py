@@ -23,6 +23,7 @@ from silo.helper.answers import Answers
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.publisher import Publisher
+from silo.helper.recorders import Recording
 from silo.helper.requests import decode_ask, decode_do
 from silo.helper.robot import Robot
 from silo.helper.saver import Saver
@@ -47,6 +48,7 @@ from silo.ipc.messages import (
     Hello,
     HelloReply,
     KeepPin,
+    ListRecorders,
     ListRecordings,
     ListScripts,
     LoadScript,
@@ -61,8 +63,10 @@ from silo.ipc.messages import (
     Save,
     SaveScript,
     Start,
+    StartRecorder,
     StatusReply,
     Stop,
+    StopRecorder,
     TableReply,
     Unsaved,
     ViewOpened,
@@ -104,6 +108,9 @@ GOOD: list[Request[Any]] = [
     GetPiece(path="fuzz.silo", mark="abc", offset=0, count=100),
     GetPiece(path="a/b", mark="", offset=0, count=9, sum_only=True),
     Save(types=[FileType.SILO], name="fuzz"), LoadScript(path="good.yaml"), SaveScript(path="new.yaml"),
+    # one that is refused as it stands: no process is started for what is wrong in another way
+    StartRecorder(name="fuzz", folder="fuzz", patterns=["/log/x"], split_bytes=1), StopRecorder(name="fuzz"),
+    ListRecorders(),
 ]  # fmt: skip
 
 
@@ -169,7 +176,8 @@ class Bench:
         events = Events(self.session, root, self.mirror)
         self.publisher = Publisher(self.session, root, self.mirror, events)
         self.saver = Saver(self.mirror, events, self.robot)
-        self.answers = Answers(self.mirror, events, self.publisher, self.saver, self.robot)
+        self.recording = Recording(self.mirror, events)
+        self.answers = Answers(self.mirror, events, self.publisher, self.saver, self.robot, self.recording)
         self.frames = self.session.declare_subscriber(root.key("view", "*"), lambda _: None)
         self.publisher.start()
         self.saver.start()

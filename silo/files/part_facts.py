@@ -1,0 +1,57 @@
+"""What a part of an endless recording says of itself at its beginning, so that it is read whole, open or cut short.
+
+A part is an MCAP file whose chunks each hold rows of one ring; a message's sequence number is its row's, so that it is
+known of every sample at which tick it was taken, and of every missing one that it is missing.
+"""
+
+import msgspec
+import zstandard
+
+from silo.files.bag_facts import RecordingFacts
+
+PART_ATTACHMENT = "silo/part.json.zst"
+PART_ENDING = ".mcap.part"
+LOST_METADATA = "silo/lost"
+TOTALS_METADATA = "silo/totals"
+PART_VERSION = 1
+SEQUENCES = 2**32  # a message counts in 32 bits
+_MAX_BYTES = 2**31
+
+
+class RingFacts(msgspec.Struct, frozen=True):
+    """The channels that a ring's rows fill; `begin` is the row with which the part goes on from the one before it."""
+
+    ring: int
+    divider: int
+    begin: int
+    channels: list[int]
+
+
+class PartFacts(msgspec.Struct, frozen=True):
+    """`recording` has counts and time stamps of none: they follow from the messages. `run` is the logger's run."""
+
+    version: int
+    recorder: str
+    run: str
+    rings: list[RingFacts]
+    recording: RecordingFacts
+
+
+def pack_part(facts: PartFacts) -> bytes:
+    """The attachment's bytes."""
+    return zstandard.compress(msgspec.json.encode(facts))
+
+
+def unpack_part(data: bytes) -> PartFacts:
+    """Raises ZstdError, MsgspecError or ValueError for damaged bytes."""
+    if zstandard.frame_content_size(data) > _MAX_BYTES:
+        raise zstandard.ZstdError(f"more than {_MAX_BYTES} bytes announced")
+    facts = msgspec.json.decode(zstandard.decompress(data), type=PartFacts)
+    if facts.version != PART_VERSION:
+        raise ValueError(f"part version {facts.version} is newer than this silo reads ({PART_VERSION})")
+    return facts
+
+
+def row_of(sequence: int, begin: int) -> int:
+    """The row that a sequence number means, of a part that begins with row `begin`."""
+    return begin + (sequence - begin) % SEQUENCES

@@ -1,0 +1,223 @@
+"""What is whole of a part of an endless recording: its records up to where it was cut, and which rows they hold.
+
+Each chunk counts with its message index behind it, or not at all. Every checksum is looked at: after a power cut a file
+may hold zeros where its size says that there is data.
+"""
+
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Schema
+from numpy.typing import NDArray
+
+from silo.errors import FileFormatError
+from silo.files.bag_channels import INDEX_ENTRY, unpack_chunk
+from silo.files.mcap_write import MAGIC, Begun, chunk_index
+from silo.files.part_facts import PART_ATTACHMENT, PartFacts, RingFacts, row_of, unpack_part
+
+_PREFIX = 9  # opcode and length of a record
+_SEQUENCE_AT = 11  # in a message record
+_MESSAGE = np.dtype(
+    {"names": ["opcode", "channel", "time"], "formats": ["u1", "<u2", "<u8"], "offsets": [0, 9, 15], "itemsize": 23}
+)
+_ENTRIES_AT = 6  # in the body of a message index record
+_IN_CHUNK = (Opcode.SCHEMA, Opcode.CHANNEL)
+
+
+@dataclass
+class PartScan:
+    """What is whole of a part. `rows` are its stretches of rows by ring, as (first, one after the last)."""
+
+    begun: Begun = field(default_factory=Begun)
+    facts: PartFacts | None = None
+    finished: bool = False
+    counts: dict[int, int] = field(default_factory=dict)  # messages by channel
+    start_ns: int = 0
+    end_ns: int = 0
+    rows: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
+
+    @property
+    def next_rows(self) -> dict[int, int]:
+        """By ring, the row that comes after what the part holds."""
+        found = {ring.ring: ring.begin for ring in self.facts.rings} if self.facts else {}
+        return found | {ring: max(end for _, end in stretches) for ring, stretches in self.rows.items() if stretches}
+
+    def add_rows(self, ring: int, first: int, end: int) -> None:
+        """Take in rows of a chunk."""
+        stretches = self.rows.setdefault(ring, [])
+        if stretches and stretches[-1][1] == first:
+            stretches[-1] = (stretches[-1][0], end)
+        else:
+            stretches.append((first, end))
+
+
+@dataclass
+class PartRecord:
+    """A record of a part, of a chunk with the message index behind it: `index` has a body per channel."""
+
+    opcode: int
+    body: memoryview
+    at: int
+    end: int
+    index: list[memoryview] = field(default_factory=list)
+    index_end: int = 0
+
+
+def part_records(data: memoryview) -> Iterator[PartRecord]:
+    """The whole records of a part; the index of the last chunk may be cut off."""
+    chunk: PartRecord | None = None
+    at = len(MAGIC)
+    while at + _PREFIX <= len(data):
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        end = at + _PREFIX + length
+        if end > len(data):
+            break
+        record = PartRecord(opcode, data[at + _PREFIX : end], at, end)
+        at = end
+        if opcode == Opcode.MESSAGE_INDEX and chunk is not None:
+            chunk.index.append(record.body)
+            chunk.index_end = end
+            continue
+        if chunk is not None:
+            yield chunk
+            chunk = None
+        if opcode == Opcode.CHUNK:
+            record.index_end = end
+            chunk = record
+        else:
+            yield record
+    if chunk is not None:
+        yield chunk
+
+
+def ring_of(facts: PartFacts, chunk: PartRecord) -> RingFacts | None:
+    """The ring whose rows a chunk holds; None where its index is not whole."""
+    if not chunk.index:
+        return None
+    (channel,) = struct.unpack_from("<H", chunk.index[0])
+    ring = next((ring for ring in facts.rings if channel in ring.channels), None)
+    return ring if ring is not None and len(chunk.index) == len(ring.channels) else None
+
+
+def first_row(ring: RingFacts, chunk: bytes, index: memoryview) -> int:
+    """The row of the first message of a chunk."""
+    (offset,) = struct.unpack_from("<Q", index, _ENTRIES_AT + 8)
+    (sequence,) = struct.unpack_from("<I", chunk, offset + _SEQUENCE_AT)
+    return row_of(sequence, ring.begin)
+
+
+def scan_part(data: memoryview) -> PartScan:
+    """Read a part from front to back. Raises FileFormatError for what is no part of ours."""
+    scan = PartScan()
+    if bytes(data[: len(MAGIC)]) != MAGIC:
+        raise FileFormatError("not an MCAP file: it doesn't start with the MCAP mark")
+    scan.begun.size = len(MAGIC)
+    for record in part_records(data):
+        if record.opcode == Opcode.CHUNK:
+            if not _take_chunk(scan, record):
+                return scan
+        elif record.opcode == Opcode.DATA_END:
+            scan.finished = bytes(data[-len(MAGIC) :]) == MAGIC and len(data) > record.end
+            return scan
+        elif record.opcode == Opcode.ATTACHMENT:
+            _take_attachment(scan, record)
+        elif record.opcode == Opcode.METADATA:
+            name = Metadata.read(ReadDataStream(io.BytesIO(record.body))).name
+            scan.begun.metadata.append(MetadataIndex(record.at, record.end - record.at, name))
+            scan.begun.size = record.end
+        elif record.opcode == Opcode.HEADER:
+            scan.begun.size = record.end
+        else:
+            return scan  # nothing else stands in a part: zeros, perhaps, that were never on the disk
+    return scan
+
+
+def _take_chunk(scan: PartScan, record: PartRecord) -> bool:
+    """Take in a chunk with its index; False if it is damaged, with which the file ends."""
+    ring = ring_of(scan.facts, record) if scan.facts is not None else None
+    if ring is None:
+        return False
+    try:
+        data = unpack_chunk(record.body)
+    except (zstandard.ZstdError, ValueError, struct.error):
+        return False
+    if not all(_is_right(data, index) for index in record.index):
+        return False
+    if not scan.begun.channels:
+        _take_definitions(scan, data)
+    offsets, place = b"", record.end
+    for one in record.index:
+        channel, entry_bytes = struct.unpack_from("<HI", one)
+        scan.counts[channel] = scan.counts.get(channel, 0) + entry_bytes // INDEX_ENTRY.itemsize
+        offsets += struct.pack("<HQ", channel, place)
+        place += _PREFIX + len(one)
+    first = first_row(ring, data, record.index[0])
+    (entry_bytes,) = struct.unpack_from("<I", record.index[0], 2)
+    scan.add_rows(ring.ring, first, first + entry_bytes // INDEX_ENTRY.itemsize)
+    start_ns, end_ns, size, _, length = struct.unpack_from("<QQQII", record.body)
+    scan.start_ns = min(scan.start_ns, start_ns) if scan.begun.chunk_indexes else start_ns
+    scan.end_ns = max(scan.end_ns, end_ns)
+    place_of_chunk = (start_ns, end_ns, record.at, record.end - record.at)
+    compression = bytes(record.body[28 : 32 + length])
+    packed = len(record.body) - 40 - length
+    index_length = record.index_end - record.end
+    scan.begun.chunk_indexes.append(chunk_index(place_of_chunk, offsets, index_length, compression, packed, size))
+    scan.begun.size = record.index_end
+    return True
+
+
+def _is_right(chunk: bytes, index: memoryview) -> bool:
+    """Whether an index record points at the messages that it names: it has no checksum of its own."""
+    channel, size = struct.unpack_from("<HI", index)
+    if size + _ENTRIES_AT != len(index) or size % INDEX_ENTRY.itemsize or not size:
+        return False
+    entries = np.frombuffer(index[_ENTRIES_AT:], INDEX_ENTRY)
+    if len(chunk) < _MESSAGE.itemsize or int(entries["offset"].max()) > len(chunk) - _MESSAGE.itemsize:
+        return False
+    every: NDArray[np.void] = np.ndarray((len(chunk) - _MESSAGE.itemsize + 1,), _MESSAGE, chunk, 0, (1,))
+    found = every[entries["offset"].astype(np.int64)]
+    right = (found["opcode"] == Opcode.MESSAGE) & (found["channel"] == channel) & (found["time"] == entries["time"])
+    return bool(right.all())
+
+
+def _take_definitions(scan: PartScan, data: bytes) -> None:
+    """Schemas and channels, which stand before the messages of the first chunk."""
+    at = 0
+    while at + _PREFIX <= len(data) and data[at] in _IN_CHUNK:
+        (length,) = struct.unpack_from("<Q", data, at + 1)
+        stream = ReadDataStream(io.BytesIO(data[at + _PREFIX : at + _PREFIX + length]))
+        if data[at] == Opcode.SCHEMA:
+            scan.begun.schemas.append(Schema.read(stream))
+        else:
+            scan.begun.channels.append(Channel.read(stream))
+        at += _PREFIX + length
+
+
+def _take_attachment(scan: PartScan, record: PartRecord) -> None:
+    name, media, content = attachment(record.body)
+    scan.begun.attachments.append(AttachmentIndex(record.at, record.end - record.at, 0, 0, len(content), name, media))
+    if name == PART_ATTACHMENT:
+        scan.facts = unpack_part(content)
+    scan.begun.size = record.end
+
+
+def attachment(body: memoryview) -> tuple[str, str, bytes]:
+    """Name, media type and content. Raises ValueError for one that is damaged."""
+    at, texts = 16, []
+    for _ in range(2):
+        (length,) = struct.unpack_from("<I", body, at)
+        texts.append(bytes(body[at + 4 : at + 4 + length]).decode())
+        at += 4 + length
+    (size,) = struct.unpack_from("<Q", body, at)
+    content = bytes(body[at + 8 : at + 8 + size])
+    (checksum,) = struct.unpack_from("<I", body, at + 8 + size)
+    if zlib.crc32(body[:-4]) != checksum:
+        raise ValueError(f"attachment {texts[0]!r} is damaged: wrong checksum")
+    return texts[0], texts[1], content

@@ -1,0 +1,153 @@
+"""One recorder from the helper's side: its process, its socket, and what it said last."""
+
+import contextlib
+import logging
+import os
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import msgspec
+
+from silo.model import RecorderState
+from silo.recorder.orders import MAX_PACKET_BYTES, Finish, Follow, RecordOrder, Report, decode_report, encode
+
+# glibc answers each large block that is freed by keeping larger ones: within 3 minutes 54 MB became 68
+HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_MMAP_THRESHOLD_": str(2**20), "MALLOC_TRIM_THRESHOLD_": str(2**20)}
+
+log = logging.getLogger("silo.helper")
+
+
+class Kept(msgspec.Struct, frozen=True):
+    """What a helper process leaves for its successor of each recorder."""
+
+    order: RecordOrder
+    by: str
+    since_ns: int
+
+
+class RecorderProcess:
+    """A recorder that was started. Methods are for who holds the lock of `Recording`, but `wait`."""
+
+    def __init__(self, kept: Kept) -> None:
+        """Start it. Raises OSError."""
+        self.kept = kept
+        self.report = Report(RecorderState.WAITING)
+        self.before = Report(RecorderState.WAITING)  # sums of the processes before this one
+        self.run = ""  # that was handed over last
+        self.ending = False  # it was told to end
+        self.useless_lives = 0  # in a row, in which nothing was recorded
+        self.begun_with = 0  # samples of all lives before
+        self.again_s = 0.0  # when it is started again, 0 while it lives
+        self.reported = threading.Event()
+        self.ended = threading.Event()
+        self.start(kept.order)
+
+    @property
+    def order(self) -> RecordOrder:
+        """What it is to do."""
+        return self.kept.order
+
+    def start(self, order: RecordOrder) -> None:
+        """Start the process. Raises OSError."""
+        self.socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "silo.recorder", str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                env=os.environ | HEAP,
+                start_new_session=True,
+                stdin=subprocess.DEVNULL,
+            )
+        except BaseException:
+            self.socket.close()
+            raise
+        finally:
+            theirs.close()
+        self.socket.setblocking(False)
+        self.again_s = 0.0
+        self.run = ""
+        self._send(encode(order))
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def is_live(self) -> bool:
+        """Whether there is a process whose end was not noticed yet."""
+        return not self.ended.is_set() and not self.again_s
+
+    def follow(self, run: str, segment: Path, descriptor: int) -> None:
+        """Hand a run over, unless it was already."""
+        if self.run != run and not self.ending and not self.again_s:
+            self.run = run
+            with contextlib.suppress(OSError):  # gone: its end is noticed, and it is started again
+                socket.send_fds(self.socket, [encode(Follow(str(segment)))], [descriptor])
+
+    def finish(self, why: str) -> None:
+        """Have it finish what is there and end; it is not started again."""
+        self.ending = True
+        self._send(encode(Finish(why)))
+
+    def _send(self, packet: bytes) -> None:
+        with contextlib.suppress(OSError):
+            self.socket.send(packet)
+
+    def receive(self) -> Report | None:
+        """Return its next report, None at its end. Raises BlockingIOError where there is none."""
+        try:
+            body = self.socket.recv(MAX_PACKET_BYTES)
+            return self._summed(decode_report(body)) if body else None
+        except (ConnectionResetError, msgspec.MsgspecError):
+            return None
+
+    def _summed(self, report: Report) -> Report:
+        before = self.before
+        return msgspec.structs.replace(
+            report,
+            parts=report.parts + before.parts,
+            samples=report.samples + before.samples,
+            lost=report.lost + before.lost,
+            written_bytes=report.written_bytes + before.written_bytes,
+        )
+
+    def reap(self) -> int:
+        """Return the exit code of a process that closed its socket."""
+        self.socket.close()
+        self.before = self.report
+        return self._process.wait()
+
+
+def close_left(folder: str) -> list[str]:
+    """Close the parts that killed recorders left in a folder, in a process of its own; returns what was done."""
+    command = [sys.executable, "-m", "silo.recorder", "--close", folder]
+    done = subprocess.run(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, start_new_session=True, check=False
+    )
+    return done.stdout.splitlines()
+
+
+def store(path: Path, kept: list[Kept]) -> None:
+    """Leave a list for the next helper process; an empty one is no file."""
+    if not kept:
+        path.unlink(missing_ok=True)
+        return
+    new = path.with_name(f".{path.name}.{os.getpid()}.new")
+    try:
+        new.write_bytes(encode(kept))
+        new.replace(path)
+    except OSError:
+        log.exception("recorders would not outlive this helper process")
+        new.unlink(missing_ok=True)
+
+
+def stored(path: Path) -> list[Kept]:
+    """Return the list that a helper process left."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=list[Kept])
+    except (OSError, msgspec.MsgspecError):
+        return []

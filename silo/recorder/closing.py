@@ -1,0 +1,162 @@
+"""Closing parts that their recorders left when they were killed: index and summary are made from what is whole.
+
+A part that is written is locked by its writer, in whatever process or container that is, and stays.
+"""
+
+import contextlib
+import fcntl
+import mmap
+import os
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
+import zstandard
+from mcap.exceptions import McapError
+
+from silo.errors import FileFormatError, SaveError
+from silo.files.atomic import reason
+from silo.files.mcap_write import McapFile, file_start
+from silo.files.part_facts import PART_ENDING, TOTALS_METADATA
+from silo.files.part_scan import PartScan, scan_part
+
+
+@dataclass(frozen=True)
+class ClosedPart:
+    """A part that was closed: where it stands now, empty if it held no sample and was removed."""
+
+    path: Path
+    size_bytes: int
+    samples: int
+    run: str
+    recorder: str
+    next_rows: dict[int, int]
+    inode: int = 0
+
+    @property
+    def text(self) -> str:
+        """What was done, fit to show."""
+        if not self.size_bytes:
+            return f"{self.path.name}: its recorder was killed before its first sample; removed"
+        return (
+            f"{self.path}: closed, as its recorder was killed: {self.samples} samples, {self.size_bytes / 1e6:.1f} MB"
+        )
+
+
+def left_parts(folder: Path) -> list[Path]:
+    """Return the parts in a folder whose recorders are gone."""
+    return [path for path in sorted(folder.glob(f"*{PART_ENDING}")) if not _is_written(path)]
+
+
+def _is_written(path: Path) -> bool:
+    try:
+        with _claimed(path):
+            return False
+    except (OSError, SaveError):
+        return True
+
+
+@contextmanager
+def _claimed(path: Path) -> Iterator[BinaryIO]:
+    """The open file, locked. Raises OSError if a recorder writes it, or another process closes it."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+    with os.fdopen(descriptor, "r+b", buffering=0) as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not os.path.samestat(os.fstat(file.fileno()), path.lstat()):
+            raise FileNotFoundError(path)
+        yield file
+
+
+def close_parts(folder: Path) -> tuple[list[ClosedPart], list[str]]:
+    """Close what killed recorders left in a folder; returns what was closed, and in words what could not be."""
+    closed: list[ClosedPart] = []
+    problems: list[str] = []
+    for path in left_parts(folder):
+        _close_one(path, closed, problems)
+    return closed, problems
+
+
+def _close_one(path: Path, closed: list[ClosedPart], problems: list[str]) -> None:
+    try:
+        closed.append(close_part(path))
+    except (FileNotFoundError, BlockingIOError):
+        return  # another process closes it just now
+    except (FileFormatError, SaveError) as error:
+        problems.append(str(error))
+    except OSError as error:
+        problems.append(f"{path}: can't be closed: {reason(error)}; it stays as it is")
+
+
+def close_part(path: Path) -> ClosedPart:
+    """Close a part: cut it behind its last whole chunk, add index and summary, sync it, give it its name.
+
+    Raises FileFormatError for what is no part of ours, OSError for what can't be written or is being written.
+    """
+    final = path.with_name(path.name.removesuffix(".part"))
+    with _claimed(path) as file:
+        scan = _scanned(file, path)
+        facts = scan.facts
+        samples = sum(scan.counts.values())
+        run, recorder = (facts.run, facts.recorder) if facts is not None else ("", "")
+        if not samples:
+            path.unlink()
+            return ClosedPart(path, 0, 0, run, recorder, scan.next_rows)
+        if final.exists():
+            raise SaveError(f"{path}: can't get its name, as there is a {final.name}: rename that one and try again")
+        if not scan.finished:
+            mcap = McapFile.continued(file, scan.begun)
+            mcap.add_metadata(TOTALS_METADATA, {"samples": str(samples), "closed": "later, its recorder was killed"})
+            mcap.finish(scan.counts, scan.start_ns, scan.end_ns)
+        os.fsync(file.fileno())
+        path.rename(final)
+        sync_folder(final.parent)
+        found = os.fstat(file.fileno())
+        return ClosedPart(final, found.st_size, samples, run, recorder, scan.next_rows, found.st_ino)
+
+
+def finished_part(path: Path) -> ClosedPart | None:
+    """Return what a finished part holds, None for what can't be read."""
+    try:
+        with path.open("rb") as file:
+            scan = _scanned(file, path)
+            found = os.fstat(file.fileno())
+    except (OSError, FileFormatError):
+        return None
+    if scan.facts is None:
+        return None
+    samples = sum(scan.counts.values())
+    return ClosedPart(path, found.st_size, samples, scan.facts.run, scan.facts.recorder, scan.next_rows, found.st_ino)
+
+
+def _scanned(file: BinaryIO, path: Path) -> PartScan:
+    if os.fstat(file.fileno()).st_size == 0:
+        return PartScan()
+    data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))  # the map ends with its last view
+    begin = file_start()
+    if len(data) <= len(begin) and begin.startswith(data):
+        return PartScan()
+    try:
+        scan = scan_part(data)
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: can't be closed: {error}; it stays as it is") from None
+    except (struct.error, ValueError, IndexError, OverflowError, MemoryError) as error:
+        raise FileFormatError(f"{path}: can't be closed, it is damaged: {error}; it stays as it is") from None
+    except (zstandard.ZstdError, msgspec.MsgspecError, McapError) as error:
+        raise FileFormatError(f"{path}: can't be closed, it is damaged: {error}; it stays as it is") from None
+    if scan.facts is None and scan.begun.size != len(begin):
+        raise FileFormatError(f"{path}: was not written by a recorder of silo; it stays as it is")
+    return scan
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder durable; some network file systems refuse that."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        with contextlib.suppress(OSError):
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,95 @@
+"""Reading rows out of the rings of one run, each from where it was left, until none is to come. Never waits.
+
+What was overwritten before it was read is counted, as rows of its ring.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from silo.collecting.rows import Rows
+from silo.collecting.schema import ORDERED_STORES
+from silo.collecting.segment_reader import SegmentReader
+from silo.model import BufferType
+from silo.recorder.layout import Layout
+
+MOST_PERIOD_S, LEAST_PERIOD_S = 0.25, 0.005
+
+
+@dataclass(frozen=True)
+class Loss:
+    """Rows `begin` to `end - 1` of a ring, which nobody has any more."""
+
+    ring: int
+    begin: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Drained:
+    """What came out of the rings: by ring, rows and what is missing before them, in their order."""
+
+    rows: list[Rows] = field(default_factory=list)
+    losses: list[Loss] = field(default_factory=list)
+    complete: bool = True  # nothing was left behind for want of room: all rings are at the same tick
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of the rows."""
+        return sum(rows.words.nbytes for rows in self.rows)
+
+
+class Drain:
+    """Cursors into the rings of one run."""
+
+    def __init__(self, reader: SegmentReader, layout: Layout, begin: Mapping[int, int] | None) -> None:
+        """`begin` are the rows to begin with, by ring; None: with what comes from now on."""
+        self.reader, self.layout = reader, layout
+        ticks = reader.ticks
+        rings = layout.schema.rings
+        now = {ring: -(-ticks // rings[ring].divider) for ring in layout.rings}
+        self.cursors = now if begin is None else {ring: begin.get(ring, 0) for ring in layout.rings}
+        self.begun_with = dict(self.cursors)
+
+    @property
+    def period_s(self) -> float:
+        """How often to come: a quarter of the time after which the shortest ring is overwritten."""
+        frequency_hz = self.layout.schema.frequency_hz
+        rings = [self.layout.schema.rings[ring] for ring in self.layout.rings]
+        spans = [
+            ring.capacity * ring.divider / frequency_hz for ring in rings if ring.buffer_type is BufferType.LOOPING
+        ]
+        return min(MOST_PERIOD_S, max(LEAST_PERIOD_S, min(spans, default=1.0) / 4))
+
+    def read(self, room_bytes: int) -> Drained:
+        """Read what came, of at most about so many bytes."""
+        if not ORDERED_STORES:
+            self.reader.alive()  # of a writer that was killed, the newest row counts too
+        ticks = self.reader.ticks
+        found = Drained()
+        complete = True
+        for ring in self.layout.rings:
+            schema = self.layout.schema.rings[ring]
+            # a full buffer and the memory limit end a ring before the ticks end
+            due = min(-(-ticks // schema.divider), self.reader.head(ring))
+            most = max(1, room_bytes // (len(self.layout.rings) * 8 * schema.row_words))
+            cursor = self.cursors[ring]
+            if due <= cursor:
+                continue
+            rows = self.reader.rows(ring, cursor, min(due - cursor, most))
+            if rows.first > cursor:
+                found.losses.append(Loss(ring, cursor, rows.first))
+            if len(rows):
+                found.rows.append(rows)
+            self.cursors[ring] = rows.first + len(rows)
+            complete = complete and self.cursors[ring] >= due
+        return Drained(found.rows, found.losses, complete)
+
+    def done(self) -> bool:
+        """Whether the run is over and all of it was read."""
+        over = not self.reader.running or not self.reader.alive()
+        ticks = self.reader.ticks
+        rings = self.layout.schema.rings
+        return over and all(
+            self.cursors[ring] >= min(-(-ticks // rings[ring].divider), self.reader.head(ring))
+            for ring in self.layout.rings
+        )

@@ -1,0 +1,154 @@
+"""Which channels the rows of a run's rings fill, and rows as samples of them. Pure rules.
+
+An element is recorded from the ring that passes every sample of it: its own, or the one for live values where its own
+ends when it is full. All of a ring's elements have the same rows, so a chunk holds one ring's.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from mcap.records import Channel as ChannelRecord
+from mcap.records import Schema
+from numpy.typing import NDArray
+
+from silo.collecting.rows import Rows
+from silo.collecting.schema import ElementSchema, SegmentSchema
+from silo.errors import SaveError
+from silo.files.bag import MAX_CHANNELS, Utf8Entry, definitions, recording_facts, utf8_entry
+from silo.files.part_facts import PART_VERSION, PartFacts, RingFacts
+from silo.files.ros_types import STRING, Channel, channels_of, is_text
+from silo.files.texts import presentable
+from silo.model import BufferType
+from silo.patterns import matching
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The channels of one run. `as_bytes` are entries whose texts turned out to be none, which travel as bytes."""
+
+    schema: SegmentSchema
+    elements: tuple[ElementSchema, ...]
+    as_bytes: frozenset[str] = frozenset()
+
+    @cached_property
+    def rings(self) -> tuple[int, ...]:
+        """The rings that are read."""
+        return tuple(sorted({element.watch_ring for element in self.elements}))
+
+    @cached_property
+    def template(self) -> Recording:
+        """The recording without a sample: what its elements are."""
+        elements = [self._recorded(element, None) for element in self.elements]
+        about = Recording(
+            logger=self.schema.logger,
+            time_ns=np.empty(0, np.int64),
+            offset=0,
+            elements=elements,
+            prefix=self.schema.prefix,
+            frequency_hz=self.schema.frequency_hz,
+            started_ns=self.schema.started_ns,
+            time_looping=True,
+        )
+        return presentable(about)
+
+    @cached_property
+    def channels(self) -> list[Channel]:
+        """All channels; they count from 1 in files."""
+        return channels_of(self.template.elements)
+
+    @cached_property
+    def ring_channels(self) -> dict[int, dict[int, Channel]]:
+        """By ring, its channels by number."""
+        found: dict[int, dict[int, Channel]] = {ring: {} for ring in self.rings}
+        for number, channel in enumerate(self.channels, start=1):
+            found[self.elements[channel.element].watch_ring][number] = channel
+        return found
+
+    @cached_property
+    def definitions(self) -> tuple[list[Schema], list[ChannelRecord]]:
+        """The schema and channel records."""
+        return definitions(self.template, self.channels)
+
+    def facts(self, recorder: str, begin: Mapping[int, int]) -> PartFacts:
+        """What a part says of itself that begins with these rows."""
+        rings = [
+            RingFacts(ring, self.schema.rings[ring].divider, begin.get(ring, 0), list(channels))
+            for ring, channels in self.ring_channels.items()
+            if channels
+        ]
+        return PartFacts(PART_VERSION, recorder, self.schema.run, rings, recording_facts(self.template, self.channels))
+
+    def samples(self, rows: Rows) -> list[RecordedElement]:
+        """All elements; those of the rows' ring with values, the others as in the template."""
+        ring = rows.ring.ring
+        return [
+            self._recorded(element, rows) if element.watch_ring == ring else empty
+            for element, empty in zip(self.elements, self.template.elements, strict=True)
+        ]
+
+    def misfits(self, rows: Rows, elements: Sequence[RecordedElement]) -> set[str]:
+        """Entries of channels of texts whose values are no texts."""
+        found = set()
+        for channel in self.ring_channels[rows.ring.ring].values():
+            if channel.parts[0].wire == STRING:
+                entry = elements[channel.element].entries[channel.parts[0].entry]
+                if entry.values.dtype.kind != "S" or not is_text(entry.values):
+                    found.add(self.elements[channel.element].info.name + entry.entry.suffix)
+        return found
+
+    def with_bytes(self, entries: set[str]) -> "Layout":
+        """The same, with these entries as bytes."""
+        return replace(self, as_bytes=self.as_bytes | entries)
+
+    def _recorded(self, element: ElementSchema, rows: Rows | None) -> RecordedElement:
+        info = element.info
+        entries: list[RecordedEntry] = []
+        for part in element.watch_entries:
+            dtype = np.dtype(part.entry.dtype)
+            values = rows.column(part) if rows is not None else np.zeros(0, dtype)
+            entry = RecordedEntry(info.name + part.entry.suffix, part.entry, values)
+            if dtype.kind in "SU":
+                entry = _as_bytes(entry) if entry.name in self.as_bytes else utf8_entry(entry)
+            entries.append(entry)
+        return RecordedElement(
+            name=info.name,
+            unit=info.unit,
+            kind=info.kind,
+            shape=info.shape,
+            divider=info.options.divider if rows is None else 1,  # then rows count, not ticks
+            buffer_type=BufferType.LOOPING,
+            first=0,
+            entries=tuple(entries),
+            description=info.description,
+            dtype=info.dtype,
+        )
+
+
+def _as_bytes(entry: RecordedEntry) -> RecordedEntry:
+    values: NDArray[np.void] = np.ascontiguousarray(entry.values).view(f"V{max(entry.values.dtype.itemsize, 1)}")
+    return Utf8Entry(entry.name, entry.entry, values, entry.values.dtype.str)
+
+
+def layout_of(schema: SegmentSchema, patterns: Sequence[str]) -> Layout:
+    """What of a run is recorded. Raises SaveError for more than a file can number, or for what none can hold."""
+    wanted = set(matching([element.info.name for element in schema.elements], patterns))
+    layout = Layout(schema, tuple(element for element in schema.elements if element.info.name in wanted))
+    if len(layout.channels) > MAX_CHANNELS:
+        raise SaveError(
+            f"{len(layout.channels)} topics are too many for an MCAP file, which numbers at most {MAX_CHANNELS}: "
+            "record fewer, by patterns"
+        )
+    return layout
+
+
+def ending(layout: Layout) -> list[str]:
+    """Names of elements of which no sample comes any more once their buffer is full."""
+    rings = layout.schema.rings
+    return [
+        element.info.name
+        for element in layout.elements
+        if rings[element.watch_ring].buffer_type is not BufferType.LOOPING
+    ]

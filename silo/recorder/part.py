@@ -1,0 +1,125 @@
+"""One part while it is written: an MCAP file that grows by chunks, and gets its name when it is whole."""
+
+import fcntl
+import os
+import time
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from silo.collecting.rows import Rows
+from silo.files.bag import MAX_STAMP_NS, metadata_yaml, write_windows
+from silo.files.bag_groups import group_samples
+from silo.files.mcap_write import McapFile, Write
+from silo.files.naming import log_path, next_run_number
+from silo.files.part_facts import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
+from silo.recorder.closing import sync_folder
+from silo.recorder.layout import Layout
+from silo.recorder.ledger import part_path
+from silo.recording import RecordedElement
+
+SYNC_S, SYNC_BYTES = 5.0, 64 << 20  # how often what was written is put on the disk: a power cut loses no more
+_NAMES_TOLD = 20
+
+
+class Part:
+    """A part that is open. Every method may raise OSError of the disk."""
+
+    def __init__(
+        self, folder: Path, recorder: str, layout: Layout, begin: Mapping[int, int], write: Write | None
+    ) -> None:
+        """Make the file, locked as long as it is open."""
+        run_number = next_run_number(folder, recorder)
+        self.final = log_path(folder, recorder, run_number, datetime.now().astimezone(), ".mcap")
+        self.path = part_path(folder, self.final.name)
+        self.layout = layout
+        self.begun_s = time.monotonic()
+        self.next_rows = {ring: begin.get(ring, 0) for ring in layout.rings}
+        self._file = self.path.open("xb", buffering=0)
+        fcntl.flock(self._file, fcntl.LOCK_EX)
+        self.inode = os.fstat(self._file.fileno()).st_ino
+        self._mcap = McapFile(self._file, *layout.definitions, write=write)
+        self._mcap.attach(PART_ATTACHMENT, "application/zstd", pack_part(layout.facts(recorder, begin)))
+        self._rows: dict[int, int] = dict.fromkeys(layout.rings, 0)
+        self._span: tuple[int, int] | None = None
+        self._synced_s, self._synced_bytes = self.begun_s, 0
+        self._lost = 0
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes written."""
+        return self._mcap.size_bytes
+
+    @property
+    def index_bytes(self) -> int:
+        """Bytes of its index, which is in memory until it is finished."""
+        return self._mcap.index_bytes
+
+    @property
+    def samples(self) -> int:
+        """Messages written."""
+        return sum(rows * len(self.layout.ring_channels[ring]) for ring, rows in self._rows.items())
+
+    def add(self, rows: Rows, elements: list[RecordedElement]) -> None:
+        """Write rows of a ring, as samples of these elements, as chunks. Raises ValueError for stamps before 1970."""
+        ring = rows.ring.ring
+        times = rows.time_ns
+        first, last = int(times.min()), int(times.max())
+        if first < 0 or last >= MAX_STAMP_NS:
+            raise ValueError(f"time stamps from {first} to {last} ns")
+        groups = group_samples(elements, self.layout.ring_channels[ring], rows.first)
+        write_windows(self._mcap, np.ascontiguousarray(times), groups)
+        self._rows[ring] += len(rows)
+        self.next_rows[ring] = rows.first + len(rows)
+        self._span = (min(first, self._span[0]), max(last, self._span[1])) if self._span else (first, last)
+
+    def note_lost(self, ring: int, begin: int, end: int, why: str) -> None:
+        """Write in place which rows are missing."""
+        names = [element.info.name for element in self.layout.elements if element.watch_ring == ring]
+        divider = self.layout.schema.rings[ring].divider
+        more = f" and {len(names) - _NAMES_TOLD} more" if len(names) > _NAMES_TOLD else ""
+        self._mcap.add_metadata(
+            LOST_METADATA,
+            {
+                "first_tick": str(begin * divider),
+                "last_tick": str((end - 1) * divider),
+                "samples_of_each": str(end - begin),
+                "elements": ", ".join(names[:_NAMES_TOLD]) + more,
+                "why": why,
+            },
+        )
+        self._lost += (end - begin) * len(names)
+        self.next_rows[ring] = end
+
+    def sync_if_due(self) -> None:
+        """Put what was written on the disk, now and then: the end then takes no long time either."""
+        now_s = time.monotonic()
+        due = now_s - self._synced_s >= SYNC_S and self.size_bytes > self._synced_bytes
+        if due or self.size_bytes - self._synced_bytes >= SYNC_BYTES:
+            os.fdatasync(self._file.fileno())
+            self._synced_s, self._synced_bytes = time.monotonic(), self.size_bytes
+
+    def finish(self) -> int:
+        """Write index and summary, sync, and give it its name; returns its size, 0 if it was empty and is removed."""
+        with self._file:
+            if not self.samples or self._span is None:
+                self.path.unlink(missing_ok=True)
+                return 0
+            self._mcap.add_metadata(TOTALS_METADATA, {"samples": str(self.samples), "lost": str(self._lost)})
+            counts = {
+                number: self._rows[ring] for ring, channels in self.layout.ring_channels.items() for number in channels
+            }
+            text = metadata_yaml(self.layout.template, self.layout.channels, counts, self.final.name, self._span)
+            self._mcap.add_metadata("rosbag2", {"serialized_metadata": text})
+            self._mcap.finish(counts, *self._span)
+            self._file.truncate(self._mcap.size_bytes)  # what a full disk left of a chunk
+            os.fsync(self._file.fileno())
+            self.path.rename(self.final)
+        sync_folder(self.final.parent)
+        return self._mcap.size_bytes
+
+    def leave(self) -> None:
+        """Let go of a part that can't be finished: it is closed later."""
+        self._file.close()

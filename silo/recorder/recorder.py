@@ -1,0 +1,271 @@
+"""A recorder: reads the rings of one run after the other, and has it written.
+
+`run` is driven by the socket of whoever started it. When that end is gone, it finishes what is there and ends.
+"""
+
+import contextlib
+import logging
+import os
+import select
+import socket
+import time
+from collections import deque
+from pathlib import Path
+
+import numpy as np
+
+from silo.collecting.rows import Rows
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SaveError, SegmentError, SiloError
+from silo.files.atomic import reason
+from silo.model import RecorderState
+from silo.recorder.closing import close_parts
+from silo.recorder.draining import MOST_PERIOD_S, Drain, Drained
+from silo.recorder.layout import ending, layout_of
+from silo.recorder.ledger import Ledger
+from silo.recorder.orders import (
+    MAX_PACKET_BYTES,
+    TEXT_BYTES,
+    Finish,
+    Follow,
+    RecordOrder,
+    Report,
+    decode_command,
+    encode,
+)
+from silo.recorder.writing import Disk, RunBegins, RunEnds, Writing
+
+FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
+FLUSH_BYTES = 4 << 20
+REPORT_S = 1.0
+RELEASE_S = 5.0  # how often memory pages of the rings are let go of, which would count as the recorder's own
+PREDECESSOR_S = 60.0  # how long one that ends may take to finish its part
+OLD_RUN_S = 5.0  # a run that doesn't end although the next one began
+
+log = logging.getLogger("silo.recorder")
+
+
+class Recorder:
+    """One recorder. `run` returns when it has ended."""
+
+    def __init__(self, order: RecordOrder, sock: socket.socket, disk: Disk | None = None) -> None:
+        self._order, self._socket = order, sock
+        self._disk = disk or Disk()
+        self._runs: deque[SegmentReader] = deque()
+        self._drain: Drain | None = None
+        self._pending = Drained()
+        self._flushed_s = self._reported_s = self._released_s = time.monotonic()
+        self._why = ""
+        self._first = True
+        self._next_since_s = 0.0
+        self._news: list[str] = []
+
+    def run(self) -> RecorderState:
+        """Record until told to end; returns how it ended."""
+        try:
+            Path(self._order.folder).mkdir(parents=True, exist_ok=True)
+            ledger = Ledger(Path(self._order.folder), self._order.name, PREDECESSOR_S)
+        except (SaveError, OSError) as error:
+            text = str(error) if isinstance(error, SaveError) else f"can't record to '{self._order.folder}': "
+            text += "" if isinstance(error, SaveError) else f"{reason(error)}; choose another folder"
+            self._send(Report(RecorderState.FAILED, text))
+            return RecorderState.FAILED
+        with contextlib.closing(ledger):
+            return self._record(ledger)
+
+    def _record(self, ledger: Ledger) -> RecorderState:
+        closed, problems = close_parts(ledger.folder)
+        for part in closed:
+            self._news.append(part.text)
+        self._news += problems
+        ledger.settle(closed)
+        self._ledger = ledger
+        self._writing = Writing(self._order, ledger, self._disk)
+        if self._order.resume:
+            self._writing.totals.parts = sum(part.recorder == self._order.name and part.samples > 0 for part in closed)
+        self._writing.start()
+        problem = ""
+        try:
+            while not self._why and not self._writing.over.is_set():
+                self._listen(self._drain.period_s if self._drain else MOST_PERIOD_S)
+                self._read()
+                self._tell()
+            self._drain_last()
+        except SiloError as error:
+            self._flush()
+            problem = str(error)
+        self._writing.end()
+        totals = self._writing.totals
+        while not self._writing.over.wait(REPORT_S):
+            totals.state = RecorderState.FINISHING
+            self._send(self._report())
+        self._writing.join()
+        if totals.state is not RecorderState.FAILED:
+            totals.state, totals.text = RecorderState.ENDED, self._why
+        if problem:
+            totals.state, totals.text = RecorderState.FAILED, problem
+        while totals.finished or totals.told or self._news:
+            self._send(self._report())
+        self._send(self._report())
+        return totals.state
+
+    def on_term(self, _number: int, _frame: object) -> None:
+        """Finish soon: the handler of SIGTERM."""
+        self._why = self._why or "ended by SIGTERM"
+
+    # --------------------------------------------------------------------------------------------------- the socket
+
+    def _listen(self, timeout_s: float) -> None:
+        """Take in what the one who started this says; waits at most so long."""
+        while select.select([self._socket], [], [], timeout_s)[0]:
+            timeout_s = 0.0
+            try:
+                body, descriptors, _, _ = socket.recv_fds(self._socket, MAX_PACKET_BYTES, 1)
+            except OSError:
+                body, descriptors = b"", []
+            if not body:
+                self._why = self._why or "the helper process is gone"
+                return
+            command = decode_command(body)
+            if isinstance(command, Finish):
+                self._why = command.why
+                return
+            self._follow(command, descriptors)
+
+    def _follow(self, command: Follow, descriptors: list[int]) -> None:
+        with contextlib.ExitStack() as closing:
+            for descriptor in descriptors:
+                closing.callback(os.close, descriptor)
+            try:
+                self._runs.append(SegmentReader(command.segment, descriptors[0] if descriptors else None))
+            except SegmentError as error:
+                self._news.append(f"a run can't be recorded: {error}")
+        self._next_since_s = time.monotonic()
+
+    def _tell(self) -> None:
+        now_s = time.monotonic()
+        totals = self._writing.totals
+        if now_s - self._reported_s >= REPORT_S or totals.finished or totals.told or self._news:
+            self._reported_s = now_s
+            self._send(self._report())
+
+    def _report(self) -> Report:
+        totals = self._writing.totals
+        told = self._news.pop(0) if self._news else totals.told.pop(0) if totals.told else ""
+        if len(totals.told) > 20:  # a disk that is too slow for ever: the sum is told
+            del totals.told[:]
+        return Report(
+            totals.state,
+            totals.text[:TEXT_BYTES],
+            totals.part,
+            totals.parts,
+            totals.size_bytes,
+            totals.written_bytes,
+            totals.samples,
+            totals.lost,
+            totals.finished.pop(0) if totals.finished else "",
+            told[:TEXT_BYTES],
+        )
+
+    def _send(self, report: Report) -> None:
+        """Whoever doesn't read gets the next one: nothing waits for it, but for the last one."""
+        flags = 0 if report.state.over else socket.MSG_DONTWAIT
+        with contextlib.suppress(OSError):  # gone: the files tell it all
+            self._socket.send(encode(report), flags)
+
+    # ---------------------------------------------------------------------------------------------------- the rings
+
+    def _read(self) -> None:
+        if self._drain is None and not self._begin_run():
+            return
+        assert self._drain is not None
+        now_s = time.monotonic()
+        self._read_some(self._drain)
+        if now_s - self._flushed_s >= FLUSH_S or self._pending.size_bytes >= FLUSH_BYTES:
+            self._flush()
+        if now_s - self._released_s >= RELEASE_S:
+            self._released_s = now_s
+            self._drain.reader.release_pages()
+        late = bool(self._runs) and now_s - self._next_since_s > OLD_RUN_S
+        if self._pending.complete and (late or self._drain.done()):
+            self._flush()
+            self._writing.put(RunEnds())
+            self._drain.reader.close()
+            self._drain = None
+
+    def _read_some(self, drain: Drain) -> None:
+        """Read what there is room for; the rest stays in the rings."""
+        room = self._writing.room_bytes - self._pending.size_bytes
+        if room <= 0:
+            self._pending = Drained(self._pending.rows, self._pending.losses, complete=False)
+            return
+        found = drain.read(min(room, FLUSH_BYTES * 2))
+        if found.losses:
+            self._flush()  # what came before the rows that are missing stands before them
+        self._pending = Drained(
+            [*self._pending.rows, *found.rows], [*self._pending.losses, *found.losses], found.complete
+        )
+
+    def _flush(self) -> None:
+        self._flushed_s = time.monotonic()
+        pending, self._pending = self._pending, Drained()
+        if pending.rows or pending.losses:
+            self._writing.put(joined(pending))
+
+    def _begin_run(self) -> bool:
+        if not self._runs:
+            return False
+        reader = self._runs.popleft()
+        layout = layout_of(reader.schema, self._order.patterns)
+        written = self._ledger.written
+        begin: dict[int, int] | None = {}
+        if self._first:
+            begin = dict(written.next_rows) if written.run == reader.schema.run else {}
+            begin = begin if self._order.resume else None
+        self._first = False
+        self._drain = Drain(reader, layout, begin)
+        if not layout.elements:
+            self._news.append(f"nothing of this run is recorded: no element matches {' '.join(self._order.patterns)}")
+        elif names := ending(layout):
+            shown = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+            self._news.append(
+                f"{len(names)} elements come to an end when their buffers are full ({shown}): set "
+                "buffer_type=looping to record them without end"
+            )
+        self._writing.put(RunBegins(layout, self._drain.begun_with))
+        return True
+
+    def _drain_last(self) -> None:
+        """Take what is in the rings now, however long the disk takes."""
+        while (self._drain is not None or self._begin_run()) and not self._writing.over.is_set():
+            assert self._drain is not None
+            self._read_some(self._drain)
+            complete = self._pending.complete
+            self._flush()
+            if complete:
+                self._drain.reader.close()
+                self._drain = None
+            else:
+                self._writing.over.wait(0.01)
+
+
+def joined(pending: Drained) -> Drained:
+    """Rows of a ring that follow one another as one stretch: each makes a chunk.
+
+    Where rows are missing between two stretches of a ring nothing is joined.
+    """
+    by_ring: dict[int, list[list[Rows]]] = {}
+    for rows in pending.rows:
+        stretches = by_ring.setdefault(rows.ring.ring, [])
+        if stretches and stretches[-1][-1].first + len(stretches[-1][-1]) == rows.first:
+            stretches[-1].append(rows)
+        else:
+            stretches.append([rows])
+    found = [_one(stretch) for stretches in by_ring.values() for stretch in stretches]
+    return Drained(found, pending.losses, pending.complete)
+
+
+def _one(stretch: list[Rows]) -> Rows:
+    if len(stretch) == 1:
+        return stretch[0]
+    return Rows(stretch[0].ring, stretch[0].first, np.concatenate([rows.words for rows in stretch]))

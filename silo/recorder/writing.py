@@ -1,0 +1,276 @@
+"""The writing thread of a recorder: takes rows from a queue of bounded size, and makes parts of them.
+
+Beside the thread that reads, so that a disk that takes its time (a sync of a gigabyte) costs no row as long as there is
+room: first in the queue, then in the rings.
+"""
+
+import contextlib
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from silo.collecting.journal_folders import RECORDINGS, remember_folder
+from silo.errors import SiloError
+from silo.files.atomic import reason
+from silo.files.mcap_write import Write
+from silo.model import RecorderState
+from silo.recorder.draining import Drained, Loss
+from silo.recorder.layout import Layout
+from silo.recorder.ledger import DiskRoom, Ledger, disk_room, left_free
+from silo.recorder.orders import RecordOrder
+from silo.recorder.part import Part
+
+QUEUE_BYTES = 64 << 20
+MOST_INDEX_BYTES = 16 << 20  # of a part, in memory: then the next one begins
+MOST_HOLE_ROWS = 100_000  # a part holds no larger ones, which whoever reads it would have to fill
+MESSAGE_BYTES = 80  # what a sample takes at most of the disk beside its value, for a look ahead
+TOO_SLOW = "the disk took the rows too slowly, and the ring was overwritten before they were read"
+
+log = logging.getLogger("silo.recorder")
+
+
+@dataclass(frozen=True)
+class RunBegins:
+    """What follows is of another run: its layout, and the rows with which its rings begin."""
+
+    layout: Layout
+    begin: Mapping[int, int]
+
+
+@dataclass(frozen=True)
+class RunEnds:
+    """Nothing more comes of this run."""
+
+
+Item = RunBegins | RunEnds | Drained
+
+
+@dataclass
+class Totals:
+    """What became of it all. Changed by the writing thread, read by the other one."""
+
+    state: RecorderState = RecorderState.WAITING
+    text: str = ""
+    part: str = ""
+    parts: int = 0
+    size_bytes: int = 0
+    written_bytes: int = 0
+    samples: int = 0
+    lost: int = 0
+    finished: list[str] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Disk:
+    """The disk as the writer sees it; tests put a slow or a full one in its place."""
+
+    room: DiskRoom = disk_room
+    write: Write | None = None
+
+
+class Writing:
+    """Owns the writing thread. `put`, `room_bytes` and `end` are for one other thread."""
+
+    def __init__(self, order: RecordOrder, ledger: Ledger, disk: Disk) -> None:
+        self._order, self._ledger, self._disk = order, ledger, disk
+        self.totals = Totals()
+        self._folder = Path(order.folder)
+        self._layout: Layout | None = None
+        self._next: dict[int, int] = {}
+        self._part: Part | None = None
+        self._queue: deque[Item] = deque()
+        self._queued_bytes = 0
+        self._changed = threading.Condition()
+        self._ending = False
+        self.over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="writing")
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    @property
+    def room_bytes(self) -> int:
+        """How much may be put now."""
+        return max(0, QUEUE_BYTES - self._queued_bytes)
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether all that was put is written."""
+        return not self._queue
+
+    def put(self, item: Item) -> None:
+        """Have something written, after all that was put before."""
+        with self._changed:
+            self._queue.append(item)
+            self._queued_bytes += item.size_bytes if isinstance(item, Drained) else 0
+            self._changed.notify()
+
+    def end(self) -> None:
+        """Write what is left, finish the part, and end; returns at once."""
+        with self._changed:
+            self._ending = True
+            self._changed.notify()
+
+    def join(self, timeout_s: float | None = None) -> None:
+        """Wait for the end of the thread."""
+        self._thread.join(timeout_s)
+
+    # -------------------------------------------------------------------------------------------------- the thread
+
+    def _run(self) -> None:
+        try:
+            while (item := self._next_item()) is not None:
+                self._take(item)
+            self._finish_part()
+        except OSError as error:  # a SaveError, too
+            self._fail(str(error) if isinstance(error, SiloError) else f"the disk refused: {reason(error)}")
+        except SiloError as error:
+            self._fail(str(error))
+        except Exception as error:
+            log.exception("the recorder failed")
+            self._fail(f"{type(error).__name__}: {error}")
+        finally:
+            self.over.set()
+
+    def _next_item(self) -> Item | None:
+        with self._changed:
+            while not self._queue and not self._ending:
+                self._changed.wait()
+            return self._queue[0] if self._queue else None
+
+    def _take(self, item: Item) -> None:
+        if isinstance(item, RunBegins):
+            self._finish_part()
+            self._layout, self._next = item.layout, dict(item.begin)
+            self.totals.state = RecorderState.RECORDING
+        elif isinstance(item, RunEnds):
+            self._finish_part()
+            self.totals.state = RecorderState.WAITING
+        else:
+            self._write(item)
+        with self._changed:  # only now: rows that are being written take memory as well
+            self._queue.popleft()
+            self._queued_bytes -= item.size_bytes if isinstance(item, Drained) else 0
+
+    def _write(self, drained: Drained) -> None:
+        coming = self._estimate(drained)
+        self._make_room(coming)
+        for loss in drained.losses:
+            self._note_lost(loss)
+        for rows in drained.rows:
+            layout = self._present_layout
+            elements = layout.samples(rows)
+            misfits = layout.misfits(rows, elements)
+            if misfits:
+                self._finish_part()
+                layout = self._layout = layout.with_bytes(misfits)
+                elements = layout.samples(rows)
+            self._open_part().add(rows, elements)
+            self._next[rows.ring.ring] = rows.first + len(rows)
+            self.totals.samples += len(rows) * len(layout.ring_channels[rows.ring.ring])
+        if self._part is not None:
+            self._part.sync_if_due()
+            self._count_bytes()
+            if self._is_long(self._part, drained):
+                self._finish_part()
+
+    def _estimate(self, drained: Drained) -> int:
+        layout = self._present_layout
+        channels = {ring: len(numbers) for ring, numbers in layout.ring_channels.items()}
+        messages = sum(len(rows) * channels[rows.ring.ring] for rows in drained.rows)
+        return drained.size_bytes + MESSAGE_BYTES * messages // 2
+
+    @property
+    def _present_layout(self) -> Layout:
+        assert self._layout is not None, "rows come after their run"
+        return self._layout
+
+    def _make_room(self, coming_bytes: int) -> None:
+        """Keep to the budget, and to what is left free of the disk. Raises NoRoomLeft."""
+        open_bytes = self._part.size_bytes if self._part is not None else 0
+        deleted = self._ledger.trim(self._order.keep_bytes, open_bytes + coming_bytes)
+        if deleted:
+            log.info("deleted %s to keep to the budget", ", ".join(deleted))
+        free, size = self._disk.room(self._folder)
+        if free - coming_bytes < left_free(size):
+            left = left_free(size)
+            raise _NoRoomLeftError(
+                f"the disk of {self._folder} is nearly full: {free / 1e6:.0f} MB are free, and {left / 1e6:.0f} MB "
+                "of it are left to others; the recording ended there, and all its parts are finished; make room, "
+                "or keep less (--keep), and start it again"
+            )
+
+    def _open_part(self) -> Part:
+        if self._part is None:
+            part = Part(self._folder, self._order.name, self._present_layout, self._next, self._disk.write)
+            self._part = part
+            with contextlib.suppress(OSError, RuntimeError):  # then `silo recover` must be told the folder
+                remember_folder(self._folder, RECORDINGS)
+            self._ledger.begin(part.final.name, part.inode)
+            self.totals.part = str(part.path)
+        return self._part
+
+    def _note_lost(self, loss: Loss) -> None:
+        layout = self._present_layout
+        if loss.end - loss.begin > MOST_HOLE_ROWS:
+            self._finish_part()
+        self._next[loss.ring] = loss.end
+        self._open_part().note_lost(loss.ring, loss.begin, loss.end, TOO_SLOW)
+        lost = (loss.end - loss.begin) * len(layout.ring_channels[loss.ring])
+        self.totals.lost += lost
+        divider = layout.schema.rings[loss.ring].divider
+        self.totals.told.append(
+            f"{lost} samples were lost, of ticks {loss.begin * divider} to {(loss.end - 1) * divider}: {TOO_SLOW}; "
+            "record fewer elements, make buffers larger, or record to another disk"
+        )
+
+    def _is_long(self, part: Part, drained: Drained) -> bool:
+        order = self._order
+        limits = [order.split_bytes, order.keep_bytes // 2]
+        most_bytes = min((limit for limit in limits if limit), default=0)
+        if most_bytes and part.size_bytes >= most_bytes * (1 if drained.complete else 1.5):
+            return True
+        if part.index_bytes >= MOST_INDEX_BYTES:
+            return True
+        return bool(order.split_s) and time.monotonic() - part.begun_s >= order.split_s and drained.complete
+
+    def _finish_part(self) -> None:
+        part, self._part = self._part, None
+        if part is None:
+            return
+        try:
+            size = part.finish()
+        except OSError:
+            part.leave()
+            raise
+        run = part.layout.schema.run
+        self._ledger.end(part.final.name, size, run, {**self._next})
+        self.totals.part = ""
+        if size:
+            self.totals.parts += 1
+            self.totals.written_bytes += size
+            self.totals.finished.append(str(part.final))
+        self._count_bytes()
+
+    def _count_bytes(self) -> None:
+        open_bytes = self._part.size_bytes if self._part is not None else 0
+        self.totals.size_bytes = self._ledger.size_bytes + open_bytes
+
+    def _fail(self, text: str) -> None:
+        """End by itself: what was written is finished, if the disk lets it."""
+        try:
+            self._finish_part()
+        except OSError as error:
+            text += f"; the last part can't be finished now ({reason(error)}): `silo recover {self._folder}` does it"
+        self.totals.text = text
+        self.totals.state = RecorderState.FAILED
+
+
+class _NoRoomLeftError(SiloError):
+    """The disk is as full as it may become."""

@@ -1,0 +1,207 @@
+"""Endless recordings of a served logger: begun by clients and by the program, kept on through kills of all sorts."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+
+from silo.cli.main import run
+from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
+from silo.files.bag_read import read_bag
+from silo.helper.recording_folder import recording_folder
+from silo.ipc.client import Client
+from silo.ipc.messages import Refused, RefusedWhy
+from silo.ipc.published import EventKind
+from silo.model import BufferType, RecorderState
+from silo.recorder.closing import left_parts
+from tests.waiting import wait_until
+
+RESTING = 50  # ticks of the robot program in which x is 0
+
+
+def parts(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.mcap"), key=lambda path: path.name.rpartition("_")[2])
+
+
+def span(path: Path) -> tuple[int, int]:
+    """The ticks of a part of the robot program, after a look at every value, and at what others read of it."""
+    found = read_bag(path)
+    first = found.offset - len(found.time_ns)
+    for element in found.elements:
+        assert element.lost == 0
+        ticks = first + element.stamp_indices
+        for entry in element.entries:
+            assert (entry.values == np.maximum(ticks - RESTING + 1, 0)).all()
+    with path.open("rb") as file:
+        count = sum(1 for _ in make_reader(file, validate_crcs=True).iter_messages())
+    with Reader(path) as reader:
+        assert sum(1 for _ in reader.messages()) == count == sum(element.count for element in found.elements)
+    return first, found.offset
+
+
+def check_unbroken(paths: list[Path]) -> None:
+    spans = [span(path) for path in paths]
+    assert [one[1] for one in spans[:-1]] == [one[0] for one in spans[1:]]
+
+
+def samples(client: Client, more_than: int = 0) -> int:
+    info = client.recorders()[0]
+    return info.samples if info.state is RecorderState.RECORDING and info.samples > more_than else 0
+
+
+def another_helper(client: Client, than: int) -> int:
+    """The helper process that came after one, 0 as long as there is none."""
+    try:
+        found = client.status().helper_pid
+    except ConnectionLostError:
+        return 0
+    return found if found != than else 0
+
+
+@pytest.mark.slow
+def test_a_killed_recorder_is_started_again_and_not_a_row_is_missing(robots, tmp_path) -> None:
+    robots("bot")
+    with Client.connect("bot") as client:
+        started = client.record(["x", "/log/q"], to="walks", split="1h")
+        before = wait_until(lambda: samples(client))
+        os.kill(client.recorders()[0].pid, 9)
+        wait_until(lambda: samples(client, before))
+        assert client.status().recorders == 1
+        assert "ended: 2 files" in client.stop_recorder()
+        assert client.recorders() == []
+    assert Path(started.folder) == tmp_path / "logs" / "walks"
+    assert len(parts(Path(started.folder))) == 2
+    check_unbroken(parts(Path(started.folder)))
+
+
+@pytest.mark.slow
+def test_of_a_killed_helper_the_next_one_goes_on_recording(robots, tmp_path) -> None:
+    robot = robots("bot")
+    with Client.connect("bot") as client:
+        client.record(to="walks", name="walk")
+        wait_until(lambda: samples(client))
+        os.kill(robot.helper_pid, 9)
+        robot.helper_pid = wait_until(lambda: another_helper(client, robot.helper_pid))
+        wait_until(lambda: samples(client))
+        client.stop_recorder("walk")
+    found = parts(tmp_path / "logs" / "walks")
+    assert len(found) == 2
+    check_unbroken(found)
+
+
+@pytest.mark.slow
+def test_of_a_killed_robot_program_everything_is_recorded(robots, tmp_path) -> None:
+    robot = robots("bot")
+    with Client.connect("bot") as client:
+        client.record(to="walks")
+        wait_until(lambda: samples(client))
+        robot.kill()
+    (path,) = wait_until(lambda: parts(tmp_path / "logs" / "walks"))
+    (log,) = wait_until(lambda: list((tmp_path / "logs").glob("*.silo")))
+    from silo.analysis.log import open_log
+
+    assert span(path)[1] == wait_until(lambda: open_log(log).recording.offset)
+
+
+@pytest.mark.slow
+def test_after_a_kill_of_all_recover_closes_the_part(robots, tmp_path, monkeypatch, capsys) -> None:
+    robot = robots("bot")
+    with Client.connect("bot") as client:
+        client.record(to="walks")
+        wait_until(lambda: samples(client))
+        for pid in (client.recorders()[0].pid, robot.helper_pid, robot.pid):
+            os.kill(pid, 9)
+    robot.kill()
+    monkeypatch.chdir(tmp_path)
+    wait_until(lambda: left_parts(tmp_path / "logs" / "walks"))
+    assert run(["recover", "--list"]) == 0
+    assert "of a recording, left open by a kill" in capsys.readouterr().out
+    assert run(["recover"]) == 0
+    assert "closed, as its recorder was killed" in capsys.readouterr().out
+    span(parts(tmp_path / "logs" / "walks")[0])
+
+
+@pytest.mark.slow
+def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_too(bench, client, heard) -> None:
+    bench.logger.set(buffer_type="looping", buffer_size=1000)
+    bench.logger.start()
+    folder = Path(bench.logger.options.folder)
+    assert bench.logger.record(["x"], to=folder.parent / "elsewhere", split="10min") == "bot"
+    assert client.record(["x"], keep="50MB").name == "bot-2"
+    bench.ticks(100)
+    bench.logger.restart()
+    bench.ticks(50)
+    assert client.status().recorders == 2
+    with pytest.raises(RefusedError, match="say which recording: there are 'bot', 'bot-2'; nothing was stopped"):
+        client.stop_recorder()
+    assert "2 files" in bench.logger.stop_recording("bot")
+    client.stop_recorder("bot-2")
+    for place in (folder.parent / "elsewhere", folder / "recordings"):
+        found = [read_bag(path).elements[0].entries[0].values.tolist() for path in parts(place)]
+        assert found == [[float(k) for k in range(1, 101)], [float(k) for k in range(101, 151)]]
+    assert "recording 'bot'" in heard.wait(EventKind.RECORDING).text
+
+
+@pytest.mark.slow
+def test_what_can_not_be_recorded_is_refused_in_words(bench, client, tmp_path) -> None:
+    (Path(bench.logger.options.folder)).mkdir(exist_ok=True)
+    (Path(bench.logger.options.folder) / "out").symlink_to(tmp_path)
+    wrong = {
+        "outside of the logger's folder": {"to": "../elsewhere"},
+        "leads out of the logger's folder by a link": {"to": "out/walks"},
+        "outside of the logger's folder; recordings go to": {"to": "/tmp"},
+        "no element matches 'nothing'": {"patterns": ["nothing"]},
+        "can't be the name of a log": {"name": "a/b"},
+    }
+    for words, options in wrong.items():
+        with pytest.raises(RefusedError, match=words):
+            client.record(**options)
+    with pytest.raises(RefusedError, match="nothing is being recorded"):
+        client.stop_recorder()
+    bench.logger.set("kept", buffer_type="fixed")
+    wait_until(lambda: any(info.options.buffer_type is BufferType.FIXED for info in client.table().elements))
+    with pytest.raises(ElementError, match="write split="):
+        client.record(split="often")
+    with pytest.raises(SaveError, match="nothing is being recorded"):
+        bench.logger.stop_recording()
+    assert "until their buffers are full (/log/kept)" in client.record(name="short").text
+    with pytest.raises(RefusedError, match="a recording 'short' is under way already"):
+        client.record(name="short")
+    assert client.recorders()[0].state is RecorderState.WAITING
+    client.stop_recorder()
+
+
+def test_without_a_helper_process_recording_says_what_it_needs(new_logger) -> None:
+    log = new_logger()
+    with pytest.raises(StateError, match=r"needs a helper process, which records: call serve\(\) first"):
+        log.record()
+
+
+def test_clients_record_below_the_loggers_folder_and_the_program_where_it_likes(tmp_path) -> None:
+    assert recording_folder("", tmp_path, anywhere=False) == tmp_path.resolve() / "recordings"
+    assert recording_folder("/data/x", tmp_path, anywhere=True) == Path("/data/x")
+    for asked in ("/data/x", "..", "a/../../b", "/"):
+        refused = recording_folder(asked, tmp_path, anywhere=False)
+        assert isinstance(refused, Refused)
+        assert refused.why is RefusedWhy.FORBIDDEN
+    (tmp_path / "file").touch()
+    assert isinstance(recording_folder("file", tmp_path, anywhere=False), Refused)
+    assert isinstance(recording_folder("a\nb", tmp_path, anywhere=False), Refused)
+
+
+@pytest.mark.slow
+def test_the_shell_begins_lists_and_ends_recordings(robots, tmp_path, capsys) -> None:
+    robots("bot")
+    assert run(["record", "bot", "q", "--to", "walks", "--split", "10min", "--keep", "50GB"]) == 0
+    assert "recording 'bot' to" in capsys.readouterr().out
+    assert run(["ls"]) == 0
+    assert "REC" in capsys.readouterr().out
+    assert run(["record", "--ls"]) == 0
+    assert "recording" in capsys.readouterr().out
+    assert run(["record", "bot", "--stop", "other"]) == 1
+    assert "no recording is called 'other'" in capsys.readouterr().err
+    assert run(["record", "bot", "--stop"]) == 0
+    assert "recording 'bot' ended" in capsys.readouterr().out

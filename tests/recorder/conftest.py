@@ -1,0 +1,235 @@
+"""Recorders in processes of their own on buffers of this process, and without a process where a disk is made up."""
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+
+from silo.collecting.segment_reader import SegmentReader
+from silo.logger.logger import Logger
+from silo.model import RecorderState
+from silo.recorder.draining import Drain
+from silo.recorder.layout import layout_of
+from silo.recorder.ledger import Ledger
+from silo.recorder.orders import (
+    MAX_PACKET_BYTES,
+    Finish,
+    Follow,
+    RecordOrder,
+    Report,
+    decode_report,
+    encode,
+)
+from silo.recorder.writing import Disk, RunBegins, Totals, Writing
+from silo.recording import Recording
+from tests.waiting import wait_until
+
+STEP_NS = 1_000_003
+BEGIN_NS = 1_700_000_000_000_000_000
+
+
+class Robot:
+    """A logger whose every value follows from its tick, counted over all runs."""
+
+    def __init__(self, folder: Path, size: int = 2000, **options: object) -> None:
+        self.tick = 0
+        self.run_first = 0
+        self.log = Logger(
+            "bot", frequency=1000, max_time=0, folder=folder, script=folder / "none.yaml", clock=self._clock, **options
+        )
+        self.x = self.log.array("x", (), np.int64, buffer_type="looping", buffer_size=size)
+        self.q = self.log.array("q", 3, buffer_type="looping", buffer_size=size)
+        self.slow = self.log.array("slow", (), np.int64, buffer_type="looping", buffer_size=size, divider=5)
+        self.word = np.array(b"", "S6")
+        self.log.add(self.word, "word", buffer_type="looping", buffer_size=size)
+
+    def _clock(self) -> int:
+        return BEGIN_NS + self.tick * STEP_NS
+
+    def start(self) -> None:
+        self.run_first = self.tick
+        (self.log.restart if self.log.is_running else self.log.start)()
+
+    def ticks(self, count: int) -> None:
+        for _ in range(count):
+            self.x[...] = self.tick
+            self.q[:] = self.tick / 8 + np.arange(3)
+            self.slow[...] = -self.tick
+            self.word[...] = b"w%d" % (self.tick % 1000)
+            self.log.collect()
+            self.tick += 1
+
+
+def check_recording(found: Recording, run_first: int = 0) -> tuple[int, int]:
+    """Every value is that of its tick, or said to be missing; returns which ticks of the run x has."""
+    first = found.offset - len(found.time_ns)
+    span = (0, 0)
+    for element in found.elements:
+        ticks = first + element.stamp_indices
+        missing = np.zeros(element.count, bool)
+        for low, high in element.failures.spans:
+            missing |= (ticks >= low) & (ticks <= high)
+        assert missing.sum() == element.lost == element.failures.count
+        there = ~missing
+        world = ticks[there] + run_first
+        assert (found.time_ns[element.stamp_indices][there] == BEGIN_NS + world * STEP_NS).all()
+        values = [entry.values[there] for entry in element.entries]
+        name = element.name.rpartition("/")[2]
+        if name == "x":
+            assert (values[0] == world).all()
+            span = int(ticks[0]), int(ticks[-1]) + 1
+        elif name == "q":
+            assert all((column == world / 8 + k).all() for k, column in enumerate(values))
+        elif name == "slow":
+            assert (values[0] == -world).all()
+            assert (ticks % 5 == 0).all()
+        else:
+            assert values[0].tolist() == [b"w%d" % (one % 1000) for one in world.tolist()]
+    return span
+
+
+def finished(folder: Path) -> list[Path]:
+    """The finished parts, oldest first."""
+    return sorted(folder.glob("*.mcap"), key=lambda path: path.name.rpartition("_")[2])
+
+
+def read_by_others(path: Path) -> dict[str, int]:
+    """Messages by topic, as `mcap` reads them; rosbags must find as many."""
+    counts: dict[str, int] = {}
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        for _, channel, _ in reader.iter_messages():
+            counts[channel.topic] = counts.get(channel.topic, 0) + 1
+    assert summary.statistics.message_count == sum(counts.values())
+    found: dict[str, int] = {}
+    with Reader(path) as other:
+        for connection, _, _ in other.messages():
+            found[connection.topic] = found.get(connection.topic, 0) + 1
+    assert found == counts
+    return counts
+
+
+class Process:
+    """A recorder of which this process is the helper."""
+
+    def __init__(self, order: RecordOrder) -> None:
+        self.socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        command = [sys.executable, "-m", "silo.recorder", str(theirs.fileno())]
+        self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()])
+        theirs.close()
+        self.reports: list[Report] = []
+        self.socket.send(encode(order))
+        self._thread = threading.Thread(target=self._listen)
+        self._thread.start()
+
+    def _listen(self) -> None:
+        while body := self._received():
+            self.reports.append(decode_report(body))
+
+    def _received(self) -> bytes:
+        try:
+            return self.socket.recv(MAX_PACKET_BYTES)
+        except ConnectionResetError:
+            return b""
+
+    def follow(self, log: Logger) -> None:
+        descriptor = log.present_run.segment.open_read_only()
+        socket.send_fds(self.socket, [encode(Follow(log.segment_path))], [descriptor])
+        os.close(descriptor)
+
+    def wait_recording(self) -> None:
+        """Until it has begun with the run."""
+        wait_until(lambda: self.reports and self.reports[-1].state is RecorderState.RECORDING)
+
+    def finish(self) -> Report:
+        self.socket.send(encode(Finish("the test is over")))
+        return self.end()
+
+    def end(self) -> Report:
+        self.process.wait()
+        self._thread.join()
+        self.socket.close()
+        return self.reports[-1]
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.end()
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[Robot]:
+    made = Robot(tmp_path)
+    yield made
+    made.log.close()
+
+
+@pytest.fixture
+def recorders() -> Iterator[Callable[[RecordOrder], Process]]:
+    made: list[Process] = []
+
+    def start(order: RecordOrder) -> Process:
+        made.append(Process(order))
+        return made[-1]
+
+    yield start
+    for one in made:
+        if one.process.poll() is None:
+            one.kill()
+
+
+class Direct:
+    """A recorder without its process: `step` does what its loop does, as often as a test likes."""
+
+    def __init__(self, robot: Robot, order: RecordOrder, disk: Disk | None = None) -> None:
+        Path(order.folder).mkdir(exist_ok=True)
+        self.ledger = Ledger(Path(order.folder), order.name, 0.0)
+        self.writing = Writing(order, self.ledger, disk or Disk())
+        self.writing.start()
+        reader = SegmentReader(robot.log.segment_path)
+        self.drain = Drain(reader, layout_of(reader.schema, order.patterns), None)
+        self.writing.put(RunBegins(self.drain.layout, self.drain.begun_with))
+
+    def step(self) -> None:
+        """Read all that is in the rings, and have it written."""
+        complete = False
+        while not complete:
+            complete = self.put()
+            wait_until(lambda: self.writing.is_idle or self.writing.over.is_set())
+
+    def put(self) -> bool:
+        """Read what there is room for; False if that is not all."""
+        room = self.writing.room_bytes
+        if not room:
+            return False
+        found = self.drain.read(room)
+        self.writing.put(found)
+        return found.complete
+
+    def finish(self) -> Totals:
+        self.writing.end()
+        self.writing.join()
+        self.ledger.close()
+        return self.writing.totals
+
+
+class Truth:
+    """What files must hold."""
+
+    span = staticmethod(check_recording)
+    by_others = staticmethod(read_by_others)
+    robot = Robot
+    direct = Direct
+
+
+@pytest.fixture
+def truth() -> Truth:
+    return Truth()

@@ -1,0 +1,364 @@
+"""Parts of recordings, without a process: where they begin and end, what is deleted, lost, or left by a kill."""
+
+import itertools
+import struct
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from silo.amounts import read_keep, read_split
+from silo.errors import ElementError, SaveError
+from silo.files.atomic import write_all
+from silo.files.bag import write_bag
+from silo.files.bag_read import read_bag
+from silo.model import RecorderState
+from silo.recorder.closing import close_part, close_parts, left_parts
+from silo.recorder.ledger import Ledger, left_free
+from silo.recorder.orders import RecordOrder
+from silo.recorder.writing import QUEUE_BYTES, Disk
+
+
+def order(folder: Path, **options: object) -> RecordOrder:
+    return RecordOrder("bot", str(folder / "rec"), **options)
+
+
+def parts(folder: Path) -> list[Path]:
+    return sorted((folder / "rec").glob("bot_*.mcap"), key=lambda path: path.name.rpartition("_")[2])
+
+
+def test_parts_follow_one_another_without_a_gap_and_the_budget_deletes_only_its_own(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path, keep_bytes=120_000))
+    foreign = [tmp_path / "rec" / "other_20200101_10-00-00_00001.mcap", tmp_path / "rec" / "notes.txt"]
+    for path in foreign:
+        path.write_bytes(b"x" * 100_000)
+    seen: dict[str, tuple[int, int]] = {}
+    for ticks in np.random.default_rng(1).integers(100, 700, 24).tolist():
+        robot.ticks(ticks)
+        direct.step()
+        for path in parts(tmp_path):
+            if path.name not in seen:
+                seen[path.name] = truth.span(read_bag(path))
+    assert direct.finish().lost == 0
+    spans = sorted(seen.values())
+    assert spans[0][0] == 0
+    assert all(before[1] == after[0] for before, after in itertools.pairwise(spans))
+    assert all(path.read_bytes() == b"x" * 100_000 for path in foreign)
+    assert sum(path.stat().st_size for path in parts(tmp_path)) <= 120_000
+    assert 0 < len(parts(tmp_path)) < len(seen)
+
+
+def test_a_file_that_was_put_in_the_place_of_a_part_is_not_deleted(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path, keep_bytes=60_000))
+    while not parts(tmp_path):
+        robot.ticks(200)
+        direct.step()
+    first = parts(tmp_path)[0]
+    first.rename(tmp_path / "kept.mcap")
+    first.write_text("mine")
+    for _ in range(12):
+        robot.ticks(500)
+        direct.step()
+    assert direct.finish().parts > 4
+    assert first.read_text() == "mine"
+    assert (tmp_path / "kept.mcap").exists()
+    assert first.name not in {part.name for part in direct.ledger.written.parts}
+
+
+def test_a_recording_stops_with_words_before_the_disk_is_full(robot, tmp_path, truth) -> None:
+    robot.start()
+    free = [10_000_000]
+    direct = truth.direct(robot, order(tmp_path), Disk(room=lambda _: (free[0], 100_000_000)))
+    robot.ticks(300)
+    direct.step()
+    free[0] = 2_050_000
+    robot.ticks(300)
+    direct.step()
+    totals = direct.finish()
+    assert totals.state is RecorderState.FAILED
+    assert "nearly full: 2 MB are free, and 2 MB of it are left to others" in totals.text
+    assert truth.span(read_bag(parts(tmp_path)[0])) == (0, 300)
+
+
+def test_two_percent_of_a_small_disk_and_a_gigabyte_of_a_large_one_are_left_free() -> None:
+    assert left_free(10 * 10**9) == 200 * 10**6
+    assert left_free(10**13) == 10**9
+
+
+def test_a_disk_that_refuses_ends_the_recording_and_leaves_what_was_written(robot, tmp_path, truth) -> None:
+    robot.start()
+    full = [False]
+
+    def write(descriptor: int, buffers: list[memoryview], offset: int) -> None:
+        if full[0]:
+            full[0] = False
+            write_all(descriptor, [buffers[0], buffers[1][:100]], offset)
+            raise OSError(28, "No space left on device")
+        write_all(descriptor, buffers, offset)
+
+    direct = truth.direct(robot, order(tmp_path), Disk(write=write))
+    robot.ticks(300)
+    direct.step()
+    full[0] = True
+    robot.ticks(100)
+    direct.step()
+    totals = direct.finish()
+    assert totals.state is RecorderState.FAILED
+    assert "No space left on device" in totals.text
+    assert truth.span(read_bag(parts(tmp_path)[0])) == (0, 300)
+    truth.by_others(parts(tmp_path)[0])
+
+
+def metadata(path: Path, name: str) -> list[dict[str, str]]:
+    with path.open("rb") as file:
+        return [record.metadata for record in make_reader(file).iter_metadata() if record.name == name]
+
+
+def test_what_a_slow_disk_costs_is_counted_at_its_place(robot, tmp_path, truth, monkeypatch) -> None:
+    monkeypatch.setattr("silo.recorder.writing.QUEUE_BYTES", 50_000)
+    robot.start()
+    gate = threading.Event()
+    gate.set()
+
+    def write(descriptor: int, buffers: list[memoryview], offset: int) -> None:
+        gate.wait()
+        write_all(descriptor, buffers, offset)
+
+    direct = truth.direct(robot, order(tmp_path), Disk(write=write))
+    robot.ticks(500)
+    direct.step()
+    gate.clear()
+    robot.ticks(500)  # these wait in the queue
+    direct.put()
+    while direct.writing.room_bytes:
+        robot.ticks(200)
+        direct.put()
+    full_at = direct.drain.cursors[direct.drain.layout.rings[-1]]
+    robot.ticks(7000)  # the rings, of 2000 and some rows, are overwritten
+    gate.set()
+    direct.step()
+    direct.step()
+    robot.ticks(100)
+    direct.step()
+    totals = direct.finish()
+    (path,) = parts(tmp_path)
+    found = read_bag(path)
+    assert truth.span(found) == (0, robot.tick)
+    x = next(element for element in found.elements if element.name == "/log/x")
+    ((low, high),) = x.failures.spans
+    lost = {(record["first_tick"], record["last_tick"]) for record in metadata(path, "silo/lost")}
+    assert (str(low), str(high)) in lost
+    assert low <= full_at * 5
+    assert totals.lost == sum(element.lost for element in found.elements) > 0
+    assert any("samples were lost, of ticks" in text for text in totals.told)
+    assert metadata(path, "silo/totals")[0]["lost"] == str(totals.lost)
+    assert "could not keep up" in found.warnings[0]
+    truth.by_others(path)
+
+
+def test_a_slow_disk_costs_nothing_while_queue_and_rings_have_room(robot, tmp_path, truth) -> None:
+    robot.start()
+    gate = threading.Event()
+
+    def write(descriptor: int, buffers: list[memoryview], offset: int) -> None:
+        gate.wait()
+        write_all(descriptor, buffers, offset)
+
+    direct = truth.direct(robot, order(tmp_path), Disk(write=write))
+    for _ in range(10):
+        robot.ticks(1500)
+        direct.put()
+    assert QUEUE_BYTES > direct.writing.room_bytes > 0
+    gate.set()
+    assert direct.finish().lost == 0
+    assert truth.span(read_bag(parts(tmp_path)[0])) == (0, robot.tick)
+
+
+def test_text_that_is_none_goes_on_as_bytes_in_a_new_part(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path, patterns=("word",)))
+    robot.ticks(50)
+    direct.step()
+    for _ in range(20):
+        robot.word[...] = b"\xff\x00\x01"
+        robot.log.collect()
+        robot.tick += 1
+    direct.step()
+    direct.finish()
+    one, two = map(read_bag, parts(tmp_path))
+    assert one.elements[0].entries[0].values.tolist() == [b"w%d" % k for k in range(50)]
+    assert two.elements[0].entries[0].values.tolist() == [b"\xff\x00\x01"] * 20
+    truth.by_others(parts(tmp_path)[1])
+
+
+def test_only_elements_of_a_divider_have_time_stamps_of_all_ticks(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path, patterns=("slow",)))
+    robot.ticks(103)
+    direct.step()
+    direct.finish()
+    found = read_bag(parts(tmp_path)[0])
+    truth.span(found)
+    assert found.offset == 101
+    assert abs(np.diff(found.time_ns) - 1_000_003).max() <= 1
+    write_bag(found, tmp_path / "again.mcap")
+    truth.span(read_bag(tmp_path / "again.mcap"))
+
+
+@pytest.fixture
+def killed(robot, tmp_path, truth) -> Iterator[Path]:
+    """A part of four chunks and a bit as a kill leaves it."""
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    for _ in range(4):
+        robot.ticks(100)
+        direct.step()
+    (path,) = (tmp_path / "rec").glob("*.mcap.part")
+    left = tmp_path / "left.mcap.part"
+    left.write_bytes(path.read_bytes())
+    direct.finish()
+    return left
+
+
+def test_a_part_cut_at_any_byte_is_closed_with_all_whole_chunks(killed, tmp_path, truth) -> None:
+    whole = killed.read_bytes()
+    ends = []
+    for size in sorted({0, 5, 40, *np.random.default_rng(3).integers(0, len(whole), 40).tolist(), len(whole)}):
+        cut = tmp_path / f"cut{size}.mcap.part"
+        cut.write_bytes(whole[:size])
+        closed = close_part(cut)
+        assert not cut.exists()
+        if closed.samples:
+            found = read_bag(closed.path)
+            assert found.warnings == ()
+            truth.span(found)
+            ends.append(found.offset)
+            assert sum(truth.by_others(closed.path).values()) == closed.samples
+    assert ends == sorted(ends)
+    assert {100, 200, 300, 400} >= set(ends) >= {100, 200, 300}
+
+
+def test_what_a_kill_left_is_read_as_it_is(killed, truth) -> None:
+    found = read_bag(killed)
+    assert truth.span(found) == (0, 400)
+    assert "not finished" in found.warnings[0]
+
+
+def test_a_part_that_is_being_written_is_not_closed_by_others(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(100)
+    direct.step()
+    assert left_parts(tmp_path / "rec") == []
+    assert close_parts(tmp_path / "rec") == ([], [])
+    direct.finish()
+    assert truth.span(read_bag(parts(tmp_path)[0])) == (0, 100)
+
+
+@pytest.mark.parametrize("where", [0.3, 0.6, 0.9])
+def test_damage_ends_a_part_at_the_last_whole_chunk_before_it(killed, truth, where) -> None:
+    data = bytearray(killed.read_bytes())
+    for place in range(int(len(data) * where), int(len(data) * where) + 20):
+        data[place] ^= 0x55
+    killed.write_bytes(data)
+    closed, problems = close_parts(killed.parent)
+    assert problems == []
+    assert truth.span(read_bag(closed[0].path))[1] in (0, 100, 200, 300)
+    truth.by_others(closed[0].path)
+
+
+def test_zeros_behind_what_was_written_as_a_power_cut_leaves_them_are_cut_off(killed, truth) -> None:
+    with killed.open("ab") as file:
+        file.write(bytes(5000))
+    closed = close_part(killed)
+    assert truth.span(read_bag(closed.path)) == (0, 400)
+    truth.by_others(closed.path)
+
+
+def test_a_foreign_file_named_as_a_part_stays(tmp_path) -> None:
+    header = b"\x89MCAP0\r\n" + struct.pack("<BQ", 1, 8) + bytes(8)
+    for name, content in (("a", b"no mcap at all, but long enough"), ("b", header)):
+        (tmp_path / f"{name}.mcap.part").write_bytes(content)
+    closed, problems = close_parts(tmp_path)
+    assert closed == []
+    assert len(problems) == 2
+    assert all("it stays as it is" in text for text in problems)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [("1GB", (10**9, 0.0)), ("500 mb", (5 * 10**8, 0.0)), ("10min", (0, 600.0)), ("1.5h", (0, 5400.0)), ("", (0, 0.0))],
+)
+def test_a_split_is_a_size_or_a_time(given, meant) -> None:
+    assert read_split(given) == meant
+
+
+@pytest.mark.parametrize("given", ["5", "1", "-1GB", "10 apples", "1kB", "0s", "400d", 7, float("nan")])
+def test_a_split_that_is_neither_is_told_of(given) -> None:
+    with pytest.raises(ElementError, match="write split="):
+        read_split(given)
+
+
+def test_what_is_kept_is_a_size() -> None:
+    assert read_keep("50GB") == 50 * 10**9
+    with pytest.raises(ElementError, match="write keep="):
+        read_keep("10min")
+
+
+def test_patterns_choose_what_is_recorded(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path, patterns=("slow", "/log/w*")))
+    robot.ticks(103)
+    direct.step()
+    direct.finish()
+    found = read_bag(parts(tmp_path)[0])
+    assert {element.name for element in found.elements} == {"/log/slow", "/log/word"}
+    truth.span(found)
+
+
+def test_of_two_recorders_of_one_name_in_one_folder_the_second_is_refused(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    with pytest.raises(SaveError, match="another recorder writes"):
+        truth.direct(robot, order(tmp_path))
+    direct.finish()
+
+
+def test_who_goes_on_begins_behind_a_part_whose_end_was_never_noted(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(100)
+    direct.step()
+    noted = (tmp_path / "rec" / ".bot.recorder.json").read_bytes()
+    robot.ticks(50)
+    direct.step()
+    direct.finish()
+    (tmp_path / "rec" / ".bot.recorder.json").write_bytes(noted)  # killed between the name of the part and its note
+    ledger = Ledger(tmp_path / "rec", "bot", 0.0)
+    ledger.settle([])
+    ledger.close()
+    assert set(ledger.written.next_rows.values()) == {30, 150}
+    assert ledger.written.run == robot.log.present_run.id
+    assert ledger.size_bytes == parts(tmp_path)[0].stat().st_size
+
+
+def test_a_part_that_was_never_noted_counts_for_the_budget_once_it_is_closed(robot, tmp_path, truth) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(100)
+    direct.step()
+    (path,) = (tmp_path / "rec").glob("*.part")
+    (tmp_path / "rec" / path.name.replace("00001", "00007")).write_bytes(path.read_bytes())
+    direct.finish()
+    closed, _ = close_parts(tmp_path / "rec")
+    ledger = Ledger(tmp_path / "rec", "bot", 0.0)
+    ledger.settle(closed)
+    ledger.close()
+    assert ledger.size_bytes == sum(path.stat().st_size for path in parts(tmp_path))
+    assert len(parts(tmp_path)) == 2

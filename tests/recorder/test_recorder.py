@@ -1,0 +1,151 @@
+"""A recorder in a process of its own: every sample is in its files, whatever is killed, restarted, or in the way."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from silo.analysis.log import open_log
+from silo.files.bag_read import read_bag
+from silo.files.part_facts import PART_ENDING
+from silo.model import RecorderState
+from silo.recorder.closing import close_parts, left_parts
+from silo.recorder.orders import RecordOrder
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.slow
+
+
+def order(folder: Path, **options: object) -> RecordOrder:
+    return RecordOrder("bot", str(folder / "rec"), **options)
+
+
+def parts(folder: Path) -> list[Path]:
+    return sorted((folder / "rec").glob("*.mcap"), key=lambda path: path.name.rpartition("_")[2])
+
+
+def open_parts(folder: Path) -> list[Path]:
+    return sorted((folder / "rec").glob(f"*{PART_ENDING}"))
+
+
+def held(folder: Path) -> int:
+    """Bytes of parts that are open."""
+    return sum(path.stat().st_size for path in open_parts(folder))
+
+
+def begin(robot, recorders, folder: Path, **options: object):
+    """A recorder that records the present run."""
+    recorder = recorders(order(folder, **options))
+    recorder.follow(robot.log)
+    recorder.wait_recording()
+    return recorder
+
+
+def test_every_sample_is_in_the_files_and_all_readers_find_it(robot, recorders, tmp_path, truth) -> None:
+    robot.start()
+    robot.ticks(7)
+    recorder = begin(robot, recorders, tmp_path)
+    begun = robot.tick
+    for _ in range(2):
+        robot.ticks(300)
+        before = held(tmp_path)
+        wait_until(lambda: held(tmp_path) > before)  # noqa: B023 - it waits here
+    robot.ticks(11)
+    report = recorder.finish()
+    (path,) = parts(tmp_path)
+    assert (report.state, report.lost, report.parts) == (RecorderState.ENDED, 0, 1)
+    assert truth.span(read_bag(path)) == (begun, robot.tick)
+    counts = truth.by_others(path)
+    assert counts["/log/x"] == counts["/log/q"] == counts["/log/word"] == robot.tick - begun
+    assert sum(counts.values()) == report.samples
+    assert open_log(path)["/log/x"].values[-1] == robot.tick - 1
+
+
+def test_a_new_run_gets_a_part_of_its_own_from_its_first_tick_on(robot, recorders, tmp_path, truth) -> None:
+    robot.start()
+    recorder = begin(robot, recorders, tmp_path)
+    robot.ticks(200)
+    robot.start()
+    first = robot.run_first
+    robot.ticks(20)  # before the recorder hears of it
+    recorder.follow(robot.log)
+    robot.ticks(100)
+    assert recorder.finish().lost == 0
+    one, two = parts(tmp_path)
+    assert truth.span(read_bag(one)) == (0, 200)
+    assert truth.span(read_bag(two), first) == (0, 120)
+
+
+def test_a_stopped_logger_leaves_a_finished_part_and_its_next_run_is_recorded(
+    robot, recorders, tmp_path, truth
+) -> None:
+    robot.start()
+    recorder = begin(robot, recorders, tmp_path)
+    robot.ticks(50)
+    robot.log.stop()
+    wait_until(lambda: parts(tmp_path))
+    assert truth.span(read_bag(parts(tmp_path)[0])) == (0, 50)
+    robot.start()
+    recorder.follow(robot.log)
+    robot.ticks(30)
+    recorder.finish()
+    assert truth.span(read_bag(parts(tmp_path)[1]), 50) == (0, 30)
+
+
+def test_killed_recorder_loses_nothing_when_another_goes_on(robot, recorders, tmp_path, truth) -> None:
+    robot.start()
+    recorder = begin(robot, recorders, tmp_path)
+    robot.ticks(300)
+    wait_until(lambda: held(tmp_path) > 10_000)
+    robot.ticks(37)
+    recorder.kill()
+    robot.ticks(100)
+    again = recorders(order(tmp_path, resume=True))
+    again.follow(robot.log)
+    again.wait_recording()
+    robot.ticks(100)
+    report = again.finish()
+    spans = [truth.span(read_bag(path)) for path in parts(tmp_path)]
+    assert spans[0][0] == 0
+    assert spans[0][1] == spans[1][0]
+    assert spans[1][1] == robot.tick
+    assert report.lost == 0
+    assert any("closed, as its recorder was killed" in one.told for one in again.reports)
+    for path in parts(tmp_path):
+        truth.by_others(path)
+
+
+def test_a_part_that_a_kill_left_is_read_as_it_is_and_closed_by_hand(robot, recorders, tmp_path, truth) -> None:
+    robot.start()
+    recorder = begin(robot, recorders, tmp_path)
+    robot.ticks(500)
+    wait_until(lambda: held(tmp_path) > 20_000)
+    recorder.kill()
+    (path,) = left_parts(tmp_path / "rec")
+    found = read_bag(path)
+    span = truth.span(found)
+    assert "not finished" in found.warnings[0]
+    closed, problems = close_parts(tmp_path / "rec")
+    assert problems == []
+    assert truth.span(read_bag(closed[0].path)) == span
+    assert read_bag(closed[0].path).warnings == ()
+    assert sum(truth.by_others(closed[0].path).values()) == closed[0].samples
+
+
+def test_without_the_one_who_started_it_a_recorder_finishes_and_ends(robot, recorders, tmp_path, truth) -> None:
+    robot.start()
+    recorder = begin(robot, recorders, tmp_path)
+    robot.ticks(120)
+    recorder.socket.shutdown(2)
+    recorder.end()
+    assert truth.span(read_bag(parts(tmp_path)[0])) == (0, 120)
+
+
+def test_at_sigterm_a_recorder_finishes_its_part(robot, recorders, tmp_path, truth) -> None:
+    robot.start()
+    recorder = begin(robot, recorders, tmp_path)
+    robot.ticks(120)
+    os.kill(recorder.process.pid, signal.SIGTERM)
+    assert recorder.end().state is RecorderState.ENDED
+    assert truth.span(read_bag(parts(tmp_path)[0])) == (0, 120)
