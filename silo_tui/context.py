@@ -9,11 +9,12 @@ from collections.abc import Callable, Coroutine, Sequence
 from typing import Any, cast
 
 from textual.app import App
-from textual.screen import ModalScreen, Screen
+from textual.screen import Screen
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo_tui.actions import BY_ID, Command
+from silo_tui.modal import Dialog
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
@@ -23,7 +24,7 @@ from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
 
 
-class Held(ModalScreen[None]):
+class Held(Dialog[None]):
     """What stands over the screen while a flow is under way."""
 
     def end(self) -> None:

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 
 from textual.app import ComposeResult
-from textual.screen import ModalScreen
 
+from silo_tui.modal import Dialog
 from silo_tui.widgets.inputs import Fleeting, Line
 
 
-class CommandLine(ModalScreen[str | None]):
+class CommandLine(Dialog[str | None]):
     """Answers with the line that was entered; None on Esc."""
 
     KEYS_HERE = "Enter does it  Tab completes  Esc leaves"

@@ -9,10 +9,10 @@ from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical, VerticalScroll
-from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
+from silo_tui.modal import Choices, Dialog
 from silo_tui.model import text
 from silo_tui.model.changes import Change, Cost, groups_of
 from silo_tui.model.table import PendingChange
@@ -32,7 +32,7 @@ class Choice:
     key: str = ""
 
 
-class ListDialog(ModalScreen[str | None]):
+class ListDialog(Dialog[str | None]):
     """A list to choose from, below or above a body that scrolls; answers None on Esc."""
 
     KEYS_HERE = "Enter Chooses  j k Move  PgDn PgUp Scroll  Esc Back"
@@ -84,7 +84,7 @@ class Question(ListDialog):
             yield Static(self._title, classes="dialog-title", markup=False)
             with VerticalScroll(classes="dialog-body", can_focus=False):
                 yield Static(self._body, markup=False)
-            yield OptionList(*(Option(self._line(choice), id=choice.value) for choice in self._choices))
+            yield Choices(*(Option(self._line(choice), id=choice.value) for choice in self._choices))
 
     def _line(self, choice: Choice) -> Text:
         line = Text(f" {choice.label}")
@@ -111,7 +111,7 @@ class Question(ListDialog):
                 self.dismiss(choice.value)
 
 
-class Prompt(ModalScreen[str | None]):
+class Prompt(Dialog[str | None]):
     """One line to type; None on Esc."""
 
     KEYS_HERE = "Enter Takes it  Esc Back"

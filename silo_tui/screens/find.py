@@ -7,15 +7,15 @@ from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical
-from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
+from silo_tui.modal import Choices, Dialog
 from silo_tui.model.find import Search, What, parse_crossing
 from silo_tui.screens.finding import choices
 
 
-class FindDialog(ModalScreen[Search | None]):
+class FindDialog(Dialog[Search | None]):
     """Answers with the search, None on Esc. A crossing asks for its level, in a line below the list."""
 
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
@@ -33,7 +33,7 @@ class FindDialog(ModalScreen[Search | None]):
         """Yield title, list, line for a level, what keys do."""
         with Vertical(classes="dialog"):
             yield Static("", id="find-title", classes="dialog-title", markup=False)
-            yield OptionList(
+            yield Choices(
                 *(Option(f" {choice.key}  {choice.label}", id=choice.value) for choice in choices(self._value))
             )
             yield Input(

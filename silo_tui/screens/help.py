@@ -10,11 +10,11 @@ from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import VerticalScroll
-from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
 from silo.settings.words import help_rows
 from silo_tui.actions import COMMANDS, FILE_SCOPES, NO_KEYS, commands_for, commands_like
+from silo_tui.modal import Dialog
 from silo_tui.model.filter import TERMS
 from silo_tui.widgets.inputs import Fleeting, Line
 
@@ -152,7 +152,7 @@ def _wrapped(words: str, room: int) -> list[str]:
     return [set_cell_size(line, min(cell_len(line), room)) for line in lines]
 
 
-class HelpScreen(ModalScreen[None]):
+class HelpScreen(Dialog[None]):
     """Keys, words and signs of the screen below; `do` carries out a command of it."""
 
     KEYS_HERE = ""

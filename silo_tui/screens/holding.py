@@ -31,6 +31,7 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
         self._keys: list[events.Key] = []
         self.ended = False
         self._there = False
+        self._answered = False  # whether a dialog was there: what is typed after it is for what follows
 
     def compose(self) -> ComposeResult:
         """Yield the line."""
@@ -54,7 +55,7 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
         """Hand over what was typed, where the dialog that came is a line to type in; an answer must not be guessed."""
         for line in self.query("#waiting"):
             line.display = False
-        keys, self._keys = self._keys, []
+        keys, self._keys, self._answered = self._keys, [], True
         if isinstance(self.app.screen, Prompt):
             self.app.screen.take_early(keys)
         self._tell_keys()
@@ -76,6 +77,8 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
         self.ended = True
         if self._there and self.is_active:  # one that is still being made can't be taken away
             self.dismiss()
+            for event in self._keys if self._answered else ():
+                self.app.post_message(events.Key(event.key, event.character))
 
     def on_key(self, event: events.Key) -> None:
         """Keep the key from the screen below."""

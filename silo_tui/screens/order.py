@@ -6,15 +6,15 @@ from rich.text import Text
 from textual import events
 from textual.app import ComposeResult
 from textual.containers import Vertical
-from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from silo_tui.modal import Dialog
 from silo_tui.model.orders import LETTERS, WORDS
 
 COLUMN = 32
 
 
-class OrderDialog(ModalScreen[str | None]):
+class OrderDialog(Dialog[str | None]):
     """Answers with the order whose letter was pressed; None on any other key."""
 
     def __init__(

@@ -7,7 +7,6 @@ from typing import ClassVar
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
-from textual.screen import ModalScreen
 from textual.widgets import Button, Input, ProgressBar, Static
 
 from silo.errors import SiloError
@@ -15,6 +14,7 @@ from silo.files.formats import SAVED, SAVED_NAMES
 from silo.ipc.published import Event, EventKind
 from silo.model import FileType, SavedFile
 from silo_tui.context import Context
+from silo_tui.modal import Dialog
 from silo_tui.model import text
 from silo_tui.widgets.check_line import CheckLine
 
@@ -22,7 +22,7 @@ FOLLOW_S = 0.05
 HINT = f"↑ ↓ move   space or {' '.join(name[0] for name in SAVED_NAMES)} ticks   Enter saves   Esc cancels"
 
 
-class SaveDialog(ModalScreen[list[SavedFile] | None]):
+class SaveDialog(Dialog[list[SavedFile] | None]):
     """Asks what to save, saves, shows where it went. Saving takes place in the logger's helper process."""
 
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [

@@ -11,13 +11,13 @@ from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical
-from textual.screen import ModalScreen
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option as ListLine
 
 from silo.errors import SiloError
 from silo_tui.actions import BY_ID, COMMANDS, bindings_for, key_text, with_keys
 from silo_tui.context import SiloScreen
+from silo_tui.modal import Dialog
 from silo_tui.settings.keys import clashes, key_problem, label
 from silo_tui.settings.options import OPTIONS, Option, Settings, typed
 from silo_tui.settings.reading import path, read
@@ -306,7 +306,7 @@ class SettingsScreen(SiloScreen):
                 self.context.say("the settings count until you quit; F2 w keeps them")
 
 
-class KeyDialog(ModalScreen[str | None]):
+class KeyDialog(Dialog[str | None]):
     """Takes the key that is pressed; None on Esc. A key that can't be is told, and another one waited for."""
 
     KEYS_HERE = "the next key is taken  Esc leaves it as it was"

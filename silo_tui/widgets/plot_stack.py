@@ -12,7 +12,7 @@ from typing import ClassVar
 from rich.segment import Segment
 from rich.style import Style
 from textual import events
-from textual.geometry import Region
+from textual.geometry import Region, Size
 from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
@@ -81,6 +81,7 @@ class PlotStack(Widget):
         self.first = 0  # panel
         self._drawn_panels: dict[int, Drawn] = {}
         self._drawn: dict[int, list[Segment]] = {}
+        self._drawn_for = Size(0, 0)
 
     # --------------------------------------------------------------------------------------------------- mouse
 
@@ -255,6 +256,10 @@ class PlotStack(Widget):
         return Strip(self._line(y)).adjust_cell_length(self.size.width, self._style("plot--quiet"))
 
     def _line(self, y: int) -> list[Segment]:
+        if self._drawn_for != self.size:  # lines are asked for before anybody is told of another size
+            self._drawn_for = self.size
+            self._drawn_panels.clear()
+            self._drawn.clear()
         if y not in self._drawn:
             self._drawn[y] = self._segments(y)
         return self._drawn[y]

@@ -67,7 +67,7 @@ def robot() -> list[ElementInfo]:
     return robot_elements()
 
 
-def _character_of(name: str) -> str | None:
+def character_of(name: str) -> str | None:
     """Return what a key types; None for one that types nothing."""
     try:
         return unicodedata.lookup(_get_unicode_name_from_key(REPLACED_KEYS.get(name, name)))
@@ -116,7 +116,7 @@ class Screen:
         """
         for key in keys:
             name = _character_to_key(key) if len(key) == 1 and not key.isalnum() else key
-            self.app.post_message(events.Key(name, _character_of(name)))
+            self.app.post_message(events.Key(name, character_of(name)))
             for _ in range(3):  # the key, what its command posted, and what that opened
                 await self.pilot._wait_for_screen()
         await self.pilot.pause(0)

@@ -1,0 +1,42 @@
+"""What all dialogs have in common: one is left once, and keys that come after that are for the screen below."""
+
+from typing import TypeVar
+
+from textual import events
+from textual.await_complete import AwaitComplete
+from textual.screen import ModalScreen
+from textual.widget import Widget
+from textual.widgets import OptionList
+
+ResultT = TypeVar("ResultT")
+
+
+def _handed_on(widget: Widget, event: events.Event) -> bool:
+    """Hand on a key that came after its dialog was left; False for all else."""
+    if not isinstance(event, events.Key) or widget.screen in widget.app.screen_stack:
+        return False
+    # what the choice leads to, a line to type in perhaps, is opened first
+    widget.app.call_after_refresh(widget.app.post_message, events.Key(event.key, event.character))
+    return True
+
+
+class Choices(OptionList):
+    """The choices of a dialog, which have the focus."""
+
+    async def on_event(self, event: events.Event) -> None:
+        """Hand on keys that came too late."""
+        if not _handed_on(self, event):
+            await super().on_event(event)
+
+
+class Dialog(ModalScreen[ResultT]):
+    """A dialog. Over a slow link keys come in one piece: more are on their way to it when the first one closes it."""
+
+    def dismiss(self, result: ResultT | None = None) -> AwaitComplete:
+        """Leave with a result; a second time does nothing, where Textual would close what lies below."""
+        return super().dismiss(result) if self.is_active else AwaitComplete()
+
+    async def on_event(self, event: events.Event) -> None:
+        """Hand on keys that came too late."""
+        if not _handed_on(self, event):
+            await super().on_event(event)

@@ -1,0 +1,64 @@
+"""Keys that come in one piece, as over a slow link: none of them goes astray, and no screen is lost."""
+
+import pytest
+from textual import events
+from textual.geometry import Size
+
+from silo_tui.model.fields import Field
+from silo_tui.screens.monitor import MonitorScreen
+from silo_tui.screens.table import TableScreen
+from tests.tui.conftest import character_of
+
+
+def burst(screen, keys: str) -> None:
+    """Post keys at once."""
+    for key in keys.split():
+        screen.app.post_message(events.Key(key, character_of(key)))
+
+
+@pytest.mark.parametrize(
+    "keys", ["o v v", "o v j", "o n z", "e d d", "e d 5 enter", "b b b", "S S y y", "a a a", "w w escape escape"]
+)
+async def test_keys_typed_fast_into_a_menu_leave_the_table_where_it_is(keys, fake, opened):
+    async with opened(fake) as screen:
+        burst(screen, keys)
+        for _ in range(10):
+            await screen.pilot.pause(0.02)
+        while not isinstance(screen.app.screen, TableScreen):
+            assert len(screen.app.screen_stack) > 1, screen.app.screen_stack
+            await screen.press("escape")
+        await screen.press("escape", "escape", "j")
+        assert screen.session.rows.position > 0
+
+
+async def test_what_is_typed_after_a_choice_goes_where_it_leads(fake, opened):
+    async with opened(fake) as screen:
+        burst(screen, "e d 5 enter")
+        await screen.until(lambda: screen.value("/log/base/orientation", Field.DIVIDER) == "5")
+
+
+@pytest.mark.parametrize("keys", ["f h h", "f r o z e n", "f asterisk h l", "f escape escape j"])
+async def test_keys_typed_fast_into_the_find_menu_leave_the_plots_where_they_are(keys, fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("m")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        burst(screen, keys)
+        for _ in range(10):
+            await screen.pilot.pause(0.02)
+        assert any(isinstance(each, TableScreen) for each in screen.app.screen_stack)
+
+
+async def test_plots_are_drawn_in_any_size_before_they_are_told_of_it(fake, opened, monkeypatch):
+    fake.run()
+    async with opened(fake, size=(160, 50)) as screen:
+        await screen.press("j", "space", "space", "space", "m")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        stack = screen.app.screen.stack
+        await screen.until(lambda: not stack.store.empty)
+        for size in (Size(160, 48), Size(80, 22), Size(120, 38), Size(80, 22), Size(160, 48)):
+            stack.redraw()
+            for y in range(0, stack.size.height, 3):  # some lines are drawn in one size, the others in the next
+                stack.render_line(y)
+            monkeypatch.setattr(type(stack), "size", size)
+            assert [len(stack.render_line(y).text) for y in range(size.height)] == [size.width] * size.height
