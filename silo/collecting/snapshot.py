@@ -1,5 +1,7 @@
 """From rows to a recording, cut at one tick: which samples each buffer holds, and the words for what is missing."""
 
+from collections import defaultdict
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +25,10 @@ def snapshot(source: RowSource) -> Recording:
     due = {element.ring: -(-ticks // element.info.options.divider) for element in saved}
     looping = [ring for ring in due if schema.rings[ring].buffer_type is BufferType.LOOPING]
     # what is being overwritten comes first: a growing buffer of 100 MB takes longer than a looping one has to spare
-    copies = {ring: source.rows(ring, _oldest_wanted(source, ring, due[ring])) for ring in looping}
+    longest: dict[int, int] = defaultdict(int)
+    for element in schema.elements:
+        longest[element.ring] = max(longest[element.ring], element.info.options.buffer_size)
+    copies = {ring: source.rows(ring, due[ring] - longest[ring]) for ring in looping}
     stamps = _time_stamps(source, ticks)
     first_tick = ticks - len(stamps)
     for ring in due.keys() - copies.keys():
@@ -41,12 +46,6 @@ def snapshot(source: RowSource) -> Recording:
         warnings=_warnings(source, elements, ticks),
         extras=schema.extras,
     )
-
-
-def _oldest_wanted(source: RowSource, ring: int, due: int) -> int:
-    if source.schema.rings[ring].buffer_type is not BufferType.LOOPING:
-        return 0
-    return due - max(e.info.options.buffer_size for e in source.schema.elements if e.ring == ring)
 
 
 def _time_stamps(source: RowSource, ticks: int) -> NDArray[np.int64]:

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from silo.errors import SaveError
 from silo.files.silo_reader import read_silo
 from silo.files.silo_writer import write_silo
-from silo.model import BufferType
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
 from tests.examples import examples
 
 QUICK = settings(max_examples=examples(120))
@@ -216,3 +217,35 @@ def test_objects_can_not_be_saved_and_nothing_is_left(plan, recorded, tmp_path):
     with pytest.raises(SaveError, match="'/log/a' holds Python objects"):
         write_silo(recording, tmp_path / "x.silo")
     assert list(tmp_path.iterdir()) == []
+
+
+ORDERS = {
+    "as they lie": list(range(40)),
+    "backwards": list(range(40))[::-1],
+    "every second": list(range(0, 40, 2)),
+    "one of them often": [3] * 5 + [7, 3, 7, 3],
+    "mixed": [5, 6, 7, 1, 3, 5, 7, 39, 0, 1, 2, 30, 20, 10],
+}
+
+
+@pytest.mark.parametrize("columns", ORDERS.values(), ids=list(ORDERS))
+@pytest.mark.parametrize("dtype", ["<f8", "<f4", ">f8", "?", "<M8[ns]"])
+def test_columns_of_a_matrix_are_written_as_they_are_in_any_order(tmp_path, columns, dtype):
+    count = 2500  # more than two blocks
+    rows = np.arange(40 * count, dtype=np.int64).reshape(count, 40)
+    fields = [rows[:, place].astype(dtype) for place in range(40)]
+    matrix = np.empty((count, 41), dtype)
+    matrix[:, :40] = np.stack(fields, axis=1)
+    elements = []
+    for number, place in enumerate(columns):
+        # neighbours of another length or type in between
+        values = matrix[: 100 if number % 11 == 9 else count, place]
+        values = rows[:, place] if number % 7 == 6 else values
+        entry = RecordedEntry(f"/x{number}", Entry("", values.dtype.newbyteorder("<").str), values)
+        elements.append(RecordedElement(f"/x{number}", "-", "scalar", (), 1, BufferType.FIXED, 0, (entry,)))
+    time_ns = np.arange(count, dtype=np.int64) * 1_000_000
+    write_silo(Recording("bench", time_ns, count, elements, frequency_hz=1000.0), tmp_path / "x.silo")
+    again = {one.name: one.entries[0].values for one in read_silo(tmp_path / "x.silo").elements}
+    for element in elements:
+        expected = element.entries[0].values
+        assert again[element.name].tolist() == expected.tolist(), element.name
