@@ -80,6 +80,7 @@ class Recording:
         recorder.reported.wait(BEGIN_S)
         report = recorder.report
         if report.state is RecorderState.FAILED:
+            recorder.ended.wait(END_S)  # its end is for the thread to notice
             with self._lock:
                 self._recorders.pop(name, None)
             return Refused(RefusedWhy.FAILED, report.text)

@@ -141,7 +141,8 @@ def phases(options: argparse.Namespace, folder: Path, robot: int, helper: int) -
 
         client.record(to="kills", name="kills", split="1h")
         for _ in range(options.kills):
-            while (info := client.recorders()[0]).state.value != "recording":
+            killed = info.pid
+            while (info := client.recorders()[0]).state.value != "recording" or info.pid == killed:
                 time.sleep(0.1)
             time.sleep(rng.uniform(0.0, 3.0))
             os.kill(info.pid, 9)
