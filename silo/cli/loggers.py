@@ -29,7 +29,7 @@ from silo.cli.common import (
     unsaved_options,
 )
 from silo.errors import ConnectionLostError
-from silo.files.formats import LOG_ENDINGS
+from silo.files.formats import LOG_ENDINGS, OPEN_PART_ENDING
 
 if TYPE_CHECKING:
     from silo.ipc.discovery import Answer
@@ -181,7 +181,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
       silo info demo '*/torque' /log/base    (elements: glob or namespace)
       silo info demo_20260102_10-00-00_00001.silo
     """
-    if len(words) == 1 and (words[0].lower().endswith(LOG_ENDINGS) or words[0].isdecimal()):
+    if len(words) == 1 and (words[0].lower().endswith((*LOG_ENDINGS, OPEN_PART_ENDING)) or words[0].isdecimal()):
         from silo.cli.files import print_file_info
 
         print_file_info(Path(words[0]), as_json)

@@ -155,6 +155,7 @@ FOLDER = next(one for one in FORMATS if one.folder)  # what a name without endin
 SAVED = {kind: one for kind in FileType for one in FORMATS if one.saved_as is kind}
 SAVED_NAMES = tuple(one.name for one in SAVED.values())
 # of everything that can be opened, in the order of preference
+OPEN_PART_ENDING = ".mcap.part"  # of a recording, while it is written or after a kill: it can be read
 LOG_ENDINGS = tuple(ending for one in FORMATS if one.reader for ending in one.endings)
 
 

@@ -8,9 +8,10 @@ import msgspec
 import zstandard
 
 from silo.files.bag_facts import RecordingFacts
+from silo.files.formats import OPEN_PART_ENDING
 
 PART_ATTACHMENT = "silo/part.json.zst"
-PART_ENDING = ".mcap.part"
+PART_ENDING = OPEN_PART_ENDING
 LOST_METADATA = "silo/lost"
 TOTALS_METADATA = "silo/totals"
 PART_VERSION = 1

@@ -148,7 +148,7 @@ def _take_chunk(scan: PartScan, record: PartRecord) -> bool:
         data = unpack_chunk(record.body)
     except (zstandard.ZstdError, ValueError, struct.error):
         return False
-    if not all(_is_right(data, index) for index in record.index):
+    if not _is_right(data, record.index):
         return False
     if not scan.begun.channels:
         _take_definitions(scan, data)
@@ -173,18 +173,23 @@ def _take_chunk(scan: PartScan, record: PartRecord) -> bool:
     return True
 
 
-def _is_right(chunk: bytes, index: memoryview) -> bool:
-    """Whether an index record points at the messages that it names: it has no checksum of its own."""
-    channel, size = struct.unpack_from("<HI", index)
-    if size + _ENTRIES_AT != len(index) or size % INDEX_ENTRY.itemsize or not size:
+def _is_right(chunk: bytes, index: list[memoryview]) -> bool:
+    """Whether index records point at the messages that they name: they have no checksum of their own.
+
+    All of a ring's channels have as many messages, so that they are looked at at once: 500 take 2 instead of 20 ms.
+    """
+    size = len(index[0]) - _ENTRIES_AT
+    if size <= 0 or size % INDEX_ENTRY.itemsize or len({len(one) for one in index}) > 1:
         return False
-    entries = np.frombuffer(index[_ENTRIES_AT:], INDEX_ENTRY)
-    if len(chunk) < _MESSAGE.itemsize or int(entries["offset"].max()) > len(chunk) - _MESSAGE.itemsize:
+    body = np.dtype([("channel", "<u2"), ("size", "<u4"), ("entries", INDEX_ENTRY, (size // INDEX_ENTRY.itemsize,))])
+    records = np.frombuffer(b"".join(index), body)
+    offsets, room = records["entries"]["offset"], len(chunk) - _MESSAGE.itemsize
+    if room < 0 or int(offsets.max()) > room or (records["size"] != size).any():
         return False
-    every: NDArray[np.void] = np.ndarray((len(chunk) - _MESSAGE.itemsize + 1,), _MESSAGE, chunk, 0, (1,))
-    found = every[entries["offset"].astype(np.int64)]
-    right = (found["opcode"] == Opcode.MESSAGE) & (found["channel"] == channel) & (found["time"] == entries["time"])
-    return bool(right.all())
+    every: NDArray[np.void] = np.ndarray((room + 1,), _MESSAGE, chunk, 0, (1,))
+    found = every[offsets.astype(np.int64)]
+    right = (found["opcode"] == Opcode.MESSAGE) & (found["channel"] == records["channel"][:, None])
+    return bool((right & (found["time"] == records["entries"]["time"])).all())
 
 
 def _take_definitions(scan: PartScan, data: bytes) -> None:

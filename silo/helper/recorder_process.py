@@ -38,8 +38,7 @@ class RecorderProcess:
         self.before = Report(RecorderState.WAITING)  # sums of the processes before this one
         self.run = ""  # that was handed over last
         self.ending = False  # it was told to end
-        self.useless_lives = 0  # in a row, in which nothing was recorded
-        self.begun_with = 0  # samples of all lives before
+        self.useless_lives = 0  # in a row, in which it did not come to record
         self.again_s = 0.0  # when it is started again, 0 while it lives
         self.reported = threading.Event()
         self.ended = threading.Event()
@@ -69,6 +68,7 @@ class RecorderProcess:
         self.socket.setblocking(False)
         self.again_s = 0.0
         self.run = ""
+        self.has_recorded = False  # in this life
         self._send(encode(order))
 
     @property

@@ -80,6 +80,7 @@ class Recording:
         recorder.reported.wait(BEGIN_S)
         report = recorder.report
         if report.state is RecorderState.FAILED:
+            recorder.ended.wait(END_S)  # its end is for the thread to notice
             with self._lock:
                 self._recorders.pop(name, None)
             return Refused(RefusedWhy.FAILED, report.text)
@@ -237,6 +238,7 @@ class Recording:
             self._gone(recorder)
             return
         recorder.report = report
+        recorder.has_recorded = recorder.has_recorded or report.state is RecorderState.RECORDING
         recorder.reported.set()
         if report.finished:
             self._tell(f"recording '{recorder.order.name}': finished {report.finished}")
@@ -262,9 +264,7 @@ class Recording:
                 self._tell(f"recording '{name}': {line}")
             self._over(recorder, f"its process died (exit code {code}) while it ended; its last part was closed")
             return
-        useless = report.samples == recorder.begun_with
-        recorder.useless_lives = recorder.useless_lives + 1 if useless else 0
-        recorder.begun_with = report.samples
+        recorder.useless_lives = 0 if recorder.has_recorded else recorder.useless_lives + 1
         recorder.report = msgspec.structs.replace(report, state=RecorderState.DIED)
         recorder.again_s = time.monotonic() + AGAIN_S[min(recorder.useless_lives, len(AGAIN_S) - 1)]
         self._tell(f"recording '{name}': its process died (exit code {code}); it is started again and goes on")

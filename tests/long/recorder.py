@@ -141,14 +141,15 @@ def phases(options: argparse.Namespace, folder: Path, robot: int, helper: int) -
 
         client.record(to="kills", name="kills", split="1h")
         for _ in range(options.kills):
-            while (info := client.recorders()[0]).state.value != "recording":
+            killed = info.pid
+            while (info := client.recorders()[0]).state.value != "recording" or info.pid == killed:
                 time.sleep(0.1)
             time.sleep(rng.uniform(0.0, 3.0))
             os.kill(info.pid, 9)
         time.sleep(6.0)
         print(client.stop_recorder("kills"), flush=True)
         paths = sorted((folder / "kills").glob("*.mcap"))
-        spans = [check(path, thorough=not number % 5) for number, path in enumerate(paths)]
+        spans = [check(path, thorough=not number % 10) for number, path in enumerate(paths)]
         missing = sum(two[0] - one[1] for one, two in itertools.pairwise(spans))
         print(f"{options.kills} kills, {len(paths)} files, read by silo, mcap, rosbags: {missing} ticks are missing")
         failed = failed or missing != 0

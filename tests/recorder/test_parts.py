@@ -11,6 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from silo.amounts import read_keep, read_split
+from silo.cli.main import run
 from silo.errors import ElementError, SaveError
 from silo.files.atomic import write_all
 from silo.files.bag import write_bag
@@ -243,10 +244,12 @@ def test_a_part_cut_at_any_byte_is_closed_with_all_whole_chunks(killed, tmp_path
     assert {100, 200, 300, 400} >= set(ends) >= {100, 200, 300}
 
 
-def test_what_a_kill_left_is_read_as_it_is(killed, truth) -> None:
+def test_what_a_kill_left_is_read_as_it_is(killed, truth, capsys) -> None:
     found = read_bag(killed)
     assert truth.span(found) == (0, 400)
     assert "not finished" in found.warnings[0]
+    assert run(["info", str(killed)]) == 0
+    assert "4 elements, 400 ticks" in capsys.readouterr().out
 
 
 def test_a_part_that_is_being_written_is_not_closed_by_others(robot, tmp_path, truth) -> None:
