@@ -109,13 +109,29 @@ def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
 
 
 def held_by(elements: Sequence[ElementInfo]) -> list[Held]:
-    """Return what buffers of the elements that are saved hold, for `check_pre`."""
+    """Return what buffers of the elements that are saved hold, for `check_pre`.
+
+    Left out is what keeps its first samples, as somebody wanted: no size would hold the past.
+    """
     return [
         Held(info.name, now.divider, now.buffer_size, now.buffer_type is BufferType.LOOPING,
              now.buffer_type is BufferType.GROWING)
         for info in elements
-        if (now := info.options).enabled and now.action.saves
+        if (now := info.options).enabled and now.action.saves and now.buffer_type is not BufferType.FIXED
     ]  # fmt: skip
+
+
+def fixed_text(elements: Sequence[ElementInfo]) -> str:
+    """Return how many elements captures lack once their buffers are full, in words; empty where there are none."""
+    fixed = [
+        info.name
+        for info in elements
+        if (now := info.options).enabled and now.action.saves and now.buffer_type is BufferType.FIXED
+    ]
+    if not fixed:
+        return ""
+    more = f" and {len(fixed) - 1} more keep" if len(fixed) > 1 else " keeps"
+    return f"'{fixed[0]}'{more} first samples only (buffer=fixed): captures have what is held of them"
 
 
 def bounds_given(name: str, bounds: object) -> tuple[float | None, float | None, float | None, float | None]:

@@ -162,11 +162,14 @@ def _restart(logger: Served, request: Restart) -> Done:
 
 
 def _set_trigger(logger: Served, request: SetTrigger) -> Done:
+    from silo.judging.extras import fixed_text
+
     name = request.trigger.name
     known = name in {one.name for one in logger.extras.triggers}
     logger.set_trigger(request.trigger)
     running = "" if logger.is_running else "; it is judged when the logger is started"
-    return Done(f"trigger '{name}' is {'replaced' if known else 'set'}{running}")
+    fixed = fixed_text(logger.elements)
+    return Done(f"trigger '{name}' is {'replaced' if known else 'set'}{running}{f'; {fixed}' if fixed else ''}")
 
 
 def _remove_trigger(logger: Served, request: RemoveTrigger) -> Done:

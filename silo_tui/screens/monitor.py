@@ -15,6 +15,7 @@ from textual.timer import Timer
 
 from silo.errors import SiloError
 from silo.ipc.frames import Frame
+from silo.model import TriggerOptions
 from silo_tui.actions import bindings_for
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
@@ -346,6 +347,19 @@ class MonitorScreen(StandingStill):
                 self.fill_soon()
                 return
         self.say("these can't be arranged in another way")
+
+    def command_plot_trigger(self) -> None:
+        from silo_tui.screens.triggers import TriggersScreen
+
+        if not self.stack.plots or not self.stack.chosen_plot.numeric:
+            self.say("a trigger needs a signal of numbers")
+            return
+        name = self._short(self.stack.chosen_plot.name).lstrip("/")
+        level = self._value_here() or "0"
+        screen = TriggersScreen(self.session)
+        self.app.push_screen(screen)
+        made = TriggerOptions(name.rpartition("/")[2], f"{name} > {level}", 1.0, 1.0)
+        screen.call_after_refresh(screen.edit, made, is_new=True)
 
     def command_drop_plot(self) -> None:
         plots = self.stack.plots

@@ -13,6 +13,7 @@ import numpy as np
 
 from silo.columns import MAX_COLUMNS, HistoryColumns
 from silo.errors import RefusedError
+from silo.ipc.conditions import LimitStatus, TriggerStatus
 from silo.ipc.frames import Frame
 from silo.ipc.messages import RefusedWhy, Unsaved
 from silo.ipc.published import Event, EventKind
@@ -40,6 +41,12 @@ NO_STATUS = Status(
 )  # fmt: skip
 
 
+_CONDITION_KINDS = {
+    EventKind.TRIGGERED, EventKind.CAPTURED, EventKind.BLIND, EventKind.LIMIT, EventKind.LIMIT_ENDED,
+    EventKind.CONDITIONS, EventKind.STARTED, EventKind.STOPPED, EventKind.SCRIPT_LOADED,
+}  # fmt: skip
+
+
 class Session:
     """State and commands of one logger. Lives in the event loop."""
 
@@ -60,6 +67,9 @@ class Session:
         self.lost_since: float | None = None  # monotonic, when the link was lost
         self.saves: dict[int, Event] = {}  # the newest event of each save
         self.jitter_s = 0.0  # of the loop, as the newest survey says
+        self.triggers: list[TriggerStatus] = []
+        self.limits: list[LimitStatus] = []  # worst first
+        self.conditions_due = True  # something happened to them since they were asked for
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
     # ------------------------------------------------------------------------------------------------ what is
@@ -117,6 +127,16 @@ class Session:
     async def refresh_status(self) -> None:
         """Ask for the status."""
         self.take_status(await self._link.call(lambda client: client.status()))
+
+    async def refresh_conditions(self) -> None:
+        """Ask how triggers and limits stand."""
+        self.conditions_due = False
+        try:
+            self.triggers = (await self._link.read(lambda client: client.triggers())).triggers
+            self.limits = (await self._link.read(lambda client: client.alarms())).limits
+        except RefusedError:
+            self.triggers, self.limits = [], []  # of a helper process of an older silo
+            raise
 
     async def apply(self) -> int:
         """Apply the pending edits as one transaction and return how many elements changed.
@@ -234,6 +254,7 @@ class Session:
 
     async def take_event(self, event: Event) -> None:
         """Follow what happened in the logger."""
+        self.conditions_due = self.conditions_due or event.kind in _CONDITION_KINDS
         if event.job:
             self.saves[event.job] = event
         if event.status is not None:
@@ -256,6 +277,7 @@ class Session:
         Returns what to say: the client goes over to a new robot program of the same name by itself.
         """
         before = self.status
+        self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
         hello = await self._link.call(lambda client: client.hello())
         self.may_edit = hello.may_edit
