@@ -98,11 +98,6 @@ def head_words(triggers: Sequence[TriggerStatus], limits: Sequence[LimitStatus])
     return alarm, worst in (LimitWord.RED_HIGH, LimitWord.RED_LOW), f"T {watching}{firing}" if triggers else ""
 
 
-def limit_signs(limits: Sequence[LimitStatus]) -> dict[str, LimitWord]:
-    """Return what stands beside each signal that is over: by the name of the scalar."""
-    return {one.name: one.word for one in limits if one.is_over}
-
-
 # --------------------------------------------------------------------------------------------------------- the editor
 
 

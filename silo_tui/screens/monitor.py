@@ -349,17 +349,23 @@ class MonitorScreen(StandingStill):
         self.say("these can't be arranged in another way")
 
     def command_plot_trigger(self) -> None:
-        from silo_tui.screens.triggers import TriggersScreen
+        from silo_tui.screens.trigger_editor import TriggerEditor
 
         if not self.stack.plots or not self.stack.chosen_plot.numeric:
             self.say("a trigger needs a signal of numbers")
             return
         name = self._short(self.stack.chosen_plot.name).lstrip("/")
         level = self._value_here() or "0"
-        screen = TriggersScreen(self.session)
-        self.app.push_screen(screen)
         made = TriggerOptions(name.rpartition("/")[2], f"{name} > {level}", 1.0, 1.0)
-        screen.call_after_refresh(screen.edit, made, is_new=True)
+        self.app.push_screen(TriggerEditor(self.session, made, is_new=True), self._take_trigger)
+
+    def _take_trigger(self, made: TriggerOptions | None) -> None:
+        if made is not None:
+            self.context.run_flow(self._set_trigger(made))
+
+    async def _set_trigger(self, made: TriggerOptions) -> None:
+        self.say(await self.context.link.call(lambda client: client.set_trigger(made)))
+        await self.session.refresh_conditions()
 
     def command_drop_plot(self) -> None:
         plots = self.stack.plots

@@ -69,6 +69,7 @@ class Session:
         self.jitter_s = 0.0  # of the loop, as the newest survey says
         self.triggers: list[TriggerStatus] = []
         self.limits: list[LimitStatus] = []  # worst first
+        self.beyond: dict[str, str] = {}  # the worst sign of each element that is beyond its limits
         self.conditions_due = True  # something happened to them since they were asked for
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
@@ -134,9 +135,21 @@ class Session:
         try:
             self.triggers = (await self._link.read(lambda client: client.triggers())).triggers
             self.limits = (await self._link.read(lambda client: client.alarms())).limits
+            self.beyond = self._beyond()
         except RefusedError:
-            self.triggers, self.limits = [], []  # of a helper process of an older silo
+            self.triggers, self.limits, self.beyond = [], [], {}  # of a helper process of an older silo
             raise
+
+    def _beyond(self) -> dict[str, str]:
+        found: dict[str, str] = {}
+        over = [one for one in self.limits if one.is_over]
+        if over:
+            elements = {
+                info.name + entry.suffix: info.name for info in self.table.elements for entry in info.entries
+            }  # fmt: skip
+            for one in over:  # the worst come first
+                found.setdefault(elements.get(one.name, one.name), one.word.value)
+        return found
 
     async def apply(self) -> int:
         """Apply the pending edits as one transaction and return how many elements changed.

@@ -75,7 +75,8 @@ class TestScreens:
             await screen.press("j")
             await screen.shows("low is blind: /log/x is off; switch it on in the table")
             await screen.press("!")
-            await screen.until(lambda: ("force_trigger", "low") in fake.calls)
+            await screen.shows("trigger 'low' was fired")
+            assert ("force_trigger", "low") in fake.calls
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table")
 
@@ -123,3 +124,20 @@ class TestScreens:
         async with opened(fake) as screen:
             await screen.press("A")
             await screen.shows("Nothing over its limits. 1 watched, 0 blind")
+
+    async def test_an_element_beyond_its_limits_has_the_sign_in_the_table(self, fake, opened):
+        name = fake.elements[0].name + fake.elements[0].entries[0].suffix
+        fake.limit_statuses = [LimitStatus(name, name, LimitWord.RED_HIGH, value=9.0, count=1)]
+        async with opened(fake, size=(120, 24)) as screen:
+            await screen.until(lambda: screen.session.beyond == {fake.elements[0].name: "HH"})
+            await screen.shows("HH 1")
+
+    async def test_a_plot_makes_a_trigger_at_its_level(self, fake, opened):
+        async with opened(fake) as screen:
+            await screen.press("m")
+            await screen.until(lambda: screen.app.screen.scope == "monitor")
+            await screen.press("N")
+            await screen.shows("New trigger on robot")
+            await screen.press("enter")
+            await screen.until(lambda: fake.trigger_statuses)
+            assert " > " in fake.trigger_statuses[0].options.when
