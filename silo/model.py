@@ -150,6 +150,7 @@ class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
     """A condition, and what is captured around the ticks at which it fires; see `Logger.trigger`.
 
     `slope` and `mode` are words of `silo.judging.triggers`, `keep` is how many captures stay on the disk, 0 for all.
+    Not `armed`, it is kept and fires never.
     """
 
     name: str
@@ -163,6 +164,7 @@ class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
     mode: str = "normal"
     save: tuple[FileType, ...] = (FileType.SILO,)
     keep: int = 0
+    armed: bool = True
 
 
 class CaptureFacts(msgspec.Struct, frozen=True, omit_defaults=True):

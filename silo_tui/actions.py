@@ -65,7 +65,7 @@ class Command:
 
 
 KEY_TEXTS = {
-    "slash": "/", "asterisk": "*", "question_mark": "?", "colon": ":", "equals_sign": "=",
+    "slash": "/", "asterisk": "*", "question_mark": "?", "colon": ":", "equals_sign": "=", "exclamation_mark": "!",
     "escape": "Esc", "enter": "Enter",
     "space": "space", "up": "↑", "down": "↓", "left": "←", "right": "→", "plus": "+", "minus": "-", "underscore": "_",
     "pageup": "PgUp", "pagedown": "PgDn", "home": "Home", "end": "End", "full_stop": ".", "tab": "Tab", "comma": ",",
@@ -95,6 +95,9 @@ _DETAIL = ("detail",)
 _LOGGERS = ("loggers",)
 _SETTINGS = ("settings",)
 _RECORDINGS = ("recordings",)
+_TRIGGERS = ("triggers",)
+_ALARMS = ("alarms",)
+_CONDITIONS = _TRIGGERS + _ALARMS
 _BOTH = ("table", "monitor")
 # the same screens on a file: what changes a logger has no place there
 _FILE = ("file",)
@@ -253,6 +256,33 @@ COMMANDS: tuple[Command, ...] = (
     Command("filter_recordings", "slash", "Filter", "show only some recordings", "Recordings", _RECORDINGS, 5),
     Command("order_recordings", "o", "Order", "by begin, name, why, span, size", "Recordings", _RECORDINGS, 6),
     Command("read_recordings", "r", "Read again", "read the list again", "Recordings", _RECORDINGS, asks=True),
+    # -------------------------------------------------------------------------------------- triggers and alarms
+    Command("triggers", "T", "Triggers", "conditions that save what was logged around them", "Go",
+            _TABLE + _MONITOR + _DETAIL + _ALARMS, typed=Typed(("triggers",))),
+    Command("alarms", "A", "Alarms", "what is, or was, beyond its limits", "Go",
+            _TABLE + _MONITOR + _DETAIL + _TRIGGERS, typed=Typed(("alarms",))),
+    Command("condition_down", "j,down", "Next", "next line", "Triggers and alarms", _CONDITIONS, hidden=True),
+    Command("condition_up", "k,up", "Previous", "previous line", "Triggers and alarms", _CONDITIONS, hidden=True),
+    Command("condition_top", "g,home", "First", "first line", "Triggers and alarms", _CONDITIONS),
+    Command("condition_bottom", "G,end", "Last", "last line", "Triggers and alarms", _CONDITIONS),
+    Command("trigger_toggle", "t", "Arm/Off", "have the trigger watch, or no more", "Triggers", _TRIGGERS, 1,
+            writes=True, asks=True),
+    Command("trigger_edit", "e", "Edit", "change the trigger", "Triggers", _TRIGGERS, 2, writes=True, asks=True),
+    Command("trigger_new", "N", "New", "make a trigger", "Triggers", _TRIGGERS, 3, writes=True, asks=True),
+    Command("trigger_force", "exclamation_mark", "Force", "fire now, whatever the condition says", "Triggers",
+            _TRIGGERS, 4, writes=True, asks=True),
+    Command("trigger_capture", "enter", "Last capture", "plot what it captured last, the fire under the cursor",
+            "Triggers", _TRIGGERS, 5),
+    Command("trigger_remove", "x", "Remove", "forget the trigger; its files stay", "Triggers", _TRIGGERS, 6,
+            writes=True, asks=True),
+    Command("plot_trigger", "N", "New trigger", "a trigger at the level under the cursor", "Plots", _MONITOR,
+            writes=True, asks=True),
+    Command("acknowledge", "K", "Acknowledge", "say that you have seen the alarm", "Alarms", _ALARMS, 1, writes=True,
+            asks=True),
+    Command("alarm_worst", "enter", "To its worst", "plot it, the worst sample under the cursor", "Alarms", _ALARMS, 2),
+    Command("alarm_limits", "e", "Limits", "other limits for the signal", "Alarms", _ALARMS, 3, writes=True, asks=True),
+    Command("alarm_new", "N", "New", "give a signal limits", "Alarms", _ALARMS, 4, writes=True, asks=True),
+    Command("alarm_plots", "m", "Plots", "plot it as it is now", "Alarms", _ALARMS, 5),
     # ------------------------------------------------------------------------------------------------ settings
     Command("settings", "f2", "Settings", "colours, keys, columns, mouse and the like", "Go", ("any",),
             typed=Typed(("settings",))),

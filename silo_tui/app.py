@@ -26,7 +26,12 @@ from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import Problem
 
 if TYPE_CHECKING:
+    from silo_tui.screens.conditions import ConditionsScreen
     from silo_tui.sessions.recorded import FileSession
+
+
+# what is said elsewhere: by progress, by the head and the alarms
+QUIET_KINDS = {EventKind.SAVING, EventKind.LIMIT, EventKind.LIMIT_ENDED}
 
 
 class SiloApp(App[None]):
@@ -151,10 +156,16 @@ class SiloApp(App[None]):
             screen.second_passed()
         self._opener.keep_view()
         session = self._live_session
+        if session is not None and session.conditions_due and session.fresh:
+            self.run_worker(self._refresh_conditions(session), group="conditions", exclusive=True)
         if session is not None and session.lost_since is not None and session.link and session.link.connected:
             self.run_worker(self._regain(session), group="regain")  # it came back, but didn't answer at once
         elif session is not None and session.running and session.connected and session.status.durable_ticks >= 0:
             self.run_worker(self._refresh_status(), group="status", exclusive=True)  # no frame tells what is durable
+
+    async def _refresh_conditions(self, session: Session) -> None:
+        await self.context.quietly(session.refresh_conditions())
+        self.context.status_changed()
 
     async def _refresh_status(self) -> None:
         await self.context.quietly(self.context.session.refresh_status())
@@ -207,7 +218,7 @@ class SiloApp(App[None]):
             await context.quietly(session.take_event(event))
         if event.kind is EventKind.SAVE_FAILED and not self.screen.is_modal:
             context.fail(event.text)
-        elif event.kind is not EventKind.SAVING and event.by != self._finder.own_name:
+        elif event.kind not in QUIET_KINDS and event.by != self._finder.own_name:
             context.say(event.text + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             context.table_changed()
@@ -247,6 +258,26 @@ class SiloApp(App[None]):
     def command_refresh(self) -> None:
         terminal.repaint(self)
         self.context.run_flow(self.context.session.reload())
+
+    def command_triggers(self) -> None:
+        from silo_tui.screens.triggers import TriggersScreen
+
+        self._show_conditions(TriggersScreen)
+
+    def command_alarms(self) -> None:
+        from silo_tui.screens.alarms import AlarmsScreen
+
+        self._show_conditions(AlarmsScreen)
+
+    def _show_conditions(self, kind: "type[ConditionsScreen]") -> None:
+        """Go to a screen of conditions; from one of them to the other in its place."""
+        from silo_tui.screens.conditions import ConditionsScreen
+
+        if isinstance(self.screen, kind) or not self.context.has_session:
+            return
+        if isinstance(self.screen, ConditionsScreen):
+            self.pop_screen()
+        self.push_screen(kind(self.context.session))
 
     def command_settings(self) -> None:
         from silo_tui.screens.settings import SettingsScreen

@@ -37,6 +37,8 @@ COMMANDS = {
     "files": LazyCommand("Loggers", "silo.cli.recordings", "files", "List, fetch, delete recordings of a robot."),
     "record": LazyCommand("Loggers", "silo.cli.record", "record", "Record to MCAP files, for days."),
     "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
+    "trigger": LazyCommand("Loggers", "silo.cli.triggers", "trigger", "Save what was logged around a condition."),
+    "alarms": LazyCommand("Loggers", "silo.cli.alarms", "alarms", "Show what is, or was, beyond its limits."),
     "recover": LazyCommand("Loggers", "silo.cli.recover", "recover", "Save what programs that died left behind."),
     "convert": LazyCommand("Saved files", "silo.cli.files", "convert_command", "Convert a log to another format."),
     "plot": LazyCommand("Saved files", "silo.cli.files", "plot_command", "Draw signals of a log."),

@@ -3,16 +3,18 @@
 Pure routing: what is checked and who does it; the work is done in the modules that are called here.
 """
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 
-from silo.errors import SaveError, ScriptError, SegmentError
+from silo.errors import ElementError, SaveError, ScriptError, SegmentError
 from silo.helper import script_folder
 from silo.helper.events import Events, plain
 from silo.helper.history import check_history, history
+from silo.helper.judge import Judge
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.pins import Pins, no_pin
 from silo.helper.publisher import Publisher
@@ -23,9 +25,13 @@ from silo.helper.robot import Robot
 from silo.helper.samples import check_samples, samples
 from silo.helper.saver import Saver
 from silo.helper.statistics import Surveyor
+from silo.ipc.conditions import worst_first
 from silo.ipc.messages import (
+    Acknowledge,
+    Alarms,
     AnyReply,
     ApplyEdits,
+    ArmTrigger,
     ClosePin,
     CloseStream,
     CloseView,
@@ -34,13 +40,16 @@ from silo.ipc.messages import (
     DiffScript,
     Done,
     EditsApplied,
+    ForceTrigger,
     GetHistory,
+    GetLimits,
     GetParts,
     GetPiece,
     GetSamples,
     GetStatus,
     GetSurvey,
     GetTable,
+    GetTriggers,
     GoesOn,
     Hello,
     HelloReply,
@@ -61,6 +70,8 @@ from silo.ipc.messages import (
     Recordings,
     Refused,
     RefusedWhy,
+    RemoveLimits,
+    RemoveTrigger,
     ReplyT,
     Request,
     Restart,
@@ -71,6 +82,8 @@ from silo.ipc.messages import (
     ScriptDiff,
     Scripts,
     ScriptText,
+    SetLimits,
+    SetTrigger,
     Start,
     StartRecorder,
     StatusReply,
@@ -78,6 +91,9 @@ from silo.ipc.messages import (
     StopRecorder,
     StreamOpened,
     Survey,
+    Triggers,
+    TriggerTried,
+    TryTrigger,
     ViewOpened,
 )
 from silo.ipc.published import EventKind
@@ -111,7 +127,14 @@ class Answers:
     """Answers requests with everything that the helper has."""
 
     def __init__(
-        self, mirror: Mirror, events: Events, publisher: Publisher, saver: Saver, robot: Robot, recording: Recording
+        self,
+        mirror: Mirror,
+        events: Events,
+        publisher: Publisher,
+        saver: Saver,
+        robot: Robot,
+        judge: Judge,
+        recording: Recording,
     ) -> None:
         self._mirror = mirror
         self._events = events
@@ -119,6 +142,7 @@ class Answers:
         self._saver = saver
         self._robot = robot
         self._recording = recording
+        self._judge = judge
         self._pins = Pins()
         self._recordings = RecordingFolder()
         self._surveyor = Surveyor(mirror)
@@ -134,7 +158,7 @@ class Answers:
             reply = HANDLERS[type(request)](self, request)
         except (script_folder.ScriptRefusedError, RecordingRefusedError) as error:
             reply = error.refused
-        except (ScriptError, SaveError) as error:
+        except (ScriptError, SaveError, ElementError) as error:
             reply = Refused(RefusedWhy.INVALID, str(error))
         except SegmentError as error:
             reply = Refused(RefusedWhy.FAILED, str(error))
@@ -208,6 +232,22 @@ class Answers:
     def _list_recorders(self, _: ListRecorders) -> Recorders:
         return Recorders(self._recording.infos())
 
+    @answers_to(GetTriggers)
+    def _triggers(self, _: GetTriggers) -> Triggers:
+        found = self._judge.standing()
+        return Triggers(found.run, found.tick, list(found.triggers))
+
+    @answers_to(GetLimits)
+    def _limits(self, _: GetLimits) -> Alarms:
+        found = self._judge.standing()
+        return Alarms(found.run, found.tick, worst_first(list(found.limits)))
+
+    @answers_to(TryTrigger)
+    def _try_trigger(self, request: TryTrigger) -> TriggerTried:
+        from silo.helper.trials import try_trigger
+
+        return try_trigger(request.trigger, self._mirror.open_reader(), self._mirror.now.table.elements)
+
     @answers_to(ListScripts)
     def _list_scripts(self, _: ListScripts) -> Scripts:
         own = self._own_script
@@ -278,7 +318,7 @@ class Answers:
         return _must_live(now) or _must_stop(now) or check_edits(request, now) or self._through(_signed(request))
 
     def _through(self, request: ApplyEdits) -> EditsApplied | GoesOn | Refused:
-        if not request.edits:
+        if not request.edits and request.extras is None:
             return EditsApplied(self._mirror.now.table.revision, 0)
         reply = self._robot.ask(request)
         return reply if isinstance(reply, EditsApplied | GoesOn | Refused) else _unexpected(request, reply)
@@ -290,6 +330,48 @@ class Answers:
             return reply
         return StatusReply(self._mirror.status(), reply.text if isinstance(reply, Done) else "")
 
+    @answers_to(SetTrigger, RemoveTrigger, SetLimits, RemoveLimits)
+    def _conditions(self, request: SetTrigger | RemoveTrigger | SetLimits | RemoveLimits) -> Done | GoesOn | Refused:
+        reply = _must_live(self._mirror.now) or self._robot.ask(_signed(request))
+        if isinstance(reply, Done):
+            self._events.publish(EventKind.CONDITIONS, reply.text, by=request.client)
+        return reply if isinstance(reply, Done | GoesOn | Refused) else _unexpected(request, reply)
+
+    @answers_to(ArmTrigger)
+    def _arm(self, request: ArmTrigger) -> Done | GoesOn | Refused:
+        now = self._mirror.now
+        known = next((one for one in now.robot.extras.triggers if one.name == request.name), None)
+        if known is None:
+            return _no_trigger(request.name, now)
+        if known.armed != request.armed:
+            changed = SetTrigger(
+                trigger=msgspec.structs.replace(known, armed=request.armed), client=request.client
+            )  # it stays so for the next run and in scripts
+            reply = _must_live(now) or self._robot.ask(_signed(changed))
+            if not isinstance(reply, Done):
+                return reply if isinstance(reply, GoesOn | Refused) else _unexpected(request, reply)
+        self._judge.arm(request.name, armed=request.armed)
+        text = f"trigger '{request.name}' is {'armed' if request.armed else 'off'}"
+        self._events.publish(EventKind.CONDITIONS, text, by=request.client)
+        return Done(text)
+
+    @answers_to(ForceTrigger)
+    def _force(self, request: ForceTrigger) -> Done | Refused:
+        now = self._mirror.now
+        if request.name not in {one.name for one in now.robot.extras.triggers}:
+            return _no_trigger(request.name, now)
+        refused = _must_live(now)
+        return refused or Done(f"trigger '{request.name}' was fired at tick {self._judge.force(request.name)}")
+
+    @answers_to(Acknowledge)
+    def _acknowledge(self, request: Acknowledge) -> Done:
+        who = plain(request.who or request.client)
+        count = self._judge.acknowledge(request.names, who, time.time_ns())
+        text = f"{count} alarm{'s' if count != 1 else ''} seen by {who}"
+        if count:
+            self._events.publish(EventKind.CONDITIONS, text, by=request.client)
+        return Done(text)
+
     @answers_to(LoadScript)
     def _load_script(self, request: LoadScript) -> EditsApplied | GoesOn | Refused:
         now = self._mirror.now
@@ -297,6 +379,7 @@ class Answers:
 
     def _load(self, request: LoadScript, now: LoggerSnapshot) -> EditsApplied | GoesOn | Refused:
         from silo.settings.script import apply_script, parse_script
+        from silo.settings.script_extras import extras_text
 
         path = script_folder.resolve(request.path, self._own_script)
         script = parse_script(script_folder.read_text(path), path)
@@ -309,7 +392,8 @@ class Answers:
         unknown = [name.name for name in plan.unknown]
         # the edits are based on the table that was just compared, whatever the client has seen
         based_on = now.table.revision if request.revision == -1 else request.revision
-        checked = ApplyEdits(revision=based_on, edits=edits, client=request.client)
+        extras = script.extras if script.extras != now.robot.extras else None
+        checked = ApplyEdits(revision=based_on, edits=edits, extras=extras, client=request.client)
         reply = check_edits(checked, now) or self._through(_signed(checked))
         if not isinstance(reply, EditsApplied):
             return reply
@@ -318,8 +402,8 @@ class Answers:
             text += f", {len(unknown)} names are not in the table"
         if script.unknown_keys:
             text += f", {len(script.unknown_keys)} keys are unknown and were left alone"
-        if script.extras is not None and script.extras != now.robot.extras:
-            text += "; its derived signals, limits and triggers are read when the program starts"
+        if extras is not None:
+            text += f"; {extras_text(extras)}"
         self._events.publish(EventKind.SCRIPT_LOADED, text, by=request.client)
         return EditsApplied(reply.revision, reply.changed, unknown, script.warnings)
 
@@ -339,6 +423,12 @@ class Answers:
 def _unexpected(request: Request[Any], reply: AnyReply) -> Refused:
     text = f"the robot process answered {type(request).__name__} with a {type(reply).__name__}"
     return Refused(RefusedWhy.FAILED, text)
+
+
+def _no_trigger(name: str, now: LoggerSnapshot) -> Refused:
+    names = ", ".join(one.name for one in now.robot.extras.triggers)
+    there = f"there are {names}" if names else "there is none"
+    return Refused(RefusedWhy.NOT_FOUND, f"no trigger is called '{plain(name)}', {there}; nothing was changed")
 
 
 def _must_live(now: LoggerSnapshot) -> Refused | None:

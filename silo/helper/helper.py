@@ -120,7 +120,7 @@ class Helper:
         journaling = Journaling(mirror, events)
         judge = self._judge = Judge(mirror, events)
         recording = self._recording = Recording(mirror, events)
-        answers = Answers(mirror, events, publisher, saver, self._robot, recording)
+        answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording)
         control = Control(session, root, answers)
         for part in (publisher, saver, journaling, judge, recording, control):
             part.start()

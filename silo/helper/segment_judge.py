@@ -1,4 +1,4 @@
-"""Judging the rows of one run: every trigger over every row, and the captures that begin.
+"""Judging the rows of one run: every trigger and limit over every row, and the captures that begin.
 
 Belongs to the judge thread. It reads rings behind their heads and never holds up anybody; rows that were overwritten
 before it came are what it was blind for, and it says so.
@@ -7,30 +7,43 @@ before it came are what it was blind for, and it says so.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from silo.collecting.schema import ElementSchema
+import msgspec
+
+from silo.collecting.schema import TIME_RING
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import ElementError
+from silo.helper.judged_rows import JudgedRows
+from silo.helper.limit_judge import LimitJudge
 from silo.helper.spool import Spool
-from silo.judging.binding import OFF, Catalogue, Known, bind
-from silo.judging.evaluation import Evaluator, SourceRows
+from silo.ipc.conditions import LimitStatus, TriggerStatus, TriggerWord
+from silo.judging.binding import Bound, bind
+from silo.judging.evaluation import Evaluator
 from silo.judging.extras import trigger_rule
-from silo.judging.triggers import Capture, Trigger
-from silo.model import BufferType, ElementInfo, TriggerOptions
-from silo.values import as_floats
+from silo.judging.triggers import Capture, Mode, Trigger, TriggerState
+from silo.model import ElementInfo, Extras, TriggerOptions
 
 BATCH_TICKS = 16_384
 MOST_SPOOL_BYTES = 512 * 2**20  # of all captures that are under way
 LONGEST_WAIT_S = 0.05
 RELEASE_STEPS = 20
 
+_WORDS = {
+    TriggerState.ARMED: TriggerWord.ARMED,
+    TriggerState.FIRING: TriggerWord.FIRING,
+    TriggerState.HOLDOFF: TriggerWord.HOLDOFF,
+    TriggerState.UNOBSERVABLE: TriggerWord.BLIND,
+}
+
 
 @dataclass
 class _Watched:
-    """One trigger of the run."""
+    """One trigger of the run. Of one that can't be judged there is no evaluator."""
 
     options: TriggerOptions
     trigger: Trigger
-    evaluator: Evaluator
+    expressions: tuple[Bound, ...] = ()
+    evaluator: Evaluator | None = None
+    why: str = ""
 
 
 @dataclass
@@ -40,131 +53,187 @@ class Step:
     fired: list[tuple[str, Capture]] = field(default_factory=list)
     blind: list[str] = field(default_factory=list)
     whole: list[Spool] = field(default_factory=list)
+    limits: list[tuple[bool, str]] = field(default_factory=list)  # whether one was violated, or is well again
 
 
 class SegmentJudge:
-    """Judges one run from its first tick on."""
+    """Judges one run."""
 
-    def __init__(self, reader: SegmentReader, table: Sequence[ElementInfo]) -> None:
-        """`table` names the elements that are off too. `problems` has what can't be judged at all, in words."""
+    def __init__(
+        self, reader: SegmentReader, table: Sequence[ElementInfo], extras: Extras | None = None, since: int = 0
+    ) -> None:
+        """Judge `extras` (those that stand in the segment, if not given) from tick `since` on.
+
+        `table` names the elements that are off too. `problems` has what can't be judged at all, in words.
+        """
         self.reader = reader
         self.problems: list[str] = []
-        schema = reader.schema
-        logged = {element.info.name: element for element in schema.elements}
-        self._elements: list[ElementSchema | _Off] = [
-            *schema.elements,
-            *(_Off(info) for info in table if info.name not in logged),
-        ]
-        catalogue = Catalogue([self._known(one) for one in self._elements], schema.prefix, schema.extras.derived)
-        self._watched: list[_Watched] = []
-        self._wanted: dict[int, set[tuple[int, int]]] = {}
-        for options in schema.extras.triggers:
-            self._watch_if_it_fits(options, catalogue)
-        self._cursors = dict.fromkeys(self._wanted, 0)
-        self._until = self._steps = 0
+        self.extras = Extras()
+        self._rows = JudgedRows(reader, table)
+        self._watched: dict[str, _Watched] = {}
+        self._limits = LimitJudge(self._rows)
+        self._until, self._steps = since, 0
         self._spools: list[Spool] = []
+        self.adopt(reader.schema.extras if extras is None else extras)
 
-    def _known(self, element: "ElementSchema | _Off") -> Known:
-        info = element.info
-        if isinstance(element, _Off):
-            return Known(info.name, info.entries, info.unit, OFF, info.options.divider)
-        return Known(info.name, info.entries, info.unit, self._ring_of(element), info.options.divider)
+    def adopt(self, extras: Extras) -> None:
+        """Judge these triggers and limits from now on; those that stay the same go on as they are."""
+        self.problems = []
+        before, self.extras = self._watched, extras
+        self._watched = {one.name: self._taken(one, before.get(one.name)) for one in extras.triggers}
+        self._limits.adopt(extras.limits, self.problems)
+        columns = [column for one in self._watched.values() for bound in one.expressions for column in bound.columns]
+        self._rows.want([*columns, *self._limits.columns], self._until)
 
-    def _ring_of(self, element: ElementSchema) -> int:
-        # of what keeps its first samples only, the ring for live views has the rest
-        fixed = self.reader.schema.rings[element.ring].buffer_type is BufferType.FIXED
-        return element.live_ring if fixed and element.live_ring >= 0 else element.ring
-
-    def _watch_if_it_fits(self, options: TriggerOptions, catalogue: Catalogue) -> None:
+    def _taken(self, options: TriggerOptions, before: _Watched | None) -> _Watched:
+        """A trigger with these options: the same one, the same with other words about it, or one that begins now."""
+        if before is not None and before.options == options:
+            return before
+        trigger = Trigger(trigger_rule(options, self.reader.schema.frequency_hz), armed=options.armed)
+        made = _Watched(options, trigger)
+        if before is not None:
+            # numbers stand in names of files: they go on
+            trigger.captures, trigger.fires, trigger.capture = (
+                before.trigger.captures, before.trigger.fires, before.trigger.capture
+            )  # fmt: skip
+            if _same_but_armed(before.options, options):
+                before.options = options
+                self._arm(before, armed=options.armed)
+                return before
         try:
-            self._watch(options, catalogue)
+            made.expressions = tuple(
+                bind(text, self._rows.catalogue).condition() for text in (options.when, options.rearm) if text
+            )
         except ElementError as error:
+            made.why = str(error)
             self.problems.append(f"trigger '{options.name}' is not judged: {error}")
-
-    def _watch(self, options: TriggerOptions, catalogue: Catalogue) -> None:
-        expressions = [bind(text, catalogue).condition() for text in (options.when, options.rearm) if text]
-        trigger = Trigger(trigger_rule(options, self.reader.schema.frequency_hz))
-        if not any(bound.sources for bound in expressions):
+            return made
+        if not any(bound.sources for bound in made.expressions):
+            made.why = f"{', '.join(self._rows.off_names(made.expressions)[:3])} is off"
             self.problems.append(f"trigger '{options.name}' is unobservable: the elements in it are off")
-            return
-        self._watched.append(_Watched(options, trigger, Evaluator(*expressions)))
-        for column in (column for bound in expressions for column in bound.columns):
-            if column.source != OFF:
-                self._wanted.setdefault(column.source, set()).add((column.element, column.entry))
+            made.expressions = ()
+            return made
+        made.evaluator = Evaluator(*made.expressions)
+        return made
 
     @property
     def wait_s(self) -> float:
         """How long may pass until the next look: a quarter of what the shortest ring holds, 50 ms at most."""
-        schema = self.reader.schema
-        rings = [schema.rings[ring] for ring in self._wanted if schema.rings[ring].buffer_type is BufferType.LOOPING]
-        held_s = [ring.capacity * ring.divider / schema.frequency_hz for ring in rings]
-        return max(0.005, min([LONGEST_WAIT_S, *(held / 4 for held in held_s)]))
+        return max(0.005, min(LONGEST_WAIT_S, self._rows.shortest_s / 4))
 
     @property
     def active(self) -> bool:
         """Whether there is anything to judge."""
-        return bool(self._watched)
+        return bool(self._watched or self._spools) or self._limits.active
 
-    @property
-    def options(self) -> dict[str, TriggerOptions]:
-        """The triggers by name."""
-        return {one.options.name: one.options for one in self._watched}
+    # -------------------------------------------------------------------------------------------- what clients ask
+
+    def arm(self, name: str, *, armed: bool) -> None:
+        """Watch again, also after the one capture of mode single; or no more. Nothing for a name that isn't there."""
+        if name in self._watched:
+            self._arm(self._watched[name], armed=armed)
+
+    def _arm(self, watched: _Watched, *, armed: bool) -> None:
+        if armed:
+            watched.trigger.arm(self._until)
+        else:
+            watched.trigger.disarm()
+
+    def force(self, name: str) -> tuple[Step, int]:
+        """Fire at the newest tick that is judged; returns what that brought, and the tick. Raises ElementError."""
+        found = self.step()
+        if name not in self._watched:
+            raise ElementError(f"no trigger is called '{name}'; nothing was changed")
+        if not self._until:
+            raise ElementError(f"trigger '{name}' can't fire: nothing was logged yet; nothing was changed")
+        tick, watched = self._until - 1, self._watched[name]
+        rows = self.reader.rows(TIME_RING, tick, 1)
+        time_ns = int(rows.time_ns[0]) if len(rows) else self.reader.last_time_ns
+        for capture in watched.trigger.force(tick, time_ns):
+            self._capture(watched.options, capture, found)
+        return found, tick
+
+    def acknowledge(self, names: Sequence[str], who: str, time_ns: int) -> int:
+        """Note that somebody has seen the alarms of these scalars, of all without names; returns how many."""
+        return self._limits.acknowledge(names, who, time_ns)
+
+    def triggers(self) -> list[TriggerStatus]:
+        """Return how each trigger stands."""
+        return [self._status(one) for one in self._watched.values()]
+
+    def _status(self, one: _Watched) -> TriggerStatus:
+        trigger, tick = one.trigger, self._until
+        state, why = _WORDS.get(trigger.state(tick)), one.why
+        if state is None:
+            over = one.options.mode == Mode.SINGLE.value and one.options.armed
+            state = TriggerWord.FIRED if over else TriggerWord.OFF
+        elif one.evaluator is None:
+            state = TriggerWord.BLIND
+        elif state is TriggerWord.BLIND:
+            off = self._rows.off_names(one.expressions)
+            why = f"{', '.join(off[:3])} is off" if off else "its signals have no value now"
+        last = trigger.capture.fires[-1] if trigger.capture else None
+        left_s = trigger.holdoff_left(tick) / self.reader.schema.frequency_hz if state is TriggerWord.HOLDOFF else 0.0
+        return TriggerStatus(
+            one.options, state, trigger.fires, trigger.captures, last.tick if last else -1, last.time_ns if last else 0,
+            left_s, why,
+        )  # fmt: skip
+
+    def limits(self) -> list[LimitStatus]:
+        """Return how each scalar with limits stands."""
+        return self._limits.statuses()
+
+    # ------------------------------------------------------------------------------------------------------ judging
 
     def step(self) -> Step:
         """Judge what is new, up to the tick that stands in all rings."""
         found = Step()
         # the time ring's head is written last: rows of all ticks before it stand in every ring
         ticks = self.reader.ticks
-        while self._until < ticks and self._watched:
+        while self._until < ticks and self.active:
             until = min(ticks, self._until + BATCH_TICKS)
             self._judge(until, found)
             self._until = until
             self._copy(until, found)
+        self._until = ticks
+        if self._limits.active:
+            self._limits.check_stale(self.reader.last_time_ns)
+            found.limits += self._limits.news()
         self._steps += 1
         if self._steps % RELEASE_STEPS == 0:
             self.reader.release_pages()  # else this process would count all buffers as its own memory
         return found
 
     def _judge(self, until: int, found: Step) -> None:
-        rows = {ring: self._rows(ring, until, found) for ring in self._wanted}
-        for one in self._watched:
+        rows, lost = self._rows.read(until)
+        if lost:
+            what = " and ".join(word for word, there in (("triggers", self._watched), ("limits", self._limits.active))
+                                if there)  # fmt: skip
+            found.blind.append(f"{what} were blind for {lost} ticks: they were overwritten before they were judged")
+        self._limits.feed(rows)
+        for one in self._watched.values():
+            if one.evaluator is None:
+                continue
             judged = one.evaluator.feed({ring: rows[ring] for ring in one.evaluator.sources})
             rearm = judged.codes(1) if one.options.rearm else None
             for capture in one.trigger.feed(judged.ticks, judged.time_ns, judged.codes(0), rearm):
-                self._capture(one.options.name, capture, found)
-
-    def _rows(self, ring: int, until: int, found: Step) -> SourceRows:
-        cursor = self._cursors[ring]
-        divider = self.reader.schema.rings[ring].divider
-        rows = self.reader.rows(ring, cursor, max(-(-until // divider) - cursor, 0))
-        if rows.first > cursor:
-            lost = (rows.first - cursor) * divider
-            found.blind.append(f"triggers were blind for {lost} ticks: they were overwritten before they were judged")
-            rows = self.reader.rows(ring, rows.first, max(-(-until // divider) - rows.first, 0))
-        self._cursors[ring] = rows.first + len(rows)
-        columns = {}
-        for element, entry in self._wanted[ring]:
-            schema = self._elements[element]
-            assert isinstance(schema, ElementSchema)
-            entries = schema.entries if ring == schema.ring else schema.live_entries
-            columns[element, entry] = as_floats(rows.column(entries[entry]))
-        return SourceRows(rows.ticks, rows.time_ns, columns)
+                self._capture(one.options, capture, found)
 
     # ------------------------------------------------------------------------------------------------- captures
 
-    def _capture(self, trigger: str, capture: Capture, found: Step) -> None:
+    def _capture(self, options: TriggerOptions, capture: Capture, found: Step) -> None:
         for spool in self._spools:
-            if spool.trigger == trigger and spool.capture.number == capture.number:
+            if spool.trigger == options.name and spool.capture.number == capture.number:
                 spool.extend(capture)
                 return
-        found.fired.append((trigger, capture))
+        found.fired.append((options.name, capture))
         if sum(spool.size_bytes for spool in self._spools) > MOST_SPOOL_BYTES:
             found.blind.append(
-                f"capture {capture.number} of '{trigger}' was left out: those under way take more than "
+                f"capture {capture.number} of '{options.name}' was left out: those under way take more than "
                 f"{MOST_SPOOL_BYTES // 2**20} MB; make pre and post shorter"
             )
             return
-        spool = Spool(trigger, capture, self.reader)
+        spool = Spool(options, capture, self.reader)
         # at once, whatever was judged: the oldest rows are overwritten next
         spool.append(self.reader.ticks)
         self._spools.append(spool)
@@ -186,8 +255,5 @@ class SegmentJudge:
         return found
 
 
-@dataclass(frozen=True)
-class _Off:
-    """An element of the table that isn't logged in this run."""
-
-    info: ElementInfo
+def _same_but_armed(one: TriggerOptions, other: TriggerOptions) -> bool:
+    return msgspec.structs.replace(one, armed=other.armed) == other

@@ -11,15 +11,16 @@ from silo.collecting.schema import TIME_RING, ElementSchema, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.snapshot import snapshot
 from silo.judging.triggers import Capture
-from silo.model import BufferType, CaptureFacts
+from silo.model import BufferType, CaptureFacts, TriggerOptions
 from silo.recording import Failures, Recording
 
 
 class Spool:
     """Rows of ticks `capture.first` to `capture.last` of all elements that are saved: a `RowSource`."""
 
-    def __init__(self, trigger: str, capture: Capture, reader: SegmentReader) -> None:
-        self.trigger = trigger
+    def __init__(self, options: TriggerOptions, capture: Capture, reader: SegmentReader) -> None:
+        self.trigger = options.name
+        self.options = options  # as they were when it began
         self.capture = capture
         self._reader = reader
         elements = [element for element in reader.schema.elements if element.info.options.action.saves]

@@ -21,7 +21,10 @@ from silo.ipc.connection import Connection, Pending
 from silo.ipc.discovery import Discovery, Found, discover, not_found_text
 from silo.ipc.exchange import checked_reply, client_name, decode_reply, key_of
 from silo.ipc.messages import (
+    Acknowledge,
+    Alarms,
     ApplyEdits,
+    ArmTrigger,
     Ask,
     By,
     ClosePin,
@@ -31,13 +34,16 @@ from silo.ipc.messages import (
     DiffScript,
     Done,
     EditsApplied,
+    ForceTrigger,
     GetHistory,
+    GetLimits,
     GetParts,
     GetPiece,
     GetSamples,
     GetStatus,
     GetSurvey,
     GetTable,
+    GetTriggers,
     Hello,
     HelloReply,
     KeepPin,
@@ -55,6 +61,8 @@ from silo.ipc.messages import (
     RecordingParts,
     Recordings,
     Refused,
+    RemoveLimits,
+    RemoveTrigger,
     ReplyT,
     Request,
     Restart,
@@ -63,6 +71,8 @@ from silo.ipc.messages import (
     ScriptDiff,
     Scripts,
     ScriptText,
+    SetLimits,
+    SetTrigger,
     Start,
     StartRecorder,
     StatusReply,
@@ -70,6 +80,9 @@ from silo.ipc.messages import (
     StopRecorder,
     StreamOpened,
     Survey,
+    Triggers,
+    TriggerTried,
+    TryTrigger,
     Unsaved,
     ViewOpened,
     by_of,
@@ -77,7 +90,7 @@ from silo.ipc.messages import (
 )
 from silo.ipc.published import Event, EventKind
 from silo.ipc.words import FileTypes, file_types, full_name, why_silent
-from silo.model import Edit, FileType, SavedFile, Status, Table
+from silo.model import Edit, FileType, SavedFile, SignalLimits, Status, Table, TriggerOptions
 from silo.version import VERSION
 
 if TYPE_CHECKING:
@@ -370,6 +383,49 @@ class Client:
         """
         named = text("name", name, "client.delete_recording('robot_..._00007')")
         return self._call(DeleteRecording(name=named, client=self._name)).text
+
+    # ------------------------------------------------------------------------------------------- triggers, limits
+
+    def triggers(self) -> Triggers:
+        """Return how the triggers stand."""
+        return self._call(GetTriggers(client=self._name))
+
+    def try_trigger(self, trigger: TriggerOptions) -> TriggerTried:
+        """Return when a trigger would have fired in all that the buffers hold; nothing is set."""
+        return self._call(TryTrigger(trigger=trigger, client=self._name))
+
+    def set_trigger(self, trigger: TriggerOptions) -> str:
+        """Add a trigger or replace the one of its name, also while it runs; returns what was done, in words."""
+        return self._call(SetTrigger(trigger=trigger, client=self._name)).text
+
+    def remove_trigger(self, name: str) -> str:
+        """Forget a trigger; returns what was done, in words."""
+        return self._call(RemoveTrigger(name=name, client=self._name)).text
+
+    def arm_trigger(self, name: str, *, armed: bool = True) -> str:
+        """Have a trigger watch again, or no more; returns what was done, in words."""
+        return self._call(ArmTrigger(name=name, armed=armed, client=self._name)).text
+
+    def force_trigger(self, name: str) -> str:
+        """Fire a trigger now; returns what was done, in words."""
+        return self._call(ForceTrigger(name=name, client=self._name)).text
+
+    def alarms(self) -> Alarms:
+        """Return how the signals with limits stand, worst first."""
+        return self._call(GetLimits(client=self._name))
+
+    def acknowledge(self, names: Sequence[str] = (), who: str = "") -> str:
+        """Say that somebody has seen the alarms of these scalars, of all without names; returns what was done."""
+        seen = texts("names", names, "['/log/joints/q_0']")
+        return self._call(Acknowledge(names=seen, who=who, client=self._name)).text
+
+    def set_limits(self, limits: SignalLimits) -> str:
+        """Give a signal limits, also while it runs; returns what was done, in words."""
+        return self._call(SetLimits(limits=limits, client=self._name)).text
+
+    def remove_limits(self, name: str) -> str:
+        """Forget the limits that were given to this name; returns what was done, in words."""
+        return self._call(RemoveLimits(name=name, client=self._name)).text
 
     # ------------------------------------------------------------------------------------------------------ saving
 

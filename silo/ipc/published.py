@@ -97,6 +97,9 @@ class EventKind(str, enum.Enum):
     TRIGGERED = "triggered"
     CAPTURED = "captured"
     BLIND = "blind"  # what a trigger can't see, or didn't
+    LIMIT = "limit"  # a value went beyond its limits, or is stale
+    LIMIT_ENDED = "limit ended"
+    CONDITIONS = "conditions"  # somebody changed triggers or limits, or has seen alarms
     OTHER = "other"
 
     @classmethod

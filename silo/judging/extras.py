@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import msgspec
 
 from silo import units
-from silo.arguments import real, shown
+from silo.arguments import real, shown, whole
 from silo.errors import ElementError
 from silo.judging.binding import Bound, Catalogue, Known, bind
 from silo.judging.limits import LimitRule, limit_rule
@@ -58,17 +58,19 @@ def with_derived(extras: Extras, one: Derived, elements: Sequence[ElementInfo], 
 
 def with_limits(extras: Extras, one: SignalLimits, elements: Sequence[ElementInfo], prefix: str) -> Extras:
     """Return the extras with limits of one more signal, or with new ones for it. Raises ElementError."""
-    if len(extras.limits) >= MOST_LIMITS:
+    known = {old.name for old in extras.limits}
+    if len(known) >= MOST_LIMITS and one.name not in known:
         raise ElementError(f"at most {MOST_LIMITS} signals have limits; nothing was changed")
     catalogue = table_catalogue(elements, prefix, extras.derived)
     bind_limits(one, catalogue)
-    kept = tuple(old for old in extras.limits if old.name != one.name)
-    return msgspec.structs.replace(extras, limits=(*kept, one))
+    made = tuple(one if old.name == one.name else old for old in extras.limits)
+    return msgspec.structs.replace(extras, limits=made if one.name in known else (*made, one))
 
 
 def with_trigger(extras: Extras, one: TriggerOptions, elements: Sequence[ElementInfo], prefix: str) -> Extras:
     """Return the extras with one more trigger, or with a new one of that name. Raises ElementError."""
-    if len(extras.triggers) >= MOST_TRIGGERS:
+    known = {old.name for old in extras.triggers}
+    if len(known) >= MOST_TRIGGERS and one.name not in known:
         raise ElementError(f"at most {MOST_TRIGGERS} triggers are set; nothing was changed")
     catalogue = table_catalogue(elements, prefix, extras.derived)
     trigger_rule(one, 1.0)  # its words and times make sense
@@ -76,8 +78,9 @@ def with_trigger(extras: Extras, one: TriggerOptions, elements: Sequence[Element
         bind(text, catalogue).condition()
     if not one.name or "/" in one.name or not one.name.isprintable() or one.name.startswith("."):
         raise ElementError(f"the name of trigger '{one.name}' stands in names of files; take letters and digits")
-    kept = tuple(old for old in extras.triggers if old.name != one.name)
-    return msgspec.structs.replace(extras, triggers=(*kept, one))
+    whole(f"keep of trigger '{one.name}'", one.keep, 0, 1_000_000)
+    made = tuple(one if old.name == one.name else old for old in extras.triggers)
+    return msgspec.structs.replace(extras, triggers=made if one.name in known else (*made, one))
 
 
 def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
@@ -106,13 +109,39 @@ def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
 
 
 def held_by(elements: Sequence[ElementInfo]) -> list[Held]:
-    """Return what buffers of the elements that are saved hold, for `check_pre`."""
+    """Return what buffers of the elements that are saved hold, for `check_pre`.
+
+    Left out is what keeps its first samples, as somebody wanted: no size would hold the past.
+    """
     return [
         Held(info.name, now.divider, now.buffer_size, now.buffer_type is BufferType.LOOPING,
              now.buffer_type is BufferType.GROWING)
         for info in elements
-        if (now := info.options).enabled and now.action.saves
+        if (now := info.options).enabled and now.action.saves and now.buffer_type is not BufferType.FIXED
     ]  # fmt: skip
+
+
+def fixed_text(elements: Sequence[ElementInfo]) -> str:
+    """Return how many elements captures lack once their buffers are full, in words; empty where there are none."""
+    fixed = [
+        info.name
+        for info in elements
+        if (now := info.options).enabled and now.action.saves and now.buffer_type is BufferType.FIXED
+    ]
+    if not fixed:
+        return ""
+    more = f" and {len(fixed) - 1} more keep" if len(fixed) > 1 else " keeps"
+    return f"'{fixed[0]}'{more} first samples only (buffer=fixed): captures have what is held of them"
+
+
+def bounds_given(name: str, bounds: object) -> tuple[float | None, float | None, float | None, float | None]:
+    """Return the four bounds that a program gives. Raises ElementError."""
+    if isinstance(bounds, str | bytes) or not isinstance(bounds, Sequence) or len(bounds) != 4:
+        raise ElementError(
+            f"limits of '{name}' must be (red_low, yellow_low, yellow_high, red_high), got {shown(bounds)}; "
+            "nothing was changed"
+        )
+    return bounds[0], bounds[1], bounds[2], bounds[3]
 
 
 def rule_of(limits: SignalLimits) -> LimitRule:
@@ -146,4 +175,6 @@ def scalar_names(bound: Bound, catalogue: Catalogue, name: str) -> list[str]:
     plain = catalogue.find(name)
     if plain:
         return [catalogue.name(column.element, column.entry) for column in bound.columns]
-    return [f"{name}_{at}" for at in range(bound.width)] if bound.width else [name]
+    derived = catalogue.before(name)
+    whole_name = derived[0].name if derived else name
+    return [f"{whole_name}_{at}" for at in range(bound.width)] if bound.width else [whole_name]

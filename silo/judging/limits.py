@@ -7,6 +7,7 @@ alarm. It stays to be acknowledged after the value is well again.
 
 import enum
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -85,7 +86,7 @@ class Violation:
     """Samples in a row (but for such as are not judged) of one scalar beyond a yellow bound.
 
     `worst` is the worst range it was in, `peak` the value farthest beyond, at `peak_tick`. `last_tick` is its newest
-    sample; while `over` is False it may go on.
+    sample, at `last_ns`; while `over` is False it may go on.
     """
 
     number: int
@@ -99,6 +100,7 @@ class Violation:
     peak_ns: int
     samples: int
     over: bool = False
+    last_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -165,9 +167,10 @@ class Limit:
         """Return the scalars that have become stale by now: nothing new came for `stale_ns`."""
         return [entry for entry, state in enumerate(self.states) if self._check_stale(state, now_ns)]
 
-    def acknowledge(self, who: str, time_ns: int) -> int:
-        """Note that somebody has seen the alarms; returns how many there were."""
-        alarms = [state for state in self.states if state.alarm or state.stale_alarm]
+    def acknowledge(self, who: str, time_ns: int, entries: Collection[int] | None = None) -> int:
+        """Note that somebody has seen the alarms, of these scalars only if given; returns how many there were."""
+        chosen = [state for at, state in enumerate(self.states) if entries is None or at in entries]
+        alarms = [state for state in chosen if state.alarm or state.stale_alarm]
         for state in alarms:
             state.alarm, state.stale_alarm = Level.GREEN, False
             state.acknowledged = Acknowledgement(who, time_ns)
@@ -241,7 +244,7 @@ class Limit:
             state.count += 1
             state.violation = Violation(
                 state.count, entry, level, int(ticks[0]), int(time_ns[0]), int(ticks[-1]), peak, peak_tick, peak_ns,
-                len(ticks),
+                len(ticks), last_ns=int(time_ns[-1]),
             )  # fmt: skip
         else:
             if peak <= before.peak if level > 0 else peak >= before.peak:
@@ -249,6 +252,7 @@ class Limit:
             state.violation = replace(
                 before, worst=max(before.worst, level, key=abs), last_tick=int(ticks[-1]), peak=peak,
                 peak_tick=peak_tick, peak_ns=peak_ns, samples=before.samples + len(ticks),
+                last_ns=int(time_ns[-1]),
             )  # fmt: skip
         return [*changed, state.violation]
 

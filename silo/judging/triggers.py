@@ -149,9 +149,13 @@ class Trigger:
             return TriggerState.FIRING
         if not self.armed:
             return TriggerState.DISARMED
-        if self._now == UNOBSERVABLE:
+        if self._now == UNOBSERVABLE and self._tick >= 0:
             return TriggerState.UNOBSERVABLE
         return TriggerState.HOLDOFF if tick < self._holdoff_end else TriggerState.ARMED
+
+    def holdoff_left(self, tick: int) -> int:
+        """Return for how many ticks from this one on turns are ignored."""
+        return max(self._holdoff_end - tick, 0)
 
     # ----------------------------------------------------------------------------------------------- the rules
 

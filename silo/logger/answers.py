@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import msgspec
 
 from silo.collecting.run import Run
-from silo.errors import SiloError, StateError, UnsavedError
+from silo.errors import ElementError, SiloError, StateError, UnsavedError
 from silo.ipc.messages import (
     AnyReply,
     ApplyEdits,
@@ -21,8 +21,12 @@ from silo.ipc.messages import (
     EditsApplied,
     Refused,
     RefusedWhy,
+    RemoveLimits,
+    RemoveTrigger,
     Request,
     Restart,
+    SetLimits,
+    SetTrigger,
     Start,
     Stop,
     Unsaved,
@@ -30,7 +34,7 @@ from silo.ipc.messages import (
 from silo.ipc.refusals import refused_conflict, refused_running
 from silo.link.messages import RobotState
 from silo.logger.keywords import UnsavedWord
-from silo.model import Edit, ElementInfo, Extras, LoggerOptions, Problem, State, Table
+from silo.model import Edit, ElementInfo, Extras, LoggerOptions, Problem, SignalLimits, State, Table, TriggerOptions
 from silo.settings.rules import refusal
 
 log = logging.getLogger("silo")
@@ -69,6 +73,11 @@ class Served(Protocol):
 
     def problems(self, edits: list[Edit], /) -> list[Problem]: ...
     def apply(self, edits: list[Edit], /) -> int: ...
+    def apply_extras(self, extras: Extras, /) -> None: ...
+    def set_trigger(self, one: TriggerOptions, /) -> None: ...
+    def remove_trigger(self, name: str, /) -> None: ...
+    def set_limits(self, one: SignalLimits, /) -> None: ...
+    def remove_limits(self, name: str, /) -> None: ...
     def start(self, *, unsaved: UnsavedWord = "clear") -> None: ...
     def stop(self) -> None: ...
     def restart(self, *, unsaved: UnsavedWord = "clear") -> None: ...
@@ -108,6 +117,8 @@ def answer(logger: Served, request: Request[Any]) -> AnyReply:
     except StateError as error:
         why = RefusedWhy.RUNNING if logger.is_running else RefusedWhy.INVALID
         return Refused(why, str(error))
+    except ElementError as error:
+        return Refused(RefusedWhy.INVALID, str(error))
     except SiloError as error:
         return Refused(RefusedWhy.FAILED, str(error))
     except Exception as error:
@@ -125,6 +136,8 @@ def _edit(logger: Served, request: ApplyEdits) -> EditsApplied | Refused:
         problems = logger.problems(request.edits)
         if problems:
             return Refused(RefusedWhy.INVALID, refusal(problems), problems)
+        if request.extras is not None:
+            logger.apply_extras(request.extras)  # first, as it may be refused
         changed = logger.apply(request.edits)
         return EditsApplied(logger.revision, changed)
 
@@ -148,9 +161,39 @@ def _restart(logger: Served, request: Restart) -> Done:
         return Done(logger.saved_before_start)
 
 
+def _set_trigger(logger: Served, request: SetTrigger) -> Done:
+    from silo.judging.extras import fixed_text
+
+    name = request.trigger.name
+    known = name in {one.name for one in logger.extras.triggers}
+    logger.set_trigger(request.trigger)
+    running = "" if logger.is_running else "; it is judged when the logger is started"
+    fixed = fixed_text(logger.elements)
+    return Done(f"trigger '{name}' is {'replaced' if known else 'set'}{running}{f'; {fixed}' if fixed else ''}")
+
+
+def _remove_trigger(logger: Served, request: RemoveTrigger) -> Done:
+    logger.remove_trigger(request.name)
+    return Done(f"trigger '{request.name}' is removed")
+
+
+def _set_limits(logger: Served, request: SetLimits) -> Done:
+    logger.set_limits(request.limits)
+    return Done(f"limits of '{request.limits.name}' are set")
+
+
+def _remove_limits(logger: Served, request: RemoveLimits) -> Done:
+    logger.remove_limits(request.name)
+    return Done(f"limits of '{request.name}' are removed")
+
+
 HANDLERS: dict[type[Request[Any]], Callable[[Served, Any], AnyReply]] = {
     ApplyEdits: _edit,
     Start: _start,
     Stop: _stop,
     Restart: _restart,
+    SetTrigger: _set_trigger,
+    RemoveTrigger: _remove_trigger,
+    SetLimits: _set_limits,
+    RemoveLimits: _remove_limits,
 }

@@ -7,11 +7,13 @@ are computed and judged by who reads its rows. The control loop has no part in a
 import logging
 from collections.abc import Iterable, Sequence
 
-from silo.arguments import line, shown, text, whole
+import msgspec
+
+from silo.arguments import line, text, whole
 from silo.errors import ElementError, SaveError
 from silo.logger.configuration import Configuration
 from silo.logger.options import file_types
-from silo.model import Derived, FileType, SignalLimits, TriggerOptions, join_name
+from silo.model import Derived, Extras, FileType, SignalLimits, TriggerOptions, join_name
 
 log = logging.getLogger("silo")
 
@@ -56,28 +58,40 @@ class Conditions(Configuration):
         yellow_low, yellow_high, red_high), None for one that there isn't; a value at a bound is within it.
         persistence: so many samples in a row make a state; each violation is counted all the same. hysteresis: how far
         inside a bound its state ends. stale: a value that stays the same for so long is one too (`"0.5s"`). when: an
-        expression that must hold, else nothing is judged. Raises ElementError, StateError while running.
+        expression that must hold, else nothing is judged. While it runs it is judged from now on. Raises ElementError.
         """
-        from silo.judging.extras import MOST_STALE_S, seconds, with_limits
+        from silo.judging.extras import MOST_STALE_S, bounds_given, seconds
 
         name = text("the signal's name", name, 'log.limit("joints/tau", (-40, -30, 30, 40))')
         when = text("when", when, 'when="controller/mode == STANCE"')
-        if isinstance(bounds, str | bytes) or not isinstance(bounds, Sequence) or len(bounds) != 4:
-            raise ElementError(
-                f"limits of '{name}' must be (red_low, yellow_low, yellow_high, red_high), got {shown(bounds)}; "
-                "nothing was changed"
-            )
         one = SignalLimits(
             name,
-            (bounds[0], bounds[1], bounds[2], bounds[3]),
+            bounds_given(name, bounds),
             persistence,
             hysteresis,
             seconds("stale", stale, MOST_STALE_S),
             when,
         )
+        self.set_limits(one)
+
+    def set_limits(self, one: SignalLimits) -> None:
+        """Give a signal limits as they stand in scripts. Raises ElementError: nothing is changed."""
+        from silo.judging.extras import with_limits
+
         with self._lock:
-            self._check_stopped("set limits")
+            self._check_open()
             self._extras = with_limits(self._extras, one, self._all_infos, self.options.prefix)
+            self._tell()
+
+    def remove_limits(self, name: str) -> None:
+        """Forget the limits that were given to this name. Raises ElementError where there are none."""
+        with self._lock:
+            self._check_open()
+            kept = tuple(one for one in self._extras.limits if one.name != name)
+            if len(kept) == len(self._extras.limits):
+                names = ", ".join(one.name for one in kept[:5]) or "no signal"
+                raise ElementError(f"'{name}' has no limits, {names} has; nothing was changed")
+            self._extras = msgspec.structs.replace(self._extras, limits=kept)
             self._tell()
 
     def trigger(
@@ -108,17 +122,12 @@ class Conditions(Configuration):
         many stay, 0 for all. Times are seconds, or texts such as `"20ms"`.
 
         Raises ExpressionError, which shows the place, ElementError (also for a `pre` that is longer than what buffers
-        hold, with the size that would do), StateError while running.
+        hold, with the size that would do). While it runs it is judged from now on; given again, it is replaced.
         """
-        from silo.files.naming import check_name
-        from silo.judging.extras import MOST_TRIGGER_S, held_by, seconds, trigger_rule, with_trigger
-        from silo.judging.triggers import check_pre
+        from silo.judging.extras import MOST_TRIGGER_S, seconds
 
         example = 'log.trigger("fall", "abs(base/roll) > 0.6")'
-        try:
-            name = check_name(line("the trigger's name", name, example))
-        except SaveError as error:
-            raise ElementError(f"the trigger's name stands in names of files: {error}; nothing was changed") from None
+        name = line("the trigger's name", name, example)
         pre_s, post_s, persist_s, holdoff_s = (
             seconds(what, given, MOST_TRIGGER_S)
             for what, given in (("pre", pre), ("post", post), ("persist", persist), ("holdoff", holdoff))
@@ -136,12 +145,50 @@ class Conditions(Configuration):
             tuple(file_types(save)),
             whole("keep", keep, 0, 1_000_000),
         )
+        self.set_trigger(one)
+
+    def set_trigger(self, one: TriggerOptions) -> None:
+        """Set a trigger as it stands in scripts, or replace the one of its name. Raises ElementError: nothing is
+        changed.
+        """
+        from silo.files.naming import check_name
+        from silo.judging.extras import held_by, trigger_rule, with_trigger
+        from silo.judging.triggers import check_pre
+
+        try:
+            check_name(one.name)
+        except SaveError as error:
+            raise ElementError(f"the trigger's name stands in names of files: {error}; nothing was changed") from None
         with self._lock:
-            self._check_stopped("set a trigger")
+            self._check_open()
             infos = self._all_infos
             rule = trigger_rule(one, self.options.frequency_hz)
             check_pre(rule.pre, self.options.frequency_hz, held_by(infos))
             self._extras = with_trigger(self._extras, one, infos, self.options.prefix)
+            self._tell()
+
+    def remove_trigger(self, name: str) -> None:
+        """Forget a trigger; a capture that is under way goes on. Raises ElementError where there is none."""
+        with self._lock:
+            self._check_open()
+            kept = tuple(one for one in self._extras.triggers if one.name != name)
+            if len(kept) == len(self._extras.triggers):
+                names = ", ".join(one.name for one in kept)
+                there = f"there are {names}" if names else "there is none"
+                raise ElementError(f"no trigger is called '{name}', {there}; nothing was changed")
+            self._extras = msgspec.structs.replace(self._extras, triggers=kept)
+            self._tell()
+
+    def apply_extras(self, extras: Extras) -> None:
+        """Take derived signals, limits and triggers of a script in the place of all that there are.
+
+        Raises StateError while running, ElementError: nothing is changed.
+        """
+        from silo.settings.script_extras import checked_extras
+
+        with self._lock:
+            self._check_stopped("load a script")
+            self._extras = checked_extras(extras, self._table.infos, self.options.prefix)
             self._tell()
 
     def _warn_of_triggers(self, *, served: bool) -> None:

@@ -32,6 +32,7 @@ from silo.model import (
     Extras,
     LoggerOptions,
     Problem,
+    SignalLimits,
     join_name,
 )
 from silo.settings.rules import refusal
@@ -143,6 +144,7 @@ class Configuration:
         labels: Labels | None = None,
         description: str = "",
         string_bytes: SupportsIndex | None = None,
+        limits: Sequence[float | None] | None = None,
     ) -> None:
         """Register a variable; it is part of the table after the next `update()` or `start()`.
 
@@ -152,8 +154,9 @@ class Configuration:
         `quaternion_wxyz`, `angle_axis`, `pose`, `twist`, `vector_at_position(A, B)`, `array` for plain indices).
         labels: names of an integer's values. string_bytes: room for a string. divider, action, buffer_type,
         buffer_size, enabled: values, or words as `silo set` takes them (`divider="50Hz"`, `buffer_size="10s"`,
-        `action="both"`); a buffer holds `max_time` if no size is given. Raises SourceError for what can't be logged,
-        ElementError for names and values out of range.
+        `action="both"`); a buffer holds `max_time` if no size is given. limits: (red_low, yellow_low, yellow_high,
+        red_high), as `log.limit` takes them. Raises SourceError for what can't be logged, ElementError for names and
+        values out of range.
         """
         self._check_open()
         name = element_name(source, name, attr)
@@ -183,7 +186,16 @@ class Configuration:
             dtype=struct_text(first.dtype) if single else "",
         )
         with self._lock:
+            extras = self._extras if limits is None else self._limited(info, limits)
             self._table.add(Element(info, tuple(parts)))
+            self._extras = extras
+
+    def _limited(self, info: ElementInfo, bounds: Sequence[float | None]) -> Extras:
+        """The extras with limits of a new element. Raises ElementError."""
+        from silo.judging.extras import bounds_given, with_limits
+
+        one = SignalLimits(info.name, bounds_given(info.name, bounds))
+        return with_limits(self._extras, one, [*self._all_infos, info], self.options.prefix)
 
     def array(
         self,

@@ -5,7 +5,7 @@ numbers, `"*2"`.
 """
 
 import enum
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, SupportsIndex, TypeAlias, TypedDict, Union
 
 import numpy as np
@@ -46,6 +46,7 @@ class ElementKeywords(TypedDict, total=False):
     labels: Labels | None
     description: str
     string_bytes: SupportsIndex | None
+    limits: Sequence[float | None] | None
 
 
 class OptionKeywords(TypedDict, total=False):

@@ -32,12 +32,15 @@ from silo.model import (
     NO_EXTRAS,
     Edit,
     ElementInfo,
+    Extras,
     FileType,
     LoggerOptions,
     SavedFile,
+    SignalLimits,
     State,
     Storage,
     Threads,
+    TriggerOptions,
 )
 from silo.recording import Recording
 
@@ -115,6 +118,7 @@ class NullLogger:
         labels: Labels | None = None,
         description: str = "",
         string_bytes: SupportsIndex | None = None,
+        limits: Sequence[float | None] | None = None,
     ) -> None:
         """Register nothing."""
 
@@ -159,6 +163,21 @@ class NullLogger:
         keep: int = 0,
     ) -> None:
         """Capture nothing."""
+
+    def set_trigger(self, one: TriggerOptions) -> None:
+        """Capture nothing."""
+
+    def remove_trigger(self, name: str) -> None:
+        """Do nothing."""
+
+    def set_limits(self, one: SignalLimits) -> None:
+        """Limit nothing."""
+
+    def remove_limits(self, name: str) -> None:
+        """Do nothing."""
+
+    def apply_extras(self, extras: Extras) -> None:
+        """Do nothing."""
 
     def update(self, *, read_script: bool = True) -> None:
         """Do nothing."""

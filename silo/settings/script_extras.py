@@ -86,6 +86,15 @@ def format_extras(extras: Extras) -> str:
     return "".join(lines)
 
 
+def extras_text(extras: Extras) -> str:
+    """Return how many there are of each, in words."""
+    counts = [
+        (len(extras.derived), "derived signal"), (len(extras.limits), "limit"), (len(extras.triggers), "trigger")
+    ]  # fmt: skip
+    told = [f"{count} {noun}{'s' if count != 1 else ''}" for count, noun in counts if count]
+    return ", ".join(told) or "no derived signals, limits, triggers any more"
+
+
 def checked_extras(extras: Extras, elements: Sequence[ElementInfo], prefix: str) -> Extras:
     """Return extras that fit a table. Raises ElementError for the first that doesn't."""
     from silo.judging.extras import with_derived, with_limits, with_trigger

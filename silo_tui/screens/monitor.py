@@ -15,6 +15,7 @@ from textual.timer import Timer
 
 from silo.errors import SiloError
 from silo.ipc.frames import Frame
+from silo.model import TriggerOptions
 from silo_tui.actions import bindings_for
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
@@ -370,6 +371,25 @@ class MonitorScreen(StandingStill):
                 self.fill_soon()
                 return
         self.say("these can't be arranged in another way")
+
+    def command_plot_trigger(self) -> None:
+        from silo_tui.screens.trigger_editor import TriggerEditor
+
+        if not self.stack.plots or not self.stack.chosen_plot.numeric:
+            self.say("a trigger needs a signal of numbers")
+            return
+        name = self._short(self.stack.chosen_plot.name).lstrip("/")
+        level = self._value_here() or "0"
+        made = TriggerOptions(name.rpartition("/")[2], f"{name} > {level}", 1.0, 1.0)
+        self.app.push_screen(TriggerEditor(self.session, made, is_new=True), self._take_trigger)
+
+    def _take_trigger(self, made: TriggerOptions | None) -> None:
+        if made is not None:
+            self.context.run_flow(self._set_trigger(made))
+
+    async def _set_trigger(self, made: TriggerOptions) -> None:
+        self.say(await self.context.link.call(lambda client: client.set_trigger(made)))
+        await self.session.refresh_conditions()
 
     def command_drop_plot(self) -> None:
         plots = self.stack.plots

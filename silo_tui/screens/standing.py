@@ -163,6 +163,11 @@ class StandingStill(SiloScreen):
             self._show(time_ns + self.window.span_ns // 2)
         self._go_to(time_ns)
 
+    def show_moment_of(self, time_ns: int) -> None:
+        """Stand still at a moment: it has the cursor, in the middle of the window."""
+        self._pause_here()
+        self._jump_to(time_ns)
+
     def command_closer(self) -> None:
         self._zoom(closer=True)
 

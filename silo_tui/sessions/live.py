@@ -14,6 +14,7 @@ import numpy as np
 
 from silo.columns import MAX_COLUMNS, HistoryColumns
 from silo.errors import RefusedError
+from silo.ipc.conditions import LimitStatus, TriggerStatus
 from silo.ipc.frames import Frame
 from silo.ipc.messages import Recordings, RefusedWhy, Unsaved
 from silo.ipc.published import Event, EventKind
@@ -45,6 +46,12 @@ NO_STATUS = Status(
 )  # fmt: skip
 
 
+_CONDITION_KINDS = {
+    EventKind.TRIGGERED, EventKind.CAPTURED, EventKind.BLIND, EventKind.LIMIT, EventKind.LIMIT_ENDED,
+    EventKind.CONDITIONS, EventKind.STARTED, EventKind.STOPPED, EventKind.SCRIPT_LOADED,
+}  # fmt: skip
+
+
 class Session:
     """State and commands of one logger. Lives in the event loop."""
 
@@ -68,6 +75,10 @@ class Session:
         self.overlay: Overlay | None = None  # a saved run over the plots
         self.left_files: list[SavedFile] = []  # of a robot program that died
         self.jitter_s = 0.0  # of the loop, as the newest survey says
+        self.triggers: list[TriggerStatus] = []
+        self.limits: list[LimitStatus] = []  # worst first
+        self.beyond: dict[str, str] = {}  # the worst sign of each element that is beyond its limits
+        self.conditions_due = True  # something happened to them since they were asked for
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
     # ------------------------------------------------------------------------------------------------ what is
@@ -141,6 +152,28 @@ class Session:
     async def aside(self, job: "Callable[[Client], Result]") -> "Result":
         """Run a call that may take minutes."""
         return await self._link.aside(job)
+
+    async def refresh_conditions(self) -> None:
+        """Ask how triggers and limits stand."""
+        self.conditions_due = False
+        try:
+            self.triggers = (await self._link.read(lambda client: client.triggers())).triggers
+            self.limits = (await self._link.read(lambda client: client.alarms())).limits
+            self.beyond = self._beyond()
+        except RefusedError:
+            self.triggers, self.limits, self.beyond = [], [], {}  # of a helper process of an older silo
+            raise
+
+    def _beyond(self) -> dict[str, str]:
+        found: dict[str, str] = {}
+        over = [one for one in self.limits if one.is_over]
+        if over:
+            elements = {
+                info.name + entry.suffix: info.name for info in self.table.elements for entry in info.entries
+            }  # fmt: skip
+            for one in over:  # the worst come first
+                found.setdefault(elements.get(one.name, one.name), one.word.value)
+        return found
 
     async def apply(self) -> int:
         """Apply the pending edits as one transaction and return how many elements changed.
@@ -258,6 +291,7 @@ class Session:
 
     async def take_event(self, event: Event) -> None:
         """Follow what happened in the logger."""
+        self.conditions_due = self.conditions_due or event.kind in _CONDITION_KINDS
         if event.job:
             self.saves[event.job] = event
         if event.kind is EventKind.CRASHED:
@@ -282,6 +316,7 @@ class Session:
         Returns what to say: the client goes over to a new robot program of the same name by itself.
         """
         before = self.status
+        self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
         hello = await self._link.call(lambda client: client.hello())
         self.may_edit = hello.may_edit

@@ -27,6 +27,7 @@ class FileSession(Session):
         path = Path(log.path)
         super().__init__(path.name, FILE_COLUMNS)
         recording = log.recording
+        self.capture = recording.extras.capture  # where a trigger fired
         self.source = RecordingSource(recording, list(log))
         size_bytes = path.stat().st_size if path.is_file() else 0
         self.report = reports.report(recording, log.path, size_bytes)

@@ -13,6 +13,7 @@ from silo.ipc.surveys import SLOW_SHARE
 from silo.model import State
 from silo_tui.actions import BY_ID, Command, footer_for, with_keys
 from silo_tui.model import text
+from silo_tui.model.conditions import head_words
 from silo_tui.model.orders import STEADY
 from silo_tui.model.plots import PlotWindow
 from silo_tui.sessions.live import Session
@@ -82,6 +83,7 @@ class StatusBar(Widget):
             line.append(f"  {text.count(session.ticks)} ticks")
         lost = session.lost_total
         line.append(f"  lost {text.count(lost)}", style=f"bold {color(variables, 'error')}" if lost else "")
+        line.append_text(self._conditions())
         if not session.may_edit or self._read_only:
             line.append("  read-only", style=color(variables, "warning"))
         if status.durable_ticks >= 0:  # storage="disk"
@@ -91,6 +93,15 @@ class StatusBar(Widget):
         if thin := thin_head(self.app):
             line.append(f"  {thin}", style=color(variables, "warning"))
         return line
+
+    def _conditions(self) -> Text:
+        """The worst alarm, and how many triggers watch."""
+        alarm, is_red, watching = head_words(self.session.triggers, self.session.limits)
+        words = Text()
+        if alarm:
+            style = color(self.app.theme_variables, "error" if is_red else "warning")
+            words.append(f"  {alarm}", style=f"bold {style}")
+        return words.append(f"  {watching}" if watching else "")
 
 
 def color(variables: dict[str, str], name: str) -> str:

@@ -108,6 +108,9 @@ def _sign(pane: LivePane, row: int) -> tuple[str, str]:
         return "~~", "live--quiet"
     bits = session.table.facts.signs(len(session.table))[row]
     letters = worst(int(bits)) if session.table.server[Field.ENABLED, row] else ""
+    beyond = session.beyond.get(session.table.names[row], "") if session.beyond else ""
+    if beyond and letters not in BAD:  # what isn't measured rightly says nothing of limits
+        return beyond, "live--lost" if beyond in ("HH", "LL") else "live--caution"
     return letters, _style(letters)
 
 

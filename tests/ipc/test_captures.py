@@ -112,9 +112,19 @@ def test_a_script_that_a_client_saves_has_what_is_derived_limited_and_triggered(
     assert read_script(tmp_path / "scripts" / "new.yaml").extras == bench.logger.extras
 
 
-def test_a_script_whose_triggers_a_client_can_not_set_says_so(bench, client, events, tmp_path):
+def test_a_script_that_a_client_loads_sets_triggers(bench, client, events, tmp_path):
     text = "log_elements: []\ntriggers:\n  - {name: late, when: x > 300}\n"
     (tmp_path / "scripts" / "with.yaml").write_text(text)
     client.load_script("with.yaml")
     told = wait_until(lambda: next((event for event in events if event.kind is EventKind.SCRIPT_LOADED), None))
-    assert "triggers are read when the program starts" in told.text
+    assert told.text.endswith("; 1 trigger")
+    assert [one.when for one in bench.logger.extras.triggers] == ["x > 300"]
+
+
+def test_a_script_with_a_trigger_that_fits_not_changes_nothing(bench, client, tmp_path):
+    text = "log_elements:\n  - {name: /log/x, divider: 7}\ntriggers:\n  - {name: late, when: nobody > 300}\n"
+    (tmp_path / "scripts" / "with.yaml").write_text(text)
+    with pytest.raises(silo.RefusedError, match="nobody"):
+        client.load_script("with.yaml")
+    assert bench.logger.extras.triggers == ()
+    assert bench.logger["x"].options.divider == 1

@@ -212,9 +212,9 @@ class TestLogger:
         with pytest.raises(silo.ExpressionError):
             log.derive("a", "b + 1")
 
-    def test_while_running_nothing_is_derived_or_limited(self, log):
+    def test_while_running_nothing_is_derived_and_no_script_read(self, log):
         log.start()
-        for change in (lambda: log.derive("x", "mode"), lambda: log.limit("mode", (0, 1, 2, 3))):
+        for change in (lambda: log.derive("x", "mode"), lambda: log.apply_extras(log.extras)):
             with pytest.raises(silo.StateError):
                 change()
 

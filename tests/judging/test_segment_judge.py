@@ -157,3 +157,13 @@ def test_a_start_without_a_helper_says_that_nobody_judges(robot, caplog):
     with caplog.at_level(logging.WARNING, "silo"):
         robot.start()
     assert "spike: triggers are judged by the helper process, and there is none: call serve()" in caplog.text
+
+
+def test_what_keeps_its_first_samples_hinders_no_trigger(robot):
+    robot.logger.add(np.zeros(()), "gain", buffer_type="fixed", buffer_size=1)
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="20ms", post="10ms")
+    robot.start()
+    robot.ticks(500, [(317, 1), (320, 0)])
+    (spool,) = robot.judge.step().whole
+    log = silo.Log(spool.recording())
+    assert len(log["fast/x_0"]) == 31

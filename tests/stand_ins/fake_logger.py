@@ -14,10 +14,12 @@ import numpy as np
 from silo.columns import ColumnGrid, HistoryColumns, bins_of
 from silo.errors import ConnectionLostError, ScriptError
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
+from silo.ipc.conditions import LimitStatus, TriggerStatus, TriggerWord
 from silo.ipc.exchange import RequestRefusedError
 from silo.ipc.fetching import Fetch
 from silo.ipc.frames import Frame
 from silo.ipc.messages import (
+    Alarms,
     EditsApplied,
     GetPiece,
     HelloReply,
@@ -29,6 +31,8 @@ from silo.ipc.messages import (
     Scripts,
     ScriptText,
     Survey,
+    Triggers,
+    TriggerTried,
     Unsaved,
 )
 from silo.ipc.published import Event, EventKind, NotLive
@@ -45,9 +49,11 @@ from silo.model import (
     FileType,
     Problem,
     SavedFile,
+    SignalLimits,
     State,
     Status,
     Table,
+    TriggerOptions,
 )
 from silo.settings.rules import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
@@ -212,6 +218,8 @@ class FakeClient:
         self._folder = RecordingFolder()
         self.views: list[FakeView] = []
         self.pins: list[FakePin] = []
+        self.trigger_statuses: list[TriggerStatus] = []
+        self.limit_statuses: list[LimitStatus] = []
         self.since_ns = 0  # of the statistics
         self.facts: dict[str, dict[str, float]] = {}  # measured values that a test sets, by quantity and name
         self._recorded: dict[str, ElementOptions] = {}  # what the held recording was made with
@@ -578,6 +586,54 @@ class FakeClient:
             grid.add(row, bins_of(some.time_ns, column_ns), some.values)
         bases = dict(enumerate(grid.bases))
         return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases, pin.opened.end_ns)
+
+    def triggers(self) -> Triggers:
+        self._ask()
+        return Triggers("run", self.ticks, list(self.trigger_statuses))
+
+    def alarms(self) -> Alarms:
+        self._ask()
+        return Alarms("run", self.ticks, list(self.limit_statuses))
+
+    def try_trigger(self, trigger: TriggerOptions) -> TriggerTried:
+        self._ask()
+        if "nobody" in trigger.when:
+            raise refused(RefusedWhy.INVALID, "no signal is named 'nobody'")
+        begin, end = self.now_ns - 60 * 10**9, self.now_ns
+        return TriggerTried(3, [1, 2, 3], [begin, begin + 30 * 10**9, end], 0, 6000, begin, end, 6000, 0, 1_900_000)
+
+    def set_trigger(self, trigger: TriggerOptions) -> str:
+        self._ask()
+        self.calls.append(("set_trigger", trigger))
+        made = TriggerStatus(trigger, TriggerWord.ARMED)
+        self.trigger_statuses = [one for one in self.trigger_statuses if one.options.name != trigger.name] + [made]
+        return f"trigger '{trigger.name}' is set"
+
+    def remove_trigger(self, name: str) -> str:
+        self._ask()
+        self.calls.append(("remove_trigger", name))
+        self.trigger_statuses = [one for one in self.trigger_statuses if one.options.name != name]
+        return f"trigger '{name}' is removed"
+
+    def arm_trigger(self, name: str, *, armed: bool = True) -> str:
+        self._ask()
+        self.calls.append(("arm_trigger", name, armed))
+        return f"trigger '{name}' is {'armed' if armed else 'off'}"
+
+    def force_trigger(self, name: str) -> str:
+        self._ask()
+        self.calls.append(("force_trigger", name))
+        return f"trigger '{name}' was fired at tick {self.ticks}"
+
+    def acknowledge(self, names: Sequence[str] = (), who: str = "") -> str:
+        self._ask()
+        self.calls.append(("acknowledge", *names))
+        return "1 alarm seen by ann"
+
+    def set_limits(self, limits: SignalLimits) -> str:
+        self._ask()
+        self.calls.append(("set_limits", limits))
+        return f"limits of '{limits.name}' are set"
 
     def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
         self._ask()

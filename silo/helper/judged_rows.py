@@ -1,0 +1,97 @@
+"""Rows of a run as expressions want them: columns of float64 by element and entry, from one tick on."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from silo.collecting.schema import ElementSchema
+from silo.collecting.segment_reader import SegmentReader
+from silo.judging.binding import OFF, Bound, Catalogue, Column, Known
+from silo.judging.evaluation import SourceRows
+from silo.model import BufferType, ElementInfo
+from silo.values import as_floats
+
+
+@dataclass(frozen=True)
+class _Off:
+    """An element of the table that isn't logged in this run."""
+
+    info: ElementInfo
+
+
+class JudgedRows:
+    """Reads behind the heads of the rings; a source is a ring."""
+
+    def __init__(self, reader: SegmentReader, table: Sequence[ElementInfo]) -> None:
+        """`table` names the elements that are off too."""
+        self._reader = reader
+        schema = reader.schema
+        logged = {element.info.name: element for element in schema.elements}
+        self._elements: list[ElementSchema | _Off] = [
+            *schema.elements,
+            *(_Off(info) for info in table if info.name not in logged),
+        ]
+        self.catalogue = Catalogue([self._known(one) for one in self._elements], schema.prefix, schema.extras.derived)
+        self._wanted: dict[int, set[tuple[int, int]]] = {}
+        self._cursors: dict[int, int] = {}
+
+    def _known(self, element: ElementSchema | _Off) -> Known:
+        info = element.info
+        if isinstance(element, _Off):
+            return Known(info.name, info.entries, info.unit, OFF, info.options.divider)
+        return Known(info.name, info.entries, info.unit, self._ring_of(element), info.options.divider)
+
+    def _ring_of(self, element: ElementSchema) -> int:
+        # of what keeps its first samples only, the ring for live views has the rest
+        fixed = self._reader.schema.rings[element.ring].buffer_type is BufferType.FIXED
+        return element.live_ring if fixed and element.live_ring >= 0 else element.ring
+
+    def want(self, columns: Iterable[Column], since: int) -> None:
+        """Read these and no others from now on: what was not read before from tick `since` on."""
+        self._wanted = {}
+        for column in columns:
+            if column.source != OFF:
+                self._wanted.setdefault(column.source, set()).add((column.element, column.entry))
+        self._cursors = {
+            ring: self._cursors.get(ring, -(-since // self._reader.schema.rings[ring].divider)) for ring in self._wanted
+        }
+
+    @property
+    def shortest_s(self) -> float:
+        """The time that the shortest of the rings holds."""
+        schema = self._reader.schema
+        rings = [schema.rings[ring] for ring in self._wanted if schema.rings[ring].buffer_type is BufferType.LOOPING]
+        return min([ring.capacity * ring.divider / schema.frequency_hz for ring in rings], default=float("inf"))
+
+    def oldest_tick(self) -> int:
+        """Return the oldest tick of which any of the rings has a row."""
+        rings = self._reader.schema.rings
+        return min([self._reader.rows(ring, 0, 1).first * rings[ring].divider for ring in self._wanted], default=0)
+
+    def read(self, until: int) -> tuple[Mapping[int, SourceRows], int]:
+        """Return the rows before tick `until` that are new, and how many ticks were overwritten before."""
+        found, lost = {}, 0
+        for ring in self._wanted:
+            found[ring], missed = self._read(ring, until)
+            lost = max(lost, missed)
+        return found, lost
+
+    def _read(self, ring: int, until: int) -> tuple[SourceRows, int]:
+        cursor, lost = self._cursors[ring], 0
+        divider = self._reader.schema.rings[ring].divider
+        rows = self._reader.rows(ring, cursor, max(-(-until // divider) - cursor, 0))
+        if rows.first > cursor:
+            lost = (rows.first - cursor) * divider
+            rows = self._reader.rows(ring, rows.first, max(-(-until // divider) - rows.first, 0))
+        self._cursors[ring] = rows.first + len(rows)
+        columns = {}
+        for element, entry in self._wanted[ring]:
+            schema = self._elements[element]
+            assert isinstance(schema, ElementSchema)
+            entries = schema.entries if ring == schema.ring else schema.live_entries
+            columns[element, entry] = as_floats(rows.column(entries[entry]))
+        return SourceRows(rows.ticks, rows.time_ns, columns), lost
+
+    def off_names(self, expressions: Iterable[Bound]) -> list[str]:
+        """Return the elements in expressions that are off."""
+        places = {column.element for bound in expressions for column in bound.columns if column.source == OFF}
+        return [self._elements[place].info.name for place in sorted(places)]

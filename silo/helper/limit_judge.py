@@ -1,0 +1,291 @@
+"""Limits judged on every sample of a run: states, worst values, and words for clients.
+
+Belongs to the judge thread. Nearly always all is green: signals of one ring are looked at together, by one minimum and
+one maximum per batch, and only what is not green, or was not, is judged sample by sample.
+"""
+
+import math
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.errors import ElementError
+from silo.helper.judged_rows import JudgedRows
+from silo.ipc.conditions import LimitStatus, LimitWord
+from silo.judging.binding import OFF, Bound, Column, Signal
+from silo.judging.evaluation import Evaluator, SourceRows
+from silo.judging.extras import bind_limits, scalar_names
+from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
+from silo.model import SignalLimits
+
+TELL_AGAIN_S = 1.0  # a scalar that flutters is one event in so long
+MOST_NEWS = 20  # events of one look
+
+_WORDS = {
+    Level.RED_HIGH: LimitWord.RED_HIGH,
+    Level.YELLOW_HIGH: LimitWord.YELLOW_HIGH,
+    Level.GREEN: LimitWord.OK,
+    Level.YELLOW_LOW: LimitWord.YELLOW_LOW,
+    Level.RED_LOW: LimitWord.RED_LOW,
+}
+
+
+@dataclass
+class _Scalar:
+    """What is kept of one scalar beside its state: the worst of its violations, and what clients were told."""
+
+    name: str
+    worst: Violation | None = None
+    told_count: int = 0
+    told_s: float = -math.inf
+    told_over: bool = False
+
+
+@dataclass
+class _Limited:
+    """The limits of one signal. Without an evaluator its columns are those of one ring, and no context."""
+
+    options: SignalLimits
+    why: str = ""
+    scalars: list[_Scalar] = field(default_factory=list)
+    unit: str = ""
+    limit: Limit = field(default_factory=lambda: Limit(LimitRule()))
+    expressions: tuple[Bound, ...] = ()
+    evaluator: Evaluator | None = None
+    newest: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    stirred: bool = False  # not all of it is green, or was
+
+    def columns(self) -> list[Column]:
+        return [column for bound in self.expressions for column in bound.columns]
+
+    def take(self, found: Sequence[Violation]) -> None:
+        """Note what samples brought."""
+        for violation in found:
+            scalar = self.scalars[violation.entry]
+            if scalar.worst is None or scalar.worst.number == violation.number or _is_worse(violation, scalar.worst):
+                scalar.worst = violation
+        self.stirred = bool(self.limit.rule.stale_ns) or any(_stirs(state) for state in self.limit.states)
+
+
+def _stirs(state: EntryState) -> bool:
+    return bool(state.level or state.pending_samples or state.is_open)
+
+
+def _is_worse(one: Violation, other: Violation) -> bool:
+    """Red goes before yellow; within a range what is farther out, on the same side."""
+    if abs(one.worst) != abs(other.worst):
+        return abs(one.worst) > abs(other.worst)
+    if one.worst != other.worst:
+        return True
+    return one.peak > other.peak if one.worst > 0 else one.peak < other.peak
+
+
+class _Together:
+    """Plain limits whose signals have their samples in one ring."""
+
+    def __init__(self, limited: list[_Limited]) -> None:
+        self.limited = limited
+        self.keys = [(column.element, column.entry) for one in limited for column in one.columns()]
+        widths = [len(one.scalars) for one in limited]
+        self.starts = np.concatenate([[0], np.cumsum(widths)[:-1]]).astype(np.intp)
+        self.low = np.repeat([one.limit.rule.yellow_low for one in limited], widths)
+        self.high = np.repeat([one.limit.rule.yellow_high for one in limited], widths)
+
+    def feed(self, rows: SourceRows) -> None:
+        if not len(rows.ticks):
+            return
+        block = np.stack([rows.columns[key] for key in self.keys], axis=1)
+        # False too where there is a NaN
+        green = (block.min(axis=0) >= self.low) & (block.max(axis=0) <= self.high)
+        quiet = np.logical_and.reduceat(green, self.starts).tolist()
+        for one, is_quiet, start in zip(self.limited, quiet, self.starts.tolist(), strict=True):
+            stop = start + len(one.scalars)
+            one.newest = block[-1, start:stop]
+            if not is_quiet or one.stirred:
+                one.take(one.limit.feed(rows.ticks, rows.time_ns, block[:, start:stop]))
+
+
+class LimitJudge:
+    """All limits of one run."""
+
+    def __init__(self, rows: JudgedRows) -> None:
+        self._rows = rows
+        self._limited: dict[str, _Limited] = {}
+        self._together: dict[int, _Together] = {}
+
+    def adopt(self, limits: Iterable[SignalLimits], problems: list[str]) -> None:
+        """Judge these from now on; those that stay the same go on as they are."""
+        before = self._limited
+        self._limited = {}
+        for options in limits:
+            known = before.get(options.name)
+            same = known is not None and known.options == options
+            self._limited[options.name] = known if known is not None and same else self._begun(options, problems)
+        by_ring: dict[int, list[_Limited]] = {}
+        for one in self._limited.values():
+            if one.evaluator is None and not one.why:
+                by_ring.setdefault(one.expressions[0].columns[0].source, []).append(one)
+        self._together = {ring: _Together(limited) for ring, limited in by_ring.items()}
+
+    def _begun(self, options: SignalLimits, problems: list[str]) -> _Limited:
+        catalogue = self._rows.catalogue
+        try:
+            rule, expressions = bind_limits(options, catalogue)
+        except ElementError as error:
+            problems.append(f"limits of '{options.name}' are not judged: {error}")
+            return _Limited(options, str(error), [_Scalar(options.name)])
+        signal = expressions[0]
+        scalars = [_Scalar(name) for name in scalar_names(signal, catalogue, options.name)]
+        if not signal.sources:
+            off = ", ".join(self._rows.off_names(expressions)[:3])
+            return _Limited(options, f"{off} is off", scalars, signal.unit)
+        sources = {column.source for column in signal.columns}
+        plain = len(expressions) == 1 and isinstance(signal.root, Signal) and len(sources) == 1 and OFF not in sources
+        return _Limited(
+            options, "", scalars, signal.unit, Limit(rule, len(scalars)), expressions,
+            None if plain else Evaluator(*expressions), np.full(len(scalars), np.nan), bool(rule.stale_ns),
+        )  # fmt: skip
+
+    @property
+    def active(self) -> bool:
+        """Whether there is any limit."""
+        return bool(self._limited)
+
+    @property
+    def columns(self) -> list[Column]:
+        """What must be read for them."""
+        return [column for one in self._limited.values() if not one.why for column in one.columns()]
+
+    def feed(self, rows: Mapping[int, SourceRows]) -> None:
+        """Judge the next rows of each ring."""
+        for ring, together in self._together.items():
+            together.feed(rows[ring])
+        for one in self._limited.values():
+            if one.evaluator is not None:
+                self._evaluate(one, one.evaluator, rows)
+
+    def _evaluate(self, one: _Limited, evaluator: Evaluator, rows: Mapping[int, SourceRows]) -> None:
+        judged = evaluator.feed({ring: rows[ring] for ring in evaluator.sources})
+        if not len(judged.ticks):
+            return
+        # held values of a slower signal are no new samples
+        own = (
+            np.isin(judged.ticks, _sample_ticks(one.expressions[0], rows))
+            if len(evaluator.sources) > 1
+            else slice(None)
+        )
+        values = judged.numbers()[own].reshape(-1, len(one.scalars))
+        if len(values):
+            context = judged.codes(1)[own] if len(one.expressions) > 1 else None
+            one.newest = values[-1]
+            one.take(one.limit.feed(judged.ticks[own], judged.time_ns[own], values, context))
+
+    def check_stale(self, now_ns: int) -> None:
+        """Note what has had no new value for too long."""
+        for one in self._limited.values():
+            if not one.why and one.limit.rule.stale_ns:
+                one.limit.check_stale(now_ns)
+
+    def acknowledge(self, names: Sequence[str], who: str, time_ns: int) -> int:
+        """Note that somebody has seen the alarms of these scalars, of all without names; returns how many."""
+        count = 0
+        for one in self._limited.values():
+            chosen = None if not names else {at for at, scalar in enumerate(one.scalars) if scalar.name in names}
+            if not one.why:
+                count += one.limit.acknowledge(who, time_ns, chosen)
+        return count
+
+    # ------------------------------------------------------------------------------------------------------- words
+
+    def statuses(self) -> list[LimitStatus]:
+        """Return how each scalar stands."""
+        return [_status(one, at) for one in self._limited.values() for at in range(len(one.scalars))]
+
+    def news(self) -> list[tuple[bool, str]]:
+        """Return what clients must be told now: whether a scalar is beyond its limits or well again, in words."""
+        now_s = time.monotonic()
+        found = [
+            news
+            for one in self._limited.values()
+            if not one.why
+            for scalar, state in zip(one.scalars, one.limit.states, strict=True)
+            if state.count or state.stale_count
+            if (news := _news(one, scalar, state, now_s))
+        ]
+        more = len(found) - MOST_NEWS
+        return found if more <= 0 else [*found[:MOST_NEWS], (True, f"{more} more signals changed beside their limits")]
+
+
+def _sample_ticks(bound: Bound, rows: Mapping[int, SourceRows]) -> NDArray[np.int64]:
+    return np.concatenate([rows[ring].ticks for ring in bound.sources])
+
+
+def _bound_of(rule: LimitRule, level: Level) -> float | None:
+    """The bound that a level is beyond."""
+    found = {
+        Level.RED_HIGH: rule.red_high, Level.YELLOW_HIGH: rule.yellow_high, Level.YELLOW_LOW: rule.yellow_low,
+        Level.RED_LOW: rule.red_low,
+    }.get(level)  # fmt: skip
+    return found if found is not None and math.isfinite(found) else None
+
+
+def _word(state: EntryState, value: float) -> LimitWord:
+    if state.level:
+        return _WORDS[state.level]
+    if state.stale:
+        return LimitWord.STALE
+    return LimitWord.BLIND if math.isnan(value) and not state.count else LimitWord.OK
+
+
+def _status(one: _Limited, at: int) -> LimitStatus:
+    scalar = one.scalars[at]
+    if one.why:
+        return LimitStatus(scalar.name, one.options.name, LimitWord.BLIND, one.unit, why=one.why)
+    state, value = one.limit.states[at], float(one.newest[at])
+    word = _word(state, value)
+    made = LimitStatus(
+        scalar.name, one.options.name, word, one.unit, value if math.isfinite(value) else None,
+        count=state.count, stale_count=state.stale_count, alarm=bool(state.alarm or state.stale_alarm),
+        seen_by=state.acknowledged.who if state.acknowledged else "",
+        why="it has no value yet" if word is LimitWord.BLIND else "",
+    )  # fmt: skip
+    return _with_worst(made, one.limit.rule, state, scalar.worst)
+
+
+def _with_worst(made: LimitStatus, rule: LimitRule, state: EntryState, worst: Violation | None) -> LimitStatus:
+    stale_s = rule.stale_ns * 1e-9
+    if worst is None or state.violation is None:
+        return msgspec.structs.replace(made, limit=stale_s, since_ns=state.fresh_ns or 0) if state.stale_count else made
+    newest = state.violation
+    level = state.level or worst.worst
+    return msgspec.structs.replace(
+        made, limit=stale_s if made.word is LimitWord.STALE else _bound_of(rule, level), worst=worst.peak,
+        worst_word=_WORDS[worst.worst], worst_tick=worst.peak_tick, worst_ns=worst.peak_ns,
+        since_tick=newest.first_tick, since_ns=newest.first_ns, last_ns=newest.last_ns, samples=newest.samples,
+    )  # fmt: skip
+
+
+def _news(one: _Limited, scalar: _Scalar, state: EntryState, now_s: float) -> tuple[bool, str] | None:
+    count, over = state.count + state.stale_count, bool(state.level or state.stale or state.is_open)
+    if (count == scalar.told_count and over == scalar.told_over) or now_s - scalar.told_s < TELL_AGAIN_S:
+        return None
+    unit = "" if one.unit in ("", "-") else f" {one.unit}"
+    fresh = count > scalar.told_count
+    new = count - scalar.told_count
+    scalar.told_count, scalar.told_over, scalar.told_s = count, over, now_s
+    newest = state.violation
+    if not fresh:
+        return (False, f"{scalar.name} is within its limits again") if not over else None
+    if state.stale or newest is None:
+        return True, f"{scalar.name} == has had no new value for {one.limit.rule.stale_ns * 1e-9:g} s"
+    bound = _bound_of(one.limit.rule, newest.worst)
+    times = f", {new} times" if new > 1 else ""
+    ended = "" if over else "; within its limits again"
+    return True, (
+        f"{scalar.name} {_WORDS[newest.worst].value} {newest.peak:.6g}{unit} at tick {newest.peak_tick}, "
+        f"limit {bound:.6g}{unit}{times}{ended}"
+    )

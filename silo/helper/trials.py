@@ -1,0 +1,59 @@
+"""What a trigger would have done in all that the buffers hold: tried on the rows, nothing is set or captured."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from silo.collecting.schema import TIME_RING
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import ElementError
+from silo.helper.judged_rows import JudgedRows
+from silo.ipc.messages import TriggerTried
+from silo.judging.binding import bind
+from silo.judging.evaluation import UNOBSERVABLE, Evaluator
+from silo.judging.extras import trigger_rule
+from silo.judging.triggers import Fire, Trigger
+from silo.model import ElementInfo, TriggerOptions
+
+BATCH_TICKS = 16_384
+MOST_FIRES = 1000
+
+
+def try_trigger(options: TriggerOptions, reader: SegmentReader | None, table: Sequence[ElementInfo]) -> TriggerTried:
+    """Return when a trigger would have fired. Raises ElementError, for an expression with the place of its mistake."""
+    if reader is None or not reader.ticks:
+        raise ElementError("nothing was logged yet, so that there is nothing to try a trigger on: start the logger")
+    rows = JudgedRows(reader, table)
+    rule = trigger_rule(options, reader.schema.frequency_hz)
+    expressions = tuple(bind(text, rows.catalogue).condition() for text in (options.when, options.rearm) if text)
+    columns = [column for bound in expressions for column in bound.columns]
+    rows.want(columns, 0)
+    size = _capture_bytes(reader, rule.pre + rule.post + 1)
+    if not any(bound.sources for bound in expressions):
+        off = ", ".join(rows.off_names(expressions)[:3])
+        return TriggerTried(0, [], [], 0, -1, 0, 0, capture_bytes=size, why=f"{off} is off")
+    evaluator, trigger = Evaluator(*expressions), Trigger(rule)
+    begin, end = rows.oldest_tick(), reader.ticks
+    fires: list[Fire] = []
+    judged = blind = 0
+    for until in [*range(begin + BATCH_TICKS, end, BATCH_TICKS), end]:
+        found = evaluator.feed({ring: each for ring, each in rows.read(until)[0].items() if ring in evaluator.sources})
+        codes = found.codes(0)
+        judged += len(codes)
+        blind += int(np.count_nonzero(codes == UNOBSERVABLE))
+        rearm = found.codes(1) if options.rearm else None
+        captures = trigger.feed(found.ticks, found.time_ns, codes, rearm)
+        new = [fire for capture in captures for fire in capture.fires if not fires or fire.tick > fires[-1].tick]
+        fires = [*fires, *new][-MOST_FIRES:]
+    first, last = reader.rows(TIME_RING, begin, 1), reader.rows(TIME_RING, end - 1, 1)
+    return TriggerTried(
+        trigger.fires, [fire.tick for fire in fires], [fire.time_ns for fire in fires], begin, end - 1,
+        int(first.time_ns[0]) if len(first) else 0, int(last.time_ns[0]) if len(last) else 0, judged, blind, size,
+    )  # fmt: skip
+
+
+def _capture_bytes(reader: SegmentReader, ticks: int) -> int:
+    """About how large a capture of so many ticks is: what stands in its rows."""
+    schema = reader.schema
+    rings = {TIME_RING, *(one.ring for one in schema.elements if one.info.options.action.saves)}
+    return sum(8 * schema.rings[ring].row_words * (ticks // schema.rings[ring].divider) for ring in rings)

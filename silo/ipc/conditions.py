@@ -1,0 +1,109 @@
+"""How triggers and limits of a logger stand: what its helper process tells of them."""
+
+import enum
+
+import msgspec
+
+from silo.model import TriggerOptions
+
+
+class TriggerWord(str, enum.Enum):
+    """What a trigger does now. A word that only a newer silo knows is read as OTHER."""
+
+    ARMED = "armed"
+    FIRING = "firing"  # a capture is under way
+    HOLDOFF = "holdoff"
+    BLIND = "blind"  # its condition can't be told
+    FIRED = "fired"  # once, in mode single: arm it again
+    OFF = "off"
+    WAITING = "waiting"  # there is no run
+    OTHER = "other"
+
+    @classmethod
+    def _missing_(cls, _: object) -> "TriggerWord":
+        return cls.OTHER
+
+
+class TriggerStatus(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One trigger. `fires` and `captures` count those of this run; `why` tells why it is blind.
+
+    `last_tick` and `last_ns` are of the last fire, -1 and 0 where there was none; `files` those of its newest capture.
+    """
+
+    options: TriggerOptions
+    state: TriggerWord
+    fires: int = 0
+    captures: int = 0
+    last_tick: int = -1
+    last_ns: int = 0
+    holdoff_s: float = 0.0
+    why: str = ""
+    files: tuple[str, ...] = ()
+
+
+class LimitWord(str, enum.Enum):
+    """Where a value is now. A word that only a newer silo knows is read as OTHER."""
+
+    RED_HIGH = "HH"
+    YELLOW_HIGH = "H"
+    YELLOW_LOW = "L"
+    RED_LOW = "LL"
+    STALE = "=="
+    OK = "OK"
+    BLIND = "~~"
+    OTHER = "?"
+
+    @classmethod
+    def _missing_(cls, _: object) -> "LimitWord":
+        return cls.OTHER
+
+
+_RANKS = {word: rank for rank, words in enumerate((("HH", "LL"), ("H", "L"), ("==",), ("OK", "?"), ("~~",)))
+          for word in words}  # fmt: skip
+
+
+class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One scalar with limits. `limits` is the name that they were given to.
+
+    `limit` is the bound that is or was violated worst, and `worst` the value farthest beyond, `worst_word` the range it
+    was in; None where no bound ever was. `count` and `stale_count` count violations and stale times of this run,
+    `samples` the samples of the newest violation. `alarm`: it was violated, and nobody has acknowledged it; else
+    `seen_by` tells who has. `since_ns` is when the newest violation began.
+    """
+
+    name: str
+    limits: str
+    word: LimitWord
+    unit: str = ""
+    value: float | None = None
+    limit: float | None = None
+    worst: float | None = None
+    worst_word: LimitWord = LimitWord.OK
+    worst_tick: int = -1
+    worst_ns: int = 0
+    since_tick: int = -1
+    since_ns: int = 0
+    last_ns: int = 0
+    count: int = 0
+    samples: int = 0
+    stale_count: int = 0
+    alarm: bool = False
+    seen_by: str = ""
+    why: str = ""
+
+    @property
+    def violated(self) -> bool:
+        """Whether it was in this run, if only for one sample."""
+        return self.count > 0 or self.stale_count > 0
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it is now."""
+        return self.word not in (LimitWord.OK, LimitWord.BLIND, LimitWord.OTHER)
+
+
+def worst_first(found: list[LimitStatus]) -> list[LimitStatus]:
+    """Return alarms in the order to look at: red before yellow, not seen before seen, newest first, blind ones last."""
+    return sorted(
+        found, key=lambda one: (_RANKS[one.word.value], not one.alarm, not one.violated, -one.since_ns, one.name)
+    )  # fmt: skip

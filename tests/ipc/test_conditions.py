@@ -1,0 +1,292 @@
+"""Triggers and limits that clients set, arm, try and acknowledge while the robot runs."""
+
+import os
+
+import pytest
+
+import silo
+from silo.cli.main import run
+from silo.ipc.client import Client
+from silo.ipc.conditions import LimitWord, TriggerWord
+from silo.ipc.published import EventKind
+from silo.model import SignalLimits, TriggerOptions
+from silo.settings.script import read_script
+from tests.waiting import wait_until
+
+
+def trigger(client, name="high", state=None):
+    """A trigger's status; with a state as soon as it has it."""
+
+    def find():
+        found = next((one for one in client.triggers().triggers if one.options.name == name), None)
+        return found if found and state in (None, found.state) else None
+
+    return wait_until(find)
+
+
+def alarm(client, name="/log/x", **wanted):
+    """How a signal stands, as soon as it stands so."""
+
+    def find():
+        found = next((one for one in client.alarms().limits if one.name == name), None)
+        return found if found and all(getattr(found, key) == value for key, value in wanted.items()) else None
+
+    return wait_until(find)
+
+
+def judged(client, bench):
+    """Wait until all that was logged is judged."""
+    wait_until(lambda: client.triggers().tick >= bench.logger.ticks)
+
+
+class TestTriggers:
+    def test_one_that_is_set_while_it_runs_is_judged_from_now_on(self, bench, client, heard):
+        bench.logger.start()
+        bench.ticks(100)
+        assert client.set_trigger(TriggerOptions("high", "x % 50 == 0", pre_s=0.05)) == "trigger 'high' is set"
+        trigger(client, state=TriggerWord.ARMED)
+        bench.ticks(60)
+        fired = heard.wait(EventKind.TRIGGERED)
+        assert fired.text == "trigger 'high' fired at tick 149"
+        assert trigger(client).fires == 1
+
+    def test_one_that_the_program_sets_while_it_runs_is_judged_too(self, bench, client, heard):
+        bench.logger.start()
+        bench.ticks(10)
+        bench.logger.trigger("late", "x > 50")
+        trigger(client, "late", TriggerWord.ARMED)
+        bench.ticks(60)
+        assert heard.wait(EventKind.TRIGGERED).text == "trigger 'late' fired at tick 50"
+
+    def test_what_a_client_set_is_in_saved_scripts_and_in_the_next_run(self, bench, client, tmp_path):
+        client.set_trigger(TriggerOptions("high", "x > 5"))
+        assert trigger(client).state is TriggerWord.WAITING
+        wait_until(lambda: "x > 5" in client.read_script().text)
+        client.save_script("new.yaml")
+        assert read_script(tmp_path / "scripts" / "new.yaml").extras.triggers[0].when == "x > 5"
+        bench.logger.start()
+        bench.ticks(2)
+        trigger(client, state=TriggerWord.ARMED)
+
+    def test_it_survives_a_helper_process_that_dies(self, robots, runtime):
+        robot = robots("bot")
+        with Client.connect("bot") as client:
+            client.set_trigger(TriggerOptions("far", "x > 1e9"))
+            trigger(client, "far", TriggerWord.ARMED)
+
+            os.kill(robot.helper_pid, 9)
+            wait_until(lambda: not client.connected)
+            wait_until(lambda: client.connected)
+            robot.helper_pid = client.status().helper_pid
+            assert trigger(client, "far", TriggerWord.ARMED).options.when == "x > 1e9"
+
+    def test_off_it_does_not_fire_and_armed_again_it_does(self, bench, client, heard):
+        bench.logger.trigger("high", "x % 50 == 0")
+        bench.logger.start()
+        bench.ticks(10)
+        client.arm_trigger("high", armed=False)
+        assert trigger(client).state is TriggerWord.OFF
+        bench.ticks(100)
+        judged(client, bench)
+        assert client.arm_trigger("high") == "trigger 'high' is armed"
+        trigger(client, state=TriggerWord.ARMED)
+        bench.ticks(100)
+        assert heard.wait(EventKind.TRIGGERED).text == "trigger 'high' fired at tick 149"
+
+    def test_that_it_is_off_stands_in_scripts(self, bench, client):
+        bench.logger.trigger("high", "x > 5")
+        client.arm_trigger("high", armed=False)
+        assert bench.logger.extras.triggers[0].armed is False
+        wait_until(lambda: "armed: false" in client.read_script().text)
+
+    def test_a_single_one_has_fired_until_it_is_armed(self, bench, client):
+        bench.logger.trigger("high", "x % 50 == 0", mode="single")
+        bench.logger.start()
+        bench.ticks(60)
+        trigger(client, state=TriggerWord.FIRED)
+        client.arm_trigger("high")
+        assert trigger(client).state is TriggerWord.ARMED
+
+    def test_one_that_is_forced_captures_what_is_newest(self, bench, client, heard):
+        bench.logger.trigger("never", "x < 0", pre="50ms")
+        bench.logger.start()
+        bench.ticks(100)
+        judged(client, bench)
+        assert client.force_trigger("never") == "trigger 'never' was fired at tick 99"
+        bench.ticks(5)
+        (file,) = heard.wait(EventKind.CAPTURED).files
+        assert silo.open_log(file.path)["x"].values.tolist() == [95, 96, 97, 98, 99, 100]
+        assert wait_until(lambda: trigger(client, "never").files) == (file.path,)
+
+    def test_one_that_is_replaced_goes_on_counting(self, bench, client, heard):
+        bench.logger.trigger("high", "x > 20")
+        bench.logger.start()
+        bench.ticks(50)
+        heard.wait(EventKind.CAPTURED)
+        client.set_trigger(TriggerOptions("high", "x > 100"))
+        wait_until(lambda: trigger(client).options.when == "x > 100")
+        bench.ticks(100)
+        captured = wait_until(
+            lambda: len(found := [one for one in heard.events if one.kind is EventKind.CAPTURED]) > 1 and found
+        )
+        assert [one.files[0].path[-7:] for one in captured] == ["_1.silo", "_2.silo"]
+
+    def test_one_that_is_removed_is_gone(self, bench, client):
+        bench.logger.trigger("high", "x > 20")
+        assert client.remove_trigger("high") == "trigger 'high' is removed"
+        wait_until(lambda: not client.triggers().triggers)
+        with pytest.raises(silo.RefusedError, match="no trigger is called 'high', there is none"):
+            client.remove_trigger("high")
+
+    def test_one_of_an_element_that_is_off_is_blind_and_says_why(self, bench, client):
+        bench.logger.trigger("kept", "kept > 3")
+        bench.logger.disable("kept")
+        bench.logger.start()
+        bench.ticks(5)
+        assert trigger(client, "kept", TriggerWord.BLIND).why == "/log/kept is off"
+
+    @pytest.mark.parametrize(
+        ("options", "says"),
+        [
+            (TriggerOptions("a/b", "x > 3"), "contains '/'"), (TriggerOptions("a", "nobody > 3"), "nobody"),
+            (TriggerOptions("a", "x > 3", pre_s=60), "set size="), (TriggerOptions("a", "x > 3", slope="up"), "rising"),
+            (TriggerOptions("a", "x > 3", keep=-1), "keep"),
+        ],
+    )  # fmt: skip
+    def test_mistakes_are_refused_and_nothing_is_changed(self, bench, client, options, says):
+        with pytest.raises(silo.RefusedError, match=says):
+            client.set_trigger(options)
+        assert bench.logger.extras.triggers == ()
+
+    def test_tried_it_tells_when_it_would_have_fired_in_what_is_held(self, bench, client):
+        bench.logger.start()
+        bench.ticks(160)
+        tried = client.try_trigger(TriggerOptions("any", "x % 50 == 0", post_s=0.1))
+        assert (tried.fires, tried.ticks, tried.first, tried.last) == (3, [49, 99, 149], 0, 159)
+        assert tried.time_ns[0] == bench.begin_ns + 49 * bench.tick_ns
+        assert bench.logger.extras.triggers == ()
+
+    def test_tried_on_a_buffer_that_lapped_it_tells_what_is_held(self, bench, client):
+        bench.logger.start()
+        bench.ticks(3560)
+        tried = client.try_trigger(TriggerOptions("any", "x % 500 == 0"))
+        assert tried.first > 500
+        assert tried.ticks == [tick for tick in range(499, 3560, 500) if tick > tried.first]
+
+    def test_tried_with_a_mistake_it_shows_the_place(self, bench, client):
+        bench.logger.start()
+        bench.ticks(10)
+        with pytest.raises(silo.RefusedError, match=r"\^"):
+            client.try_trigger(TriggerOptions("any", "nobody > 3"))
+
+
+class TestLimits:
+    def test_one_sample_beyond_is_counted_with_its_peak(self, bench, client, heard):
+        bench.logger.limit("x", (None, None, 200, 300))
+        bench.logger.start()
+        bench.ticks(50)
+        bench.x[...] = 998
+        bench.ticks(1)
+        bench.x[...] = 10
+        bench.ticks(50)
+        found = alarm(client, count=1, word=LimitWord.OK)
+        assert (found.worst, found.worst_word, found.worst_tick, found.alarm) == (999, LimitWord.RED_HIGH, 50, True)
+        assert "/log/x HH 999 m at tick 50, limit 300 m" in heard.wait(EventKind.LIMIT).text
+
+    def test_what_is_acknowledged_is_no_alarm_any_more_and_says_by_whom(self, bench, client):
+        bench.logger.limit("x", (None, None, 20, 30))
+        bench.logger.start()
+        bench.ticks(25)
+        assert alarm(client, word=LimitWord.YELLOW_HIGH).alarm
+        assert client.acknowledge(["/log/x"], who="anna") == "1 alarm seen by anna"
+        found = alarm(client)
+        assert (found.alarm, found.seen_by, found.count) == (False, "anna", 1)
+        bench.ticks(10)
+        assert alarm(client, word=LimitWord.RED_HIGH).alarm
+
+    def test_the_limits_that_an_element_is_added_with_are_judged(self, bench, client):
+        more = bench.logger.array("more", 3, limits=(-2, -1, 1, 2), unit="V")
+        bench.logger.start()
+        more[1] = -1.5
+        bench.ticks(1)
+        found = alarm(client, "/log/more_y", word=LimitWord.YELLOW_LOW)
+        assert (found.value, found.limit, found.limits) == (-1.5, -1, "/log/more")
+        assert alarm(client, "/log/more_x").word is LimitWord.OK
+
+    def test_an_element_with_limits_that_make_no_sense_is_not_added(self, bench):
+        with pytest.raises(silo.ElementError, match="must rise"):
+            bench.logger.array("more", 3, limits=(2, 1, 1, 2))
+        bench.logger.update()
+        assert "/log/more" not in bench.logger
+
+    def test_limits_with_a_condition_and_of_derived_signals_are_judged(self, bench, client):
+        bench.logger.derive("twice", "2 * x")
+        bench.logger.limit("twice", (None, None, 90, 1000), when="gait == TROT")
+        bench.logger.start()
+        bench.ticks(60)
+        bench.gait[...] = 1
+        bench.ticks(2)
+        found = alarm(client, "/log/twice", count=1)
+        assert (found.word, found.since_tick) == (LimitWord.YELLOW_HIGH, 60)
+
+    def test_a_value_that_stays_the_same_is_stale(self, bench, client):
+        bench.logger.limit("kept", (None, None, None, 5), stale="200ms")
+        bench.logger.start()
+        bench.ticks(50)
+        assert alarm(client, "/log/kept", word=LimitWord.STALE).stale_count == 1
+
+    def test_of_an_element_that_is_off_they_are_blind(self, bench, client):
+        bench.logger.limit("kept", (None, None, None, 5))
+        bench.logger.disable("kept")
+        bench.logger.start()
+        bench.ticks(5)
+        assert alarm(client, "/log/kept").why == "/log/kept is off"
+
+    def test_a_client_gives_and_takes_limits_while_it_runs(self, bench, client):
+        bench.logger.start()
+        bench.ticks(50)
+        client.set_limits(SignalLimits("x", (None, None, 40, 100)))
+        wait_until(lambda: client.alarms().limits)
+        bench.ticks(1)
+        assert alarm(client, count=1).since_tick >= 50
+        client.remove_limits("x")
+        wait_until(lambda: not client.alarms().limits)
+
+    def test_they_are_known_after_a_robot_that_was_killed(self, robots, runtime):
+        robot = robots("bot")
+        with Client.connect("bot") as client:
+            client.set_limits(SignalLimits("x", (None, None, 1, 2)))
+            alarm(client, word=LimitWord.RED_HIGH)
+            robot.kill()
+            wait_until(lambda: client.status().state is silo.model.State.DEAD)
+            assert alarm(client).count == 1
+
+
+class TestCommands:
+    def test_a_trigger_is_set_tried_listed_and_removed(self, bench, client, capsys):
+        bench.logger.start()
+        bench.ticks(60)
+        assert run(["trigger", "bot", "test", "x % 20 == 0"]) == 0
+        assert "would have fired 3 times in the last 0.59 s (all that is held)" in capsys.readouterr().out
+        assert run(["trigger", "bot", "add", "high", "x > 100", "--pre", "50ms", "--mode", "single"]) == 0
+        trigger(client, state=TriggerWord.ARMED)
+        assert run(["trigger", "ls"]) == 0
+        assert "ARMED" in capsys.readouterr().out
+        assert run(["trigger", "force", "high"]) == 0
+        assert run(["trigger", "disarm", "bot", "high"]) == 0
+        assert run(["trigger", "arm", "high"]) == 0
+        assert run(["trigger", "rm", "high"]) == 0
+        assert bench.logger.extras.triggers == ()
+
+    def test_alarms_end_with_1_if_anything_was_violated(self, bench, client, capsys):
+        bench.logger.limit("x", (None, None, 40, 100))
+        bench.logger.start()
+        bench.ticks(20)
+        alarm(client, word=LimitWord.OK)
+        assert run(["alarms"]) == 0
+        bench.ticks(30)
+        alarm(client, word=LimitWord.YELLOW_HIGH)
+        assert run(["alarms", "bot"]) == 1
+        assert "H" in capsys.readouterr().out
+        assert run(["alarms", "--json"]) == 1
+        assert '"word":"H"' in capsys.readouterr().out
