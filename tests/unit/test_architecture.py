@@ -41,7 +41,7 @@ def test_every_folder_and_module_is_in_the_picture_and_in_the_table(drawing):
 
 
 def test_links_lead_to_files_that_there_are(drawing):
-    pages = [*(ROOT / ".docs").rglob("*.md"), *(ROOT / ".github").rglob("*.md")]
+    pages = [ROOT / "README.md", *(ROOT / ".docs").rglob("*.md"), *(ROOT / ".github").rglob("*.md")]
     links = [(page, link) for page in pages for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text())]
     assert links
     assert [(page, link) for page, link in links if not (page.parent / link).exists()] == []

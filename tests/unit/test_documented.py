@@ -5,13 +5,17 @@ import enum
 import inspect
 import re
 import textwrap
+from pathlib import Path
 
 import msgspec
 import pytest
 
 import silo
 from silo import errors
+from silo.ipc.exchange import encoded
+from silo.ipc.messages import GetStatus
 from silo.ipc.topic import Batch, Topic
+from silo.ipc.versions import PROTOCOL
 
 ERRORS = {name for name, found in vars(errors).items() if inspect.isclass(found)} | {"ExpressionError"}
 # what it takes and returns is what Logger says; its own docstrings say what it does instead
@@ -107,3 +111,12 @@ def test_a_class_says_what_it_is_made_of(name):
     if cls is silo.NullLogger:
         return  # takes the arguments of Logger
     assert [field for field in fields if not field.startswith("_") and not re.search(rf"\b{field}\b", words)] == []
+
+
+def test_the_protocol_is_described_by_its_present_number_and_tag():
+    page = (Path(__file__).resolve().parents[2] / ".docs" / "protocol.md").read_text()
+    assert f"Protocol {PROTOCOL}.\n" in page
+    assert "a map with its name under\n`type`" in page
+    assert msgspec.msgpack.decode(encoded(GetStatus(client="somebody"))).items() >= {
+        "type": "GetStatus", "client": "somebody", "protocol": PROTOCOL,
+    }.items()  # fmt: skip
