@@ -37,6 +37,13 @@ class NoRoomError(SegmentError):
     """There is no room for the buffers: `needed_bytes` of which `free_bytes` are there."""
 
     def __init__(self, message: str, needed_bytes: int, free_bytes: int) -> None:
+        """Make the error.
+
+        Args:
+            message: what it says.
+            needed_bytes: how much the buffers need.
+            free_bytes: how much there is.
+        """
         super().__init__(message)
         self.needed_bytes, self.free_bytes = needed_bytes, free_bytes
 

@@ -92,9 +92,14 @@ _FIRST = re.compile(r"(?P<base>.+)_0")
 
 @told("silo.vector_at_position")
 def vector_at_position(vector_frame: str, position_frame: str) -> str:
-    """Kind of six numbers: a vector in one frame, and the position in another frame where it acts.
+    """Return the kind of six numbers: a vector in one frame, and the position in another frame where it acts.
 
-    Raises ElementError for names of frames that are empty or hold a comma or bracket.
+    Args:
+        vector_frame: the vector's frame.
+        position_frame: the position's frame.
+
+    Raises:
+        ElementError: a name is empty or holds a comma or bracket.
     """
     for frame in (vector_frame, position_frame):
         given = line("a frame's name", frame, "silo.vector_at_position('world', 'base')").strip()

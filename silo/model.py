@@ -82,7 +82,15 @@ class Threads(str, enum.Enum):
 
 
 class ElementOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How one element is logged: everything that the script and the terminal can edit."""
+    """How one element is logged: everything that the script and the terminal can edit.
+
+    Attributes:
+        enabled: whether it is logged.
+        divider: it is collected at ticks 0, d, 2d, ...
+        action: saved, published, or both.
+        buffer_type: which samples its buffer keeps.
+        buffer_size: samples.
+    """
 
     enabled: bool = True
     divider: Annotated[int, msgspec.Meta(ge=1, le=MAX_DIVIDER)] = 1
@@ -109,8 +117,15 @@ class Entry(msgspec.Struct, frozen=True):
 class ElementInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     """One row of the element table.
 
-    `kind` tells how the entries belong together (`silo.kinds`). `shape` is that of the source, `()` for a scalar.
-    `dtype` are the fields of a NumPy structure (`silo.kinds.struct_text`), empty for all else.
+    Attributes:
+        name: the full name.
+        unit: `-` for none.
+        kind: how the entries belong together (`silo.kinds`).
+        shape: that of the source, `()` for a scalar.
+        entries: the scalars, as they stand in saved files.
+        options: how it is logged.
+        description: a line about it.
+        dtype: the fields of a NumPy structure (`silo.kinds.struct_text`), empty for all else.
     """
 
     name: str
@@ -195,7 +210,22 @@ NO_EXTRAS = Extras()
 
 
 class LoggerOptions(msgspec.Struct, frozen=True):
-    """What a logger is made with; see `silo.Logger` for the meaning of each."""
+    """What a logger is made with; see `silo.Logger` for the meaning of each.
+
+    Attributes:
+        name: of the logger.
+        frequency_hz: control ticks per second.
+        max_time_s: how long fixed and growing logs may become.
+        prefix: start of all element names.
+        script: YAML file with the configuration.
+        folder: where saved files go.
+        storage: what data survives.
+        size_tiers: rings per divider and buffer type.
+        memory_limit_mb: what growing buffers may take together.
+        checked: variables are copied by NumPy instead of by address.
+        threads: who may call `collect()`.
+        id: drawn by the logger, tells it from others of its name.
+    """
 
     name: str = "silo"
     frequency_hz: float = 100.0
@@ -211,7 +241,11 @@ class LoggerOptions(msgspec.Struct, frozen=True):
     id: str = ""  # drawn by the logger, tells it from others of its name
 
     def default_buffer_size(self, divider: int) -> int:
-        """Return samples that hold `max_time_s` at this divider; 10 s when the logging time is not limited."""
+        """Return samples that hold `max_time_s`; 10 s when the logging time is not limited.
+
+        Args:
+            divider: that of the element.
+        """
         return buffer_size_for(self.max_time_s or 10.0, self.frequency_hz, divider)
 
 
@@ -287,7 +321,12 @@ class Table(msgspec.Struct, frozen=True):
 
 
 class Edit(msgspec.Struct, frozen=True):
-    """New options of one element (all fields; unchanged ones repeated)."""
+    """New options of one element (all fields; unchanged ones repeated).
+
+    Attributes:
+        name: the element.
+        options: its new options.
+    """
 
     name: str
     options: ElementOptions
@@ -302,7 +341,13 @@ class Problem(msgspec.Struct, frozen=True):
 
 
 class SavedFile(msgspec.Struct, frozen=True):
-    """One file (or bag folder) that a save wrote."""
+    """One file (or bag folder) that a save wrote.
+
+    Attributes:
+        path: where it is.
+        type: its format.
+        size_bytes: how much it takes, with all files of a bag.
+    """
 
     path: str
     type: FileType

@@ -91,10 +91,19 @@ class RecordedElement:
 class Recording:
     """A whole log at one moment.
 
-    `time_ns` has shape `(n,)`: int64 nanoseconds since 1970 (or of the logger's own clock), one per kept tick, oldest
-    first; the last one is tick `offset - 1`. `offset` counts the ticks since start (the original's "time
-    synchronization offset"). `started_ns` is the wall clock at start, 0 where unknown. `why` says in a few
-    words why it was saved.
+    Attributes:
+        logger: its name.
+        time_ns: shape `(n,)`: int64 nanoseconds since 1970 (or of the logger's own clock), one per kept tick, oldest
+            first; the last one is tick `offset - 1`.
+        offset: ticks since start (the original's "time synchronization offset").
+        elements: the samples of each.
+        prefix: start of all element names.
+        frequency_hz: control ticks per second, None where unknown.
+        started_ns: the wall clock at start, 0 where unknown.
+        time_looping: whether the oldest ticks were overwritten.
+        warnings: what is missing or damaged.
+        extras: derived signals, limits and triggers.
+        why: it was saved, in a few words.
     """
 
     logger: str

@@ -93,9 +93,17 @@ class Comparison:
         return notes
 
     def plot(self, name: str = "", **options: Any) -> Any:
-        """Plot a signal of both runs, the most different one by default; takes the options of `Signal.plot`.
+        """Plot a signal of both runs.
 
-        Raises ElementError where nothing differs, or that signal doesn't.
+        Args:
+            name: which; the most different one by default.
+            **options: those of `Signal.plot`.
+
+        Returns:
+            What `Signal.plot` returns.
+
+        Raises:
+            ElementError: nothing differs, or that signal doesn't.
         """
         text("name", name, 'comparison.plot("/log/joints/q_0")')
         found = [row for row in self.rows if not name or name in (row.name, row.name.split("/", 2)[-1])]
@@ -118,10 +126,20 @@ def compare(
 ) -> Comparison:
     """Compare two runs: every scalar that both have, at the times that both have.
 
-    a, b: logs, or what `open_log` takes. pattern: which elements. event: a function of a log that returns a mask
-    (`lambda log: log["mode"] == "TROT"`), whose first truth is the same moment in both runs, or the time itself in
-    seconds. signal: name of a signal by whose course the runs are laid on each other. By default their starts are.
-    tolerance: by how much numbers may differ. Raises ElementError.
+    Args:
+        a: a log, or what `open_log` takes.
+        b: the other one.
+        pattern: which elements.
+        event: a function of a log that returns a mask (`lambda log: log["mode"] == "TROT"`), whose first truth is the
+            same moment in both runs, or the time itself in seconds. By default their starts are.
+        signal: name of a signal by whose course the runs are laid on each other.
+        tolerance: by how much numbers may differ.
+
+    Returns:
+        What differs, most different first; false where nothing does.
+
+    Raises:
+        ElementError: an event that isn't in both, a signal without a course, an argument out of range.
     """
     first, second = _log(a), _log(b)
     allowed = real("tolerance", tolerance, 0, float("inf"), "")

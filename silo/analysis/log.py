@@ -56,12 +56,23 @@ class UnknownSignalError(ElementError, KeyError):
 
 @told("silo.open_log")
 def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> "Log":
-    """Open a log by path, by the start of its file name (the newest such in `folder`), or by run number.
+    """Open a saved log.
 
-    A folder or a glob (`logs/*.silo`) means the newest log there; `open_logs` opens all.
-    Every format that silo reads (`silo.files.formats`); of a file with another ending, the first bytes tell.
-    What a damaged file lacks is told by a `LogWarning` and in `log.warnings`. Raises `LogNotFoundError`,
-    `FileFormatError`.
+    Every format that silo reads (`silo.files.formats`); of a file with another ending, the first bytes tell. What a
+    damaged file lacks is told by a `LogWarning` and in `log.warnings`.
+
+    Args:
+        which: a path, the start of a file name (the newest such is meant), or a run number. A folder or a glob
+            (`logs/*.silo`) means the newest log there; `open_logs` opens all.
+        folder: where names and run numbers are looked for.
+
+    Returns:
+        The log; what is large in it is read when it is asked for.
+
+    Raises:
+        LogNotFoundError: there is none.
+        FileFormatError: it is no log, or damaged beyond reading.
+        ElementError: `which` is something else.
     """
     if not isinstance(which, str | bytes | os.PathLike):
         if not isinstance(which, numbers.Integral):
@@ -79,9 +90,17 @@ def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str]
 
 @told("silo.open_logs")
 def open_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".") -> "list[Log]":
-    """Open every log of a folder, or that a glob (`logs/run_*.silo`) or the start of a file name means, oldest first.
+    """Open several logs. Of one save in several formats the one that keeps most is taken.
 
-    Of one save in several formats the one that keeps most is taken. Raises `LogNotFoundError` if there is none.
+    Args:
+        which: a folder, a glob (`logs/run_*.silo`), or the start of a file name.
+        folder: where names are looked for.
+
+    Returns:
+        The logs, oldest first.
+
+    Raises:
+        LogNotFoundError: there is none.
     """
     paths = find_logs(file_path("which logs", which), file_path("folder", folder))
     return [open_log(path) for path in paths]
@@ -112,7 +131,16 @@ class Log(Mapping[str, Signal]):
     """
 
     def __init__(self, recording: Recording, path: str = "", start_ns: int | None = None) -> None:
-        """start_ns: where times count from; the first time stamp if not given."""
+        """Make a log of a recording; files are opened by `silo.open_log`.
+
+        Args:
+            recording: the samples.
+            path: the file they are from, to be shown.
+            start_ns: where times count from; the first time stamp if not given.
+
+        Raises:
+            ElementError: it is no recording.
+        """
         if not isinstance(recording, Recording):
             raise ElementError(f"Log takes a Recording, got {shown(recording)}; open files by silo.open_log(...)")
         self.recording = recording
@@ -175,7 +203,14 @@ class Log(Mapping[str, Signal]):
         return html_table(repr(self)[1:-1], ("element", "unit", "kind", "samples", "divider", "lost"), rows)
 
     def element(self, name: str) -> Signal:
-        """Return a signal by name, as `log[name]`."""
+        """Return a signal, as `log[name]`.
+
+        Args:
+            name: its name, with or without the prefix.
+
+        Raises:
+            UnknownSignalError: there is none of this name; the message has those most alike.
+        """
         return self[name]
 
     @property
@@ -193,17 +228,29 @@ class Log(Mapping[str, Signal]):
             raise UnknownNameError(f"a log has no '{name}': {way_out}", name=name)
 
     def names(self, pattern: str = "*") -> list[str]:
-        """Names of the elements that match a pattern with `*`, `?` and `[...]`, in the order of the file."""
+        """Return names of elements, in the order of the file.
+
+        Args:
+            pattern: with `*`, `?` and `[...]`, with or without the prefix.
+        """
         text("pattern", pattern, "log.names('/log/joints/*')")
         prefixed = f"{self.recording.prefix}/{pattern.lstrip('/')}"
         return [name for name in self if fnmatchcase(name, pattern) or fnmatchcase(name, prefixed)]
 
     def glob(self, pattern: str) -> list[Signal]:
-        """The signals whose names match a pattern."""
+        """Return the signals whose names match a pattern.
+
+        Args:
+            pattern: with `*`, `?` and `[...]`, with or without the prefix.
+        """
         return [self[name] for name in self.names(pattern)]
 
     def namespace(self, name: str) -> "Log":
-        """The part of the log below a namespace: `log.namespace("/log/joints")`. May be empty."""
+        """Return the part of the log below a namespace: `log.namespace("/log/joints")`. May be empty.
+
+        Args:
+            name: the namespace, with or without the prefix.
+        """
         bare = text("name", name, "log.namespace('/log/joints')").strip("/")
         starts = (f"/{bare}/", f"{bare}/", f"{self.recording.prefix}/{bare}/")
         kept = [element for element in self.recording.elements if element.name.startswith(starts)] if bare else None
@@ -217,7 +264,14 @@ class Log(Mapping[str, Signal]):
     def clip(self, start_s: float | None = None, stop_s: float | None = None) -> "Log":
         """Return the part of the log from `start_s` to `stop_s`, both included.
 
-        Times go on counting from the start of the whole log. Raises ElementError where there is no tick.
+        Times go on counting from the start of the whole log.
+
+        Args:
+            start_s: seconds since start; None: from the first tick.
+            stop_s: seconds since start; None: to the last tick.
+
+        Raises:
+            ElementError: there is no tick between them.
         """
         low, high = (self._bound(*each) for each in (("start_s", start_s, 0), ("stop_s", stop_s, -1)))
         made = clipped(self.recording, low, high)
@@ -234,10 +288,15 @@ class Log(Mapping[str, Signal]):
         return self.start_ns + round(real(argument, given, -1e9, 1e9, "s since start") * 1e9)
 
     def resample(self, times: "Signal | ArrayLike | float", method: Literal["hold", "linear"] = "hold") -> "Log":
-        """Return the log with every element at the same times: a rate in Hz, seconds since start, or those of a signal.
+        """Return the log with every element at the same times.
 
-        `hold` takes the value that held; `linear` goes straight from sample to sample (of floats; others hold).
-        Raises ElementError.
+        Args:
+            times: a rate in Hz, seconds since start, or a signal, whose times are meant.
+            method: `"hold"` takes the value that held; `"linear"` goes straight from sample to sample (of floats;
+                others hold).
+
+        Raises:
+            ElementError: an unknown method, or times that are none.
         """
         if method not in ("hold", "linear"):
             raise ElementError(f"unknown method {method!r} to resample a log: choose 'hold' or 'linear'")
@@ -246,9 +305,17 @@ class Log(Mapping[str, Signal]):
         return Log(resampled(self.recording, np.unique(time_ns), method == "linear"), self.path, self.start_ns)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write the log to a file; its ending says the format (`silo convert --help` lists them). Returns the path.
+        """Write the log to a file.
 
-        Raises SaveError for an ending that no format has, and for a file that is there, unless `overwrite`.
+        Args:
+            path: its ending says the format (`silo convert --help` lists them).
+            overwrite: replace a file that is there.
+
+        Returns:
+            The path.
+
+        Raises:
+            SaveError: no format has this ending, the file is there already, or the system refuses.
         """
         target = file_path("path", path)
         write = writer_for(target)
@@ -271,10 +338,24 @@ class Log(Mapping[str, Signal]):
         terminal: bool | None = None,
         title: str = "",
     ) -> Any:
-        """Plot signals by name or pattern: `log.plot("joints/q_*", right=["joints/tau_0"])`.
+        """Plot signals: `log.plot("joints/q_*", right=["joints/tau_0"])`.
 
-        right: those on the axis on the right. x: a signal instead of time. ax, path, terminal: as for `Signal.plot`.
-        Raises ElementError for a pattern that matches nothing, and where there is no sample.
+        Args:
+            *patterns: names or patterns of signals.
+            right: those on the axis on the right.
+            x: a signal instead of time.
+            start_s: seconds since start.
+            stop_s: seconds since start.
+            ax: axes of matplotlib to draw on.
+            path: a PNG file to write.
+            terminal: print it as text; by default where there is no matplotlib, or no screen.
+            title: what stands above; the file's name if it is left out.
+
+        Returns:
+            The axes, the path, or None for a terminal.
+
+        Raises:
+            ElementError: a pattern matches nothing, or there is no sample.
         """
         from silo.analysis.charts import ChartSpec, make_chart
         from silo.analysis.showing import MOST_CURVES, show
@@ -296,11 +377,16 @@ class Log(Mapping[str, Signal]):
         return show(chart, ax, path, terminal)
 
     def eval(self, expression: str) -> Signal:
-        """The signal that an expression gives: `log.eval("abs(joints/tau_3) > 20 and controller/mode == STANCE")`.
+        """Return the signal that an expression gives: `log.eval("abs(joints/tau_3) > 20 and mode == STANCE")`.
 
         It has a value at every tick where one of its signals has a sample, the others hold; it is bool where it is a
         condition. Ticks at which it can't be told (a signal has no sample yet, or its buffer had ended) are left out.
-        Raises `ExpressionError`, which shows the place.
+
+        Args:
+            expression: signals, numbers, operators and functions.
+
+        Raises:
+            ExpressionError: it makes no sense; the message shows the place.
         """
         text("expression", expression, "log.eval('abs(joints/tau_3) > 20')")
         return self._evaluated(expression, expression)
@@ -356,19 +442,31 @@ class Log(Mapping[str, Signal]):
     # --------------------------------------------------------------------------------------------------------- tables
 
     def to_pandas(self, pattern: str = "*") -> Any:
-        """A pandas DataFrame: one row per tick, one column per scalar, missing where there is no sample."""
+        """Return a pandas DataFrame: one row per tick, one column per scalar, missing where there is no sample.
+
+        Args:
+            pattern: which elements, with `*`, `?` and `[...]`.
+        """
         from silo.analysis.exports import log_to_pandas
 
         return log_to_pandas({name: self[name] for name in self.names(pattern)}, self.time_ns)
 
     def to_polars(self, pattern: str = "*") -> Any:
-        """A polars DataFrame: `time`, then one column per scalar, null where there is no sample."""
+        """Return a polars DataFrame: `time`, then one column per scalar, null where there is no sample.
+
+        Args:
+            pattern: which elements, with `*`, `?` and `[...]`.
+        """
         from silo.analysis.exports import log_to_polars
 
         return log_to_polars({name: self[name] for name in self.names(pattern)}, self.time_ns)
 
     def to_xarray(self, pattern: str = "*") -> Any:
-        """An xarray Dataset with one variable per element."""
+        """Return an xarray Dataset with one variable per element.
+
+        Args:
+            pattern: which elements, with `*`, `?` and `[...]`.
+        """
         from silo.analysis.exports import log_to_xarray
 
         return log_to_xarray({name: self[name] for name in self.names(pattern)}, self.time_ns)

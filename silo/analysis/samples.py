@@ -26,11 +26,20 @@ Self = TypeVar("Self", bound="Samples")
 class Samples:
     """Samples `values[i]` at `time_ns[i]`.
 
-    `values` has shape `(m,)` for a scalar, `(m, 3)` for a vector of three, `(m, rows, columns)` for a matrix; an
-    element of mixed types is a structured array. `components` names the scalars of one sample (`x y z w`).
-    `labels` names the values of an enumeration. `start_ns` is where `times` counts from: the first stamp of the log.
-    `failures` are the ticks at which its element could not be read; what is made of a signal keeps them (of two
-    signals, those of the left one).
+    Attributes:
+        name: of the element, or how it was computed.
+        values: shape `(m,)` for a scalar, `(m, 3)` for a vector of three, `(m, rows, columns)` for a matrix; an element
+            of mixed types is a structured array.
+        time_ns: shape `(m,)`: time stamps, ns.
+        unit: `-` for none.
+        kind: how the components belong together (`silo.kinds`).
+        divider: that of the element when it was logged.
+        start_ns: where `times` counts from: the first stamp of the log.
+        components: names of the scalars of one sample (`x y z w`).
+        labels: names of an enumeration's values.
+        description: a line about it.
+        failures: the ticks at which its element could not be read; what is made of a signal keeps them (of two signals,
+            those of the left one).
     """
 
     name: str
@@ -80,9 +89,13 @@ class Samples:
         return labels[places.reshape(self.values.shape)] if len(names) else np.empty(self.values.shape, "U1")
 
     def component(self: Self, which: str | int) -> Self:
-        """Return one scalar of a vector, quaternion, matrix, pose or structure: by name (`x`, `0_1`) or by number.
+        """Return one scalar of a vector, quaternion, matrix, pose or structure.
 
-        Raises `ElementError` with the names there are.
+        Args:
+            which: its name (`x`, `0_1`) or number.
+
+        Raises:
+            ElementError: there is none; the message has the names there are.
         """
         names = self.components
         if isinstance(which, str) and which.removeprefix("_") in names:
@@ -100,7 +113,11 @@ class Samples:
     def part(self: Self, name: str) -> Self:
         """Return several components that form a signal.
 
-        `position` and `orientation` of a pose, `linear` and `angular`.
+        Args:
+            name: `position` or `orientation` of a pose, `linear` or `angular` of a twist.
+
+        Raises:
+            ElementError: there is no such part.
         """
         places = [index for index, component in enumerate(self.components) if component.startswith(f"{name}_")]
         if not places or self.values.dtype.names:
@@ -117,7 +134,11 @@ class Samples:
     def numbers(self, purpose: str) -> NDArray[Any]:
         """Return the values, bools as int64.
 
-        Raises `ElementError`, which names the purpose, where they are no numbers.
+        Args:
+            purpose: what they are wanted for, for the error.
+
+        Raises:
+            ElementError: they are no numbers.
         """
         if self.values.dtype.kind not in "biufc":
             raise ElementError(f"can't {purpose} '{self.name}': its values are no numbers ({self.dtype})")
@@ -126,7 +147,11 @@ class Samples:
     def columns(self, purpose: str) -> list[NDArray[np.float64]]:
         """Return each component as float64 of shape `(m,)`.
 
-        Raises `ElementError`, which names the purpose, where they are no real numbers.
+        Args:
+            purpose: what they are wanted for, for the error.
+
+        Raises:
+            ElementError: they are no real numbers.
         """
         values = self.numbers(purpose)
         if values.dtype.kind == "c":
@@ -137,15 +162,30 @@ class Samples:
     # ------------------------------------------------------------------------------------------------- when it is
 
     def held(self: Self, time_ns: NDArray[np.int64]) -> Self:
-        """Return the values that hold at these stamps, none of which may be before the first sample."""
+        """Return the values that hold at these stamps.
+
+        Args:
+            time_ns: none of them may be before the first sample.
+        """
         return replace(self, values=self.values[self.places(time_ns)], time_ns=time_ns)
 
     def places(self, time_ns: NDArray[np.int64]) -> Any:
-        """Return which sample holds at each stamp; -1 before the first."""
+        """Return which sample holds at each stamp; -1 before the first.
+
+        Args:
+            time_ns: stamps, ns.
+        """
         return np.searchsorted(self.time_ns, time_ns, side="right") - 1
 
     def seconds(self, given: object) -> NDArray[np.float64]:
-        """Return times that somebody gave as an array of numbers, of any shape. Raises `ElementError`."""
+        """Return times as an array of numbers, of any shape.
+
+        Args:
+            given: what somebody gave.
+
+        Raises:
+            ElementError: they are no numbers.
+        """
         try:
             found = np.asarray(given)
             if found.dtype.kind in "biuf" and given is not None:
@@ -159,7 +199,11 @@ class Samples:
         )
 
     def stamps(self, times: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the stamps in nanoseconds of times in seconds since start."""
+        """Return the stamps in nanoseconds of times.
+
+        Args:
+            times: seconds since start.
+        """
         # times that are read off `times` must find their own stamp again
         with np.errstate(invalid="ignore"):
             since = np.asarray(np.round(np.clip(times, -9.2e9, 9.2e9) * 1e9), np.int64)
@@ -177,16 +221,23 @@ class Samples:
     # ---------------------------------------------------------------------------------------------- whose time it is
 
     def counted_from(self: Self, start: "Samples | int") -> Self:
-        """Return the same stamps with `times` counted from another one: in nanoseconds, or where another signal starts.
+        """Return the same stamps with `times` counted from another one.
 
         Signals of loggers that ran at once then meet on their stamps, not on the time since each log's start.
+
+        Args:
+            start: a stamp in ns, or a signal: where that one starts.
         """
         if isinstance(start, Samples):
             return replace(self, start_ns=start.start_ns)
         return replace(self, start_ns=whole("start (in nanoseconds, or a signal)", start, *INT64))
 
     def as_if_started(self: Self, start_ns: int) -> Self:
-        """Return the same `times` in a log that started at that stamp."""
+        """Return the same `times` in a log that started at another stamp.
+
+        Args:
+            start_ns: that stamp.
+        """
         return replace(self, time_ns=self.time_ns + (start_ns - self.start_ns), start_ns=start_ns)
 
     @property
@@ -195,9 +246,16 @@ class Samples:
         return float(np.median(np.diff(self.time_ns))) if len(self) > 1 else float("inf")
 
     def check_overlap(self, other: "Samples", what: str) -> None:
-        """Raise `ElementError` with both spans where another signal of the same start has no time in common with this.
+        """Raise an error where this and another signal of the same start have no time in common.
 
-        The last sample holds until the next would come. `what` says what can't be done then.
+        The last sample holds until the next would come.
+
+        Args:
+            other: the other signal.
+            what: what can't be done then, for the error.
+
+        Raises:
+            ElementError: they have no time in common; the message has both spans.
         """
         if len(self) and len(other):
             ends = self.time_ns[-1] + self.step_ns, other.time_ns[-1] + other.step_ns

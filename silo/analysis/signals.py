@@ -59,9 +59,13 @@ class Signal(Samples):
     # ------------------------------------------------------------------------------------------------ values at times
 
     def value(self, time_s: ArrayLike) -> Any:
-        """Return the value that held at a time in seconds since start (or at each of an array of times).
+        """Return the value that held at a time. After the last sample that one holds on.
 
-        After the last sample that one holds on. Raises `ElementError` before the first.
+        Args:
+            time_s: seconds since start, one or an array of them.
+
+        Raises:
+            ElementError: the time is before the first sample.
         """
         times = self.seconds(time_s)
         places = self.places(self.stamps(times))
@@ -73,6 +77,10 @@ class Signal(Samples):
         """Return the samples from `start_s` to `stop_s`, both included.
 
         Times go on counting from the start of the log.
+
+        Args:
+            start_s: seconds since start; None: from the first sample.
+            stop_s: seconds since start; None: to the last sample.
         """
         window = self._window(start_s, stop_s)
         return replace(self, values=self.values[window], time_ns=self.time_ns[window])
@@ -80,12 +88,17 @@ class Signal(Samples):
     def resample(
         self, times: Union["Signal", ArrayLike, float], method: Literal["hold", "linear"] = "hold"
     ) -> "Signal":
-        """Return the signal at other times: those of another signal, an array of seconds, or a rate in Hz.
+        """Return the signal at other times.
 
-        `hold` takes the value that held, `linear` (numbers only) goes straight from sample to sample. Times before
-        the first sample are left out, with `linear` those after the last as well. A signal of another log is met on
-        the time since its log's start, and the result has its stamps. Raises `ElementError` with both spans where no
-        time is left.
+        Times before the first sample are left out, with `linear` those after the last as well. A signal of another log
+        is met on the time since its log's start, and the result has its stamps.
+
+        Args:
+            times: another signal, whose times are meant, an array of seconds since start, or a rate in Hz.
+            method: `"hold"` takes the value that held, `"linear"` (numbers only) goes straight from sample to sample.
+
+        Raises:
+            ElementError: no time is left; the message has both spans.
         """
         if method not in ("hold", "linear"):
             raise ElementError(f"unknown method {method!r} to resample '{self.name}': choose 'hold' or 'linear'")
@@ -117,7 +130,11 @@ class Signal(Samples):
     def in_unit(self, unit: str) -> "Signal":
         """Return the signal converted to another unit: `mm` to `m`, `rpm` to `rad/s`.
 
-        Raises `ElementError` where one unit isn't a multiple of the other as far as silo knows.
+        Args:
+            unit: the unit of the result.
+
+        Raises:
+            ElementError: one unit isn't a multiple of the other as far as silo knows.
         """
         text("unit", unit, "signal.in_unit('rad/s')")
         factor = units.factor(self.unit, unit)
@@ -129,56 +146,106 @@ class Signal(Samples):
         return replace(self, unit=unit, values=self.values if factor == 1.0 else wide(self) * factor)
 
     def to(self, unit: str) -> "Signal":
-        """Return the signal converted to another unit: `signal.to("deg")`. The same as `in_unit`."""
+        """Return the signal converted to another unit: `signal.to("deg")`. The same as `in_unit`.
+
+        Args:
+            unit: the unit of the result.
+
+        Raises:
+            ElementError: one unit isn't a multiple of the other as far as silo knows.
+        """
         return self.in_unit(unit)
 
     def with_unit(self, unit: str) -> "Signal":
-        """Return the same values under another unit; `-` drops it."""
+        """Return the same values under another unit.
+
+        Args:
+            unit: what they are in, in truth; `-` for none.
+        """
         return replace(self, unit=text("unit", unit, "signal.with_unit('rad/s'), or '-' for none"))
 
     # ---------------------------------------------------------------------------------------------------- statistics
 
     def mean(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Return the mean in a window, as `average`."""
+        """Return the mean in a window, as `average`.
+
+        Args:
+            start_s: seconds since start; None: from the first sample.
+            stop_s: seconds since start; None: to the last sample.
+        """
         return self.average(start_s, stop_s)
 
     def median(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Return the median of the samples in a window, per component."""
+        """Return the median of the samples in a window, per component.
+
+        Args:
+            start_s: seconds since start; None: from the first sample.
+            stop_s: seconds since start; None: to the last sample.
+        """
         return self._statistic(np.nanmedian, start_s, stop_s)
 
     def var(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Return the variance in a window, the square of `std`."""
+        """Return the variance in a window, the square of `std`.
+
+        Args:
+            start_s: seconds since start; None: from the first sample.
+            stop_s: seconds since start; None: to the last sample.
+        """
         return self._statistic(np.nanvar, start_s, stop_s)
 
     def average(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
         """Return the mean of the samples in a window (whole signal by default), per component.
 
         NaN samples are left out.
+
+        Args:
+            start_s: seconds since start; None: from the first sample.
+            stop_s: seconds since start; None: to the last sample.
         """
         return self._statistic(np.nanmean, start_s, stop_s)
 
     def rms(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Return the root of the mean square in a window."""
+        """Return the root of the mean square in a window.
+
+        Args:
+            start_s: seconds since start; None: from the first sample.
+            stop_s: seconds since start; None: to the last sample.
+        """
         return self._statistic(
             lambda values, axis: np.sqrt(np.nanmean(np.abs(values) ** 2, axis=axis)), start_s, stop_s
         )
 
     def std(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Return the standard deviation (of the samples themselves, divided by their number) in a window."""
+        """Return the standard deviation (of the samples themselves, divided by their number) in a window.
+
+        Args:
+            start_s: seconds since start; None: from the first sample.
+            stop_s: seconds since start; None: to the last sample.
+        """
         return self._statistic(np.nanstd, start_s, stop_s)
 
     def min(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Return the smallest value in a window."""
+        """Return the smallest value in a window.
+
+        Args:
+            start_s: seconds since start; None: from the first sample.
+            stop_s: seconds since start; None: to the last sample.
+        """
         return self._statistic(np.nanmin, start_s, stop_s, exact=True)
 
     def max(self, start_s: float | None = None, stop_s: float | None = None) -> Any:
-        """Return the largest value in a window."""
+        """Return the largest value in a window.
+
+        Args:
+            start_s: seconds since start; None: from the first sample.
+            stop_s: seconds since start; None: to the last sample.
+        """
         return self._statistic(np.nanmax, start_s, stop_s, exact=True)
 
     # ------------------------------------------------------------------------------------------------------- calculus
 
     def derivative(self) -> "Signal":
-        """Change per second, by central differences over the real time stamps."""
+        """Return the change per second, by central differences over the real time stamps."""
         columns = [calculus.derivative(self.times, column) for column in self.columns("differentiate")]
         return self._with(columns, units.quotient(self.unit, "s"), f"d({self.name})")
 
@@ -188,10 +255,15 @@ class Signal(Samples):
         return self._with(columns, units.product(self.unit, "s"), f"integral({self.name})")
 
     def spectrum(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return frequencies in Hz, shape `(f,)`, and the amplitude of the sine at each, shape `(f,)` or `(f,
-        components)`.
+        """Return the amplitudes of the sines that the signal is made of.
 
         Hann window, mean taken out, samples put on an even grid first; fewer than 4 samples have none.
+
+        Returns:
+            Frequencies in Hz, shape `(f,)`, and the amplitude at each, shape `(f,)` or `(f, components)`.
+
+        Raises:
+            ElementError: some components have NaN, others not.
         """
         found = [calculus.spectrum(self.times, column) for column in self.columns("take the spectrum of")]
         if not found:
@@ -349,7 +421,14 @@ class Signal(Samples):
         return bool(np.all(self.numbers("look for truths in")))
 
     def when(self) -> NDArray[np.float64]:
-        """Return the times (s since start) at which a mask becomes true: `(signal > 1).when()`, shape `(n,)`."""
+        """Return the times at which a mask becomes true: `(signal > 1).when()`.
+
+        Returns:
+            Seconds since start, shape `(n,)`.
+
+        Raises:
+            ElementError: it is no mask.
+        """
         if self.values.dtype.kind != "b" or self.values.ndim > 1:
             raise ElementError(f"'{self.name}' is no mask; write a comparison: (signal > 1).when()")
         before = np.concatenate([[False], self.values[:-1]])
@@ -368,8 +447,15 @@ class Signal(Samples):
     ) -> Any:
         """Plot this signal, and others, over the time since their starts; all components.
 
-        ax: axes of matplotlib to draw on. path: a PNG file to write. terminal: print it as text; by default where
-        there is no matplotlib, or no screen. Returns the axes, the path, or None.
+        Args:
+            *others: further signals.
+            ax: axes of matplotlib to draw on.
+            path: a PNG file to write.
+            terminal: print it as text; by default where there is no matplotlib, or no screen.
+            title: what stands above; the name if it is left out.
+
+        Returns:
+            The axes, the path, or None for a terminal.
         """
         from silo.analysis.showing import show, signal_chart
 
@@ -378,15 +464,39 @@ class Signal(Samples):
     # ------------------------------------------------------------------------------------------------ frames, tables
 
     def rotate(self, orientation: "Signal", inverse: bool = False) -> "Signal":
-        """Return a 3-vector in the frame that the quaternion leads to; `inverse` goes back. Needs scipy."""
+        """Return a 3-vector in the frame that the quaternion leads to. Needs scipy.
+
+        Args:
+            orientation: quaternions `x y z w`.
+            inverse: rotate back.
+
+        Raises:
+            ElementError: one isn't a 3-vector, or the other no quaternion.
+        """
         return frames.rotate(self, orientation, inverse)
 
     def euler(self, order: str = "ZYX", degrees: bool = False) -> "Signal":
-        """Return a quaternion as Euler angles; upper case: intrinsic axes. Needs scipy."""
+        """Return a quaternion as Euler angles. Needs scipy.
+
+        Args:
+            order: three axes; upper case: intrinsic ones.
+            degrees: in degrees, not radians.
+
+        Raises:
+            ElementError: it is no quaternion, or there is no such order.
+        """
         return frames.euler(self, order, degrees)
 
     def quaternion(self, order: str = "ZYX", degrees: bool = False) -> "Signal":
-        """Return Euler angles (or an angle-axis, or rotation matrices) as quaternion `x y z w`. Needs scipy."""
+        """Return Euler angles (or an angle-axis, or rotation matrices) as quaternion `x y z w`. Needs scipy.
+
+        Args:
+            order: three axes; upper case: intrinsic ones.
+            degrees: they are in degrees, not radians.
+
+        Raises:
+            ElementError: it is no rotation, or there is no such order.
+        """
         return frames.quaternion(self, order, degrees)
 
     def inverse(self) -> "Signal":

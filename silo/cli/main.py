@@ -47,6 +47,7 @@ COMMANDS = {
     "diff": LazyCommand("Saved files", "silo.cli.files", "diff_command", "Show how two logs differ."),
     "demo": LazyCommand("Programs", "silo.cli.programs", "demo", "Run a simulated legged robot that logs."),
     "host": LazyCommand("Programs", "silo.cli.programs", "host", "Log this computer."),
+    "config": LazyCommand("Programs", "silo.cli.config", "config", "List and copy examples of configuration."),
     "completion": LazyCommand("Programs", "silo.cli.completion", "completion", "Completion for your shell."),
 }
 

@@ -175,13 +175,22 @@ def register(
     """Teach silo to log a type: the names of its attributes, and functions for what isn't an attribute.
 
     Each becomes a part named `_<field>`, read each due tick, so that assigning to an attribute is followed. Parts may
-    be numbers, strings, enums, arrays, dataclasses, containers and other registered types. `kinds` gives the kind of
-    a field (`quaternion`, `pose`, ...). Subclasses are logged like their base.
+    be numbers, strings, enums, arrays, dataclasses, containers and other registered types. Subclasses are logged like
+    their base.
 
     >>> class Circle:
     ...     def __init__(self) -> None:
     ...         self.diameter, self.center = 1.0, np.zeros(2)
     >>> register(Circle, "diameter", "center", area=lambda circle: np.pi * circle.diameter**2 / 4)
+
+    Args:
+        cls: the type.
+        *fields: names of attributes; dotted paths go deeper.
+        kinds: the kind of a field (`quaternion`, `pose`, ...).
+        **computed: functions of an object, by the name of the part.
+
+    Raises:
+        ElementError: it is no class, a name is none, or nothing is named.
     """
     if not isinstance(cls, type):
         raise ElementError(

@@ -116,7 +116,15 @@ class Client:
     """A connection to one logger. A context manager."""
 
     def __init__(self, found: Found, timeout_s: float = Ask.timeout_s) -> None:
-        """Use `connect`. Raises ConnectionLostError."""
+        """Connect to a logger that was found; `connect` looks for it.
+
+        Args:
+            found: which logger.
+            timeout_s: how long to wait for an answer, at least.
+
+        Raises:
+            ConnectionLostError: nobody answers.
+        """
         self._timeout_s = timeout_s
         self._name = client_name()
         self._views: dict[Leased, float] = {}  # and streams and pins: all that has a lease
@@ -133,9 +141,18 @@ class Client:
 
     @classmethod
     def connect(cls, logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> "Client":
-        """Connect to a logger: what `discover` found, a name, `name.pid` where several have the name, or the only one.
+        """Connect to a logger.
 
-        `config` is a Zenoh configuration for loggers of other hosts. Raises ConnectionLostError that says what to do.
+        Args:
+            logger: what `discover` found, a name, `name.pid` where several have the name, or empty for the only one.
+            timeout_s: how long to wait for an answer, at least.
+            config: a Zenoh configuration for loggers of other hosts.
+
+        Returns:
+            A client; close it, or use it as a context manager.
+
+        Raises:
+            ConnectionLostError: there is none, or several could be meant; the message says what to do.
         """
         timeout_s = real("timeout_s", timeout_s, 0, LONGEST_S, "s", include_low=False)
         if isinstance(logger, Found):
@@ -175,11 +192,19 @@ class Client:
         return self._connection.connected
 
     def on_event(self, callback: Callable[[Event], None]) -> None:
-        """Call back for every event, in a thread of its own; it must not wait long."""
+        """Call back for every event, in a thread of its own.
+
+        Args:
+            callback: must not wait long.
+        """
         self._connection.on_event(callback)
 
     def on_link(self, callback: Callable[[bool], None]) -> None:
-        """Call back with False when the helper process is gone, with True when one is there again."""
+        """Call back when the connection is lost or there again.
+
+        Args:
+            callback: gets False when the helper process is gone, True when one is there again.
+        """
         self._connection.on_link(callback)
 
     def close(self) -> None:
@@ -229,11 +254,19 @@ class Client:
         return self._call(ListScripts(client=self._name))
 
     def read_script(self, path: str = "") -> ScriptText:
-        """Return the text of a script on the robot's side; without a path the running configuration as a script."""
+        """Return the text of a script on the robot's side.
+
+        Args:
+            path: within the script folder; empty: the running configuration as a script.
+        """
         return self._call(ReadScript(path=path, client=self._name))
 
     def diff_script(self, path: str = "") -> ScriptDiff:
-        """Return what loading a script would change; without a path the logger's own script."""
+        """Return what loading a script would change.
+
+        Args:
+            path: within the script folder; empty: the logger's own script.
+        """
         return self._call(DiffScript(path=path, client=self._name))
 
     def recordings(self, most: int = 1000) -> Recordings:
@@ -279,7 +312,15 @@ class Client:
     def history(
         self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int, pin: "Pin | None" = None
     ) -> "HistoryColumns":
-        """Return past samples of at most 64 entries in at most 4096 columns, straight from the buffers or of a pin."""
+        """Return past samples as minimum and maximum per column, straight from the buffers or of a pin.
+
+        Args:
+            names: at most 64 entries.
+            start_ns: the first time stamp.
+            end_ns: the time stamp after the last.
+            column_ns: width of a column; there may be at most 4096.
+            pin: what to read instead of the buffers.
+        """
         from silo.ipc.view import history_columns
 
         request = GetHistory(
@@ -304,9 +345,20 @@ class Client:
     ) -> "dict[str, Samples]":
         """Return all samples that the buffers (or a pin) hold of elements or entries, with `start <= ... < end`.
 
-        The ends are time stamps in ns, or with `by` ticks ("tick") or numbers of samples ("row") since start. What
-        comes while it is read is left out. Asked for in pieces of `reply_bytes`; `told` is called with the share that
-        has come. Raises RefusedError where the logger is started anew meanwhile.
+        What comes while it is read is left out.
+
+        Args:
+            names: elements or entries.
+            start: the first, see `by`.
+            end: the one after the last, see `by`.
+            by: `"time"`: the ends are time stamps in ns; `"tick"`: ticks since start; `"row"`: numbers of samples since
+                start.
+            pin: what to read instead of the buffers.
+            reply_bytes: size of the pieces in which they are asked for.
+            told: called with the share that has come, 0 to 1.
+
+        Raises:
+            RefusedError: the logger was started anew meanwhile, or a name is unknown.
         """
         from silo.ipc.samples import Gathering
 
@@ -333,7 +385,13 @@ class Client:
             )  # fmt: skip
 
     def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
-        """Return quantities (see `silo.ipc.surveys`) of elements or entries; of all elements without `names`."""
+        """Return quantities of elements or entries over all samples since a client asked first.
+
+        Args:
+            quantities: see `silo.ipc.surveys`.
+            names: elements or entries; all elements where it is empty.
+            reset: begin the statistics anew.
+        """
         request = GetSurvey(
             quantities=texts("quantities", quantities, "['mean', 'std']"),
             names=texts("names", names, "['/log/joints/q']"),
@@ -345,34 +403,92 @@ class Client:
     # ---------------------------------------------------------------------------------------------------- changing
 
     def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
-        """Apply edits as one transaction, all or none, based on the table of that revision (-1: whichever)."""
+        """Apply edits as one transaction, all or none.
+
+        Args:
+            edits: what to change.
+            revision: that of the table they are based on; -1: whichever.
+
+        Returns:
+            The new revision, and how many elements changed.
+
+        Raises:
+            ElementError: they are no list of edits.
+            RefusedError: the logger runs, the table has changed since, or an edit can't be; nothing was changed.
+        """
         if isinstance(edits, str) or not isinstance(edits, Sequence):
             raise ElementError(f"edits must be a list of silo.model.Edit, got {shown(edits)}; nothing was changed")
         request = ApplyEdits(revision=revision, edits=list(edits), client=self._name)
         return self._call(request)
 
     def start(self, unsaved: Unsaved | str = Unsaved.REFUSE, told: Callable[[str], None] | None = None) -> Status:
-        """Start the logger; the buffers are cleared, which is refused (why: UNSAVED) while they hold unsaved data.
+        """Start the logger; the buffers are cleared.
 
-        unsaved: `"save"` or `"discard"` it; `told` is called with where it was saved, in words. Raises GoesOnError
-        where the robot program takes longer.
+        Args:
+            unsaved: what becomes of unsaved data: `"refuse"` (why: UNSAVED), `"save"` or `"discard"`.
+            told: called with where it was saved, in words.
+
+        Returns:
+            The logger at a glance, as it is then.
+
+        Raises:
+            RefusedError: it runs already, or holds unsaved data.
+            GoesOnError: the robot program takes longer.
         """
         return _status(self._call(Start(unsaved=unsaved_of(unsaved), client=self._name)), told)
 
     def stop(self) -> Status:
-        """Stop the logger; stopping a stopped one succeeds."""
+        """Stop the logger; stopping a stopped one succeeds.
+
+        Returns:
+            The logger at a glance, as it is then.
+        """
         return self._call(Stop(client=self._name)).status
 
     def restart(self, unsaved: Unsaved | str = Unsaved.REFUSE, told: Callable[[str], None] | None = None) -> Status:
-        """Stop and start the logger, with unsaved data as for `start`."""
+        """Stop and start the logger.
+
+        Args:
+            unsaved: as for `start`.
+            told: as for `start`.
+
+        Returns:
+            The logger at a glance, as it is then.
+
+        Raises:
+            RefusedError: it holds unsaved data.
+            GoesOnError: the robot program takes longer.
+        """
         return _status(self._call(Restart(unsaved=unsaved_of(unsaved), client=self._name)), told)
 
     def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
-        """Apply a script on the robot's side; without a path the logger's own."""
+        """Apply a script on the robot's side.
+
+        Args:
+            path: within the script folder; empty: the logger's own.
+            revision: that of the table it is based on; -1: whichever.
+
+        Returns:
+            The new revision, how many elements changed, and the names that the table lacks.
+
+        Raises:
+            RefusedError: the logger runs, or the script has problems; nothing was changed.
+        """
         return self._call(LoadScript(path=path, revision=revision, client=self._name))
 
     def save_script(self, path: str = "", overwrite: bool = False) -> str:
-        """Write the configuration to a script on the robot's side; returns what was done, in words."""
+        """Write the configuration to a script on the robot's side.
+
+        Args:
+            path: within the script folder; empty: the logger's own.
+            overwrite: replace a script that is there.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: it is there already, or the system refuses.
+        """
         request = SaveScript(path=path, overwrite=overwrite, client=self._name)
         return self._call(request).text
 
@@ -430,7 +546,15 @@ class Client:
     # ------------------------------------------------------------------------------------------------------ saving
 
     def save(self, types: FileTypes = (FileType.SILO,), name: str = "") -> int:
-        """Begin to save in the helper process; returns the number of the job for `wait_saved`."""
+        """Begin to save in the helper process.
+
+        Args:
+            types: `"silo"`, `"csv"`, `"bag"`, one or several.
+            name: a file name without ending, instead of the usual one.
+
+        Returns:
+            The number of the job for `wait_saved`.
+        """
         return self._call(Save(types=file_types(types), name=name, client=self._name)).job
 
     def record(
@@ -470,9 +594,19 @@ class Client:
     def wait_saved(
         self, job: int, timeout_s: float = 600.0, progress: Callable[[float], None] | None = None
     ) -> list[SavedFile]:
-        """Wait for the end of a save; `progress` is called with the fraction done.
+        """Wait for the end of a save.
 
-        Raises SaveError with the reason if it failed or takes too long, ConnectionLostError if the connection is lost.
+        Args:
+            job: the number that `save` returned.
+            timeout_s: how long to wait, s.
+            progress: called with the fraction done, 0 to 1.
+
+        Returns:
+            The files: path, size in bytes.
+
+        Raises:
+            SaveError: it failed, with the reason, or takes too long.
+            ConnectionLostError: the connection is lost.
         """
         whole("job (the number that save() returned)", job, 0, 2**63 - 1)
         deadline = time.monotonic() + real("timeout_s", timeout_s, 0, LONGEST_S, "s")
@@ -524,9 +658,22 @@ class Client:
         rate_hz: float = 5.0,
         column_ns: int = 100_000_000,
     ) -> "View":
-        """Open a view: newest values and fill of the elements `values`, columns of the entries `plots`.
+        """Open a view: newest values and fill of elements, minimum and maximum per column of entries.
 
         It goes on across reconnections until it is closed.
+
+        Args:
+            values: the elements.
+            plots: the entries.
+            rate_hz: frames per second.
+            column_ns: width of a column.
+
+        Returns:
+            The view; its `read()` gives frames.
+
+        Raises:
+            RefusedError: a name or number is out of range.
+            ConnectionLostError: nobody answers.
         """
         from silo.ipc.view import View
 
@@ -552,7 +699,14 @@ class Client:
     def topic(self, element: str) -> "Topic":
         """Subscribe to every sample of a published element: `for batch in client.topic("joints/q"): ...`.
 
-        element: its full name, or the name after the prefix. Raises ElementError for an unknown one.
+        Args:
+            element: its full name, or the name after the prefix.
+
+        Returns:
+            The subscription; close it, or use it as a context manager.
+
+        Raises:
+            ElementError: there is no such element.
         """
         from silo.ipc.topic import Topic
 
@@ -567,6 +721,17 @@ class Client:
 
         It goes on across reconnections and new starts until it is closed. Numbered: what this reader is too slow for is
         counted, and never holds up the helper process.
+
+        Args:
+            names: elements or entries.
+            period_s: time between two deliveries, s.
+
+        Returns:
+            The stream; close it, or use it as a context manager.
+
+        Raises:
+            RefusedError: a name is unknown, a number out of range.
+            ConnectionLostError: nobody answers.
         """
         from silo.ipc.samples import Stream
 
@@ -584,10 +749,20 @@ class Client:
         return stream
 
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> "Pin":
-        """Have the helper process keep what the buffers hold of these elements or entries from `start_ns` to `end_ns`.
+        """Have the helper process keep what the buffers hold, whatever they overwrite.
 
-        `pin.opened` says what is held; `samples` and `history` read it, whatever the buffers overwrite, until it is
-        closed. Raises RefusedError where nothing of it fits.
+        `samples` and `history` read it until it is closed.
+
+        Args:
+            names: elements or entries.
+            start_ns: the first time stamp.
+            end_ns: the time stamp after the last.
+
+        Returns:
+            The pin; its `opened` says what is held.
+
+        Raises:
+            RefusedError: nothing of it fits.
         """
         from silo.ipc.samples import Pin
 
@@ -667,7 +842,19 @@ class Client:
 
 
 def connect(logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> Client:
-    """Return `Client.connect`: a client of the logger of that name, or of the only one that runs."""
+    """Connect to a running logger.
+
+    Args:
+        logger: its name, `name.pid` where several have the name, or empty for the only one.
+        timeout_s: how long to wait for an answer, at least.
+        config: a Zenoh configuration for loggers of other hosts.
+
+    Returns:
+        A client; close it, or use it as a context manager.
+
+    Raises:
+        ConnectionLostError: there is none, or several could be meant; the message says what to do.
+    """
     return Client.connect(logger, timeout_s, config)
 
 

@@ -45,7 +45,13 @@ class Topic:
     def __init__(
         self, element: str, on_close: Callable[["Topic"], None], why_silent: Callable[[], str] = lambda: ""
     ) -> None:
-        """why_silent: tells, when nothing comes for long, why nothing ever will; empty where something may."""
+        """Made by `Client.topic`.
+
+        Args:
+            element: the full name.
+            on_close: called when it is closed.
+            why_silent: tells, when nothing comes for long, why nothing ever will; empty where something may.
+        """
         self.element = element
         self.missed = 0
         self._on_close = on_close
@@ -56,7 +62,13 @@ class Topic:
         self._next = -1
 
     def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
-        """Subscribe in a session; the one before is closed already."""
+        """Subscribe in a session; the one before is closed already.
+
+        Args:
+            session: the new one.
+            root: whose keys.
+            client_id: who subscribes.
+        """
         # 26 s of batches, should the reader pause
         subscriber = session.declare_subscriber(root.topic(self.element), zenoh.handlers.RingChannel(512))
         with self._lock:
@@ -112,9 +124,13 @@ class Topic:
         return time.monotonic()
 
     def read(self, timeout_s: float = 0.0) -> list[Batch]:
-        """Return the batches that came since the last call; with a timeout, wait so long for the first.
+        """Return the batches that came since the last call.
 
-        Empty where nothing came in that time.
+        Args:
+            timeout_s: how long to wait for the first, s.
+
+        Returns:
+            Empty where nothing came in that time.
         """
         until_s = time.monotonic() + real("timeout_s", timeout_s, 0, LONGEST_S, "s")
         while not (batches := self._take()) and not self._closed and time.monotonic() < until_s:
@@ -122,7 +138,11 @@ class Topic:
         return batches
 
     async def read_async(self, timeout_s: float = 1.0) -> list[Batch]:
-        """Return like `read(timeout_s)`, for asyncio: other tasks go on meanwhile."""
+        """Return like `read`, for asyncio: other tasks go on meanwhile.
+
+        Args:
+            timeout_s: how long to wait for the first, s.
+        """
         until_s = time.monotonic() + real("timeout_s", timeout_s, 0, LONGEST_S, "s")
         while not (batches := self._take()) and not self._closed and time.monotonic() < until_s:
             await asyncio.sleep(POLL_S)

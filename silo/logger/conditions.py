@@ -24,10 +24,19 @@ class Conditions(Configuration):
     def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
         """Have a signal computed from others wherever rows are read: `log.derive("power", "joints/tau * joints/qd")`.
 
-        Nothing of it is stored, and it costs the control loop nothing; saved files say how it is computed. It may use
-        elements that were added before, and signals that were derived before. Given again, it gets a new expression.
-        unit: instead of the one that follows from its signals. Raises ExpressionError, which shows the place,
-        ElementError for a name that is taken, StateError while running.
+        Nothing of it is stored, and it costs the control loop nothing; saved files say how it is computed. Given again,
+        it gets a new expression.
+
+        Args:
+            name: its name after prefix and group.
+            expression: may use elements that were added before, and signals that were derived before.
+            group: the namespace between prefix and name.
+            unit: instead of the one that follows from its signals.
+
+        Raises:
+            ExpressionError: it makes no sense; the message shows the place.
+            ElementError: the name is taken.
+            StateError: the logger runs.
         """
         from silo.judging.extras import with_derived
 
@@ -54,11 +63,17 @@ class Conditions(Configuration):
     ) -> None:
         """Give a signal limits, kept in saved files and judged by `silo check`.
 
-        name: an element (each of its values is judged), one scalar of it, or a derived signal. bounds: (red_low,
-        yellow_low, yellow_high, red_high), None for one that there isn't; a value at a bound is within it.
-        persistence: so many samples in a row make a state; each violation is counted all the same. hysteresis: how far
-        inside a bound its state ends. stale: a value that stays the same for so long is one too (`"0.5s"`). when: an
-        expression that must hold, else nothing is judged. While it runs it is judged from now on. Raises ElementError.
+        Args:
+            name: an element (each of its values is judged), one scalar of it, or a derived signal.
+            bounds: (red_low, yellow_low, yellow_high, red_high), None for one that there isn't; a value at a bound is
+                within it.
+            persistence: so many samples in a row make a state; each violation is counted all the same.
+            hysteresis: how far inside a bound its state ends.
+            stale: a value that stays the same for so long is one too (`"0.5s"`).
+            when: an expression that must hold, else nothing is judged.
+
+        Raises:
+            ElementError: the bounds or a number make no sense; nothing was changed.
         """
         from silo.judging.extras import MOST_STALE_S, bounds_given, seconds
 
@@ -115,14 +130,26 @@ class Conditions(Configuration):
 
         The helper process of `serve()` judges every row, and writes ticks k - pre to k + post of each fire at tick k to
         files `<logger>_<date>_<run>_<name>_<number>`; a fire within `post` makes the capture longer. The control loop
-        has no part in it. edge: `"rising"`: the condition turns true, `"falling"`: false, `"level"`: is true; `"enter"`
-        and `"leave"` are the first two. rearm: what must be true before it fires again; without, the condition must
-        have been false. persist: it must stay so for so long. holdoff: it ignores what follows for so long. mode:
-        `"normal"`, or `"single"`: the first only. save: file types. keep: of its captures in this run the newest so
-        many stay, 0 for all. Times are seconds, or texts such as `"20ms"`.
+        has no part in it. Times are seconds, or texts such as `"20ms"`.
 
-        Raises ExpressionError, which shows the place, ElementError (also for a `pre` that is longer than what buffers
-        hold, with the size that would do). While it runs it is judged from now on; given again, it is replaced.
+        Args:
+            name: stands in the names of its files.
+            when: the condition.
+            pre: how long before the fire.
+            post: how long after it.
+            edge: `"rising"`: the condition turns true, `"falling"`: false, `"level"`: is true; `"enter"` and `"leave"`
+                are the first two.
+            rearm: what must be true before it fires again; without, the condition must have been false.
+            persist: it must stay so for so long.
+            holdoff: it ignores what follows for so long.
+            mode: `"normal"`, or `"single"`: the first only.
+            save: file types.
+            keep: of its captures in this run the newest so many stay, 0 for all.
+
+        Raises:
+            ExpressionError: a condition makes no sense; the message shows the place.
+            ElementError: a number or name makes no sense; also for a `pre` that is longer than what buffers hold, with
+                the size that would do.
         """
         from silo.judging.extras import MOST_TRIGGER_S, seconds
 

@@ -93,7 +93,11 @@ class Configuration:
         return self._lock
 
     def problems(self, edits: Iterable[Edit]) -> list[Problem]:
-        """Return why edits can't be applied, one per field; empty when they can."""
+        """Return why edits can't be applied, one per field; empty when they can.
+
+        Args:
+            edits: what would be changed.
+        """
         return self._table.problems(edits_given(edits))
 
     @property
@@ -148,15 +152,31 @@ class Configuration:
     ) -> None:
         """Register a variable; it is part of the table after the next `update()` or `start()`.
 
-        source: a NumPy array (any shape, strides and dtype), ctypes object, array.array, memoryview or mmap, read by
-        reference; an object with `attr` (a dotted path), read each due tick; a function without arguments; a dataclass,
-        a registered type, or a list, tuple or dict of such. kind: how numbers belong together (`quaternion`,
-        `quaternion_wxyz`, `angle_axis`, `pose`, `twist`, `vector_at_position(A, B)`, `array` for plain indices).
-        labels: names of an integer's values. string_bytes: room for a string. divider, action, buffer_type,
-        buffer_size, enabled: values, or words as `silo set` takes them (`divider="50Hz"`, `buffer_size="10s"`,
-        `action="both"`); a buffer holds `max_time` if no size is given. limits: (red_low, yellow_low, yellow_high,
-        red_high), as `log.limit` takes them. Raises SourceError for what can't be logged, ElementError for names and
-        values out of range.
+        Options are values, or words as `silo set` takes them.
+
+        Args:
+            source: a NumPy array (any shape, strides and dtype), ctypes object, array.array, memoryview or mmap, read
+                by reference; an object with `attr`, read each due tick; a function without arguments; a dataclass, a
+                registered type, or a list, tuple or dict of such.
+            name: its name after prefix and group. May be left out where `attr` gives one.
+            group: the namespace between prefix and name.
+            unit: `"Nm"`, `"rad/s"`, `"-"` for none.
+            divider: collected at ticks 0, d, 2d, ...; or a rate (`"50Hz"`).
+            action: `"save"`, `"publish"`, `"both"`.
+            buffer_size: samples, or words (`"10s"`, `"10k"`); what `max_time` takes if it isn't given.
+            buffer_type: `"looping"` keeps the newest samples, `"fixed"` the first, `"growing"` all.
+            attr: a dotted path to an attribute of `source`.
+            enabled: whether it is logged.
+            kind: how numbers belong together (`quaternion`, `quaternion_wxyz`, `angle_axis`, `pose`, `twist`,
+                `vector_at_position(A, B)`, `array` for plain indices).
+            labels: names of an integer's values: an enumeration, or a mapping.
+            description: a line about it, kept in files.
+            string_bytes: room for a string, in bytes.
+            limits: (red_low, yellow_low, yellow_high, red_high), as `log.limit` takes them.
+
+        Raises:
+            SourceError: it can't be logged; the message says what to write instead.
+            ElementError: a name is taken, a value is out of range; nothing was added.
         """
         self._check_open()
         name = element_name(source, name, attr)
@@ -204,9 +224,22 @@ class Configuration:
         dtype: DTypeLike = float,
         **options: "Unpack[ElementKeywords]",
     ) -> NDArray[Any]:
-        """Make a variable in silo's own memory and register it; takes the keywords of `add`.
+        """Make a variable in silo's own memory and register it.
 
-        Returns zeros of this shape and type. The fastest way: all such variables are one memory copy per tick.
+        The fastest way: all such variables are one memory copy per tick.
+
+        Args:
+            name: its name after prefix and group.
+            shape: a number, or several; `()` for a scalar, set by `x[...] = 1`.
+            dtype: of one value.
+            **options: the keywords of `add`.
+
+        Returns:
+            Zeros of this shape and type. Write into them, don't replace them.
+
+        Raises:
+            ArgumentError: an option that `add` doesn't have.
+            ElementError: as `add`.
         """
         self._check_open()
         text("the element's name", name, 'log.array("q", 12)')
@@ -222,7 +255,12 @@ class Configuration:
     def update(self, *, read_script: bool = True) -> None:
         """Make what was added part of the table, and read the script if it exists.
 
-        Raises StateError while running, ScriptError for a script with problems (nothing is changed then).
+        Args:
+            read_script: False leaves the script out.
+
+        Raises:
+            StateError: the logger runs.
+            ScriptError: the script has problems, one per line; nothing is changed then.
         """
         read_script = switch("read_script", read_script)
         with self._lock:
@@ -247,11 +285,20 @@ class Configuration:
     # ------------------------------------------------------------------------------------------------- options
 
     def set(self, name: str = "/", **options: "Unpack[OptionKeywords]") -> int:
-        """Change options of an element or of a whole namespace, all or none; returns how many elements changed.
+        """Change options of an element or of a whole namespace, all or none.
 
-        Options: enabled, divider, action, buffer_type, buffer_size, as values or as words that `silo set` takes:
-        `log.set("joints", divider="50Hz", size="10s", action="both")`. Raises StateError while running, ElementError
-        for unknown names and values out of range.
+        `log.set("joints", divider="50Hz", size="10s", action="both")`
+
+        Args:
+            name: an element or a namespace; all elements if it is left out.
+            **options: enabled, divider, action, buffer_type, buffer_size, as values or as words that `silo set` takes.
+
+        Returns:
+            How many elements changed.
+
+        Raises:
+            StateError: the logger runs.
+            ElementError: an unknown name, a value out of range; nothing was changed.
         """
         text("the element's or namespace's name", name, 'log.set("joints", divider=5), one call for each')
         with self._lock:
@@ -265,10 +312,19 @@ class Configuration:
             return changed
 
     def remove(self, name: str) -> int:
-        """Forget an element or a whole namespace; returns how many elements went.
+        """Forget an element or a whole namespace.
 
-        Its samples of the last run stay until the next start. Raises StateError while running, ElementError for unknown
-        names.
+        Its samples of the last run stay until the next start.
+
+        Args:
+            name: an element or a namespace.
+
+        Returns:
+            How many elements went.
+
+        Raises:
+            StateError: the logger runs.
+            ElementError: an unknown name; nothing was removed.
         """
         text("the element's or namespace's name", name, 'log.remove("joints/q")')
         with self._lock:
@@ -280,15 +336,46 @@ class Configuration:
             return gone
 
     def enable(self, name: str = "/") -> int:
-        """Log an element or a namespace."""
+        """Log an element or a namespace.
+
+        Args:
+            name: an element or a namespace; all elements if it is left out.
+
+        Returns:
+            How many elements changed.
+
+        Raises:
+            StateError: the logger runs.
+        """
         return self.set(name, enabled=True)
 
     def disable(self, name: str = "/") -> int:
-        """Don't log an element or a namespace."""
+        """Don't log an element or a namespace.
+
+        Args:
+            name: an element or a namespace; all elements if it is left out.
+
+        Returns:
+            How many elements changed.
+
+        Raises:
+            StateError: the logger runs.
+        """
         return self.set(name, enabled=False)
 
     def apply(self, edits: Sequence[Edit]) -> int:
-        """Apply edits as one transaction, all or none; returns how many elements changed. Raises like `set`."""
+        """Apply edits as one transaction, all or none.
+
+        Args:
+            edits: what to change.
+
+        Returns:
+            How many elements changed.
+
+        Raises:
+            StateError: the logger runs.
+            ElementError: an edit can't be applied, with a line for each reason; nothing was changed.
+        """
         edits = edits_given(edits)
         with self._lock:
             self._check_stopped("change elements")
@@ -300,9 +387,17 @@ class Configuration:
             return changed
 
     def load_script(self, path: str | os.PathLike[str] | None = None) -> list[str]:
-        """Configure all elements by a script; returns the names in it that the table lacks.
+        """Configure all elements by a script.
 
-        Raises StateError while running, ScriptError with one line per problem (nothing is changed then).
+        Args:
+            path: the script; the logger's own if it is left out.
+
+        Returns:
+            The names in it that the table lacks.
+
+        Raises:
+            StateError: the logger runs.
+            ScriptError: the script has problems, one per line; nothing is changed then.
         """
         from silo.settings.script import apply_script, read_script
 
@@ -330,9 +425,18 @@ class Configuration:
             raise ScriptError(f"{file}: {error}; nothing was changed") from error
 
     def save_script(self, path: str | os.PathLike[str] | None = None) -> Path:
-        """Write the configuration of every element to a script, whole or not at all; returns its path.
+        """Write the configuration of every element to a script, whole or not at all.
 
         Keys of a script that stands there already and that silo doesn't know are kept.
+
+        Args:
+            path: the script; the logger's own if it is left out.
+
+        Returns:
+            Its path.
+
+        Raises:
+            ScriptError: the system refuses.
         """
         from silo.settings.script import kept_text, write_script
 

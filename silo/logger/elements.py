@@ -15,9 +15,13 @@ from silo.model import ElementInfo, ElementOptions
 class LoggedElement:
     """What `log["joints/q"]` returns: a row of the table, and what the present run holds of it at this moment.
 
-    `newest` is the last logged value, of the element's shape; `time_ns` its time stamp. Both are None before the first
-    sample, and for an element that isn't logged in this run. `held` counts the samples in its buffer, `lost` those that
-    could not be kept.
+    Attributes:
+        info: the row of the table.
+        newest: the last logged value, of the element's shape; None before the first sample, and for an element that
+            isn't logged in this run.
+        time_ns: its time stamp, ns; None where `newest` is.
+        held: how many samples are in its buffer.
+        lost: how many could not be kept.
     """
 
     info: ElementInfo

@@ -51,17 +51,26 @@ def _idle() -> None:
 class Logger(Conditions):
     """Logs variables of a control program, by reference, once per control tick.
 
-    frequency: control ticks per second (Hz). max_time: how long fixed and growing logs may become (s), 0 for no limit.
-    script: YAML file with the configuration; read by `update()` if it exists. prefix: start of all element names.
-    clock: returns the time stamp of a tick, as int nanoseconds or float seconds; the system clock if not given.
-    folder: where saved files go. storage: `"memory"`: survives the end of the program and of its helper process, not a
-    power cut; `"disk"`: the helper process of `serve()` also keeps a journal in `folder`, which survives a power cut
-    but for the last moment (README: "The power went"); `"file"`: the buffers are a file in `folder`, which saves memory
-    and promises nothing for a power cut. size_tiers: rings per divider and buffer
-    type; more of them cost time in each tick, fewer cost memory. memory_limit_mb: what growing buffers may
-    take together. checked: copy each variable by NumPy instead of by address, 10 times slower.
-    threads: `"single"`: `collect()` belongs to the thread that calls it first after each start; `"serialized"`: any
-    thread, one at a time.
+    Args:
+        name: of the logger, and the start of its file names: letters, digits, `_`, `.` and `-`.
+        frequency: control ticks per second (Hz).
+        max_time: how long fixed and growing logs may become (s), 0 for no limit.
+        script: YAML file with the configuration; read by `update()` if it exists.
+        prefix: start of all element names.
+        clock: returns the time stamp of a tick, as int nanoseconds or float seconds; the system clock if not given.
+        folder: where saved files go.
+        storage: `"memory"`: survives the end of the program and of its helper process, not a power cut; `"disk"`: the
+            helper process of `serve()` also keeps a journal in `folder`, which survives a power cut but for the last
+            moment; `"file"`: the buffers are a file in `folder`, which saves memory and promises nothing for a power
+            cut.
+        size_tiers: rings per divider and buffer type; more of them cost time in each tick, fewer cost memory.
+        memory_limit_mb: what growing buffers may take together.
+        checked: copy each variable by NumPy instead of by address, 10 times slower.
+        threads: `"single"`: `collect()` belongs to the thread that calls it first after each start; `"serialized"`: any
+            thread, one at a time.
+
+    Raises:
+        ElementError: an argument is out of range.
     """
 
     def __init__(
@@ -125,16 +134,19 @@ class Logger(Conditions):
     def start(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Clear all buffers and begin to log; calls `update()` first if that was never done.
 
-        unsaved: what becomes of data of the last run that is in no file: `"clear"` drops it, `"save"` saves it first,
-        `"refuse"` raises a StateError that tells how much it is. Where two runs don't fit into the memory it is saved
-        in any case.
-
         The first start looks for what earlier processes of this logger (same name, same folder) left unsaved. The
         helper process of a served logger saves that, beside its work, and says where, on the console and as an event;
         without one, a warning names the `silo recover` command that does.
 
-        Raises StateError if the logger runs already, SegmentError if there is no room for the buffers,
-        SaveError if what had to be saved could not be: the last run is then kept as it was.
+        Args:
+            unsaved: what becomes of data of the last run that is in no file: `"clear"` drops it, `"save"` saves it
+                first, `"refuse"` raises a StateError that tells how much it is. Where two runs don't fit into the
+                memory it is saved in any case.
+
+        Raises:
+            StateError: the logger runs already, or holds unsaved data that is not to be cleared.
+            SegmentError: there is no room for the buffers.
+            SaveError: what had to be saved could not be: the last run is then kept as it was.
         """
         with self._lock:
             self._check_open()
@@ -190,7 +202,16 @@ class Logger(Conditions):
                 self._tell()
 
     def restart(self, *, unsaved: UnsavedWord = "clear") -> None:
-        """Stop and start: the buffers are cleared, `unsaved` as for `start`. After an error the logger is stopped."""
+        """Stop and start: the buffers are cleared. After an error the logger is stopped.
+
+        Args:
+            unsaved: as for `start`.
+
+        Raises:
+            StateError: as `start`.
+            SegmentError: as `start`.
+            SaveError: as `start`.
+        """
         with self._lock:
             self._check_open()
             if unsaved != "save":  # a save waits until the loop stands still
@@ -256,7 +277,11 @@ class Logger(Conditions):
     def element(self, name: str) -> LoggedElement:
         """Return one element: its options, the newest value, how many samples its buffer holds. Also `log[name]`.
 
-        name: the full name, or the name after the prefix. Raises ElementError for an unknown one.
+        Args:
+            name: the full name, or the name after the prefix.
+
+        Raises:
+            ElementError: there is no such element.
         """
         text("the element's name", name, 'log["joints/q"]')
         with self._lock:
@@ -291,7 +316,16 @@ class Logger(Conditions):
     def read_new_values(self, name: str) -> NewValues:
         """Return all samples of an element since the last such call, oldest first.
 
-        `missed` counts those overwritten.
+        Args:
+            name: the full name, or the name after the prefix.
+
+        Returns:
+            Time stamps of shape `(n,)` in ns, values of shape `(n, *shape of the element)`; `missed` counts samples
+            that were overwritten before they were read.
+
+        Raises:
+            StateError: nothing was logged yet.
+            ElementError: there is no such element.
         """
         text("the element's name", name, 'log.read_new_values("joints/q")')
         with self._lock:
@@ -309,10 +343,19 @@ class Logger(Conditions):
     ) -> list[SavedFile]:
         """Save what the buffers hold to files; collection goes on and nothing is emptied.
 
-        types: `"silo"`, `"csv"`, `"bag"`. name: a file name without ending, instead of `<logger>_<date>_<run number>`.
-        folder: where to, instead of the logger's folder (should that be full, or not be there).
-        Served loggers save in their helper process. Raises SaveError (nothing stands under the final name, the data is
-        still in memory), StateError before the first start.
+        Served loggers save in their helper process.
+
+        Args:
+            types: `"silo"`, `"csv"`, `"bag"`, one or several.
+            name: a file name without ending, instead of `<logger>_<date>_<run number>`.
+            folder: where to, instead of the logger's folder (should that be full, or not be there).
+
+        Returns:
+            The files, in the order of `types`: path, size in bytes.
+
+        Raises:
+            SaveError: the system refuses. Nothing stands under the final name, the data is still in memory.
+            StateError: nothing was logged yet.
         """
         chosen = file_types(types)
         name = text("name", name or "", 'log.save(name="first_walk")')
@@ -385,7 +428,12 @@ class Logger(Conditions):
         return self._serving
 
     def note_saved(self, run_id: str, ticks: int) -> None:
-        """Take in that the helper process saved the first `ticks` of a run for one of its clients."""
+        """Take in that the helper process saved the first `ticks` of a run for one of its clients.
+
+        Args:
+            run_id: the run that was saved.
+            ticks: how many of its ticks stand in a file.
+        """
         with self._lock:
             run = self._present.run
             if run is not None and run.id == run_id:
@@ -403,8 +451,16 @@ class Logger(Conditions):
 
         It also saves what earlier processes of this logger left unsaved, see `start()`.
 
-        group: lets the members of a system group in too (off by default). config: a file with remote access settings
-        (see `config/`). Use it as a context manager, or call its `close()`.
+        Args:
+            group: lets the members of a system group in too (off by default).
+            config: a file with remote access settings of Zenoh (`silo config ls` has examples).
+
+        Returns:
+            A context manager; or call its `close()`.
+
+        Raises:
+            StateError: the logger is served already.
+            ConnectionLostError: the helper process didn't start; it says why.
         """
         from silo.logger.serving import Serving
 

@@ -37,7 +37,16 @@ class Serving:
     """A served logger: a helper process that clients reach. A context manager."""
 
     def __init__(self, logger: Served, *, group: str | None, config: str | os.PathLike[str] | None) -> None:
-        """Start the helper process and wait until it answers. Raises ConnectionLostError with its reason."""
+        """Start the helper process and wait until it answers.
+
+        Args:
+            logger: whose table, state and buffers it shows.
+            group: a system group whose members are let in.
+            config: a file with remote access settings of Zenoh.
+
+        Raises:
+            ConnectionLostError: it didn't start; the message has its reason.
+        """
         self._logger_ref = weakref.ref(logger)
         self._name = logger.options.name
         self._arguments = ["--name", self._name]
@@ -243,7 +252,19 @@ class Serving:
             log.debug("a helper process that is gone holds nothing")
 
     def save(self, types: list[FileType], name: str, folder: str = "") -> list[SavedFile]:
-        """Save in the helper process; waits without holding the GIL. Raises SaveError."""
+        """Save in the helper process; waits without holding the GIL.
+
+        Args:
+            types: file types.
+            name: a file name without ending; empty: the usual one.
+            folder: where to; empty: the logger's folder.
+
+        Returns:
+            The files: path, size in bytes.
+
+        Raises:
+            SaveError: it failed, with the reason.
+        """
         number = next(self._numbers)
         started: concurrent.futures.Future[SaveFuture] = concurrent.futures.Future()
         self._replies[number] = started
@@ -284,7 +305,12 @@ class Serving:
         self._end(say_goodbye=True)
 
     def abandon(self, segment_path: str, ticks: int) -> None:
-        """End without a goodbye: the helper process saves what was collected, so many ticks of that segment."""
+        """End without a goodbye: the helper process saves what was collected, so many ticks of that segment.
+
+        Args:
+            segment_path: the segment to save.
+            ticks: how many of its ticks.
+        """
         self.left = (segment_path, ticks)
         self._end(say_goodbye=False)
 

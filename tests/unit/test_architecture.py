@@ -35,13 +35,13 @@ def test_all_arrows_of_a_circle_are_drawn(drawing):
 def test_every_folder_and_module_is_in_the_picture_and_in_the_table(drawing):
     page = drawing.PAGE.read_text()
     for path in (ROOT / "silo").iterdir():
-        if path.name not in ("__init__.py", "__pycache__", "py.typed"):
+        if path.name not in ("__init__.py", "__pycache__", "py.typed", "config"):
             assert f"    silo.{path.stem}[{path.stem}]" in page
             assert f"silo/{path.name}" in page or f" {path.name}" in page
 
 
 def test_links_lead_to_files_that_there_are(drawing):
-    pages = [*(ROOT / ".docs").rglob("*.md"), *(ROOT / ".github").rglob("*.md")]
+    pages = [ROOT / "README.md", *(ROOT / ".docs").rglob("*.md"), *(ROOT / ".github").rglob("*.md")]
     links = [(page, link) for page in pages for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text())]
     assert links
     assert [(page, link) for page, link in links if not (page.parent / link).exists()] == []

@@ -1,0 +1,87 @@
+"""What the site says of commands, keys, requests and formats is written from the program itself.
+
+A page names it in a comment, `<!-- generated: commands -->`, and the text stands in its place.
+"""
+
+import inspect
+import re
+from collections.abc import Callable, Iterator
+
+import click
+
+from silo.cli.main import COMMANDS, cli
+from silo.files.formats import FORMATS, Keeps
+from silo.ipc import messages
+from silo_tui.actions import COMMANDS as ACTIONS
+
+MARK = re.compile(r"<!-- generated: (\w+) -->")
+Page = Callable[[], str]
+
+
+def on_page_markdown(markdown: str, **_: object) -> str:
+    """Put the generated texts into a page; an unknown name is an error."""
+    return MARK.sub(lambda mark: GENERATED[mark[1]](), markdown)
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|').replace(chr(10), ' ') for cell in cells)} |"
+
+
+def _table(heads: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> str:
+    return "\n".join([_row(*heads), _row(*["---"] * len(heads)), *(_row(*row) for row in rows)])
+
+
+def commands() -> str:
+    """The help of every shell command."""
+    context = click.Context(cli, info_name="silo")
+    found = [f"## `silo`\n\n```text\n{cli.get_help(context)}\n```"]
+    for name in COMMANDS:
+        found += _help(cli.get_command(context, name), name, context, 2)
+    return "\n\n".join(found)
+
+
+def _help(command: click.Command, name: str, above: click.Context, level: int) -> list[str]:
+    context = click.Context(command, info_name=name, parent=above)
+    found = [f"{'#' * level} `{context.command_path}`\n\n```text\n{command.get_help(context)}\n```"]
+    for below in getattr(command, "commands", {}).values():
+        found += _help(below, below.name, context, level + 1)
+    return found
+
+
+def keys() -> str:
+    """The keys of silo-tui by group, and the words after `:`."""
+    groups = dict.fromkeys(action.group for action in ACTIONS if action.keys)
+    parts = []
+    for group in groups:
+        rows = ((f"`{a.key_text}`" if "`" not in a.key_text else a.key_text, a.label, a.help)
+                for a in ACTIONS if a.keys and a.group == group)  # fmt: skip
+        parts.append(f"## {group}\n\n{_table(('key', 'command', 'what it does'), rows)}")
+    typed = ((f"`{a.typed.usage}`", a.typed.help) for a in ACTIONS if a.typed and a.typed.usage)
+    parts.append(f"## After `:`\n\n{_table(('words', 'what they do'), typed)}")
+    return "\n\n".join(parts)
+
+
+def requests() -> str:
+    """Every request: its key, fields and reply."""
+
+    def rows() -> Iterator[tuple[str, ...]]:
+        for base, key in ((messages.Ask, "ask"), (messages.Do, "do")):
+            for kind in messages.leaves(base):
+                own = [name for name in kind.__struct_fields__ if name not in ("client", "protocol")]
+                fields = ", ".join(f"`{name}`" for name in own)
+                first = (inspect.getdoc(kind) or "").split("\n\n")[0]
+                yield f"`{kind.__name__}`", key, fields or "-", f"`{messages.reply_type(kind).__name__}`", first
+
+    return _table(("request", "key", "fields", "reply", "what it does"), rows())
+
+
+def formats() -> str:
+    """Every file format and what it keeps."""
+    kept = [keep for keep in Keeps if keep.name not in ("NOTHING", "ALL")]
+    rows = ((f"`{' '.join(one.endings)}`", one.about, "yes" if one.reader else "no",
+             ", ".join((keep.name or "").lower() for keep in kept if keep in one.keeps) or "-")
+            for one in FORMATS)  # fmt: skip
+    return _table(("ending", "what", "read again", "keeps beside values and stamps"), rows)
+
+
+GENERATED: dict[str, Page] = {"commands": commands, "keys": keys, "requests": requests, "formats": formats}
