@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.generate import Collect, generate
+from silo.collecting.marks import no_mark
 from silo.collecting.plan import Element, Plan, make_plan
 from silo.collecting.reasons import StopReason
 from silo.collecting.schema import SegmentSchema
@@ -76,6 +77,7 @@ class Run:
             plan, self.segment, clock, on_stop, after_end, serialized=options.threads is Threads.SERIALIZED
         )
         self.collect, self._retire = generated.collect, generated.retire
+        self.mark = self.segment.mark
         self._reader: SegmentReader | None = None
 
     @staticmethod
@@ -152,6 +154,7 @@ class Run:
         """Delete the segment, which readers that have it mapped keep, and let go of the program's variables."""
         self._retire()
         self.collect = self._retire = _nothing
+        self.mark = no_mark
         self.plan = dataclasses.replace(self.plan, references=())
         self.segment.unlink()
         if self._announced:

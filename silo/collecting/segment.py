@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from silo.collecting.failures import BLOCK_WORDS
+from silo.collecting.marks import MARKS_BYTES, SLOTS, Mark, marker, no_mark
 from silo.collecting.reasons import LostWhy, StopReason
 from silo.collecting.schema import (
     LAYOUT_VERSION,
@@ -76,8 +77,8 @@ class Segment:
         self._control = PAGE + _schema_room(schema)
         self._directory = self._control + page_up(8 * LINE_WORDS * (1 + len(schema.rings)))
         elements, end = _place_failures(schema.elements, self._directory + page_up(8 * self._directory_words))
-        rings, self._chunk_data = _place(schema.rings, end)
-        self.schema = msgspec.structs.replace(schema, rings=rings, elements=elements)
+        rings, self._chunk_data = _place(schema.rings, end + MARKS_BYTES)
+        self.schema = msgspec.structs.replace(schema, rings=rings, elements=elements, marks=end // 8, mark_slots=SLOTS)
         self._growing = {ring.ring: ring for ring in rings if ring.buffer_type is BufferType.GROWING}
         self._chunks = 0
         self._next: dict[int, Chunk] = {}
@@ -124,6 +125,8 @@ class Segment:
         # a strided NumPy store touches every page without the GIL: no page fault is left for the control loop
         np.frombuffer(mapped, np.uint8)[::PAGE] = 0
         self.words = memoryview(mapped).cast("l")
+        marks = memoryview(mapped)[8 * self.schema.marks :][:MARKS_BYTES]
+        self.mark: Mark = marker(marks, self.words, self.ring_control(TIME_RING))
         body = msgspec.json.encode(self.schema)
         mapped[PAGE : PAGE + len(body)] = body
         header = {
@@ -301,6 +304,7 @@ class Segment:
                 os.close(self._fd)
                 self._fd = -1
             self.words = memoryview(b"").cast("l")
+            self.mark = no_mark
             self._next.clear()
             self._first.clear()
 
@@ -324,7 +328,13 @@ def _schema_room(schema: SegmentSchema) -> int:
         element if element.failures < 0 else msgspec.structs.replace(element, failures=2**53)
         for element in schema.elements
     )
-    return page_up(len(msgspec.json.encode(msgspec.structs.replace(schema, rings=rings, elements=elements))))
+    return page_up(
+        len(
+            msgspec.json.encode(
+                msgspec.structs.replace(schema, rings=rings, elements=elements, marks=2**53, mark_slots=SLOTS)
+            )
+        )
+    )
 
 
 def _place_failures(elements: tuple[ElementSchema, ...], offset: int) -> tuple[tuple[ElementSchema, ...], int]:

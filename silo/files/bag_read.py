@@ -278,6 +278,7 @@ def _recording(facts: RecordingFacts, times: NDArray[np.int64], elements: list[_
         time_looping=facts.time_looping,
         warnings=tuple(warnings),
         extras=facts.extras,
+        events=facts.events,
     )
 
 

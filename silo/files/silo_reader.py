@@ -78,6 +78,7 @@ def read_silo(path: str | os.PathLike[str]) -> Recording:
         time_looping=time.looping,
         warnings=(*facts.warnings, *header.warnings),
         extras=facts.extras,
+        events=tuple(header.events),
     )
 
 
