@@ -94,8 +94,8 @@ class Recording:
 
     `time_ns` has shape `(n,)`: int64 nanoseconds since 1970 (or of the logger's own clock), one per kept tick, oldest
     first; the last one is tick `offset - 1`. `offset` counts the ticks since start (the original's "time
-    synchronization offset"). `started_ns` is the wall clock at start, 0 where unknown. `events` are what happened in this
-    run, marks and all, in the order of time; their ticks may lie outside of those that are kept.
+    synchronization offset"). `started_ns` is the wall clock at start, 0 where unknown. `events` are what happened in
+    this run, marks and all, in the order of time; their ticks may lie outside of those that are kept.
     """
 
     logger: str

@@ -395,6 +395,17 @@ class SegmentReader:
         words = self._words[self.schema.marks : self.schema.marks + SLOT_WORDS * self.schema.mark_slots]
         return read_marks(words, since, self.schema.logger, self.schema.run)
 
+    def stamped_marks(self, since: int = 0) -> list[LoggedEvent]:
+        """The same with the time stamps of their ticks, as far as these are still held."""
+        found = self.marks(since)
+        stamps = {tick: self.stamp_of(tick) for tick in {mark.tick for mark in found}}
+        return [msgspec.structs.replace(mark, stamp_ns=stamps[mark.tick]) for mark in found]
+
+    def stamp_of(self, tick: int) -> int:
+        """The time stamp of a tick; 0 where it is not held."""
+        rows = self.rows(TIME_RING, max(tick, 0), 1)
+        return int(rows.time_ns[0]) if len(rows) and rows.first == tick else 0
+
     def lost_whys(self) -> tuple[LostWhy, ...]:
         """Why rows could not be kept, each reason once."""
         lossy = [ring.ring for ring in self.schema.rings if self.ring_lost(ring.ring)]

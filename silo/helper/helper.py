@@ -20,9 +20,11 @@ from silo.errors import ConnectionLostError, SegmentError, SiloError
 from silo.helper.answers import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
+from silo.helper.event_log import EventLog
 from silo.helper.events import Events
 from silo.helper.journaling import Journaling
 from silo.helper.judge import Judge
+from silo.helper.marks import Marks
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.publisher import Publisher
@@ -70,6 +72,7 @@ class Helper:
         self._deleted = ""  # the run whose files somebody deleted
         self._exit_code = 0
         self._judge: Judge | None = None
+        self._marks: Marks | None = None
 
     def run(self) -> int:
         """Serve until the robot process is gone and nobody needs the helper any more; returns the exit code."""
@@ -101,24 +104,23 @@ class Helper:
         mirror = Mirror(first)
         self._take_runs(mirror)
         root = Root(mirror.host, first.logger)
-        events = Events(session, root, mirror)
+        events = Events(session, root, mirror, EventLog(first.folder, first.logger))
+        marks = self._marks = Marks(mirror, events)
         publisher = Publisher(session, root, mirror, events)
         saver = Saver(mirror, events, self._robot)
         journaling = Journaling(mirror, events)
         answers = Answers(mirror, events, publisher, saver, self._robot)
         judge = self._judge = Judge(mirror, events)
         control = Control(session, root, answers)
-        publisher.start()
-        saver.start()
-        journaling.start()
-        judge.start()
-        control.start()
+        for part in (marks, publisher, saver, journaling, judge, control):
+            part.start()
         token = session.liveliness().declare_token(root.key("alive"))
         predecessors = PredecessorRecovery(mirror, events)
         self._robot.send(LinkReply(READY, Done(str(path))))
         predecessors.start()
         try:
             ended = self._follow_robot(mirror, events, saver, path)
+            marks.stop()
             if ended is _Ended.FILES_DELETED:
                 self._exit_code = FILES_DELETED
                 judge.stop("the helper process was replaced")
@@ -147,6 +149,8 @@ class Helper:
             publisher.stop()
             predecessors.stop(SAVE_GRACE_S)
             saver.stop(SAVE_GRACE_S)
+            marks.stop()
+            events.log.stop()
 
     # ------------------------------------------------------------------------------------------- while it lives
 
@@ -188,6 +192,8 @@ class Helper:
         taken = self._robot.taken_runs()
         for offer, descriptor in taken:
             _take_run(mirror, offer, descriptor)
+            if self._marks is not None:
+                self._marks.take_run()
             if self._judge is not None:
                 self._judge.take_run()
             self._deleted = "" if offer.named else offer.run
@@ -219,6 +225,8 @@ class Helper:
             before, now = mirror.take(message)
             _tell_changes(events, before, now)
         elif isinstance(message, LetGo):
+            if self._marks is not None:
+                self._marks.let_go()
             mirror.let_go()
         elif isinstance(message, LinkReply):
             late = self._robot.answered(message)
@@ -278,14 +286,14 @@ def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -
     by = now.robot.by
     stopped = now.robot.state is State.STOPPED
     if now.robot.segment != before.robot.segment and not (stopped and before.robot.state is State.STOPPED):
-        events.publish(EventKind.STARTED, "started", by=by)
+        events.publish(EventKind.STARTED, "started", by=by, tick=0)
         if stopped:
             events.publish(EventKind.STOPPED, now.robot.reason or "stopped", by=by)
     elif now.robot.state is not before.robot.state:
         if stopped:
             events.publish(EventKind.STOPPED, now.robot.reason or "stopped", by=by)
         else:
-            events.publish(EventKind.STARTED, "started", by=by)
+            events.publish(EventKind.STARTED, "started", by=by, tick=0)
     if now.table.revision != before.table.revision:
         count = _changed(before, now)
         events.publish(EventKind.EDITED, f"{count} element{'s' if count != 1 else ''} changed", by=by)

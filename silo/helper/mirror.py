@@ -199,6 +199,12 @@ class Mirror:
         known, ticks = self.durable
         return ticks if known == run else 0
 
+    def stamp_of(self, tick: int) -> int:
+        """Return the time stamp of a tick of the present run; 0 where it isn't held."""
+        with self._lock, contextlib.suppress(SegmentError):
+            return self._reader.stamp_of(tick) if self._reader is not None else 0
+        return 0
+
     def _saved_ticks(self, reader: SegmentReader) -> int:
         own = self._saved[1] if self._saved[0] == self.segment else 0
         return max(own, reader.saved_ticks)

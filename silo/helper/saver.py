@@ -146,7 +146,8 @@ class Saver:
                 text = f"saving {names}: {share:.0%}"
                 self._events.publish(EventKind.SAVING, text, by=by, job=job.number, progress=share)
 
-        order = WriteOrder(job.folder, job.logger, job.request.types, job.request.name)
+        events = self._events.log.of_run(job.reader.schema.run)
+        order = WriteOrder(job.folder, job.logger, job.request.types, job.request.name, events=events)
         report = write_log(job.reader, order, progress)
         files = report.files
         if report.error:

@@ -19,7 +19,8 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SiloError
 from silo.files import PartlySavedError, write
 from silo.helper.recovery import missing
-from silo.model import FileType, SavedFile
+from silo.model import FileType, LoggedEvent, SavedFile
+from silo.recording import with_events
 
 NICER = 5
 
@@ -29,6 +30,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
 
     `of_dead`: the writer of the segment is gone, so that rows that aren't what it committed are damaged.
     `journal`: write what this journal proves instead of a segment; `log`: write this file again in other formats.
+    `events` are what happened in that run.
     """
 
     folder: str
@@ -38,6 +40,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     of_dead: bool = False
     journal: str = ""
     log: str = ""
+    events: list[LoggedEvent] = []
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -63,6 +66,7 @@ def _write(reader: SegmentReader | JournalReader, order: WriteOrder, progress: C
         recording = reader.snapshot()
         damaged = missing(reader) if order.of_dead else ()
         recording = dataclasses.replace(recording, warnings=(*damaged, *recording.warnings))
+        recording = with_events(recording, order.events)
         files = write(recording, order.folder, order.logger, order.types, order.name or None, progress)
     except SiloError as error:
         saved = list(error.saved) if isinstance(error, PartlySavedError) else []

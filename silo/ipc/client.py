@@ -13,7 +13,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from silo.arguments import real, shown, text, texts, whole
+from silo.arguments import line, real, shown, text, texts, whole
 from silo.calls import told_class
 from silo.display import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError
@@ -21,6 +21,7 @@ from silo.ipc.connection import Connection, Pending
 from silo.ipc.discovery import Discovery, Found, discover, not_found_text
 from silo.ipc.exchange import checked_reply, client_name, decode_reply, key_of
 from silo.ipc.messages import (
+    AddMark,
     ApplyEdits,
     Ask,
     By,
@@ -30,6 +31,7 @@ from silo.ipc.messages import (
     DiffScript,
     Done,
     EditsApplied,
+    GetEvents,
     GetHistory,
     GetSamples,
     GetStatus,
@@ -65,7 +67,7 @@ from silo.ipc.messages import (
 )
 from silo.ipc.published import Event, EventKind
 from silo.ipc.words import FileTypes, file_types, full_name, why_silent
-from silo.model import Edit, FileType, SavedFile, Status, Table
+from silo.model import Edit, FileType, LoggedEvent, SavedFile, Status, Table
 from silo.version import VERSION
 
 if TYPE_CHECKING:
@@ -195,6 +197,20 @@ class Client:
     def table(self) -> Table:
         """Return the element table with its revision."""
         return self._call(GetTable(client=self._name)).table
+
+    def events(self, since: int = 0, limit: int = 1000) -> list[LoggedEvent]:
+        """Return what happened after line `since` of the event log: the newest `limit` lines of it, oldest first.
+
+        `number` of the last one is the next `since`.
+        """
+        return self._call(GetEvents(since=since, limit=limit, client=self._name)).events
+
+    def mark(self, text: str, tick: int | None = None) -> LoggedEvent:
+        """Mark a tick of the present run, by default the newest, with some words; returns the line of the event log."""
+        request = AddMark(text=line("text", text, 'client.mark("slipped")'), client=self._name)
+        if tick is not None:
+            request = AddMark(text=request.text, tick=whole("tick", tick, 0, 2**62), client=self._name)
+        return self._call(request).event
 
     def scripts(self) -> Scripts:
         """Return the scripts in the logger's script folder."""

@@ -17,7 +17,7 @@ import msgspec
 
 from silo.errors import RefusedError
 from silo.ipc.sampled import SampledName, SampledRows
-from silo.model import Edit, FieldChange, FileType, Problem, Status, Table
+from silo.model import Edit, FieldChange, FileType, LoggedEvent, Problem, Status, Table
 
 ReplyT = TypeVar("ReplyT", bound="Reply")
 
@@ -192,6 +192,19 @@ class Done(Reply, frozen=True):
     text: str = ""
 
 
+class Events(Reply, frozen=True):
+    """Lines of the event log, oldest first. `missed` counts those asked for that are older and not among them."""
+
+    events: list[LoggedEvent]
+    missed: int = 0
+
+
+class Marked(Reply, frozen=True):
+    """The mark as it stands in the event log."""
+
+    event: LoggedEvent
+
+
 class GoesOn(Reply, frozen=True):
     """The robot process hasn't answered yet, and may still do it: an event with the number `job` tells how it ended."""
 
@@ -288,6 +301,13 @@ class GetStatus(Ask[StatusReply], frozen=True):
 
 class GetTable(Ask[TableReply], frozen=True):
     """Which elements are there, with which options?"""
+
+
+class GetEvents(Ask[Events], frozen=True):
+    """What happened after line `since` of the event log? The newest `limit` of it."""
+
+    since: int = 0
+    limit: int = 1000
 
 
 class ListScripts(SlowAsk[Scripts], frozen=True):
@@ -483,6 +503,15 @@ class Save(Do[SaveStarted], frozen=True):
     types: list[FileType]
     name: str = ""
     folder: str = ""
+
+
+class AddMark(Do[Marked], frozen=True):
+    """Mark a tick of the present run with some words; -1 is the newest."""
+
+    timeout_s: ClassVar[float] = 2.0
+
+    text: str
+    tick: int = -1
 
 
 class LoadScript(Do[EditsApplied], frozen=True):

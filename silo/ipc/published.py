@@ -94,6 +94,7 @@ class EventKind(str, enum.Enum):
     TRIGGERED = "triggered"
     CAPTURED = "captured"
     BLIND = "blind"  # what a trigger can't see, or didn't
+    MARKER = "marker"  # somebody, or the program, marked a tick
     OTHER = "other"
 
     @classmethod
@@ -102,7 +103,11 @@ class EventKind(str, enum.Enum):
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Put on `.../event`; `text` is fit to show as it stands. `number` counts all events of a helper."""
+    """Put on `.../event`; `text` is fit to show as it stands. `number` counts all events of a helper.
+
+    `tick` and `stamp_ns` say where it stands in the data (-1, 0: nowhere), `logged` its number in the event log, 0 for
+    what is only news (the progress of a save).
+    """
 
     number: int
     time_ns: int
@@ -113,3 +118,6 @@ class Event(msgspec.Struct, frozen=True):
     job: int = 0
     progress: float = 0.0
     files: list[SavedFile] = []
+    tick: int = -1
+    stamp_ns: int = 0
+    logged: int = 0
