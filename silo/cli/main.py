@@ -34,6 +34,8 @@ COMMANDS = {
     "stop": LazyCommand("Loggers", "silo.cli.loggers", "stop", "Stop logging; the data stays."),
     "restart": LazyCommand("Loggers", "silo.cli.loggers", "restart", "Stop, and start with empty buffers."),
     "save": LazyCommand("Loggers", "silo.cli.loggers", "save", "Save what the buffers hold to files."),
+    "mark": LazyCommand("Loggers", "silo.cli.events", "mark", "Mark the newest tick with some words."),
+    "events": LazyCommand("Loggers", "silo.cli.events", "events", "Print what happened, and who did it."),
     "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
     "recover": LazyCommand("Loggers", "silo.cli.recover", "recover", "Save what programs that died left behind."),
     "convert": LazyCommand("Saved files", "silo.cli.files", "convert_command", "Convert a log to another format."),
