@@ -193,7 +193,8 @@ class SiloApp(App[None]):
         if event.kind is EventKind.SAVE_FAILED and not self.screen.is_modal:
             context.fail(event.text)
         elif event.kind is not EventKind.SAVING and event.by != self._finder.own_name:
-            context.say(event.text + (f" ({event.by})" if event.by else ""))
+            told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else event.text
+            context.say(told + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             context.table_changed()
             context.status_changed()
@@ -259,6 +260,16 @@ class SiloApp(App[None]):
                 session.link.set_rate(settings.rate)
         self.context.tell(lambda screen: screen.settings_changed())
         self.context.tell(lambda screen: screen.update_keys())
+
+    def command_set_marker(self) -> None:
+        session = self.context.session
+        self.context.mark(session.frame_time_ns or session.status.last_tick_ns)
+
+    def command_events(self) -> None:
+        from silo_tui.screens.events import EventsScreen, FileEventsScreen
+
+        kind = EventsScreen if self._file is None else FileEventsScreen
+        self.push_screen(kind(self.context.session))
 
     def command_quit(self) -> None:
         self.context.run_flow(flows.leave(self.context))

@@ -246,6 +246,8 @@ class Answers:
             there = f"0 to {status.ticks - 1}" if status.ticks else "none yet"
             return Refused(RefusedWhy.INVALID, f"there is no tick {request.tick} (ticks: {there}); nothing was marked")
         tick = request.tick if request.tick >= 0 else None
+        if request.at_ns and (tick := self._mirror.tick_at(request.at_ns)) < 0:
+            return Refused(RefusedWhy.INVALID, "no tick of that time is held any more; nothing was marked")
         return Marked(self._events.publish(EventKind.MARKER, text, by=request.client, tick=tick))
 
     @answers_to(ApplyEdits)

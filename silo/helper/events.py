@@ -79,6 +79,7 @@ class Events:
                 event.tick,
                 event.stamp_ns,
                 event.number,
+                event.run,
             )
             self._publisher.put(_encoder.encode(told))
         return event
@@ -96,5 +97,6 @@ class Events:
                 tick=mark.tick,
                 stamp_ns=mark.stamp_ns,
                 logged=logged.number,
+                run=mark.run,
             )
             self._publisher.put(_encoder.encode(told))

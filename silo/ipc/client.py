@@ -205,11 +205,17 @@ class Client:
         """
         return self._call(GetEvents(since=since, limit=limit, client=self._name)).events
 
-    def mark(self, text: str, tick: int | None = None) -> LoggedEvent:
-        """Mark a tick of the present run, by default the newest, with some words; returns the line of the event log."""
-        request = AddMark(text=line("text", text, 'client.mark("slipped")'), client=self._name)
-        if tick is not None:
-            request = AddMark(text=request.text, tick=whole("tick", tick, 0, 2**62), client=self._name)
+    def mark(self, text: str, tick: int | None = None, *, at_ns: int | None = None) -> LoggedEvent:
+        """Mark a tick of the present run, by default the newest, with some words; returns the line of the event log.
+
+        at_ns: a time stamp; the newest tick up to it is marked.
+        """
+        request = AddMark(
+            text=line("text", text, 'client.mark("slipped")'),
+            tick=-1 if tick is None else whole("tick", tick, 0, 2**62),
+            at_ns=0 if at_ns is None else whole("at_ns", at_ns, 1, 2**63 - 1),
+            client=self._name,
+        )
         return self._call(request).event
 
     def scripts(self) -> Scripts:

@@ -506,12 +506,16 @@ class Save(Do[SaveStarted], frozen=True):
 
 
 class AddMark(Do[Marked], frozen=True):
-    """Mark a tick of the present run with some words; -1 is the newest."""
+    """Mark a tick of the present run with some words; -1 is the newest.
+
+    With a time stamp `at_ns`, the newest tick up to it.
+    """
 
     timeout_s: ClassVar[float] = 2.0
 
     text: str
     tick: int = -1
+    at_ns: int = 0
 
 
 class LoadScript(Do[EditsApplied], frozen=True):

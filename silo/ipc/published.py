@@ -121,3 +121,4 @@ class Event(msgspec.Struct, frozen=True):
     tick: int = -1
     stamp_ns: int = 0
     logged: int = 0
+    run: str = ""
