@@ -231,7 +231,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("plot", "m,enter", "Plot", "plot what is marked, or the element under the cursor", "Look", _FILE, 3),
     # -------------------------------------------------------------------------------------------------- events
     Command("set_marker", "M", "Marker", "mark the tick on the screen (paused: at cursor A) with some words", "Events",
-            _BOTH + _EVENTS, 12, writes=True, asks=True, typed=Typed(("marker",))),
+            _BOTH + _EVENTS, writes=True, asks=True, typed=Typed(("marker",))),
     Command("events", "E", "Events", "what happened, and who did it", "Go", _TABLES + _MONITORS + _DETAILS,
             typed=Typed(("events",))),
     Command("go_to_event", "enter", "Go there", "the plots stand still where it happened", "Events", _HAPPENED, 1),

@@ -262,8 +262,10 @@ class SiloApp(App[None]):
         self.context.tell(lambda screen: screen.update_keys())
 
     def command_set_marker(self) -> None:
+        from silo_tui.screens.marking import ask_mark
+
         session = self.context.session
-        self.context.mark(session.frame_time_ns or session.status.last_tick_ns)
+        ask_mark(self.context, session.frame_time_ns or session.status.last_tick_ns)
 
     def command_events(self) -> None:
         from silo_tui.screens.events import EventsScreen, FileEventsScreen

@@ -192,22 +192,6 @@ class Context:
             self.table_changed()
             self.status_changed()
 
-    def mark(self, at_ns: int) -> None:
-        """Ask for the words of a mark; its moment is now, however long one types."""
-        from silo_tui.screens.dialogs import Prompt
-
-        def carry_out(words: str | None) -> None:
-            if words is not None:
-                self.app.run_worker(self.quietly(self._mark(words.strip() or "marker", at_ns)), group="mark")
-
-        self.app.push_screen(
-            Prompt("Mark this moment", "Its tick is taken; words may follow.", "", "marker"), carry_out
-        )
-
-    async def _mark(self, words: str, at_ns: int) -> None:
-        event = await self.session.mark(words, at_ns)
-        self.say(f'marked tick {event.tick}: "{event.text}"')
-
     async def quietly(self, job: Coroutine[Any, Any, None]) -> None:
         """Follow up on something that was reported; a link that breaks meanwhile has its banner."""
         try:

@@ -21,6 +21,7 @@ from silo_tui.model.plots import SECOND_NS, PlotWindow
 from silo_tui.model.source import PlotSource
 from silo_tui.screens.exporting import ask_export
 from silo_tui.screens.finding import Found, events, look
+from silo_tui.screens.marking import ask_mark
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
 from silo_tui.widgets.bars import MonitorLine
@@ -428,7 +429,7 @@ class StandingStill(SiloScreen):
 
     def command_set_marker(self) -> None:
         a_ns = self._at_ns if self.window.paused else None
-        self.context.mark(self.source.end_ns if a_ns is None else a_ns)
+        ask_mark(self.context, self.source.end_ns if a_ns is None else a_ns)
 
     def jump_to_event(self, event: LoggedEvent) -> None:
         """Stand still where something happened; say so where its rows are gone."""
