@@ -133,6 +133,11 @@ class Logger(Conditions):
         """
         self._mark(text)
 
+    def _set_mark(self, mark: Mark) -> None:
+        self._mark = vars(self)["mark"] = mark  # in the instance in place of the method, as `collect`: 40 ns less
+        if mark is no_mark:
+            del vars(self)["mark"]
+
     def start(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Clear all buffers and begin to log; calls `update()` first if that was never done.
 
@@ -167,7 +172,7 @@ class Logger(Conditions):
             self._new_values = NewValuesReader()
             self._reason = ""
             self._running = True
-            self._mark = run.mark
+            self._set_mark(run.mark)
             self._set_collect(run.collect)
             self._tell()
 
@@ -176,7 +181,7 @@ class Logger(Conditions):
             self._serving.hand_over()  # before its first tick: whatever happens next, the helper process knows it
 
     def _let_go(self) -> None:
-        self._mark = no_mark  # it holds the last run's memory
+        self._set_mark(no_mark)  # it holds the last run's memory
         if self._serving is not None:
             self._serving.let_go()
 
@@ -381,7 +386,7 @@ class Logger(Conditions):
             self._closed = True
         if self._serving is not None:
             self._serving.close()
-        self._mark = no_mark
+        self._set_mark(no_mark)
         self._present.drop()
         drop_journals(self.options)
         self._table.release()
@@ -420,7 +425,7 @@ class Logger(Conditions):
                 self._serving.close()
             if self._serving.left == (self.segment_path, self.ticks):
                 return  # the helper process saves them and deletes the segment
-        self._mark = no_mark
+        self._set_mark(no_mark)
         if save_at_end(run, self.options):
             self._present.drop()
             drop_journals(self.options)
@@ -463,7 +468,7 @@ class Logger(Conditions):
         if self._present.run is not None:
             self._present.run.forget()
         self._set_collect(forked_collect(self.options.name) if self._running else _idle)
-        self._mark = no_mark
+        self._set_mark(no_mark)
         self._running = False
         self._closed = True
         self._serving = None
