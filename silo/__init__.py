@@ -52,6 +52,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         collect as collect,
         get_logger as get_logger,
         init as init,
+        mark as mark,
         restart as restart,
         save as save,
         serve as serve,
@@ -81,7 +82,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
 __version__ = VERSION
 
 _HOMES = {
-    "silo.logger.default": "add array cleanup close collect get_logger init restart save serve start stop update",
+    "silo.logger.default": "add array cleanup close collect get_logger init mark restart save serve start stop update",
     "silo.errors": (
         "ArgumentError ConnectionLostError ElementError FileFormatError GoesOnError LogNotFoundError NoRoomError "
         "RefusedError SaveError ScriptError SegmentError SiloError SourceError StateError UnknownNameError "

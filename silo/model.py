@@ -209,6 +209,32 @@ class Extras(msgspec.Struct, frozen=True, omit_defaults=True):
 NO_EXTRAS = Extras()
 
 
+MARKER = "marker"  # the kind of an event that somebody set
+
+
+class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Something that happened: a start, an edit, a mark ...; a line of the event log.
+
+    `kind` is a word of `silo.ipc.published.EventKind`, `text` fit to show. `time_ns` is the wall clock's. `tick` counts
+    since the start of `run`, -1 where there was none; `stamp_ns` is that tick's time stamp by the logger's own clock, 0
+    where it isn't known. `who` is a client as it names itself, or the logger. `number` counts the lines of the log.
+    """
+
+    kind: str
+    text: str
+    time_ns: int = 0
+    tick: int = -1
+    stamp_ns: int = 0
+    who: str = ""
+    run: str = ""
+    number: int = 0
+
+    @property
+    def at_ns(self) -> int:
+        """Where it stands in plots: the time stamp of its tick, else the wall clock."""
+        return self.stamp_ns or self.time_ns
+
+
 class LoggerOptions(msgspec.Struct, frozen=True):
     """What a logger is made with; see `silo.Logger` for the meaning of each.
 

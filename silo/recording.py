@@ -4,15 +4,16 @@ The segment's reader makes a `Recording` (a snapshot), every file writer takes o
 It knows no logger, no file and no process.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.display import html_table
-from silo.model import NO_EXTRAS, BufferType, Entry, Extras
+from silo.model import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
 
 Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
 
@@ -104,6 +105,8 @@ class Recording:
         warnings: what is missing or damaged.
         extras: derived signals, limits and triggers.
         why: it was saved, in a few words.
+        events: what happened in this run, marks and all, in the order of time; their ticks may lie outside of those
+            that are kept.
     """
 
     logger: str
@@ -117,6 +120,7 @@ class Recording:
     warnings: tuple[str, ...] = field(default=())
     why: str = ""
     extras: Extras = NO_EXTRAS
+    events: tuple[LoggedEvent, ...] = ()
 
     def __repr__(self) -> str:
         span = (int(self.time_ns[-1]) - int(self.time_ns[0])) * 1e-9 if len(self.time_ns) else 0.0
@@ -133,3 +137,26 @@ class Recording:
     def entry_count(self) -> int:
         """Scalar signals of all elements, the time stamps not counted."""
         return sum(len(element.entries) for element in self.elements)
+
+
+MOST_EVENTS = 10_000  # of a recording: the newest
+
+
+def stamped(events: Iterable[LoggedEvent], time_ns: NDArray[np.int64], offset: int) -> tuple[LoggedEvent, ...]:
+    """Events with the time stamps of their ticks, as far as these are held: `time_ns` ends with tick `offset - 1`."""
+    first = offset - len(time_ns)
+    return tuple(
+        msgspec.structs.replace(event, stamp_ns=int(time_ns[event.tick - first]))
+        if not event.stamp_ns and first <= event.tick < offset
+        else event
+        for event in events
+    )
+
+
+def with_events(recording: Recording, events: Iterable[LoggedEvent]) -> Recording:
+    """The recording with what else happened in its run, in the order of time; what it has already stays once."""
+    known = {(event.kind, event.time_ns, event.tick, event.text): event for event in recording.events}
+    for event in stamped(events, recording.time_ns, recording.offset):
+        known[event.kind, event.time_ns, event.tick, event.text] = event
+    merged = sorted(known.values(), key=lambda event: (event.time_ns, event.number))
+    return replace(recording, events=tuple(merged[-MOST_EVENTS:]))

@@ -98,16 +98,19 @@ _RECORDINGS = ("recordings",)
 _TRIGGERS = ("triggers",)
 _ALARMS = ("alarms",)
 _CONDITIONS = _TRIGGERS + _ALARMS
+_EVENTS = ("events",)
 _BOTH = ("table", "monitor")
 # the same screens on a file: what changes a logger has no place there
 _FILE = ("file",)
 _FILE_MONITOR = ("file_monitor",)
 _FILE_DETAIL = ("file_detail",)
+_FILE_EVENTS = ("file_events",)
 _TABLES = _TABLE + _FILE
 _MONITORS = _MONITOR + _FILE_MONITOR
 _DETAILS = _DETAIL + _FILE_DETAIL
 _FILE_PLOTS = _FILE_MONITOR + _FILE_DETAIL
-FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL
+_HAPPENED = _EVENTS + _FILE_EVENTS
+FILE_SCOPES = _FILE + _FILE_MONITOR + _FILE_DETAIL + _FILE_EVENTS
 
 
 def _typed(option: str) -> str:
@@ -230,6 +233,20 @@ COMMANDS: tuple[Command, ...] = (
     Command("detail_refresh", "r", "Refresh", "draw with what came since", "Detail plot", _DETAIL, 7),
     # --------------------------------------------------------------------------------------------------- files
     Command("plot", "m,enter", "Plot", "plot what is marked, or the element under the cursor", "Look", _FILE, 3),
+    # -------------------------------------------------------------------------------------------------- events
+    Command("set_marker", "M", "Marker", "mark the tick on the screen (paused: at cursor A) with some words", "Events",
+            _BOTH + _EVENTS, writes=True, asks=True, typed=Typed(("marker",))),
+    Command("events", "E", "Events", "what happened, and who did it", "Go", _TABLES + _MONITORS + _DETAILS,
+            typed=Typed(("events",))),
+    Command("go_to_event", "enter", "Go there", "the plots stand still where it happened", "Events", _HAPPENED, 1),
+    Command("filter_events", "slash", "Filter", "only lines with these words; -E leaves edits out, M marks alone",
+            "Events", _HAPPENED, 2),
+    Command("next_line", "j,down", "Older", "next line", "Events", _HAPPENED),
+    Command("previous_line", "k,up", "Newer", "line above", "Events", _HAPPENED),
+    Command("lines_down", "ctrl+d,pagedown", "Page down", "a page down", "Events", _HAPPENED),
+    Command("lines_up", "ctrl+u,pageup", "Page up", "a page up", "Events", _HAPPENED),
+    Command("oldest_line", "G,end", "Oldest", "the oldest line", "Events", _HAPPENED),
+    Command("follow_events", "g,home", "Follow", "the newest line, and what comes", "Events", _HAPPENED, 3),
     # ------------------------------------------------------------------------------------------------- loggers
     Command("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", _TABLE, typed=Typed(("loggers",))),
     Command("next_logger", "j,down", "Next", "next logger", "Loggers", _LOGGERS),

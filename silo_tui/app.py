@@ -219,7 +219,8 @@ class SiloApp(App[None]):
         if event.kind is EventKind.SAVE_FAILED and not self.screen.is_modal:
             context.fail(event.text)
         elif event.kind not in QUIET_KINDS and event.by != self._finder.own_name:
-            context.say(event.text + (f" ({event.by})" if event.by else ""))
+            told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else event.text
+            context.say(told + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             context.table_changed()
             context.status_changed()
@@ -310,6 +311,18 @@ class SiloApp(App[None]):
         from silo_tui.screens.recordings import RecordingsScreen
 
         self.push_screen(RecordingsScreen(self.context.session))
+
+    def command_set_marker(self) -> None:
+        from silo_tui.screens.marking import ask_mark
+
+        session = self.context.session
+        ask_mark(self.context, session.frame_time_ns or session.status.last_tick_ns)
+
+    def command_events(self) -> None:
+        from silo_tui.screens.events import EventsScreen, FileEventsScreen
+
+        kind = EventsScreen if self._file is None else FileEventsScreen
+        self.push_screen(kind(self.context.session))
 
     def command_quit(self) -> None:
         if self.context.file_over_logger:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.analysis.calculus import Floats, derivative, spectrum
+from silo.analysis.happened import events_of
 from silo.analysis.picking import Picked, pick, window
 from silo.analysis.plotting import Chart, Curve
 from silo.errors import ElementError
@@ -53,9 +54,11 @@ def make_chart(recording: Recording, spec: ChartSpec, title: str = "") -> tuple[
     is_right = {signal.name for signal in right}
     over = None if spec.x is None else _one(recording, spec.x)
     curves = [_curve(signal, spec.transform, over, zero, signal.name in is_right) for signal in shown]
+    times = spec.x is None and spec.transform != "spectrum"
     chart = Chart(
         curves,
         title=title,
+        events=_events(recording, curves, zero) if times else (),
         x_label=_x_label(spec.transform, over),
         left_label=_label([s for s in shown if s.name not in is_right], spec.transform),
         right_label=_label([s for s in shown if s.name in is_right], spec.transform),
@@ -63,6 +66,13 @@ def make_chart(recording: Recording, spec: ChartSpec, title: str = "") -> tuple[
         right_ticks=_names([s for s in shown if s.name in is_right], spec.transform),
     )
     return chart, max(0, len(chosen) - len(shown))
+
+
+def _events(recording: Recording, curves: Sequence[Curve], zero: int) -> list[tuple[float, str]]:
+    """When what happened, between the ends of the curves."""
+    ends = [end for curve in curves for end in (curve.x.min(initial=np.inf), curve.x.max(initial=-np.inf))]
+    low, high = min(ends, default=0.0), max(ends, default=0.0)
+    return [(event.seconds, event.words) for event in events_of(recording, zero) if low <= event.seconds <= high]
 
 
 def chart_of(signals: Sequence[Picked], zeros: Sequence[int], title: str = "") -> Chart:

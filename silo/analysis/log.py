@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from silo.analysis.expressions import RecordingJudge
+from silo.analysis.happened import LogEvent, events_of
 from silo.analysis.recordings import clipped, resampled
 from silo.analysis.shapes import assembled, component_names
 from silo.analysis.signals import Signal
@@ -433,6 +434,11 @@ class Log(Mapping[str, Signal]):
     def duration_s(self) -> float:
         """Seconds from the first to the last time stamp."""
         return float(self.time_ns[-1] - self.time_ns[0]) * 1e-9 if len(self.time_ns) else 0.0
+
+    @property
+    def events(self) -> list[LogEvent]:
+        """What happened, in the order of time: marks, starts, stops, edits, triggers, losses, saves, and who did it."""
+        return events_of(self.recording, self.start_ns)
 
     @property
     def warnings(self) -> Sequence[str]:

@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 
 MIN_WIDTH = 30
 MIN_HEIGHT = 8
+MOST_EVENTS = 50  # lines of a plot
 _COLORS = (("blue+", 94), ("orange", 33), ("green+", 92), ("magenta+", 95), ("cyan+", 96), ("red+", 91))
 # without colours curves must differ by shape; one alone is drawn finer
 _SHAPES = "•×+o#*%@"
@@ -48,7 +49,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class Chart:
-    """What one plot shows. The ticks name values (of enumerations) on the left and the right axis."""
+    """What one plot shows. The ticks name values (of enumerations) on the left and the right axis.
+
+    `events` are thin lines across the plot: where on x, and what happened there.
+    """
 
     curves: Sequence[Curve]
     title: str = ""
@@ -57,6 +61,7 @@ class Chart:
     right_label: str = ""
     left_ticks: Mapping[int, str] = field(default_factory=dict)
     right_ticks: Mapping[int, str] = field(default_factory=dict)
+    events: Sequence[tuple[float, str]] = ()
 
 
 def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = True) -> str:
@@ -68,7 +73,7 @@ def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = 
     width, height = max(width, MIN_WIDTH), max(height, MIN_HEIGHT)
     marks = [_mark(index, len(chart.curves), color) for index in range(len(chart.curves))]
     # a legend of more than half the height leaves no plot
-    legend = _legend(chart, marks, width, color)
+    legend = [*_legend(chart, marks, width, color), *_event_legend(chart, width)]
     room = max(1, height // 2)
     if len(legend) > room:
         legend = [*legend[: room - 1], f"   ... and {len(legend) - room + 1} more"]
@@ -99,6 +104,10 @@ def draw_axes(chart: Chart, left: Any) -> None:
         axes.plot(curve.x, curve.y, label=curve.label, color=f"C{index}", linestyle="--" if curve.right else "-")
     left.set(title=chart.title, xlabel=chart.x_label, ylabel=chart.left_label)
     left.grid(visible=True, alpha=0.3)
+    for at, words in chart.events[:MOST_EVENTS]:
+        left.axvline(at, color="0.5", linewidth=0.8, linestyle=":")
+        place = {"rotation": 90, "fontsize": 7, "color": "0.4", "va": "top", "ha": "right"}
+        left.text(at, 0.99, shorten(words, 40), transform=left.get_xaxis_transform(), **place)
     _name_ticks(left, chart.left_ticks)
     if right is not None:
         right.set_ylabel(chart.right_label)
@@ -162,6 +171,7 @@ def _draw(chart: Chart, marks: Sequence[str], width: int, height: int, color: bo
         if len(x):
             limits.setdefault("x", []).extend((float(x.min()), float(x.max())))
             limits.setdefault(side, []).extend((float(y.min()), float(y.max())))
+    _draw_events(figure, chart, limits)
     _set_ruler(figure.ruler(axis="x"), limits.get("x"), width // 12)
     _set_ruler(figure.ruler(axis="y", side="left"), limits.get("left"), height // 4, chart.left_ticks, powers["left"])
     right = figure.ruler(axis="y", side="right")
@@ -175,6 +185,33 @@ def _draw(chart: Chart, marks: Sequence[str], width: int, height: int, color: bo
             figure.label(shorten(text, third), axis=axis, side=side)
     text = figure.build().string(colorless=not color)
     return "\n".join(line.rstrip() for line in str(text).rstrip("\n").split("\n"))
+
+
+def _draw_events(figure: Any, chart: Chart, limits: Mapping[object, Sequence[float]]) -> None:
+    """A thin line for each event, as high as the curves."""
+    import plotext
+
+    side = "left" if "left" in limits else "right"
+    if side not in limits:
+        return
+    ends = [min(limits[side]), max(limits[side])]
+    if ends[0] == ends[1]:
+        return  # of a flat curve the axis has no height of its own
+    for at, _ in chart.events[:MOST_EVENTS]:
+        line = figure.signal([at, at], ends, marker=plotext.marker("│", pixel=None), yside=side)
+        line.lines(True)
+        figure.draw(line)
+
+
+def _event_legend(chart: Chart, width: int) -> list[str]:
+    lines = [shorten_end(f"│  {at:.6g}  {words}", width) for at, words in chart.events[:MOST_EVENTS]]
+    more = len(chart.events) - MOST_EVENTS
+    return [*lines, f"   and {more} more events"] if more > 0 else lines
+
+
+def shorten_end(text: str, width: int) -> str:
+    """The text in at most `width` characters; of a long one the beginning is kept."""
+    return text if len(text) <= width else f"{text[: max(width - 1, 0)]}…"
 
 
 def _power(values: Sequence[Floats]) -> int:

@@ -6,6 +6,7 @@ Pure functions on a `Recording`; values stay views of the file where they can.
 from dataclasses import replace
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +20,10 @@ def clipped(recording: Recording, first_ns: int, last_ns: int) -> Recording:
     high = max(low, int(np.searchsorted(recording.time_ns, last_ns, side="right")))
     elements = tuple(_between(element, low, high) for element in recording.elements)
     offset = recording.offset - (len(recording.time_ns) - high)
-    return replace(recording, time_ns=recording.time_ns[low:high], offset=max(offset, 0), elements=elements)
+    begin = offset - (high - low)
+    events = tuple(event for event in recording.events if begin <= event.tick < offset)
+    time_ns = recording.time_ns[low:high]
+    return replace(recording, time_ns=time_ns, offset=max(offset, 0), elements=elements, events=events)
 
 
 def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
@@ -41,8 +45,18 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
     rate = None
     if len(time_ns) > 1:
         rate = float((len(time_ns) - 1) / ((time_ns[-1] - time_ns[0]) * 1e-9))
+    events = tuple(
+        msgspec.structs.replace(event, tick=int(np.searchsorted(time_ns, event.at_ns, side="right")) - 1)
+        for event in recording.events
+    )
     return replace(
-        recording, time_ns=time_ns, offset=len(time_ns), elements=elements, frequency_hz=rate, time_looping=False
+        recording,
+        time_ns=time_ns,
+        offset=len(time_ns),
+        elements=elements,
+        frequency_hz=rate,
+        time_looping=False,
+        events=events,
     )
 
 

@@ -10,6 +10,7 @@ from datetime import datetime, timezone
 import msgspec
 import numpy as np
 
+from silo.analysis.happened import LogEvent, event_lines, events_of
 from silo.analysis.picking import Picked, picked, text_of
 from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording
 
@@ -48,6 +49,7 @@ class LogReport(msgspec.Struct, frozen=True):
     warnings: tuple[str, ...]
     elements: tuple[ElementReport, ...]
     failed: int = 0
+    events: tuple[LogEvent, ...] = ()
 
 
 class SignalStats(msgspec.Struct, frozen=True):
@@ -89,6 +91,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
         warnings=recording.warnings,
         elements=tuple(_describe(recording, element) for element in recording.elements),
         failed=sum(element.failures.count for element in recording.elements),
+        events=tuple(events_of(recording, int(times[0]) if len(times) else 0)),
     )
 
 
@@ -257,6 +260,7 @@ def format_report(facts: LogReport, width: int) -> str:
     ]
     head = ("element", "unit", "type", "samples", "Hz", "span s", "buffer", "lost", "failed")
     lines += table(head, rows, width, "lllrrrlrr")
+    lines += event_lines(facts.events)
     lines += [f"warning: {text}" for text in facts.warnings]
     return "\n".join(lines)
 

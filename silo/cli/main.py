@@ -36,6 +36,8 @@ COMMANDS = {
     "save": LazyCommand("Loggers", "silo.cli.loggers", "save", "Save what the buffers hold to files."),
     "files": LazyCommand("Loggers", "silo.cli.recordings", "files", "List, fetch, delete recordings of a robot."),
     "record": LazyCommand("Loggers", "silo.cli.record", "record", "Record to MCAP files, for days."),
+    "mark": LazyCommand("Loggers", "silo.cli.events", "mark", "Mark the newest tick with some words."),
+    "events": LazyCommand("Loggers", "silo.cli.events", "events", "Print what happened, and who did it."),
     "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
     "trigger": LazyCommand("Loggers", "silo.cli.triggers", "trigger", "Save what was logged around a condition."),
     "alarms": LazyCommand("Loggers", "silo.cli.alarms", "alarms", "Show what is, or was, beyond its limits."),

@@ -38,7 +38,7 @@ from silo.collecting.rows import Rows
 from silo.collecting.schema import STAMP_WORDS, ElementSchema, RingSchema, decode_description
 from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
-from silo.model import BufferType
+from silo.model import BufferType, LoggedEvent
 from silo.recording import NO_FAILURES, Failures, Recording
 from silo.runtime import boot_id
 
@@ -212,6 +212,10 @@ class JournalReader:
     def failures(self, element: ElementSchema) -> Failures:
         """At which ticks an element could not be read."""
         return self._commit.failures.get(element.info.name, NO_FAILURES)
+
+    def marks(self, since: int = 0) -> list[LoggedEvent]:
+        """None: the event log beside the journal has them."""
+        return []
 
     def snapshot(self) -> Recording:
         """All elements that are saved, as far as they are proven."""

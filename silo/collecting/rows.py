@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from silo.collecting.reasons import LostWhy
 from silo.collecting.schema import ElementSchema, EntrySchema, RingSchema, SegmentSchema
+from silo.model import LoggedEvent
 from silo.recording import Failures
 
 
@@ -70,3 +71,6 @@ class RowSource(Protocol):
 
     def failures(self, element: ElementSchema) -> Failures:
         """At which ticks an element could not be read."""
+
+    def marks(self, since: int = 0) -> list[LoggedEvent]:
+        """The program's marks after number `since` that are still there."""

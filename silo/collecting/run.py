@@ -14,6 +14,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from silo.collecting.generate import Collect, generate
+from silo.collecting.marks import no_mark
 from silo.collecting.pieces import words_at
 from silo.collecting.plan import Element, Plan, make_plan
 from silo.collecting.reasons import StopReason
@@ -79,6 +80,7 @@ class Run:
             plan, self.segment, clock, on_stop, after_end, serialized=options.threads is Threads.SERIALIZED
         )
         self.collect, self._retire = generated.collect, generated.retire
+        self.mark = self.segment.mark
         self._reader: SegmentReader | None = None
 
     @staticmethod
@@ -151,6 +153,7 @@ class Run:
         """Delete the segment, which readers that have it mapped keep, and let go of the program's variables."""
         self._retire()
         self.collect = self._retire = _nothing
+        self.mark = no_mark
         self.plan = dataclasses.replace(self.plan, references=())
         self._elements, self._watched = None, _Watched(())
         self.segment.unlink()

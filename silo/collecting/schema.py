@@ -5,13 +5,14 @@
     control      64-byte lines: one for the segment, then one per ring, see `Control` and `RingControl`
     chunks       one 8-byte word per possible chunk of a growing ring: ring number + 1, 0 while unused
     failures     256 bytes for each element that is read by an expression, see `silo.collecting.failures`
+    marks        slots of 256 bytes, see `silo.collecting.marks`
     rings        rows of 8-byte words: tick, time stamp in ns, words gathered from memory
     chunk data   chunks of `chunk_bytes`, appended while logging
 
 Everything is little-endian and 8-byte aligned; each part begins on a page.
 
-Layout 2 added `failures`, the reason why rows were lost, and the identity of logger and run. Readers take layout 1 too,
-and of the schema they ignore what they don't know, so that a field with a default needs no new layout.
+Layout 2 added `failures`, `marks`, the reason why rows were lost, and the identity of logger and run. Readers take
+layout 1 too, and of the schema they ignore what they don't know, so that a field with a default needs no new layout.
 """
 
 import enum
@@ -126,7 +127,8 @@ class ElementSchema(msgspec.Struct, frozen=True):
 class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     """What the segment holds and who writes it. `pid_start` and `boot_id` tell the writer from a reused pid.
 
-    `logger_id` is drawn once in the life of a logger, `run` once per start: names may come again, these don't.
+    `logger_id` is drawn once in the life of a logger, `run` once per start: names may come again, these don't. `marks`
+    is the word position of the slots of marks, -1 where there are none; `mark_slots` is how many.
     """
 
     logger: str
@@ -151,6 +153,8 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     run: str = ""
     pid_namespace: int = 0  # in which `pid` counts, 0 in older segments
     extras: Extras = NO_EXTRAS
+    marks: int = -1
+    mark_slots: int = 0
 
 
 def page_up(size_bytes: int) -> int:

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from silo.collecting.failures import BLOCK_WORDS
+from silo.collecting.marks import MARKS_BYTES, SLOTS, Mark, marker, no_mark
 from silo.collecting.reasons import LostWhy, StopReason
 from silo.collecting.schema import (
     LAYOUT_VERSION,
@@ -79,8 +80,8 @@ class Segment:
         self._control = PAGE + _schema_room(schema, elements_json)
         self._directory = self._control + page_up(8 * LINE_WORDS * (1 + len(schema.rings)))
         elements, end = _place_failures(schema.elements, self._directory + page_up(8 * self._directory_words))
-        rings, self._chunk_data = _place(schema.rings, end)
-        self.schema = msgspec.structs.replace(schema, rings=rings, elements=elements)
+        rings, self._chunk_data = _place(schema.rings, end + MARKS_BYTES)
+        self.schema = msgspec.structs.replace(schema, rings=rings, elements=elements, marks=end // 8, mark_slots=SLOTS)
         if elements is not schema.elements:
             elements_json = msgspec.json.encode(elements)
         self._growing = {ring.ring: ring for ring in rings if ring.buffer_type is BufferType.GROWING}
@@ -129,6 +130,8 @@ class Segment:
         # a strided NumPy store touches every page without the GIL: no page fault is left for the control loop
         np.frombuffer(mapped, np.uint8)[::PAGE] = 0
         self.words = memoryview(mapped).cast("l")
+        marks = memoryview(mapped)[8 * self.schema.marks :][:MARKS_BYTES]
+        self.mark: Mark = marker(marks, self.words, self.ring_control(TIME_RING))
         mapped[PAGE : PAGE + len(body)] = body
         header = {
             Header.VERSION: LAYOUT_VERSION,
@@ -305,6 +308,7 @@ class Segment:
                 os.close(self._fd)
                 self._fd = -1
             self.words = memoryview(b"").cast("l")
+            self.mark = no_mark
             self._next.clear()
             self._first.clear()
 
@@ -330,7 +334,8 @@ def _schema_room(schema: SegmentSchema, elements_json: bytes) -> int:
     """Bytes for the schema once its offsets are known: sized with the longest offset there can be."""
     rings = tuple(msgspec.structs.replace(ring, offset=2**53) for ring in schema.rings)
     longest = len(str(2**53)) * sum(element.failures >= 0 for element in schema.elements)
-    return page_up(len(_encoded(msgspec.structs.replace(schema, rings=rings), elements_json)) + longest)
+    placed = msgspec.structs.replace(schema, rings=rings, marks=2**53, mark_slots=SLOTS)
+    return page_up(len(_encoded(placed, elements_json)) + longest)
 
 
 def _place_failures(elements: tuple[ElementSchema, ...], offset: int) -> tuple[tuple[ElementSchema, ...], int]:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.collecting.failures import BLOCK_WORDS, read_failures
+from silo.collecting.marks import SLOT_WORDS, read_marks
 from silo.collecting.reasons import STOP_TEXTS, LostWhy, StopReason
 from silo.collecting.rows import Rows
 from silo.collecting.schema import (
@@ -38,7 +39,7 @@ from silo.collecting.schema import (
 )
 from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
-from silo.model import BufferType
+from silo.model import BufferType, LoggedEvent
 from silo.recording import NO_FAILURES, Failures, Recording
 from silo.runtime import boot_id, has_writer, pid_namespace, process_start
 
@@ -165,6 +166,10 @@ class SegmentReader:
         for element in schema.elements:
             self._check_element(element)
         ends += [8 * (element.failures + BLOCK_WORDS) for element in schema.elements if element.failures >= 0]
+        if schema.marks >= 0:
+            if schema.mark_slots < 0:
+                raise self._damaged(f"it announces {schema.mark_slots} slots of marks")
+            ends.append(8 * (schema.marks + SLOT_WORDS * schema.mark_slots))
         if max(ends) > self._size_bytes:
             raise SegmentError(f"{self.path}: cut short, {self._size_bytes} of {max(ends)} bytes are there")
 
@@ -381,6 +386,25 @@ class SegmentReader:
         if number >= len(places):
             raise SegmentError(f"{self.path}: damaged, chunk {number} of ring {ring} isn't in the directory")
         return places[number]
+
+    def marks(self, since: int = 0) -> list[LoggedEvent]:
+        """The program's marks after number `since` that are still there, in their order, without time stamps."""
+        if self.schema.marks < 0:
+            return []
+        self._check_size()
+        words = self._words[self.schema.marks : self.schema.marks + SLOT_WORDS * self.schema.mark_slots]
+        return read_marks(words, since, self.schema.logger, self.schema.run)
+
+    def stamped_marks(self, since: int = 0) -> list[LoggedEvent]:
+        """The same with the time stamps of their ticks, as far as these are still held."""
+        found = self.marks(since)
+        stamps = {tick: self.stamp_of(tick) for tick in {mark.tick for mark in found}}
+        return [msgspec.structs.replace(mark, stamp_ns=stamps[mark.tick]) for mark in found]
+
+    def stamp_of(self, tick: int) -> int:
+        """The time stamp of a tick; 0 where it is not held."""
+        rows = self.rows(TIME_RING, max(tick, 0), 1)
+        return int(rows.time_ns[0]) if len(rows) and rows.first == tick else 0
 
     def lost_whys(self) -> tuple[LostWhy, ...]:
         """Why rows could not be kept, each reason once."""

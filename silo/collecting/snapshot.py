@@ -11,7 +11,7 @@ from silo.collecting.reasons import LOST_TEXTS
 from silo.collecting.rows import Rows, RowSource
 from silo.collecting.schema import TIME_RING, ElementSchema
 from silo.model import BufferType
-from silo.recording import RecordedElement, RecordedEntry, Recording, failures_text
+from silo.recording import RecordedElement, RecordedEntry, Recording, failures_text, stamped
 
 
 def snapshot(source: RowSource) -> Recording:
@@ -45,6 +45,7 @@ def snapshot(source: RowSource) -> Recording:
         time_looping=schema.time_buffer_type is BufferType.LOOPING,
         warnings=_warnings(source, elements, ticks),
         extras=schema.extras,
+        events=stamped(source.marks(), stamps, ticks),
     )
 
 

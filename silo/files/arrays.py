@@ -71,6 +71,9 @@ def write_mat(recording: Recording, path: Path, progress: Progress | None = None
         "time_ns": recording.time_ns,
         "time": _seconds(recording.time_ns, start),
     }
+    if recording.events:
+        about["event_ticks"] = np.array([event.tick for event in recording.events], np.int64)
+        about["events"] = np.array([f"{event.kind}: {event.text}" for event in recording.events], dtype=object)
     total = max(1, len(recording.elements))
     with whole_file(path) as file:
         matlab.savemat(file, {unique("silo"): about}, do_compression=True, long_field_names=True, oned_as="column")
@@ -157,6 +160,9 @@ def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress 
     store.attrs["logger"] = recording.logger
     store.attrs["frequency_hz"] = np.nan if recording.frequency_hz is None else recording.frequency_hz
     store.attrs["started_ns"] = recording.started_ns
+    if recording.events:
+        # a data set: an attribute holds at most 64 kB
+        store.create_dataset(_free(store, "events"), data=msgspec.json.encode(recording.events).decode())
     shared = {(0, 1, len(recording.time_ns)): store.create_dataset("time_ns", data=recording.time_ns)}
     for done, element in enumerate(recording.elements, start=1):
         group = _group(store, element.name)
@@ -263,7 +269,9 @@ def _facts(recording: Recording) -> str:
         for element in recording.elements
     ]
     facts = {"logger": recording.logger, "frequency_hz": recording.frequency_hz, "started_ns": recording.started_ns}
-    return msgspec.json.encode({**facts, "offset": recording.offset, "elements": elements}).decode()
+    return msgspec.json.encode(
+        {**facts, "offset": recording.offset, "elements": elements, "events": recording.events}
+    ).decode()
 
 
 def _unique(clean: Callable[[str], str]) -> Callable[[str], str]:

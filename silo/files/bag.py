@@ -5,6 +5,7 @@ layout and the same ticks, and scattered time-major into one buffer that is cut 
 Python call per message (`mcap`: 0.1 million messages/s): above 2 million messages/s, of which half is compression.
 """
 
+import functools
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, atomic_folder
+from silo.files.bag_events import LOG_TYPE, EventGroup, events_topic
 from silo.files.bag_facts import (
     FACTS_ATTACHMENT,
     FACTS_VERSION,
@@ -32,7 +34,7 @@ from silo.files.bag_facts import (
 )
 from silo.files.bag_groups import MessageGroup, group_channels
 from silo.files.mcap_write import McapFile
-from silo.files.ros_types import Channel, channels_of, is_text, type_hashes
+from silo.files.ros_types import Channel, MessageType, channels_of, is_text
 from silo.files.texts import presentable
 from silo.recording import Progress, RecordedElement, RecordedEntry, Recording
 
@@ -47,9 +49,10 @@ def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Prog
     """Write a bag: a plain MCAP file if `path` ends in `.mcap`, else a rosbag2 folder.
 
     Every element is one topic (message types: `silo.files.ros_types`); log time, publish time and header stamp are the
-    tick's stamp. `progress` gets the fraction done, 0 to 1, per time window. Peak memory is about twice `WINDOW_BYTES`
-    beyond the recording. Raises `SaveError` when stamps, types or the number of elements don't fit ROS, and when the
-    file can't be written; then nothing stands under the final name. An existing folder is an error, a file is replaced.
+    tick's stamp. What happened is one more topic (`silo.files.bag_events`). `progress` gets the fraction done, 0 to 1,
+    per time window. Peak memory is about twice `WINDOW_BYTES` beyond the recording. Raises `SaveError` when stamps,
+    types or the number of elements don't fit ROS, and when the file can't be written; then nothing stands under the
+    final name. An existing folder is an error, a file is replaced.
     """
     recording = _utf8(presentable(recording))
     final = Path(path)
@@ -122,12 +125,20 @@ def _write_mcap(
     file: BinaryIO, recording: Recording, channels: Sequence[Channel], name: str, progress: Progress | None
 ) -> str:
     """Write the whole file; return rosbag2's metadata as YAML."""
-    groups = group_channels(recording, channels)
+    groups: list[MessageGroup | EventGroup] = [*group_channels(recording, channels)]
     counts = {number: recording.elements[channel.element].count for number, channel in enumerate(channels, start=1)}
+    schemas, records = definitions(recording, channels)
+    topics = [(channel.topic, channel.type) for channel in channels]
+    if len(events := EventGroup(recording, len(channels) + 1)):
+        groups.append(events)
+        counts[len(channels) + 1] = len(events)
+        topics.append((events_topic(recording, channels), LOG_TYPE))
+        schemas.append(_schema(LOG_TYPE, len(schemas) + 1))
+        records.append(_channel_record(len(channels) + 1, *topics[-1], schemas[-1].id, {"kind": "events"}))
     first, last = _span(recording, groups)
-    metadata = metadata_yaml(recording, channels, counts, name, (first, last))
+    metadata = metadata_yaml(recording, topics, counts, name, (first, last))
 
-    mcap = McapFile(file, *definitions(recording, channels))
+    mcap = McapFile(file, schemas, records)
     mcap.add_metadata("silo", _summary(recording))
     mcap.attach(FACTS_ATTACHMENT, "application/zstd", pack_facts(recording_facts(recording, channels)))
     mcap.attach(TIME_ATTACHMENT, "application/zstd", pack_times(recording.time_ns))
@@ -138,11 +149,14 @@ def _write_mcap(
 
 
 def write_windows(
-    mcap: McapFile, times: NDArray[np.int64], groups: Sequence[MessageGroup], progress: Progress | None = None
+    mcap: McapFile,
+    times: NDArray[np.int64],
+    groups: "Sequence[MessageGroup | EventGroup]",
+    progress: Progress | None = None,
 ) -> None:
     """Write the messages of all ticks with these time stamps as chunks."""
     total = len(times)
-    per_tick = sum(group.tick_bytes / group.divider for group in groups)
+    per_tick = sum(group.tick_bytes / group.divider for group in groups if not isinstance(group, EventGroup))
     ticks = max(1, min(total, int(WINDOW_BYTES / max(per_tick, 1))))
     for group in groups:
         group.reserve(ticks)
@@ -155,7 +169,11 @@ def write_windows(
 
 
 def _write_window(
-    mcap: McapFile, begin: int, times: NDArray[np.int64], groups: Sequence[MessageGroup], buffer: NDArray[np.uint8]
+    mcap: McapFile,
+    begin: int,
+    times: NDArray[np.int64],
+    groups: "Sequence[MessageGroup | EventGroup]",
+    buffer: NDArray[np.uint8],
 ) -> None:
     sizes = np.zeros(len(times), dtype=np.int64)
     for group in groups:
@@ -186,11 +204,14 @@ def _chunk_bounds(ends: NDArray[np.int64]) -> list[int]:
     return [0, *(int(cut) for cut in np.unique(cuts) if cut < len(ends)), len(ends)]
 
 
-def _span(recording: Recording, groups: Sequence[MessageGroup]) -> tuple[int, int]:
+def _span(recording: Recording, groups: "Sequence[MessageGroup | EventGroup]") -> tuple[int, int]:
     """First and last log time in ns; (0, 0) without messages."""
     due = np.zeros(len(recording.time_ns), dtype=bool)
     for first, divider, count in {(group.first, group.divider, group.count) for group in groups}:
         due[first : first + count * divider : divider] = True
+    for group in groups:
+        if isinstance(group, EventGroup):
+            group.due(due)
     stamps = recording.time_ns[due]
     return (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
 
@@ -198,21 +219,29 @@ def _span(recording: Recording, groups: Sequence[MessageGroup]) -> tuple[int, in
 def definitions(recording: Recording, channels: Sequence[Channel]) -> tuple[list[Schema], list[ChannelRecord]]:
     """The schema and channel records of a file; channels count from 1."""
     schemas: dict[str, Schema] = {}
-    hashes = type_hashes(channels)
     records = []
     for number, channel in enumerate(channels, start=1):
         name = channel.type.name
         if name not in schemas:
-            schemas[name] = Schema(id=len(schemas) + 1, data=channel.type.text.encode(), encoding="ros2msg", name=name)
-        # an empty list of QoS profiles means the player's default
-        about = {"offered_qos_profiles": "", "topic_type_hash": hashes[name]}
-        about |= _about(recording.elements[channel.element])
-        records.append(
-            ChannelRecord(
-                id=number, topic=channel.topic, message_encoding="cdr", metadata=about, schema_id=schemas[name].id
-            )
-        )
+            schemas[name] = _schema(channel.type, len(schemas) + 1)
+        about = _about(recording.elements[channel.element])
+        records.append(_channel_record(number, channel.topic, channel.type, schemas[name].id, about))
     return list(schemas.values()), records
+
+
+def _schema(kind: MessageType, number: int) -> Schema:
+    return Schema(id=number, data=kind.text.encode(), encoding="ros2msg", name=kind.name)
+
+
+@functools.cache
+def _type_hash(kind: MessageType) -> str:
+    return kind.type_hash  # a third of a millisecond, and most topics of a log are of a few types
+
+
+def _channel_record(number: int, topic: str, kind: MessageType, schema: int, about: Mapping[str, str]) -> ChannelRecord:
+    # an empty list of QoS profiles means the player's default
+    about = {"offered_qos_profiles": "", "topic_type_hash": _type_hash(kind), **about}
+    return ChannelRecord(id=number, topic=topic, message_encoding="cdr", metadata=about, schema_id=schema)
 
 
 def _about(element: RecordedElement) -> dict[str, str]:
@@ -277,6 +306,7 @@ def recording_facts(recording: Recording, channels: Sequence[Channel]) -> Record
         warnings=recording.warnings,
         why=recording.why,
         extras=recording.extras,
+        events=recording.events,
     )
 
 
@@ -285,30 +315,33 @@ def _logged(entry: RecordedEntry) -> str:
 
 
 def metadata_yaml(
-    recording: Recording, channels: Sequence[Channel], counts: Mapping[int, int], name: str, span: tuple[int, int]
+    recording: Recording,
+    topics: Sequence[tuple[str, MessageType]],
+    counts: Mapping[int, int],
+    name: str,
+    span: tuple[int, int],
 ) -> str:
     """rosbag2's description of the bag. Version 8: QoS profiles are a text, which Humble can still parse."""
     first, last = span
     start = f"starting_time:\n{{0}}  nanoseconds_since_epoch: {first}"
     when = f"{start}\n{{0}}duration:\n{{0}}  nanoseconds: {last - first}"
     total = sum(counts.values())
-    hashes = type_hashes(channels)
     lines = [
         "version: 8",
         "storage_identifier: mcap",
         when.format(""),
         f"message_count: {total}",
-        "topics_with_message_count:" + ("" if channels else " []"),
+        "topics_with_message_count:" + ("" if topics else " []"),
     ]
-    for number, channel in enumerate(channels, start=1):
+    for number, (topic, kind) in enumerate(topics, start=1):
         lines += [
             "  - topic_metadata:",
             # a topic like /log/on is safe in quotes only
-            f"      name: {json.dumps(channel.topic)}",
-            f"      type: {channel.type.name}",
+            f"      name: {json.dumps(topic)}",
+            f"      type: {kind.name}",
             "      serialization_format: cdr",
             '      offered_qos_profiles: ""',
-            f"      type_description_hash: {hashes[channel.type.name]}",
+            f"      type_description_hash: {_type_hash(kind)}",
             f"    message_count: {counts[number]}",
         ]
     quoted = json.dumps(name)

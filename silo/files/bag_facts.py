@@ -9,7 +9,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from silo.model import NO_EXTRAS, BufferType, Entry, Extras
+from silo.model import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
 from silo.recording import NO_FAILURES, Failures
 
 FACTS_ATTACHMENT = "silo/recording.json.zst"
@@ -66,6 +66,7 @@ class RecordingFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     warnings: tuple[str, ...] = ()
     why: str = ""
     extras: Extras = NO_EXTRAS
+    events: tuple[LoggedEvent, ...] = ()
 
 
 def pack_facts(facts: RecordingFacts) -> bytes:

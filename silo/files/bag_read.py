@@ -143,6 +143,7 @@ def _recording(facts: RecordingFacts, times: NDArray[np.int64], elements: list[V
         warnings=tuple(warnings),
         why=facts.why,
         extras=facts.extras,
+        events=facts.events,
     )
 
 

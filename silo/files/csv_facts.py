@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from silo.files import silo_format as form
 from silo.files.csv_fast import Filled
-from silo.model import Entry
+from silo.model import Entry, LoggedEvent
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 SIDECAR = ".json"
@@ -43,6 +43,7 @@ class CsvFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     ticks: int
     span: tuple[int, int] = (0, 0)
     time_looping: bool = False
+    events: tuple[LoggedEvent, ...] = ()
 
 
 class NotThisTableError(ValueError):
@@ -65,6 +66,7 @@ def pack(recording: Recording, elements: Sequence[RecordedElement]) -> bytes:
         ticks=len(time_ns),
         span=_span(time_ns),
         time_looping=recording.time_looping,
+        events=tuple(map(form.event_facts, recording.events)),
     )
     return msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n"
 
@@ -108,6 +110,7 @@ def restored(facts: CsvFacts, names: Sequence[str], columns: Sequence[Column], t
         warnings=facts.log.warnings,
         why=facts.log.why,
         extras=facts.log.extras,
+        events=facts.events,
     )
 
 

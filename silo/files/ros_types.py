@@ -169,10 +169,12 @@ def channels_of(elements: Sequence[RecordedElement]) -> list[Channel]:
     return channels
 
 
-def type_hashes(channels: Iterable[Channel]) -> dict[str, str]:
-    """The version hash of each message type in use, by the type's name."""
-    types = {channel.type.name: channel.type for channel in channels}
-    return {name: type_.type_hash for name, type_ in types.items()}
+def free_topic(name: str, taken: Iterable[str]) -> str:
+    """The topic of this name, with a number where another one has it."""
+    unique = _unique(_topic)
+    for topic in taken:
+        unique(topic)
+    return unique(name)
 
 
 def _wire_of(entry: RecordedEntry) -> _Wire:

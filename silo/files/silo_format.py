@@ -1,7 +1,8 @@
 """The rules of the `.silo` format that the writer and the reader share: lines, type names, facts, time stamps.
 
 A `.silo` file is a text header, one table line per entry, and the values, entry after entry. What the original's
-format has no place for travels as JSON in comment lines between the table and the data (`LogFacts`, `ElementFacts`);
+format has no place for travels as JSON in comment lines between the table and the data (`LogFacts`, `ElementFacts`,
+`LoggedEvent`);
 the readers of the original skip such lines. Pure functions and data: no file is touched here.
 """
 
@@ -14,7 +15,7 @@ import msgspec
 import numpy as np
 
 from silo.kinds import SCALAR
-from silo.model import NO_EXTRAS, BufferType, Extras
+from silo.model import NO_EXTRAS, BufferType, Extras, LoggedEvent
 from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording
 
 BANNER = (
@@ -28,6 +29,7 @@ TABLE_LINE = b"# (Element Name) (Data Size In Bytes) (No Data Points) (Divider) 
 DATA_LINE = b"# Binary Data\n"
 LOG_FACTS = b"# silo log "
 ELEMENT_FACTS = b"# silo element "
+EVENT_FACTS = b"# silo event "
 CHECK = b"# silo check "
 _ROW = re.compile(rb"(.*) ([0-9]{1,18}) ([0-9]{1,18}) ([1-9][0-9]{0,17}) ([01]) ([a-z0-9]+)", re.DOTALL)
 CHECK_PATTERN = re.compile(rb"# silo check ([0-9a-f]{8}) \.*\n")
@@ -187,7 +189,7 @@ def table_name(name: str) -> str:
     return "_" + clean[1:] if clean.startswith("#") else clean
 
 
-def facts_line(start: bytes, facts: LogFacts | ElementFacts) -> bytes:
+def facts_line(start: bytes, facts: LogFacts | ElementFacts | LoggedEvent) -> bytes:
     """A comment line with the facts as JSON; `Binary Data`, by which readers find the data, never stands in it."""
     # outside of strings the JSON text has no such word, and inside a string an escape means the same
     text = msgspec.json.encode(facts).replace(b"Binary", b"\\u0042inary")
@@ -232,6 +234,11 @@ def log_facts(recording: Recording) -> LogFacts:
         span=(int(recording.time_ns[0]), int(recording.time_ns[-1])) if len(recording.time_ns) else (0, 0),
         extras=recording.extras,
     )
+
+
+def event_facts(event: LoggedEvent) -> LoggedEvent:
+    """An event that is about to be written: a line of the header for each, behind those of the elements."""
+    return msgspec.structs.replace(event, text=plain_text(event.text), who=plain_text(event.who))
 
 
 def first_stamp(looping: bool, stamps: int, samples: int, divider: int, offset: int) -> int:

@@ -13,6 +13,7 @@ import msgspec
 
 from silo.errors import FileFormatError
 from silo.files import silo_format as form
+from silo.model import LoggedEvent
 
 # A table of 100,000 entries with facts is 20 MB; a longer header is no header.
 _LONGEST_HEADER = 256 << 20
@@ -20,8 +21,9 @@ _DATA = re.compile(rb"^# Binary(?: Data)?[ ]*\r?\n", re.MULTILINE)
 _CHECK = re.compile(rb"^# silo check [^\n]*\n", re.MULTILINE)
 _PLACES = {form.OFFSET_LINE: 5, form.COUNT_LINE: 7, form.TABLE_LINE: 9}
 
-_Facts = TypeVar("_Facts", form.LogFacts, form.ElementFacts)
+_Facts = TypeVar("_Facts", form.LogFacts, form.ElementFacts, LoggedEvent)
 _LOG_DECODER = msgspec.json.Decoder(form.LogFacts)
+_EVENT_DECODER = msgspec.json.Decoder(LoggedEvent)
 _ELEMENT_DECODER = msgspec.json.Decoder(form.ElementFacts)
 
 
@@ -35,6 +37,7 @@ class Header:
     facts: form.LogFacts | None = None
     elements: list[form.ElementFacts] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    events: list[LoggedEvent] = field(default_factory=list)
 
 
 def parse_header(data: bytes | memoryview, size: int) -> Header:
@@ -142,6 +145,9 @@ def _read_facts(header: Header, lines: Sequence[bytes]) -> None:
         elif line.startswith(form.ELEMENT_FACTS):
             element = _decoded(line[len(form.ELEMENT_FACTS) :], _ELEMENT_DECODER, header)
             header.elements += [element] if element else []
+        elif line.startswith(form.EVENT_FACTS):
+            event = _decoded(line[len(form.EVENT_FACTS) :], _EVENT_DECODER, header)
+            header.events += [event] if event else []
 
 
 def _decoded(text: bytes, decoder: msgspec.json.Decoder[_Facts], header: Header) -> _Facts | None:

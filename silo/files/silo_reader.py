@@ -79,6 +79,7 @@ def read_silo(path: str | os.PathLike[str]) -> Recording:
         warnings=(*facts.warnings, *header.warnings),
         why=facts.why,
         extras=facts.extras,
+        events=tuple(header.events),
     )
 
 

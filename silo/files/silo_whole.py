@@ -17,7 +17,7 @@ import msgspec
 from silo.errors import FileFormatError
 from silo.files import silo_format as form
 from silo.files.silo_values import Type, file_entry, file_recording, time_stamps, types_of
-from silo.model import Entry
+from silo.model import Entry, LoggedEvent
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 # larger ones are fresh memory, whose page faults take longer than the copy
@@ -26,6 +26,8 @@ _LONGEST = 256 << 20
 _BEFORE_TABLE = 9  # lines
 _END = b"\n" + form.DATA_LINE
 _NEXT_FACTS = b"\n" + form.ELEMENT_FACTS
+_NEXT_EVENT = b"\n" + form.EVENT_FACTS
+_EVENTS_DECODER = msgspec.json.Decoder(tuple[LoggedEvent, ...])
 _LOG_DECODER = msgspec.json.Decoder(form.LogFacts)
 _ELEMENTS_DECODER = msgspec.json.Decoder(list[form.ElementFacts])
 
@@ -136,12 +138,16 @@ def read_whole(data: memoryview) -> Recording | None:
     found = form.CHECK_PATTERN.fullmatch(text, check, len(text) - len(form.DATA_LINE)) if check else None
     if found is None or found[1] != b"%08x" % zlib.crc32(form.DATA_LINE, zlib.crc32(memoryview(text)[:check])):
         return None
-    begin = text.find(_NEXT_FACTS)
-    begin = begin if begin >= 0 else check - 1
+    end = text.find(_NEXT_EVENT)
+    end = end if end >= 0 else check - 1
+    begin = text.find(_NEXT_FACTS, 0, end)
+    begin = begin if begin >= 0 else end
     try:
         head = text[:begin].decode().split("\n")
         facts = _LOG_DECODER.decode(head[-1].removeprefix(form.LOG_FACTS.decode()))
-        elements = _element_facts(text[begin + 1 : check - 1])
+        elements = _element_facts(text[begin + 1 : end])
+        happened = text[end + len(_NEXT_EVENT) : check - 1].replace(_NEXT_EVENT, b",")
+        events = _EVENTS_DECODER.decode(b"[" + happened + b"]")
         offset = int(head[5])
         table = _table(head[_BEFORE_TABLE:-1], _names(elements), offset, len(text))
         if table is None or not _fits(table, elements):
@@ -163,6 +169,7 @@ def read_whole(data: memoryview) -> Recording | None:
         warnings=facts.warnings,
         why=facts.why,
         extras=facts.extras,
+        events=events,
     )
 
 

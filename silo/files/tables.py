@@ -25,17 +25,23 @@ _MAX_ROWS = 1 << 16
 def write_parquet(recording: Recording, path: Path, progress: Progress | None = None) -> None:
     """Write `time_ns` (int64), `time` (UTC, nanoseconds) and one column per entry; complex ones are two columns.
 
+    Where something happened there is a column `events` too, with its words; all of it, as JSON, is in the metadata.
+
     Raises `SaveError`, and `SiloError` without pyarrow.
     """
     recording = presentable(recording)
     arrow = need("pyarrow", "convert", "Parquet files")
     parquet = need("pyarrow.parquet", "convert", "Parquet files")
     columns = list(_columns(recording))
-    names = _unique(["time_ns", "time", *(name for name, _, _ in columns)])
+    events = _events_by_tick(recording)
+    names = _unique(["time_ns", "time", *(name for name, _, _ in columns), *(["events"] if events else [])])
     time_type = arrow.timestamp("ns", tz="UTC")
     fields = [arrow.field(names[0], arrow.int64(), nullable=False), arrow.field(names[1], time_type, nullable=False)]
-    for name, (_, element, values) in zip(names[2:], columns, strict=True):
+    for name, (_, element, values) in zip(names[2:], columns, strict=False):
         fields.append(arrow.field(name, _arrow_type(arrow, values), metadata=_about(element, values.dtype)))
+    signals = fields[2:]
+    if events:
+        fields.append(arrow.field(names[-1], arrow.string(), metadata={"kind": "events"}))
     schema = arrow.schema(fields, metadata=_about_log(recording))
 
     total = len(recording.time_ns)
@@ -47,8 +53,10 @@ def write_parquet(recording: Recording, path: Path, progress: Progress | None = 
             arrays = [arrow.array(stamps), arrow.array(stamps).cast(time_type)]
             arrays += [
                 _cells(arrow, field.type, element, values, (start, stop))
-                for field, (_, element, values) in zip(fields[2:], columns, strict=True)
+                for field, (_, element, values) in zip(signals, columns, strict=True)
             ]
+            if events:
+                arrays.append(arrow.array([events.get(row) for row in range(start, stop)], type=arrow.string()))
             writer.write_table(arrow.Table.from_arrays(arrays, schema=schema))
             if progress is not None:
                 progress(stop / total)
@@ -125,7 +133,22 @@ def _about(element: RecordedElement, dtype: np.dtype[Any]) -> dict[str, str]:
 
 def _about_log(recording: Recording) -> dict[str, str]:
     frequency = "" if recording.frequency_hz is None else str(recording.frequency_hz)
-    return {"logger": recording.logger, "frequency_hz": frequency, "started_ns": str(recording.started_ns)}
+    about = {"logger": recording.logger, "frequency_hz": frequency, "started_ns": str(recording.started_ns)}
+    if recording.events:
+        about["events"] = msgspec.json.encode(recording.events).decode()
+    return about
+
+
+def _events_by_tick(recording: Recording) -> dict[int, str]:
+    """What happened at each tick that is kept, in words, by its row; more than one thing in lines."""
+    first = recording.offset - len(recording.time_ns)
+    told: dict[int, str] = {}
+    for event in recording.events:
+        if 0 <= event.tick - first < len(recording.time_ns):
+            place = event.tick - first
+            line = f"{event.kind}: {event.text}"
+            told[place] = f"{told[place]}\n{line}" if place in told else line
+    return told
 
 
 def _unique(names: list[str]) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import msgspec
 
-from silo.files.silo_format import plain_text
+from silo.files.silo_format import event_facts, plain_text
 from silo.model import Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
@@ -16,7 +16,8 @@ def presentable(recording: Recording) -> Recording:
     """The recording with all texts in proper Unicode, lone surrogates escaped: mostly it is the same object."""
     elements = [_element(element) for element in recording.elements]
     same = all(new is old for new, old in zip(elements, recording.elements, strict=True))
-    texts = (recording.logger, recording.prefix, recording.why, *recording.warnings)
+    told = [text for event in recording.events for text in (event.text, event.who)]
+    texts = (recording.logger, recording.prefix, recording.why, *recording.warnings, *told)
     if same and all(map(_is_proper, texts)):
         return recording
     return replace(
@@ -26,6 +27,7 @@ def presentable(recording: Recording) -> Recording:
         warnings=tuple(map(plain_text, recording.warnings)),
         why=plain_text(recording.why),
         elements=elements,
+        events=tuple(map(event_facts, recording.events)),
     )
 
 

@@ -25,9 +25,11 @@ from silo.helper.robot import Robot
 from silo.helper.samples import check_samples, samples
 from silo.helper.saver import Saver
 from silo.helper.statistics import Surveyor
+from silo.ipc import messages
 from silo.ipc.conditions import worst_first
 from silo.ipc.messages import (
     Acknowledge,
+    AddMark,
     Alarms,
     AnyReply,
     ApplyEdits,
@@ -41,6 +43,7 @@ from silo.ipc.messages import (
     Done,
     EditsApplied,
     ForceTrigger,
+    GetEvents,
     GetHistory,
     GetLimits,
     GetParts,
@@ -58,6 +61,7 @@ from silo.ipc.messages import (
     ListRecordings,
     ListScripts,
     LoadScript,
+    Marked,
     OpenPin,
     OpenStream,
     OpenView,
@@ -105,6 +109,9 @@ from silo.version import VERSION
 Handler = Callable[["Answers", Any], Any]
 Signed = TypeVar("Signed", bound=Request[Any])
 Method = TypeVar("Method", bound=Handler)
+
+MOST_EVENTS_AT_ONCE = 10_000
+MOST_MARK_LETTERS = 200
 
 HANDLERS: dict[type[Request[Any]], Handler] = {}
 
@@ -248,6 +255,13 @@ class Answers:
 
         return try_trigger(request.trigger, self._mirror.open_reader(), self._mirror.now.table.elements)
 
+    @answers_to(GetEvents)
+    def _happened(self, request: GetEvents) -> messages.Events | Refused:
+        if not 0 <= request.limit <= MOST_EVENTS_AT_ONCE:
+            text = f"the limit of events must be 0 to {MOST_EVENTS_AT_ONCE}, got {request.limit}"
+            return Refused(RefusedWhy.INVALID, text)
+        return messages.Events(*self._events.log.since(request.since, request.limit))
+
     @answers_to(ListScripts)
     def _list_scripts(self, _: ListScripts) -> Scripts:
         own = self._own_script
@@ -311,6 +325,20 @@ class Answers:
     @answers_to(StopRecorder)
     def _stop_recorder(self, request: StopRecorder) -> Done | Refused:
         return self._recording.end(_signed(request))
+
+    @answers_to(AddMark)
+    def _mark(self, request: AddMark) -> Marked | Refused:
+        text = plain(request.text, MOST_MARK_LETTERS).strip()
+        status = self._mirror.status()
+        if not text:
+            return Refused(RefusedWhy.INVALID, "a mark needs some words; nothing was marked")
+        if not -1 <= request.tick < max(status.ticks, 0):
+            there = f"0 to {status.ticks - 1}" if status.ticks else "none yet"
+            return Refused(RefusedWhy.INVALID, f"there is no tick {request.tick} (ticks: {there}); nothing was marked")
+        tick = request.tick if request.tick >= 0 else None
+        if request.at_ns and (tick := self._mirror.tick_at(request.at_ns)) < 0:
+            return Refused(RefusedWhy.INVALID, "no tick of that time is held any more; nothing was marked")
+        return Marked(self._events.publish(EventKind.MARKER, text, by=request.client, tick=tick))
 
     @answers_to(ApplyEdits)
     def _apply(self, request: ApplyEdits) -> EditsApplied | GoesOn | Refused:

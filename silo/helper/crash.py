@@ -64,7 +64,9 @@ def _save(mirror: Mirror, events: Events, reader: SegmentReader, who: str) -> No
 
     try:
         with claimed(reader):
-            files, held = save_reader(reader, mirror.now.robot.folder, progress=progress)
+            files, held = save_reader(
+                reader, mirror.now.robot.folder, progress=progress, events=events.log.of_run(reader.schema.run)
+            )
             mirror.mark_saved(str(reader.path), reader.ticks)
             mark_saved(reader)
             _delete(reader)

@@ -1,4 +1,7 @@
-"""Telling every client what happened. Any thread of the helper may tell; nobody waits for a slow client."""
+"""Telling every client what happened, and writing it into the event log.
+
+Any thread of the helper may tell; nobody waits for a slow client or a slow disk.
+"""
 
 import threading
 import time
@@ -7,10 +10,11 @@ from collections.abc import Sequence
 import msgspec
 import zenoh
 
+from silo.helper.event_log import EventLog
 from silo.helper.mirror import Mirror
 from silo.ipc.keys import Root
 from silo.ipc.published import Event, EventKind
-from silo.model import SavedFile
+from silo.model import LoggedEvent, SavedFile
 
 MAX_BY = 120
 
@@ -23,15 +27,16 @@ def plain(text: str, limit: int = MAX_BY) -> str:
 
 
 class Events:
-    """Numbers events and publishes them."""
+    """Numbers events, logs and publishes them."""
 
-    def __init__(self, session: zenoh.Session, root: Root, mirror: Mirror) -> None:
+    def __init__(self, session: zenoh.Session, root: Root, mirror: Mirror, log: EventLog) -> None:
         self._publisher = session.declare_publisher(
             root.key("event"), congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.INTERACTIVE_HIGH
         )
         self._mirror = mirror
         self._lock = threading.Lock()
         self._number = 0
+        self.log = log
 
     def publish(
         self,
@@ -42,10 +47,56 @@ class Events:
         job: int = 0,
         progress: float = 0.0,
         files: Sequence[SavedFile] = (),
-    ) -> None:
-        """Publish an event with the present status."""
+        tick: int | None = None,
+    ) -> LoggedEvent:
+        """Publish an event with the present status; it stands at `tick`, or at the newest one."""
         status = self._mirror.status()
+        newest = status.ticks - 1
+        begun_ns = status.started_ns if kind is EventKind.STARTED else 0  # this is told some time after
+        event = LoggedEvent(
+            kind.value,
+            text,
+            begun_ns or time.time_ns(),
+            newest if tick is None else tick,
+            status.last_tick_ns if tick in (None, newest) else self._mirror.stamp_of(tick or 0),
+            plain(by) or self._mirror.now.robot.logger,
+            self._mirror.run,
+        )
+        if kind is not EventKind.SAVING:  # only news; how it ends is logged
+            event = self.log.add(event)
         with self._lock:
             self._number += 1
-            event = Event(self._number, time.time_ns(), kind, text, plain(by), status, job, progress, list(files))
-            self._publisher.put(_encoder.encode(event))
+            told = Event(
+                self._number,
+                event.time_ns,
+                kind,
+                text,
+                plain(by),
+                status,
+                job,
+                progress,
+                list(files),
+                event.tick,
+                event.stamp_ns,
+                event.number,
+                event.run,
+            )
+            self._publisher.put(_encoder.encode(told))
+        return event
+
+    def publish_mark(self, mark: LoggedEvent) -> None:
+        """Log and publish a mark of the program; without a status, for there may be many at once."""
+        logged = self.log.add(mark)
+        with self._lock:
+            self._number += 1
+            told = Event(
+                self._number,
+                mark.time_ns,
+                EventKind.MARKER,
+                mark.text,
+                tick=mark.tick,
+                stamp_ns=mark.stamp_ns,
+                logged=logged.number,
+                run=mark.run,
+            )
+            self._publisher.put(_encoder.encode(told))

@@ -21,9 +21,11 @@ from silo.errors import ConnectionLostError, SegmentError, SiloError
 from silo.helper.answers import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
+from silo.helper.event_log import EventLog
 from silo.helper.events import Events
 from silo.helper.journaling import Journaling
 from silo.helper.judge import Judge
+from silo.helper.marks import Marks
 from silo.helper.mirror import LoggerSnapshot, Mirror
 from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.publisher import Publisher
@@ -83,6 +85,7 @@ class Helper:
         self._exit_code = 0
         self._judge: Judge | None = None
         self._recording: Recording | None = None
+        self._marks: Marks | None = None
 
     def run(self) -> int:
         """Serve until the robot process is gone and nobody needs the helper any more; returns the exit code."""
@@ -114,7 +117,8 @@ class Helper:
         mirror = Mirror(first)
         self._take_runs(mirror)
         root = Root(mirror.host, first.logger)
-        events = Events(session, root, mirror)
+        events = Events(session, root, mirror, EventLog(first.folder, first.logger))
+        marks = self._marks = Marks(mirror, events)
         publisher = Publisher(session, root, mirror, events)
         saver = Saver(mirror, events, self._robot)
         journaling = Journaling(mirror, events)
@@ -122,16 +126,30 @@ class Helper:
         recording = self._recording = Recording(mirror, events)
         answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording)
         control = Control(session, root, answers)
-        for part in (publisher, saver, journaling, judge, recording, control):
+        for part in (marks, publisher, saver, journaling, judge, recording, control):
             part.start()
         token = session.liveliness().declare_token(root.key("alive"))
         predecessors = PredecessorRecovery(mirror, events)
         self._robot.send(LinkReply(READY, Done(str(path))))
         predecessors.start()
-        try:
+        with contextlib.ExitStack() as at_end:  # the last one first
+            for stop in (events.log.stop, marks.stop):
+                at_end.callback(stop)
+            for wait in (saver.stop, predecessors.stop):
+                at_end.callback(wait, SAVE_GRACE_S)
+            at_end.callback(publisher.stop)
+            at_end.callback(recording.wait, SAVE_GRACE_S)
+            for stop in (answers.stop, control.stop, journaling.stop):
+                at_end.callback(stop)
+            at_end.callback(judge.stop, "the helper process ended")
+            at_end.callback(self._robot.lost)
+            at_end.callback(token.undeclare)
             ended = self._follow_robot(mirror, events, saver, path)
+            if ended is _Ended.DIED:
+                dead_mark(path).touch()  # first of all: who looks for the program may find its next start already
             # a helper process that comes after this one goes on with what was recorded, unless the logger is closed
             recording.stop(forget=ended is not _Ended.FILES_DELETED and not self._term_s)
+            marks.stop()
             if ended is _Ended.FILES_DELETED:
                 self._exit_code = FILES_DELETED
                 judge.stop("the helper process was replaced")
@@ -143,24 +161,12 @@ class Helper:
                 events.publish(EventKind.CLOSED, "the robot program closed its logger")
                 saver.stop(SAVE_GRACE_S)
             else:
-                dead_mark(path).touch()  # first of all: who looks for the program may find its next start already
                 self._robot.lost()
                 judge.stop("the robot program died")
                 saver.finish()
                 journaling.stop()
                 news = after_crash(mirror, events)
                 self._linger(publisher, DEAD_WITHOUT_CLIENTS_S if news else 0.0)
-        finally:
-            token.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
-            self._robot.lost()
-            judge.stop("the helper process ended")
-            journaling.stop()
-            control.stop()
-            answers.stop()
-            recording.wait(SAVE_GRACE_S)
-            publisher.stop()
-            predecessors.stop(SAVE_GRACE_S)
-            saver.stop(SAVE_GRACE_S)
 
     # ------------------------------------------------------------------------------------------- while it lives
 
@@ -202,6 +208,8 @@ class Helper:
         taken = self._robot.taken_runs()
         for offer, descriptor in taken:
             _take_run(mirror, offer, descriptor)
+            if self._marks is not None:
+                self._marks.take_run()
             if self._judge is not None:
                 self._judge.take_run()
             if self._recording is not None:
@@ -237,6 +245,8 @@ class Helper:
                 self._recording.follow_present()
             _tell_changes(events, before, now)
         elif isinstance(message, LetGo):
+            if self._marks is not None:
+                self._marks.let_go()
             mirror.let_go()
         elif isinstance(message, LinkReply):
             late = self._robot.answered(message)
@@ -307,14 +317,14 @@ def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -
     by = now.robot.by
     stopped = now.robot.state is State.STOPPED
     if now.robot.segment != before.robot.segment and not (stopped and before.robot.state is State.STOPPED):
-        events.publish(EventKind.STARTED, "started", by=by)
+        events.publish(EventKind.STARTED, "started", by=by, tick=0)
         if stopped:
             events.publish(EventKind.STOPPED, now.robot.reason or "stopped", by=by)
     elif now.robot.state is not before.robot.state:
         if stopped:
             events.publish(EventKind.STOPPED, now.robot.reason or "stopped", by=by)
         else:
-            events.publish(EventKind.STARTED, "started", by=by)
+            events.publish(EventKind.STARTED, "started", by=by, tick=0)
     if now.table.revision != before.table.revision:
         count = _changed(before, now)
         events.publish(EventKind.EDITED, f"{count} element{'s' if count != 1 else ''} changed", by=by)

@@ -24,6 +24,7 @@ from silo.helper.mirror import Mirror
 from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.ipc.published import EventKind
 from silo.model import NO_EXTRAS, Extras, FileType, SavedFile, TriggerOptions
+from silo.recording import with_events
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
@@ -273,7 +274,8 @@ class Judge:
         for text in found.blind:
             self._events.publish(EventKind.BLIND, text)
         for name, capture in found.fired:
-            self._events.publish(EventKind.TRIGGERED, f"trigger '{name}' fired at tick {capture.fires[0].tick}")
+            tick = capture.fires[0].tick
+            self._events.publish(EventKind.TRIGGERED, f"trigger '{name}' fired at tick {tick}", tick=tick)
         for spool in found.whole:
             self._jobs.put((spool, spool.options))
         for over, text in found.limits:
@@ -301,7 +303,9 @@ class Judge:
         from silo.files.naming import next_run_number
         from silo.helper.writing import WriteOrder, write_apart
 
-        recording = spool.recording()
+        happened = self._events.log.of_run(spool.schema.run)
+        first, last = spool.capture.first, spool.capture.last
+        recording = with_events(spool.recording(), [event for event in happened if first <= event.tick <= last])
         folder, logger = self._mirror.now.robot.folder, recording.logger
         Path(folder).mkdir(parents=True, exist_ok=True)
         run = next_run_number(folder, logger)

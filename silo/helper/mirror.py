@@ -200,6 +200,23 @@ class Mirror:
         known, ticks = self.durable
         return ticks if known == run else 0
 
+    def stamp_of(self, tick: int) -> int:
+        """Return the time stamp of a tick of the present run; 0 where it isn't held."""
+        with self._lock, contextlib.suppress(SegmentError):
+            return self._reader.stamp_of(tick) if self._reader is not None else 0
+        return 0
+
+    def tick_at(self, at_ns: int) -> int:
+        """Return the newest tick with a time stamp up to this one; -1 where none is held."""
+        with self._lock, contextlib.suppress(SegmentError):
+            if self._reader is not None:
+                low, high = 0, self._reader.ticks
+                while low < high:
+                    middle = (low + high) // 2
+                    low, high = (middle + 1, high) if self._reader.stamp_of(middle) <= at_ns else (low, middle)
+                return low - 1 if low and self._reader.stamp_of(low - 1) else -1
+        return -1
+
     def _saved_ticks(self, reader: SegmentReader) -> int:
         own = self._saved[1] if self._saved[0] == self.segment else 0
         return max(own, reader.saved_ticks)

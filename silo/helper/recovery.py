@@ -4,6 +4,7 @@ Of a run whose segment is still in memory that is saved, else (after a power cut
 """
 
 import dataclasses
+import logging
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,11 @@ from silo.collecting.left_behind import StaleSegment, claimed, discard, find_sta
 from silo.collecting.left_journals import claimed_journal, find_stale_journals, is_journal, remove_proven
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import StateError
-from silo.model import FileType, SavedFile
+from silo.files.event_log import read_events
+from silo.model import FileType, LoggedEvent, SavedFile
+from silo.recording import with_events
+
+log = logging.getLogger("silo")
 
 DIED = "program died"  # why its log was saved
 RECOVERED = "program died, recovered later"
@@ -99,8 +104,12 @@ def save_reader(
     types: Sequence[FileType] = (FileType.SILO,),
     progress: Callable[[float], None] | None = None,
     why: str = DIED,
+    events: Sequence[LoggedEvent] | None = None,
 ) -> tuple[list[SavedFile], Holdings]:
-    """Save all that is held, and tell how much that is; no file if it is nothing. Raises SaveError."""
+    """Save all that is held, and tell how much that is; no file if it is nothing. Raises SaveError.
+
+    `events` are what happened in its run; None: what the event log in the logger's folder says.
+    """
     from silo.files import write
 
     recording = reader.snapshot()
@@ -108,7 +117,17 @@ def save_reader(
     if not held.samples:
         return [], held
     recording = dataclasses.replace(recording, warnings=(*missing(reader), *recording.warnings))
+    recording = with_events(recording, _logged(reader) if events is None else events)
     return write(recording, folder, reader.schema.logger, types, progress=progress, why=why), held
+
+
+def _logged(reader: SegmentReader | JournalReader) -> list[LoggedEvent]:
+    schema = reader.schema
+    try:
+        return read_events(schema.folder, schema.logger, schema.run) if schema.run else []
+    except OSError as error:
+        log.warning("%s: the event log can't be read (%s): the file has the marks alone", schema.folder, error.strerror)
+        return []
 
 
 def missing(reader: SegmentReader | JournalReader) -> tuple[str, ...]:

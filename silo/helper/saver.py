@@ -147,8 +147,15 @@ class Saver:
                 text = f"saving {names}: {share:.0%}"
                 self._events.publish(EventKind.SAVING, text, by=by, job=job.number, progress=share)
 
+        events = self._events.log.of_run(job.reader.schema.run)
         order = WriteOrder(
-            job.folder, job.logger, job.request.types, job.request.name, why=_why(job.request), awaited=job.for_robot
+            job.folder,
+            job.logger,
+            job.request.types,
+            job.request.name,
+            why=_why(job.request),
+            awaited=job.for_robot,
+            events=events,
         )
         report = write_log(job.reader, order, progress)
         files = report.files

@@ -11,7 +11,7 @@ from silo.collecting.schema import TIME_RING, ElementSchema, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.snapshot import snapshot
 from silo.judging.triggers import Capture
-from silo.model import BufferType, CaptureFacts, TriggerOptions
+from silo.model import BufferType, CaptureFacts, LoggedEvent, TriggerOptions
 from silo.recording import Failures, Recording
 
 
@@ -107,6 +107,10 @@ class Spool:
     def failures(self, element: ElementSchema) -> Failures:
         """At which ticks an element could not be read."""
         return self._reader.failures(element)
+
+    def marks(self, since: int = 0) -> list[LoggedEvent]:
+        """The program's marks at ticks of the capture."""
+        return [mark for mark in self._reader.marks(since) if self.capture.first <= mark.tick <= self.capture.last]
 
     def recording(self) -> Recording:
         """What was captured, with what there is to say of it."""

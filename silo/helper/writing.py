@@ -20,7 +20,8 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SiloError
 from silo.files import PartlySavedError, write
 from silo.helper.recovery import missing
-from silo.model import FileType, SavedFile
+from silo.model import FileType, LoggedEvent, SavedFile
+from silo.recording import with_events
 
 NICER = 5
 
@@ -32,6 +33,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     `journal`: write what this journal proves instead of a segment; `log`: write this file again in other formats.
     `why` it is saved, in a few words.
     `awaited`: the robot program itself waits for it, so that there is nobody to be nice to.
+    `events` are what happened in that run.
     """
 
     folder: str
@@ -43,6 +45,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     why: str = ""
     log: str = ""
     awaited: bool = False
+    events: list[LoggedEvent] = []
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -68,6 +71,7 @@ def _write(reader: SegmentReader | JournalReader, order: WriteOrder, progress: C
         recording = reader.snapshot()
         damaged = missing(reader) if order.of_dead else ()
         recording = dataclasses.replace(recording, warnings=(*damaged, *recording.warnings))
+        recording = with_events(recording, order.events)
         files = write(recording, order.folder, order.logger, order.types, order.name or None, progress, order.why)
     except SiloError as error:
         saved = list(error.saved) if isinstance(error, PartlySavedError) else []

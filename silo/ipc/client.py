@@ -13,7 +13,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from silo.arguments import real, shown, text, texts, whole
+from silo.arguments import line, real, shown, text, texts, whole
 from silo.calls import told_class
 from silo.display import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError
@@ -22,6 +22,7 @@ from silo.ipc.discovery import Discovery, Found, discover, not_found_text
 from silo.ipc.exchange import checked_reply, client_name, decode_reply, key_of
 from silo.ipc.messages import (
     Acknowledge,
+    AddMark,
     Alarms,
     ApplyEdits,
     ArmTrigger,
@@ -35,6 +36,7 @@ from silo.ipc.messages import (
     Done,
     EditsApplied,
     ForceTrigger,
+    GetEvents,
     GetHistory,
     GetLimits,
     GetParts,
@@ -90,7 +92,7 @@ from silo.ipc.messages import (
 )
 from silo.ipc.published import Event, EventKind
 from silo.ipc.words import FileTypes, file_types, full_name, why_silent
-from silo.model import Edit, FileType, SavedFile, SignalLimits, Status, Table, TriggerOptions
+from silo.model import Edit, FileType, LoggedEvent, SavedFile, SignalLimits, Status, Table, TriggerOptions
 from silo.version import VERSION
 
 if TYPE_CHECKING:
@@ -248,6 +250,26 @@ class Client:
     def table(self) -> Table:
         """Return the element table with its revision."""
         return self._call(GetTable(client=self._name)).table
+
+    def events(self, since: int = 0, limit: int = 1000) -> list[LoggedEvent]:
+        """Return what happened after line `since` of the event log: the newest `limit` lines of it, oldest first.
+
+        `number` of the last one is the next `since`.
+        """
+        return self._call(GetEvents(since=since, limit=limit, client=self._name)).events
+
+    def mark(self, text: str, tick: int | None = None, *, at_ns: int | None = None) -> LoggedEvent:
+        """Mark a tick of the present run, by default the newest, with some words; returns the line of the event log.
+
+        at_ns: a time stamp; the newest tick up to it is marked.
+        """
+        request = AddMark(
+            text=line("text", text, 'client.mark("slipped")'),
+            tick=-1 if tick is None else whole("tick", tick, 0, 2**62),
+            at_ns=0 if at_ns is None else whole("at_ns", at_ns, 1, 2**63 - 1),
+            client=self._name,
+        )
+        return self._call(request).event
 
     def scripts(self) -> Scripts:
         """Return the scripts in the logger's script folder."""

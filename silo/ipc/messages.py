@@ -23,6 +23,7 @@ from silo.model import (
     Extras,
     FieldChange,
     FileType,
+    LoggedEvent,
     Problem,
     RecorderState,
     SignalLimits,
@@ -350,6 +351,19 @@ class Done(Reply, frozen=True):
     text: str = ""
 
 
+class Events(Reply, frozen=True):
+    """Lines of the event log, oldest first. `missed` counts those asked for that are older and not among them."""
+
+    events: list[LoggedEvent]
+    missed: int = 0
+
+
+class Marked(Reply, frozen=True):
+    """The mark as it stands in the event log."""
+
+    event: LoggedEvent
+
+
 class GoesOn(Reply, frozen=True):
     """The robot process hasn't answered yet, and may still do it: an event with the number `job` tells how it ended."""
 
@@ -450,6 +464,13 @@ class GetTable(Ask[TableReply], frozen=True):
 
 class ListRecorders(Ask[Recorders], frozen=True):
     """Which endless recordings are there, and how far are they?"""
+
+
+class GetEvents(Ask[Events], frozen=True):
+    """What happened after line `since` of the event log? The newest `limit` of it."""
+
+    since: int = 0
+    limit: int = 1000
 
 
 class ListScripts(SlowAsk[Scripts], frozen=True):
@@ -762,6 +783,19 @@ class Acknowledge(Do[Done], frozen=True):
 
     names: list[str] = []
     who: str = ""
+
+
+class AddMark(Do[Marked], frozen=True):
+    """Mark a tick of the present run with some words; -1 is the newest.
+
+    With a time stamp `at_ns`, the newest tick up to it.
+    """
+
+    timeout_s: ClassVar[float] = 2.0
+
+    text: str
+    tick: int = -1
+    at_ns: int = 0
 
 
 class LoadScript(Do[EditsApplied], frozen=True):

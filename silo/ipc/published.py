@@ -100,6 +100,7 @@ class EventKind(str, enum.Enum):
     LIMIT = "limit"  # a value went beyond its limits, or is stale
     LIMIT_ENDED = "limit ended"
     CONDITIONS = "conditions"  # somebody changed triggers or limits, or has seen alarms
+    MARKER = "marker"  # somebody, or the program, marked a tick
     OTHER = "other"
 
     @classmethod
@@ -108,7 +109,11 @@ class EventKind(str, enum.Enum):
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Put on `.../event`; `text` is fit to show as it stands. `number` counts all events of a helper."""
+    """Put on `.../event`; `text` is fit to show as it stands. `number` counts all events of a helper.
+
+    `tick` and `stamp_ns` say where it stands in the data (-1, 0: nowhere), `logged` its number in the event log, 0 for
+    what is only news (the progress of a save).
+    """
 
     number: int
     time_ns: int
@@ -119,3 +124,7 @@ class Event(msgspec.Struct, frozen=True):
     job: int = 0
     progress: float = 0.0
     files: list[SavedFile] = []
+    tick: int = -1
+    stamp_ns: int = 0
+    logged: int = 0
+    run: str = ""

@@ -85,6 +85,11 @@ def collect() -> None:
     _default.collect()
 
 
+def mark(text: str) -> None:
+    """`Logger.mark` of the default logger."""
+    _default.mark(text)
+
+
 def get_logger() -> Logger | NullLogger:
     """Return the default logger: what `silo.init` made, before that one with the same methods that does nothing."""
     if isinstance(_default, NullLogger):
@@ -101,6 +106,7 @@ __all__ = [
     "collect",
     "get_logger",
     "init",
+    "mark",
     "restart",
     "save",
     "serve",

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from silo.arguments import path, text, texts
 from silo.calls import told_class
 from silo.collecting.clocks import nanosecond_clock
+from silo.collecting.marks import Mark, no_mark
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
 from silo.display import MOST_ROWS, html_table
@@ -47,7 +48,7 @@ def _idle() -> None:
     """`collect()` of a logger that isn't running."""
 
 
-@told_class("log", make="silo.Logger", leave=("collect",))
+@told_class("log", make="silo.Logger", leave=("collect", "mark"))
 class Logger(Conditions):
     """Logs variables of a control program, by reference, once per control tick.
 
@@ -107,6 +108,7 @@ class Logger(Conditions):
         super().__init__(options)
         self._present = CurrentRun()
         self._collect: Callable[[], None] = _idle
+        self._mark: Mark = no_mark
         self._reason = ""
         self._new_values = NewValuesReader()
         self._serving: Serving | None = None
@@ -130,6 +132,20 @@ class Logger(Conditions):
         vars(self)["collect"] = collect
         if collect is _idle:
             vars(self).pop("collect", None)
+
+    def mark(self, text: str) -> None:
+        """Mark the newest tick with some words: `log.mark("push 3")`. Made for the control loop: 0.3 us, never waits.
+
+        Any thread may mark, also after a stop; before the first start there is nothing to mark. The mark is in shared
+        memory when this returns, and survives what a collected tick survives. Text beyond 224 bytes of UTF-8 is cut.
+        The newest 1024 marks of a run are in its files; with `serve()`, which takes them over five times a second, all.
+        """
+        self._mark(text)
+
+    def _set_mark(self, mark: Mark) -> None:
+        self._mark = vars(self)["mark"] = mark  # in the instance in place of the method, as `collect`: 40 ns less
+        if mark is no_mark:
+            del vars(self)["mark"]
 
     def start(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Clear all buffers and begin to log; calls `update()` first if that was never done.
@@ -175,6 +191,7 @@ class Logger(Conditions):
             self._new_values = NewValuesReader()
             self._reason = ""
             self._running = True
+            self._set_mark(run.mark)
             self._set_collect(run.collect)
             self._tell()
 
@@ -183,6 +200,7 @@ class Logger(Conditions):
             self._serving.hand_over()  # before its first tick: whatever happens next, the helper process knows it
 
     def _let_go(self) -> None:
+        self._set_mark(no_mark)  # it holds the last run's memory
         if self._serving is not None:
             self._serving.let_go()
 
@@ -483,6 +501,7 @@ class Logger(Conditions):
             self._closed = True
         if self._serving is not None:
             self._serving.close()
+        self._set_mark(no_mark)
         self._present.drop()
         drop_journals(self.options)
         self._table.release()
@@ -521,6 +540,7 @@ class Logger(Conditions):
                 self._serving.close()
             if self._serving.left == (self.segment_path, self.ticks):
                 return  # the helper process saves them and deletes the segment
+        self._set_mark(no_mark)
         if save_at_end(run, self.options):
             self._present.drop()
             drop_journals(self.options)
@@ -563,6 +583,7 @@ class Logger(Conditions):
         if self._present.run is not None:
             self._present.run.forget()
         self._set_collect(forked_collect(self.options.name) if self._running else _idle)
+        self._set_mark(no_mark)
         self._running = False
         self._closed = True
         self._serving = None

@@ -185,6 +185,9 @@ class NullLogger:
     def collect(self) -> None:
         """Do nothing."""
 
+    def mark(self, text: str) -> None:
+        """Mark nothing."""
+
     def start(self, *, unsaved: UnsavedWord = "clear") -> None:
         """Do nothing."""
 

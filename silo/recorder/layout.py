@@ -18,7 +18,7 @@ from silo.collecting.schema import ElementSchema, SegmentSchema
 from silo.errors import SaveError
 from silo.files.bag import MAX_CHANNELS, Utf8Entry, definitions, recording_facts, utf8_entry
 from silo.files.part_facts import PART_VERSION, PartFacts, RingFacts
-from silo.files.ros_types import STRING, Channel, channels_of, is_text
+from silo.files.ros_types import STRING, Channel, MessageType, channels_of, is_text
 from silo.files.texts import presentable
 from silo.model import BufferType
 from silo.patterns import matching
@@ -58,6 +58,11 @@ class Layout:
     def channels(self) -> list[Channel]:
         """All channels; they count from 1 in files."""
         return channels_of(self.template.elements)
+
+    @property
+    def topics(self) -> list[tuple[str, MessageType]]:
+        """Name and type of each channel's topic."""
+        return [(channel.topic, channel.type) for channel in self.channels]
 
     @cached_property
     def ring_channels(self) -> dict[int, dict[int, Channel]]:

@@ -111,7 +111,7 @@ class Part:
             counts = {
                 number: self._rows[ring] for ring, channels in self.layout.ring_channels.items() for number in channels
             }
-            text = metadata_yaml(self.layout.template, self.layout.channels, counts, self.final.name, self._span)
+            text = metadata_yaml(self.layout.template, self.layout.topics, counts, self.final.name, self._span)
             self._mcap.add_metadata("rosbag2", {"serialized_metadata": text})
             self._mcap.finish(counts, *self._span)
             self._file.truncate(self._mcap.size_bytes)  # what a full disk left of a chunk

@@ -1,7 +1,7 @@
 """Find the moment: which samples of a signal are what one looks for, exact to the sample. Pure functions on arrays.
 
-Limits, triggers and markers come from sources that are added to `EVENT_SOURCES`; there is none yet, and the screen says
-so.
+Triggers and markers come from what happened, limits from sources that are added to `EVENT_SOURCES`; where there is
+none, the screen says so.
 """
 
 import enum
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.values import numbers
+from silo_tui.model.happened import in_plots, letter, words
 from silo_tui.model.source import PlotSource
 
 Places = NDArray[np.intp]
@@ -60,6 +61,24 @@ class Moment:
 EventSource = Callable[[PlotSource, Sequence[str], int, int], Awaitable[Sequence[Moment]]]
 # what is no matter of the samples alone: each source returns what happened to these entries from start_ns to end_ns
 EVENT_SOURCES: dict[What, list[EventSource]] = {What.OUTSIDE: [], What.TRIGGER: [], What.MARKER: []}
+
+
+def happened(source: PlotSource, start_ns: int, end_ns: int, letters: str) -> list[Moment]:
+    """Return what happened from one moment to another, of the kinds with these letters (all: none given)."""
+    found = in_plots(source.happened, start_ns, end_ns)
+    return [Moment(one.at_ns, "", words(one)) for one in found if not letters or letter(one) in letters]
+
+
+def _source_of(letters: str) -> EventSource:
+    async def ask(source: PlotSource, _names: Sequence[str], start_ns: int, end_ns: int) -> Sequence[Moment]:
+        return happened(source, start_ns, end_ns, letters)
+
+    return ask
+
+
+EVENT_SOURCES[What.TRIGGER].append(_source_of("T"))
+EVENT_SOURCES[What.MARKER].append(_source_of("M"))
+OTHERS = "SEXHL"  # an event too, whichever, though none that one looks for by its kind
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 
 from silo.columns import MAX_COLUMNS, Bins, ColumnGrid, ColumnStore, HistoryColumns, bins_of, coarser, grid_of
 from silo.errors import SiloError
-from silo.model import ElementInfo
+from silo.model import ElementInfo, LoggedEvent
 from silo.values import newest_values, numbers
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, SPANS_S, Plotted, signs_of
@@ -69,6 +69,11 @@ class PinnedSource:
     def period_ns(self, element: str) -> int:
         """Return the time between two samples of an element, as it was."""
         return self._periods.get(element) or self._live.period_ns(element)
+
+    @property
+    def happened(self) -> Sequence[LoggedEvent]:
+        """What happened, also since the picture was held."""
+        return self._live.happened
 
     def is_live(self, element: str) -> bool:
         """Return whether the element is pinned."""

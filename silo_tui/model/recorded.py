@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.columns import Bins, ColumnGrid, HistoryColumns, Hole, grid_of
-from silo.model import Action, ElementInfo, ElementOptions
+from silo.model import Action, ElementInfo, ElementOptions, LoggedEvent
 from silo.recording import RecordedElement, Recording
 from silo.values import newest_values, numbers
 from silo_tui.model.columns import Floats, Marks
@@ -104,6 +104,11 @@ class RecordingSource:
     def end_ns(self) -> int:
         """The last time stamp."""
         return int(self._times[-1])
+
+    @property
+    def happened(self) -> Sequence[LoggedEvent]:
+        """What happened, as the file has it."""
+        return self.recording.events
 
     @property
     def spans_s(self) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.columns import HistoryColumns
-from silo.model import ElementInfo
+from silo.model import ElementInfo, LoggedEvent
 
 Samples: TypeAlias = tuple[NDArray[np.int64], NDArray[Any]]  # time stamps in ns and values, both of shape `(n,)`
 
@@ -26,6 +26,10 @@ class PlotSource(Protocol):
     @property
     def begin_ns(self) -> int:
         """The oldest moment worth to look at; 0 where unknown."""
+
+    @property
+    def happened(self) -> Sequence[LoggedEvent]:
+        """What happened on the clock of these data, oldest first."""
 
     def element(self, name: str) -> ElementInfo | None:
         """Return the element of that name."""

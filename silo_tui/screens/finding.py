@@ -11,10 +11,12 @@ from silo.values import numbers
 from silo_tui.model import text
 from silo_tui.model.find import (
     EVENT_SOURCES,
+    OTHERS,
     WORDS,
     Moment,
     Search,
     What,
+    happened,
     neighbour,
     places_of,
 )
@@ -81,6 +83,7 @@ async def events(source: PlotSource, plots: Sequence[Plotted], begin_ns: int, en
     for sources in EVENT_SOURCES.values():
         for ask in sources:
             moments += await ask(source, found.names, begin_ns, end_ns)
+    moments += happened(source, begin_ns, end_ns, OTHERS)
     moments.sort(key=lambda moment: moment.time_ns)
     return Found(found.search, found.names, end_ns, tuple(moments), found.held_s)
 

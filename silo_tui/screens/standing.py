@@ -10,15 +10,18 @@ from datetime import datetime
 import numpy as np
 
 from silo.errors import SiloError
+from silo.model import LoggedEvent
 from silo_tui.context import SiloScreen
 from silo_tui.model import text
 from silo_tui.model.between import Between, between
 from silo_tui.model.find import Search, What
+from silo_tui.model.happened import gone_words, words
 from silo_tui.model.panels import Kind, kind_of
 from silo_tui.model.plots import SECOND_NS, PlotWindow
 from silo_tui.model.source import PlotSource
 from silo_tui.screens.exporting import ask_export
 from silo_tui.screens.finding import Found, events, look
+from silo_tui.screens.marking import ask_mark
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
 from silo_tui.widgets.bars import MonitorLine
@@ -411,7 +414,7 @@ class StandingStill(SiloScreen):
             return
         moment = found.moments[place]
         self._jump_to(moment.time_ns)
-        name = f" in {self._short(moment.name)}" if len(self.stack.plots) > 1 else ""
+        name = f" in {self._short(moment.name)}" if len(self.stack.plots) > 1 and moment.name else ""
         at = f"{moment.words} at {self.moment_words(moment.time_ns)}"
         self.say(f"{words}{name}, {place + 1} of {len(found.moments)}: {at}")
 
@@ -426,6 +429,26 @@ class StandingStill(SiloScreen):
 
     def _short(self, name: str) -> str:
         return self.session.short_name(name)
+
+    # ------------------------------------------------------------------------------------------------------- events
+
+    def command_set_marker(self) -> None:
+        a_ns = self._at_ns if self.window.paused else None
+        ask_mark(self.context, self.source.end_ns if a_ns is None else a_ns)
+
+    def jump_to_event(self, event: LoggedEvent) -> None:
+        """Stand still where something happened; say so where its rows are gone."""
+        self._pause_here()
+        self.run_worker(self._jump_to_event(event), group="find", exclusive=True)
+
+    async def _jump_to_event(self, event: LoggedEvent) -> None:
+        await self.pause.settled()
+        begin, end = self._held_ns
+        if not begin <= event.at_ns <= end:
+            self.say(f"{words(event)}: " + gone_words(event, self.session.happened))
+            return
+        self._jump_to(event.at_ns)
+        self.say(f"{words(event)} at {self.moment_words(event.at_ns)}")
 
     def command_next_event(self) -> None:
         self._event(1)
@@ -446,6 +469,6 @@ class StandingStill(SiloScreen):
             return
         if not found.moments:
             held = text.span(float(f"{found.held_s:.3g}"))
-            self.say(f"events: no hole, trigger or marker in {held} held")
+            self.say(f"events: no hole, trigger, marker or start in {held} held")
             return
         self._go_to_found(found, step, "event")

@@ -18,11 +18,12 @@ from silo.ipc.conditions import LimitStatus, TriggerStatus
 from silo.ipc.frames import Frame
 from silo.ipc.messages import Recordings, RefusedWhy, Unsaved
 from silo.ipc.published import Event, EventKind
-from silo.model import ElementInfo, SavedFile, State, Status
+from silo.model import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
 from silo_tui.model.fields import options_of, rows_of
+from silo_tui.model.happened import MOST, of_last_run
 from silo_tui.model.live import LiveValues
 from silo_tui.model.overlay import Overlay
 from silo_tui.model.rows import RowList
@@ -39,6 +40,7 @@ Result = TypeVar("Result")
 
 MAX_HISTORY_NAMES = 64
 AHEAD_NS = 2_000_000_000
+FIRST_EVENTS = 300  # lines of the event log at first, 30 kB on a thin link
 NO_STATUS = Status(
     logger="", host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=-1, frequency_hz=0.0,
     measured_hz=0.0, ticks=0, started_ns=0, last_tick_ns=0, lost=0, elements=0, enabled=0, entries=0, max_time_s=0.0,
@@ -74,6 +76,7 @@ class Session:
         self.fetches: dict[str, Fetching] = {}  # what is on its way here, by name
         self.overlay: Overlay | None = None  # a saved run over the plots
         self.left_files: list[SavedFile] = []  # of a robot program that died
+        self.happened: list[LoggedEvent] = []  # the newest lines of the event log
         self.jitter_s = 0.0  # of the loop, as the newest survey says
         self.triggers: list[TriggerStatus] = []
         self.limits: list[LimitStatus] = []  # worst first
@@ -123,6 +126,7 @@ class Session:
         self.may_edit = hello.may_edit
         self.take_status(hello.status)
         await self.reload()
+        await self.learn_events()
         self.lost_since = None if link.connected else time.monotonic()
 
     async def reload(self) -> None:
@@ -132,6 +136,19 @@ class Session:
             self.table.load(table)
             self.rows.refresh()
             self._entry_counts.clear()
+
+    async def learn_events(self) -> None:
+        """Read what happened since the newest line that is here; of an older silo, which has no event log, nothing."""
+        since = self.happened[-1].number if self.happened else 0
+        try:
+            found = await self._link.read(lambda client: client.events(since, FIRST_EVENTS))
+        except RefusedError:
+            return
+        self.happened = [*self.happened, *found][-MOST:]
+
+    async def mark(self, words: str, at_ns: int) -> LoggedEvent:
+        """Mark the tick of a moment; of a logger that has no tick yet, the moment is now."""
+        return await self._link.call(lambda client: client.mark(words, at_ns=at_ns or None))
 
     async def refresh_status(self) -> None:
         """Ask for the status."""
@@ -292,6 +309,9 @@ class Session:
     async def take_event(self, event: Event) -> None:
         """Follow what happened in the logger."""
         self.conditions_due = self.conditions_due or event.kind in _CONDITION_KINDS
+        if event.logged > (self.happened[-1].number if self.happened else 0) + 1:
+            await self.learn_events()  # news got lost on their way
+        self._note(event)
         if event.job:
             self.saves[event.job] = event
         if event.kind is EventKind.CRASHED:
@@ -304,6 +324,21 @@ class Session:
             await self.reload()
         if event.kind in {EventKind.STARTED, EventKind.STOPPED, EventKind.EDITED, EventKind.SCRIPT_LOADED}:
             self._link.watch_again()
+
+    def _note(self, event: Event) -> None:
+        known = self.happened[-1].number if self.happened else 0
+        if event.logged > known:
+            told = LoggedEvent(
+                event.kind.value,
+                event.text,
+                event.time_ns,
+                event.tick,
+                event.stamp_ns,
+                event.by,
+                event.run,
+                event.logged,
+            )
+            self.happened = [*self.happened[-MOST + 1 :], told]
 
     def lose(self) -> None:
         """Note that the link is lost; everything stays as it was."""
@@ -322,6 +357,7 @@ class Session:
         self.may_edit = hello.may_edit
         self.take_status(hello.status)
         await self.reload()
+        await self.learn_events()
         self.lost_since = None
         self._link.watch_again()
         if before.pid == self.status.pid:
@@ -375,6 +411,11 @@ class LiveSource:
 
     def __init__(self, session: Session) -> None:
         self._session = session
+
+    @property
+    def happened(self) -> Sequence[LoggedEvent]:
+        """What happened in the newest run."""
+        return of_last_run(self._session.happened)
 
     @property
     def end_ns(self) -> int:

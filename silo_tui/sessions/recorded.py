@@ -36,6 +36,7 @@ class FileSession(Session):
         if self.source.clock_jumps:
             self.warnings += (f"its clock was set back {self.source.clock_jumps} times",)
         self.time_ns = self.source.end_ns
+        self.happened = list(recording.events)
         self.status = Status(
             logger=recording.logger, host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=0,
             frequency_hz=recording.frequency_hz or 0.0, measured_hz=0.0, ticks=len(recording.time_ns),

@@ -21,6 +21,7 @@ from silo.columns import HOLE_TEXTS, Hole
 from silo_tui.model import axes, braille, dots, lanes, text
 from silo_tui.model.columns import ColumnStore, Piece
 from silo_tui.model.dots import BLANK
+from silo_tui.model.happened import EVENT_LINE, columns_of, in_plots
 from silo_tui.model.live import Reading, entry_text, offset_text
 from silo_tui.model.overlay import SIGN, ghost_piece
 from silo_tui.model.panels import (
@@ -82,6 +83,8 @@ class PlotStack(Widget):
         self._drawn_panels: dict[int, Drawn] = {}
         self._drawn: dict[int, list[Segment]] = {}
         self._drawn_for = Size(0, 0)
+        self._happened: dict[int, str] = {}
+        self._happened_key: tuple[int, ...] = ()
 
     # --------------------------------------------------------------------------------------------------- mouse
 
@@ -522,13 +525,28 @@ class PlotStack(Widget):
     def _cells(self, cells: str, styles: list[Style]) -> list[Segment]:
         """The cells of a line, with the cursors where nothing is drawn."""
         chars = list(cells)
+        for at in self._event_cells():
+            if chars[at] in (BLANK, " "):
+                chars[at], styles[at] = EVENT_LINE, self._style("plot--quiet")
         for cursor, sign in ((self.other_cursor, CURSOR_B), (self.window.cursor, CURSOR_A)):
             if cursor is not None:
                 at = max(0, len(chars) - 1 - cursor // 2)
-                chars[at] = chars[at].replace(BLANK, sign)
+                chars[at] = chars[at].replace(BLANK, sign).replace(EVENT_LINE, sign)
                 styles[at] = self._style("plot--cursor")
         pieces = groupby(zip(chars, styles, strict=True), lambda cell: cell[1])
         return [Segment("".join(char for char, _ in some), its) for its, some in pieces]
+
+    def _event_cells(self) -> dict[int, str]:
+        """In which cells something happened that is on the screen, and its letter."""
+        store, happened = self.store, self.source.happened
+        key = (store.end, store.column_ns, self.plot_width, len(happened), happened[-1].number if happened else 0)
+        if store.empty or not happened:
+            return {}
+        if key != self._happened_key:
+            shown = in_plots(happened, (store.end - self.columns) * store.column_ns, store.end * store.column_ns)
+            self._happened = columns_of(shown, store.end, store.column_ns, self.plot_width)
+            self._happened_key = key
+        return self._happened
 
     @property
     def other_cursor(self) -> int | None:
@@ -546,6 +564,8 @@ class PlotStack(Widget):
             start = min(width - len(word), max(0, round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
             if all(char == " " for char in line[max(0, start - 1) : start + len(word) + 1]):
                 line[start : start + len(word)] = word
+        for cell, letter in self._event_cells().items():
+            line[cell] = letter
         for cursor, sign in ((self.other_cursor, "B"), (self.window.cursor, "A")):
             if cursor is not None and self.window.other_ns is not None:
                 line[max(0, width - 1 - cursor // 2)] = sign

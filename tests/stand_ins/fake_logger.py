@@ -47,6 +47,7 @@ from silo.model import (
     ElementOptions,
     Entry,
     FileType,
+    LoggedEvent,
     Problem,
     SavedFile,
     SignalLimits,
@@ -226,6 +227,7 @@ class FakeClient:
         self._event: Callable[[Event], None] = lambda event: None
         self._link: Callable[[bool], None] = lambda connected: None
         self._events = self._jobs = self._stopped_ns = 0
+        self.happened: list[LoggedEvent] = []
 
     # -- what tests do
 
@@ -313,6 +315,25 @@ class FakeClient:
             raise ConnectionLostError(f"no answer from {self.name}")
 
     # -- what the app asks
+
+    def events(self, since: int = 0, limit: int = 1000) -> list[LoggedEvent]:
+        self._ask()
+        return [event for event in self.happened if event.number > since][-limit:]
+
+    def mark(self, text: str, tick: int | None = None, *, at_ns: int | None = None) -> LoggedEvent:
+        self._ask()
+        self.calls.append(("mark", text, at_ns))
+        return self.happen("marker", text, at_ns or self.now_ns, who="me@here")
+
+    def happen(self, kind: str, text: str, at_ns: int, who: str = "robot") -> LoggedEvent:
+        """Something happens, and clients hear of it."""
+        tick = max(0, (at_ns - self.started_ns) * 400 // 10**9)
+        event = LoggedEvent(kind, text, at_ns, tick, at_ns, who, "run1", len(self.happened) + 1)
+        self.happened.append(event)
+        if self.connected:
+            known = {"tick": event.tick, "stamp_ns": at_ns, "logged": event.number, "run": event.run}
+            self.publish(EventKind(kind), text, who, **known)
+        return event
 
     def hello(self) -> HelloReply:
         self._ask()

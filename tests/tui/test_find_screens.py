@@ -105,7 +105,7 @@ async def test_nothing_found_says_how_much_was_looked_through(monitor):
         await screen.press("f", "n")
         await screen.shows("nan or inf: none in 11 s held")
         await screen.press("f", "t")
-        await screen.shows("there are no triggers")
+        await screen.shows("trigger fired: none in 11 s held")
 
 
 async def test_a_boolean_goes_from_change_to_change_without_a_search(monitor):

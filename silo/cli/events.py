@@ -1,0 +1,142 @@
+"""`silo mark` and `silo events`: say what happened, and read what did."""
+
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import msgspec
+
+from silo.cli.common import complete_logger, connect, find_logger, json_option
+from silo.errors import LogNotFoundError, SiloError
+from silo.files.formats import LOG_ENDINGS
+from silo.model import LoggedEvent
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
+
+FOLLOW_S = 0.2
+MOST = 10_000
+
+
+@click.command()
+@click.argument("words", nargs=-1, required=True, metavar="[LOGGER] TEXT", shell_complete=complete_logger)
+@click.option("--tick", type=click.IntRange(0), help="Which tick, instead of the newest.")
+def mark(words: tuple[str, ...], tick: int | None) -> None:
+    """Mark the newest tick of a logger with some words; they go to its event log and into its files.
+
+    \b
+    Examples:
+      silo mark "slipped"                    (the only logger)
+      silo mark demo "slipped on the ramp"
+      silo mark demo "here" --tick 12871
+    """
+    if len(words) > 2:
+        raise click.UsageError(f"one logger and one text: silo mark {words[0]} {' '.join(words[1:])!r}")
+    with connect(words[0] if len(words) == 2 else None) as client:
+        event = client.mark(words[-1], tick)
+    click.echo(f"marked tick {event.tick}: {event.text}")
+
+
+@click.command()
+@click.argument("which", required=False, metavar="[LOGGER|FOLDER|FILE]", shell_complete=complete_logger)
+@click.option("-f", "--follow", is_flag=True, help="Go on with what comes, until Ctrl-C.")
+@json_option
+def events(which: str | None, follow: bool, as_json: bool) -> None:
+    """Print what happened: starts, stops, edits, triggers, losses, saves, marks; when, at which tick, by whom.
+
+    Of a logger that runs, of a folder with logs (also when nobody runs any more), or in a saved file.
+
+    \b
+    Examples:
+      silo events demo --follow
+      silo events logs                       (a folder)
+      silo events demo --json | jq 'select(.kind == "marker")'
+    """
+    try:
+        _events(which, follow=follow, as_json=as_json)
+    except KeyboardInterrupt:
+        if not follow:
+            raise  # the usual end of following is none
+
+
+def _events(which: str | None, *, follow: bool, as_json: bool) -> None:
+    file = which is not None and (Path(which).is_file() or which.lower().endswith(LOG_ENDINGS))
+    if follow and file:
+        raise click.UsageError("a file doesn't go on: leave --follow out")
+    if which is not None and file:
+        _print(_of_file(which), as_json)
+    elif which is not None and Path(which).is_dir() and not _runs(which):
+        _of_folder(Path(which), follow=follow, as_json=as_json)
+    else:
+        with connect(which) as client:
+            _of_logger(client, follow=follow, as_json=as_json)
+
+
+def _runs(name: str) -> bool:
+    """Whether a logger of that name runs: it is meant then, not a folder that is called so."""
+    if "/" in name or name in (".", ".."):
+        return False
+    try:
+        return bool(find_logger(name))
+    except (SiloError, click.UsageError):
+        return False
+
+
+def _of_file(path: str) -> Sequence[LoggedEvent]:
+    from silo.files.formats import read_recording
+
+    return read_recording(Path(path)).events
+
+
+def _of_folder(folder: Path, *, follow: bool, as_json: bool) -> None:
+    from silo.files.event_log import loggers_with_events, read_events
+
+    loggers = loggers_with_events(folder)
+    if not loggers:
+        raise LogNotFoundError(f"{folder}: there is no event log; helper processes write one where their logger saves")
+    seen: set[LoggedEvent] = set()
+    while True:
+        found = [event for logger in loggers for event in read_events(folder, logger)]
+        _print(sorted((one for one in found if one not in seen), key=lambda one: (one.time_ns, one.number)), as_json)
+        seen.update(found)
+        if not follow:
+            return
+        time.sleep(FOLLOW_S)
+
+
+def _of_logger(client: "Client", *, follow: bool, as_json: bool) -> None:
+    since = 0
+    for found in _news(client):
+        fresh = [event for event in found if event.number > since]
+        _print(fresh, as_json)
+        since = max((event.number for event in fresh), default=since)
+        if not follow:
+            return
+
+
+def _news(client: "Client") -> Iterator[Sequence[LoggedEvent]]:
+    newest = 0
+    while True:
+        found = client.events(newest, MOST)
+        newest = found[-1].number if found else newest
+        yield found
+        time.sleep(FOLLOW_S)
+
+
+def _print(found: Sequence[LoggedEvent], as_json: bool) -> None:
+    for event in found:
+        if as_json:
+            click.echo(msgspec.json.encode(msgspec.structs.asdict(event)).decode())
+        else:
+            click.echo(_line(event))
+
+
+def _line(event: LoggedEvent) -> str:
+    seconds, rest = divmod(event.time_ns, 1_000_000_000)
+    clock = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(seconds)) + f".{rest // 1_000_000:03}"
+    tick = str(event.tick) if event.tick >= 0 else "-"
+    what = event.text if event.text.startswith(event.kind) else f"{event.kind}: {event.text}"
+    shown = "".join(letter if letter.isprintable() else "?" for letter in what)
+    return f"{clock}  {tick:>9}  {shown}  ({event.who})" if event.who else f"{clock}  {tick:>9}  {shown}"

@@ -1,0 +1,103 @@
+"""What happened to this logger, numbered: the newest lines in memory, all of them in the file in the logger's folder.
+
+Any thread may add; a thread of its own writes, so that a disk that hangs holds nobody up. What can't be written now is
+tried again with the next lines, as long as memory has it.
+"""
+
+import itertools
+import logging
+import threading
+from collections import deque
+
+import msgspec
+
+from silo.files.event_log import append_events, read_events
+from silo.model import MARKER, LoggedEvent
+from silo.recording import MOST_EVENTS
+
+RETRY_S = 5.0
+
+log = logging.getLogger("silo.helper")
+
+
+class EventLog:
+    """The event log of one logger; begins with what earlier helper processes wrote."""
+
+    def __init__(self, folder: str, logger: str) -> None:
+        self._folder, self._logger = folder, logger
+        self._events: deque[LoggedEvent] = deque(self._read(), MOST_EVENTS)
+        self._numbers = itertools.count(max((event.number for event in self._events), default=0) + 1)
+        self._waiting: deque[LoggedEvent] = deque(maxlen=MOST_EVENTS)
+        self._lock = threading.Lock()
+        self._wake = threading.Event()
+        self._ended = False
+        self._told = False
+        self._thread = threading.Thread(target=self._write_all, name="events", daemon=True)
+        self._thread.start()
+
+    def _read(self) -> list[LoggedEvent]:
+        try:
+            return read_events(self._folder, self._logger)
+        except OSError as error:
+            log.warning("the event log in %s can't be read (%s): it goes on from here", self._folder, error.strerror)
+            return []
+
+    def stop(self, timeout_s: float = 5.0) -> None:
+        """Write what waits and end; a disk that hangs is given up after a while. May be called twice."""
+        self._ended = True
+        self._wake.set()
+        self._thread.join(timeout_s)
+
+    def add(self, event: LoggedEvent) -> LoggedEvent:
+        """Add a line; returns it with its number."""
+        with self._lock:
+            numbered = msgspec.structs.replace(event, number=next(self._numbers))
+            self._events.append(numbered)
+            self._waiting.append(numbered)
+        self._wake.set()
+        return numbered
+
+    def since(self, number: int, limit: int) -> tuple[list[LoggedEvent], int]:
+        """Return the newest `limit` lines after a number, oldest first, and how many older ones that leaves out."""
+        with self._lock:
+            found = [event for event in self._events if event.number > number]
+        kept = found[-limit:] if limit > 0 else []
+        return kept, len(found) - len(kept)
+
+    def of_run(self, run: str) -> list[LoggedEvent]:
+        """Return what happened in a run, as far as memory has it."""
+        with self._lock:
+            return [event for event in self._events if event.run == run]
+
+    def marks_of(self, run: str) -> set[tuple[int, int, str]]:
+        """Return wall clock, tick and text of the marks of a run that are in the log."""
+        return {(event.time_ns, event.tick, event.text) for event in self.of_run(run) if event.kind == MARKER}
+
+    # -------------------------------------------------------------------------------------------------- the thread
+
+    def _write_all(self) -> None:
+        while not self._ended:
+            self._wake.wait(RETRY_S if self._waiting else None)
+            self._wake.clear()
+            self._write()
+        self._write()
+
+    def _write(self) -> None:
+        with self._lock:
+            lines = list(self._waiting)
+        if not lines:
+            return
+        try:
+            append_events(self._folder, self._logger, lines)
+        except OSError as error:
+            if not self._told:
+                log.warning(
+                    "the event log in %s can't be written (%s); it is tried again", self._folder, error.strerror
+                )
+            self._told = True
+            return
+        self._told = False
+        with self._lock:
+            last = lines[-1].number
+            while self._waiting and self._waiting[0].number <= last:
+                self._waiting.popleft()

@@ -1,0 +1,85 @@
+"""Takes the program's marks out of the segment into the event log, five times a second and at every end."""
+
+import logging
+import threading
+
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError
+from silo.helper.events import Events
+from silo.helper.mirror import Mirror
+from silo.ipc.published import EventKind
+
+PERIOD_S = 0.2
+
+log = logging.getLogger("silo.helper")
+
+
+class Marks:
+    """Owns the thread that looks for marks."""
+
+    def __init__(self, mirror: Mirror, events: Events) -> None:
+        self._mirror, self._events = mirror, events
+        self._lock = threading.Lock()
+        self._reader: SegmentReader | None = None
+        self._known: set[tuple[int, int, str]] = set()  # marks that a helper process before this one took
+        self._taken = 0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="marks")
+
+    def start(self) -> None:
+        """Follow the present run, from its first mark on."""
+        self.take_run()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Take what is left and end. May be called twice."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._take()
+
+    def take_run(self) -> None:
+        """Take what is left of the run before, whose memory is still mapped here, and follow the mirror's run."""
+        self._take()
+        try:
+            reader = self._mirror.open_reader()
+        except SegmentError:
+            log.exception("the marks of a run can't be read")
+            reader = None
+        with self._lock:
+            if reader is None or self._reader is None or reader.schema.run != self._reader.schema.run:
+                self._taken = 0
+                self._known = self._events.log.marks_of(reader.schema.run) if reader is not None else set()
+            self._reader = reader
+
+    def let_go(self) -> None:
+        """Take what is left of the run and free its memory."""
+        self._take()
+        with self._lock:
+            self._reader = None
+
+    def _watch(self) -> None:
+        while not self._ended.wait(PERIOD_S):
+            reader = self._reader
+            if self._mirror.run != (reader.schema.run if reader is not None else ""):
+                self.take_run()  # one that was not handed over
+            self._take()
+
+    def _take(self) -> None:
+        with self._lock:
+            if self._reader is None:
+                return
+            try:
+                marks = self._reader.stamped_marks(self._taken)
+            except SegmentError:  # somebody cut it short, which others tell
+                return
+            if not marks:
+                return
+            lost = marks[0].number - 1 - self._taken
+            self._taken = marks[-1].number
+            fresh = [mark for mark in marks if (mark.time_ns, mark.tick, mark.text) not in self._known]
+        if lost > 0 and not self._known:
+            text = f"{lost} marks of the program were overwritten before they could be read: it marks too often"
+            self._events.publish(EventKind.LOST, text)
+        for mark in fresh:
+            self._events.publish_mark(mark)

@@ -1,0 +1,81 @@
+"""What happened to a logger, as screens show it: a letter per kind, the place in plots, which lines match a filter.
+
+Pure functions on lines of the event log.
+"""
+
+from collections.abc import Sequence
+from datetime import datetime
+
+from silo.model import LoggedEvent
+from silo_tui.model import text
+
+LETTERS = {
+    "marker": "M", "triggered": "T", "captured": "T", "started": "S", "stopped": "S", "closed": "S", "edited": "E",
+    "script loaded": "E", "lost": "X", "crashed": "X", "blind": "X", "files deleted": "X", "high": "H", "low": "L",
+}  # fmt: skip
+NAMES = {"M": "marker", "T": "trigger", "S": "start/stop", "E": "edit", "X": "loss"}
+EVENT_LINE = "╎"
+MOST = 2000  # that a session keeps
+
+
+def letter(event: LoggedEvent) -> str:
+    """Return the letter of its kind; a space for what is no matter of the data (a save, a journal)."""
+    return LETTERS.get(event.kind, " ")
+
+
+def words(event: LoggedEvent) -> str:
+    """Return what happened: a mark in quotes, all else as it was told."""
+    told = text.clean(event.text)
+    return f'"{told}"' if event.kind == "marker" else told
+
+
+def of_last_run(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
+    """Return what happened in the newest run: only its ticks are on the clock of the plots."""
+    run = next((event.run for event in reversed(events) if event.run), "")
+    return [event for event in events if event.run == run]
+
+
+def in_plots(events: Sequence[LoggedEvent], start_ns: int, end_ns: int) -> list[LoggedEvent]:
+    """Return what has a letter and stands from one moment to another, both included."""
+    return [event for event in events if start_ns <= event.at_ns <= end_ns and event.kind in LETTERS]
+
+
+def columns_of(events: Sequence[LoggedEvent], end: int, column_ns: int, width: int) -> dict[int, str]:
+    """Return the letter of each cell that has an event; `end` is the column behind the right edge, two in a cell."""
+    found: dict[int, str] = {}
+    for event in events:
+        if event.kind in LETTERS:
+            cell = width - 1 - (end - 1 - event.at_ns // column_ns) // 2
+            if 0 <= cell < width:
+                found[cell] = LETTERS[event.kind]
+    return found
+
+
+def matches(event: LoggedEvent, asked: str) -> bool:
+    """Return whether a line has all the words: `-E` leaves a kind out, `M` is that kind, other words stand in it."""
+    shown = f"{event.kind} {event.text} {event.who}".casefold()
+    for word in asked.split():
+        without, name = (True, word[1:]) if word.startswith("-") and len(word) > 1 else (False, word)
+        found = letter(event) == name if name in NAMES else name.casefold() in shown
+        if found == without:
+            return False
+    return True
+
+
+def line(event: LoggedEvent, width: int, logger: str) -> str:
+    """Return a line of the screen: time, tick, letter, what, who; `who` goes first where there is no room."""
+    clock = f"{datetime.fromtimestamp(event.time_ns // 1_000_000 / 1000):%H:%M:%S.%f}"[:-3]
+    tick = f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
+    head = f"  {clock}  {tick:>10} {letter(event)} "
+    who = text.clean(event.who.split(" ", 1)[0] or logger)[: max(0, min(20, width // 4))]
+    room = width - len(head) - len(who) - 4
+    told = words(event)
+    shown = told if len(told) <= room else told[: max(1, room - 1)] + "…"
+    return f"{head}{shown:<{max(1, room)}}  {who}"[:width]
+
+
+def gone_words(event: LoggedEvent, events: Sequence[LoggedEvent]) -> str:
+    """Return what to say of a moment whose rows are held no more: which file has them, if one was saved since."""
+    later = [one for one in events if one.run == event.run and one.number > event.number]
+    saved = next((one.text for one in later if one.kind in ("saved", "captured", "crashed")), "")
+    return f"rows gone; {text.clean(saved)}" if saved else "its rows are held no more, and no save of them is known"

@@ -1,0 +1,20 @@
+"""Marking a moment: its tick is that of the key press, however long one types its words."""
+
+from silo_tui.context import Context
+from silo_tui.screens.dialogs import Prompt
+
+
+def ask_mark(context: Context, at_ns: int) -> None:
+    """Ask for the words of a mark, and set it; Esc sets none."""
+
+    def carry_out(words: str | None) -> None:
+        if words is not None:
+            context.app.run_worker(context.quietly(_mark(context, words.strip() or "marker", at_ns)), group="mark")
+
+    body = "Its tick is taken; words may follow."
+    context.app.push_screen(Prompt("Mark this moment", body, "", "marker"), carry_out)
+
+
+async def _mark(context: Context, words: str, at_ns: int) -> None:
+    event = await context.session.mark(words, at_ns)
+    context.say(f'marked tick {event.tick}: "{event.text}"')

@@ -1,0 +1,79 @@
+"""`silo mark`, `silo events`: of a logger that runs, of a folder without one, of a file."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from silo.cli.main import run
+from silo.files.event_log import append_events, read_events
+from silo.model import LoggedEvent
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def bot(bench, client):
+    bench.logger.start()
+    bench.ticks(7)
+    wait_until(lambda: [event for event in client.events() if event.kind == "started"])
+    return bench
+
+
+def test_a_mark_goes_to_the_newest_tick_or_to_the_one_given(bot, capsys):
+    assert run(["mark", "bot", "slipped"]) == 0
+    assert run(["mark", "here", "--tick", "2"]) == 0
+    assert capsys.readouterr().out == "marked tick 6: slipped\nmarked tick 2: here\n"
+    assert run(["events", "bot"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "6  marker: slipped  (" in lines[-2]
+    assert "2  marker: here  (" in lines[-1]
+
+
+def test_a_tick_that_is_not_there_is_told_with_those_that_are(bot, capsys):
+    assert run(["mark", "bot", "x", "--tick", "7"]) == 1
+    assert "no tick 7 (ticks: 0 to 6); nothing was marked" in capsys.readouterr().err
+
+
+def test_machines_get_a_line_of_json_each(bot, capsys):
+    run(["mark", "bot", "slipped"])
+    capsys.readouterr()
+    run(["events", "bot", "--json"])
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [(one["kind"], one["tick"]) for one in told][-1] == ("marker", 6)
+    assert told[-1]["stamp_ns"] == bot.begin_ns + 6 * bot.tick_ns
+
+
+def test_a_folder_tells_what_happened_when_nobody_runs_any_more(tmp_path, runtime, capsys):
+    append_events(tmp_path, "bot", [LoggedEvent("marker", "old", 2, 5)])
+    append_events(tmp_path, "arm", [LoggedEvent("stopped", "asked", 1, 3, who="arm")])
+    assert run(["events", str(tmp_path)]) == 0
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.endswith("3  stopped: asked  (arm)")
+    assert second.endswith("5  marker: old")
+
+
+def test_a_folder_without_a_log_says_so(tmp_path, runtime, capsys):
+    assert run(["events", str(tmp_path)]) == 1
+    assert "there is no event log" in capsys.readouterr().err
+
+
+def test_followers_see_what_comes(bot, client):
+    command = [sys.executable, "-c", "from silo.cli.main import main; main()", "events", "bot", "--follow", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as follower:
+        follower.stdout.readline()
+        client.mark("later")
+        assert json.loads(follower.stdout.readline())["text"] == "later"
+        follower.terminate()
+
+
+def test_a_saved_file_tells_and_info_shows_it(bot, client, capsys):
+    client.mark("slipped", 3)
+    (file,) = client.wait_saved(client.save(["silo"]))
+    assert run(["events", file.path]) == 0
+    assert "marker: slipped" in capsys.readouterr().out
+    assert run(["info", file.path]) == 0
+    assert "0.030000 s  tick 3         marker slipped" in capsys.readouterr().out
+    assert len(read_events(bot.logger.options.folder, "bot")) >= 2

@@ -1,0 +1,160 @@
+"""Marks and events on the screen: M, E, lines in plots, find, jump there."""
+
+import numpy as np
+import pytest
+
+from silo.files.silo_writer import write_silo
+from silo.model import BufferType, Entry, LoggedEvent
+from silo.recording import RecordedElement, RecordedEntry, Recording, stamped
+from silo_tui.app import SiloApp
+from silo_tui.model.happened import columns_of, gone_words, line, matches, of_last_run
+from silo_tui.sessions.recorded import open_file
+
+SECOND = 10**9
+
+
+def event(kind="marker", text="push 3", at_ns=SECOND, **more):
+    return LoggedEvent(kind, text, at_ns, 5, at_ns, **{"who": "me@desk silo-tui 1", "run": "r", "number": 1, **more})
+
+
+@pytest.mark.parametrize(
+    ("asked", "found"),
+    [("", True), ("push", True), ("PUSH desk", True), ("-E", True), ("M", True), ("-M", False), ("X", False),
+     ("-push", False), ("marker", True), ("nothing", False), ("-", True)],
+)  # fmt: skip
+def test_a_filter_takes_words_and_letters_and_leaves_out(asked, found):
+    assert matches(event(), asked) == found
+
+
+def test_a_line_is_never_wider_than_the_screen():
+    for width in (30, 80, 160):
+        assert len(line(event(text="x" * 300), width, "bot")) <= width
+    assert line(event(), 80, "bot").endswith("me@desk")
+    assert line(event(who=""), 80, "bot").endswith("bot")
+
+
+def test_control_characters_stay_off_the_screen():
+    assert "\x1b" not in line(event(text="\x1b[2J", who="\x1b[31m"), 80, "bot")
+
+
+def test_an_event_has_the_cell_of_its_column():
+    found = columns_of([event(at_ns=95), event("lost", at_ns=10), event("saved", at_ns=50)], 10, 10, 5)
+    assert found == {4: "M", 0: "X"}
+
+
+def test_only_the_newest_run_is_on_the_clock_of_the_plots():
+    old, new = event(run="a"), event(run="b", number=2)
+    assert of_last_run([old, new, event("saved", run="")]) == [new]
+
+
+def test_rows_that_are_gone_are_told_with_the_file_that_has_them():
+    mark, saved = event(), event("saved", "saved logs/x.silo (3 kB)", number=2)
+    assert gone_words(mark, [mark, saved]) == "rows gone; saved logs/x.silo (3 kB)"
+    assert "no save" in gone_words(mark, [mark])
+
+
+@pytest.fixture
+def running(fake):
+    fake.run(20.0)
+    fake.happen("started", "started", fake.started_ns)
+    fake.happen("marker", "push 3", fake.now_ns - 2 * SECOND)
+    fake.happen("edited", "3 elements changed", fake.now_ns - SECOND, who="op@desk silo-tui 3")
+    return fake
+
+
+async def test_the_events_screen_shows_newest_first_and_follows(running, opened):
+    async with opened(running) as screen:
+        await screen.press("E")
+        await screen.shows("3 events, follows")
+        lines = [each for each in screen.text.splitlines() if ":" in each]
+        assert "E 3 elements changed" in lines[0]
+        assert 'M "push 3"' in lines[1]
+        running.happen("lost", "12 rows lost", running.now_ns)
+        await screen.shows("X 12 rows lost")
+        await screen.shows("4 events, follows")
+
+
+async def test_a_filter_leaves_lines_out_and_esc_brings_them_back(running, opened):
+    async with opened(running) as screen:
+        await screen.press("E", "/", "-", "E", "enter")
+        await screen.shows("/-E: 2 of 3")
+        assert "elements changed" not in screen.text
+        await screen.press("escape")
+        await screen.shows("elements changed")
+
+
+async def test_enter_goes_there_in_the_plots(running, opened):
+    async with opened(running) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.press("E", "j", "enter")
+        await screen.shows('"push 3" at -1.998 s')
+        assert "PAUSED" in screen.text
+        assert screen.app.screen.window.at_ns == running.happened[1].at_ns
+
+
+async def test_without_plots_it_is_said_what_to_do(running, opened):
+    async with opened(running) as screen:
+        await screen.press("E", "enter")
+        await screen.shows("no plots are open: m in the table")
+
+
+async def test_a_marker_has_the_tick_of_the_key_press_and_the_words_that_follow(running, opened):
+    async with opened(running) as screen:
+        await screen.until(lambda: screen.session.frame_time_ns == running.now_ns)
+        pressed_ns = running.now_ns
+        await screen.press("M")
+        running.advance(5.0)
+        await screen.type("it slipped")
+        await screen.press("enter")
+        await screen.until(lambda: ("mark", "it slipped", pressed_ns) in running.calls)
+        await screen.shows('"it slipped"')
+
+
+async def test_a_marker_left_by_esc_is_none(running, opened):
+    async with opened(running) as screen:
+        await screen.press("M", "x", "escape")
+        assert [call for call in running.calls if call[0] == "mark"] == []
+
+
+async def test_plots_have_a_line_and_a_letter_where_something_happened(running, opened):
+    async with opened(running) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.until(lambda: "╎" in screen.text and "M" in screen.text.splitlines()[-3], "a line and its letter")
+
+
+async def test_next_event_and_find_go_to_markers(running, opened):
+    async with opened(running) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.press("space", "f", "m")
+        await screen.shows("marker, 1 of 1")
+        assert screen.app.screen.window.at_ns == running.happened[1].at_ns
+        await screen.press("}")
+        await screen.until(lambda: screen.app.screen.window.at_ns == running.happened[2].at_ns)
+
+
+async def test_a_read_only_session_sees_events_and_marks_nothing(running, opened):
+    async with opened(running, read_only=True) as screen:
+        await screen.press("M")
+        await screen.shows("read-only")
+        await screen.press("E")
+        await screen.shows("3 events")
+
+
+async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
+    time_ns = 1_700_000_000 * SECOND + np.arange(500) * 10_000_000
+    entry = RecordedEntry("/log/x", Entry("", "<f8"), np.sin(np.arange(500) / 20))
+    x = RecordedElement("/log/x", "-", "scalar", (), 1, BufferType.GROWING, 0, (entry,))
+    marks = stamped([LoggedEvent("marker", "push 3", 1, 250)], time_ns, 500)
+    write_silo(Recording("bot", time_ns, 500, [x], events=marks), tmp_path / "x.silo")
+    async with screen_of(SiloApp(new_finder(), file=open_file(tmp_path / "x.silo"))) as screen:
+        await screen.shows("/log/x"[5:])
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.until(lambda: "╎" in screen.text)
+        await screen.press("E")
+        await screen.shows('M "push 3"')
+        await screen.press("enter")
+        await screen.shows('"push 3" at 2.5')
