@@ -294,7 +294,16 @@ class Client:
     def recordings(self, most: int = 1000) -> Recordings:
         """Return the recordings in the logger's own folder on the robot, the newest first.
 
-        Of thousands some may be `unread` yet: ask again.
+        Args:
+            most: at most so many, 1 to 10 000.
+
+        Returns:
+            The rows, of `count` that there are; sizes in bytes, times in ns by the robot's clock, `span_s` in s. Of
+            thousands some may be `unread` yet: ask again.
+
+        Raises:
+            ElementError: `most` is out of range.
+            RefusedError: the folder can't be read, or there is none before the first save.
         """
         return self._call(ListRecordings(most=whole("most", most, 1, 10_000), client=self._name))
 
@@ -309,10 +318,26 @@ class Client:
     ) -> "Path":
         """Copy a recording of the logger's folder (a file, or a bag folder) into a folder of this machine.
 
-        In pieces, each with a checksum; `progress` is called with the bytes that are here, and of how many, and may
-        raise to give up. When the link is cut it goes on as soon as the link is back within `patience_s`; later, the
-        same call goes on from where it was. Returns the path. Raises SaveError for a full disk, or a file that is there
-        already (without `replace`), ConnectionLostError, RefusedError.
+        In pieces, each with a checksum. When the link is cut it goes on as soon as the link is back within
+        `patience_s`; what came until then is kept as `<name>.part`, and the same call later goes on behind it.
+
+        Args:
+            name: of the file or bag folder with its ending, as `recordings` has it.
+            folder: where to; made where it isn't there.
+            progress: called with the bytes that are here and the bytes of all of it, also while the link is cut; what
+                it raises ends the call.
+            replace: take the place of a file of this name that is there already.
+            patience_s: how long to wait for a link that is cut, s.
+
+        Returns:
+            The path of the copy.
+
+        Raises:
+            SaveError: it is there already (without `replace`) or being fetched by another program, the disk is full, or
+                the system refuses.
+            ConnectionLostError: the link is cut for longer than `patience_s`, or what comes makes no sense.
+            RefusedError: there is no such recording, or it was written anew meanwhile.
+            ElementError: an argument makes no sense; nothing was asked.
         """
         from silo.arguments import path
         from silo.ipc.fetching import Fetch
@@ -337,11 +362,18 @@ class Client:
         """Return past samples as minimum and maximum per column, straight from the buffers or of a pin.
 
         Args:
-            names: at most 64 entries.
+            names: 1 to 64 entries.
             start_ns: the first time stamp.
             end_ns: the time stamp after the last.
             column_ns: width of a column; there may be at most 4096.
             pin: what to read instead of the buffers.
+
+        Returns:
+            Columns of all names, of which column k covers the time stamps from `k * column_ns` to before the next.
+
+        Raises:
+            RefusedError: a name is unknown, a number out of range, or the pin is no more.
+            ElementError: the names are no list of texts; nothing was asked.
         """
         from silo.ipc.view import history_columns
 
@@ -370,17 +402,23 @@ class Client:
         What comes while it is read is left out.
 
         Args:
-            names: elements or entries.
+            names: elements or entries, 1 to 10 000.
             start: the first, see `by`.
             end: the one after the last, see `by`.
             by: `"time"`: the ends are time stamps in ns; `"tick"`: ticks since start; `"row"`: numbers of samples since
                 start.
             pin: what to read instead of the buffers.
-            reply_bytes: size of the pieces in which they are asked for.
+            reply_bytes: size of the pieces in which they are asked for, 4096 to 4 MiB.
             told: called with the share that has come, 0 to 1.
 
+        Returns:
+            By name: `ticks` and `time_ns` of shape `(n,)`, `values` of shape `(n, *shape of the element)`, oldest
+            first; of a name without samples `why` there are none.
+
         Raises:
-            RefusedError: the logger was started anew meanwhile, or a name is unknown.
+            RefusedError: the logger was started anew meanwhile, a name or `by` is unknown, a number out of range, or
+                the pin is no more.
+            ElementError: the names are no list of texts; nothing was asked.
         """
         from silo.ipc.samples import Gathering
 
@@ -407,12 +445,22 @@ class Client:
             )  # fmt: skip
 
     def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
-        """Return quantities of elements or entries over all samples since a client asked first.
+        """Return quantities of elements or entries, with statistics over all samples since this client asked first.
+
+        The statistics end when it hasn't asked for a minute.
 
         Args:
-            quantities: see `silo.ipc.surveys`.
-            names: elements or entries; all elements where it is empty.
+            quantities: one or several of `silo.ipc.surveys.QUANTITIES`, such as `"mean"`, `"std"`, `"rate"` (Hz).
+            names: elements or entries, at most 20 000; all elements of the table where it is empty.
             reset: begin the statistics anew.
+
+        Returns:
+            The survey; its `values` are the bytes of float64 of shape `(quantities, names)`, NaN where a quantity isn't
+            known.
+
+        Raises:
+            RefusedError: a quantity is unknown, there are too many names, or too many clients have statistics.
+            ElementError: one of both is no list of texts; nothing was asked.
         """
         request = GetSurvey(
             quantities=texts("quantities", quantities, "['mean', 'std']"),
@@ -515,9 +563,19 @@ class Client:
         return self._call(request).text
 
     def delete_recording(self, name: str) -> str:
-        """Delete a recording that this logger wrote: a file or bag, or by its stem all files of a save.
+        """Delete a recording that this logger wrote.
 
-        Returns what was deleted, in words. Raises RefusedError, and then nothing was deleted.
+        Args:
+            name: of a file or bag folder with its ending, or the stem for all files of a save, as `recordings` has
+                them.
+
+        Returns:
+            What was deleted, and how many MB, in words.
+
+        Raises:
+            RefusedError: there is none, or one of its files isn't surely of this logger: nothing was deleted. Or the
+                system refuses, or a bag holds files of others, which stays; other files of the save may be gone then.
+            ElementError: the name is no text; nothing was asked.
         """
         named = text("name", name, "client.delete_recording('robot_..._00007')")
         return self._call(DeleteRecording(name=named, client=self._name)).text
@@ -525,44 +583,153 @@ class Client:
     # ------------------------------------------------------------------------------------------- triggers, limits
 
     def triggers(self) -> Triggers:
-        """Return how the triggers stand."""
+        """Return how the triggers stand.
+
+        Returns:
+            Each with its options and state, and how often it fired in this run.
+
+        Raises:
+            RefusedError: the helper process is too busy judging rows; ask again in a moment.
+        """
         return self._call(GetTriggers(client=self._name))
 
     def try_trigger(self, trigger: TriggerOptions) -> TriggerTried:
-        """Return when a trigger would have fired in all that the buffers hold; nothing is set."""
+        """Return when a trigger would have fired in all that the buffers hold; nothing is set or captured.
+
+        Args:
+            trigger: as for `set_trigger`; its name plays no part.
+
+        Returns:
+            How many `fires`, with ticks since start and time stamps in ns of the last 1000; how much was judged, and
+            about how many bytes a capture would have. `why` says why nothing could be judged.
+
+        Raises:
+            RefusedError: a condition, word or time of it makes no sense, or nothing was logged yet.
+        """
         return self._call(TryTrigger(trigger=trigger, client=self._name))
 
     def set_trigger(self, trigger: TriggerOptions) -> str:
-        """Add a trigger or replace the one of its name, also while it runs; returns what was done, in words."""
+        """Add a trigger or replace the one of its name; judged from now on, also while the logger runs.
+
+        Args:
+            trigger: its condition and what it captures, times in s; `Logger.trigger` tells what they mean.
+
+        Returns:
+            What was done, in words, with what its captures will lack.
+
+        Raises:
+            RefusedError: a name, condition or number makes no sense, `pre_s` is longer than what buffers hold (the
+                message has the size that would do), or the robot program has ended; nothing was changed.
+            GoesOnError: the robot program takes longer.
+        """
         return self._call(SetTrigger(trigger=trigger, client=self._name)).text
 
     def remove_trigger(self, name: str) -> str:
-        """Forget a trigger; returns what was done, in words."""
+        """Forget a trigger, also while the logger runs; a capture that is under way goes on.
+
+        Args:
+            name: of the trigger.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: there is none of that name, or the robot program has ended; nothing was changed.
+            GoesOnError: the robot program takes longer.
+        """
         return self._call(RemoveTrigger(name=name, client=self._name)).text
 
     def arm_trigger(self, name: str, *, armed: bool = True) -> str:
-        """Have a trigger watch again, or no more; returns what was done, in words."""
+        """Have a trigger watch again, also after the one capture of mode single, or no more.
+
+        A trigger that is off stays so for the next run and in scripts. A capture that is under way goes on.
+
+        Args:
+            name: of the trigger.
+            armed: False: it fires no more, until it is armed or forced.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: there is none of that name, the robot program has ended, or the helper process is too busy
+                judging rows; the message says which.
+            GoesOnError: the robot program takes longer.
+        """
         return self._call(ArmTrigger(name=name, armed=armed, client=self._name)).text
 
     def force_trigger(self, name: str) -> str:
-        """Fire a trigger now; returns what was done, in words."""
+        """Fire a trigger at the newest tick, whatever its condition says, armed or not.
+
+        Args:
+            name: of the trigger.
+
+        Returns:
+            What was done, in words, with the tick.
+
+        Raises:
+            RefusedError: there is none of that name, the logger doesn't run, or the helper process is too busy judging
+                rows.
+        """
         return self._call(ForceTrigger(name=name, client=self._name)).text
 
     def alarms(self) -> Alarms:
-        """Return how the signals with limits stand, worst first."""
+        """Return how the signals with limits stand.
+
+        Returns:
+            Every scalar with limits, worst first.
+
+        Raises:
+            RefusedError: the helper process is too busy judging rows; ask again in a moment.
+        """
         return self._call(GetLimits(client=self._name))
 
     def acknowledge(self, names: Sequence[str] = (), who: str = "") -> str:
-        """Say that somebody has seen the alarms of these scalars, of all without names; returns what was done."""
+        """Say that somebody has seen alarms; a scalar that is beyond its limits stays so.
+
+        Args:
+            names: the scalars, as `alarms` has them; all without names.
+            who: has seen them; empty: this client.
+
+        Returns:
+            How many alarms there were and who has seen them, in words.
+
+        Raises:
+            RefusedError: the helper process is too busy judging rows; ask again in a moment.
+            ElementError: the names are no list of texts; nothing was asked.
+        """
         seen = texts("names", names, "['/log/joints/q_0']")
         return self._call(Acknowledge(names=seen, who=who, client=self._name)).text
 
     def set_limits(self, limits: SignalLimits) -> str:
-        """Give a signal limits, also while it runs; returns what was done, in words."""
+        """Give a signal limits, or other ones than it has; judged from now on, also while the logger runs.
+
+        Args:
+            limits: the signal's name and its bounds, in the signal's unit; `Logger.limit` tells what they mean.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: there is no such signal, its bounds, a number or its condition make no sense, or the robot
+                program has ended; nothing was changed.
+            GoesOnError: the robot program takes longer.
+        """
         return self._call(SetLimits(limits=limits, client=self._name)).text
 
     def remove_limits(self, name: str) -> str:
-        """Forget the limits that were given to this name; returns what was done, in words."""
+        """Forget the limits of a signal, also while the logger runs.
+
+        Args:
+            name: exactly the one that they were given to.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: no limits were given to it, or the robot program has ended; nothing was changed.
+            GoesOnError: the robot program takes longer.
+        """
         return self._call(RemoveLimits(name=name, client=self._name)).text
 
     # ------------------------------------------------------------------------------------------------------ saving
@@ -587,9 +754,23 @@ class Client:
         keep: str = "",
         name: str = "",
     ) -> RecorderStarted:
-        """Record elements to MCAP files in a folder inside the logger's, until it is stopped; all without patterns.
+        """Record every sample from now on to MCAP files on the robot, across restarts, until `stop_recorder`.
 
-        split: `"1GB"` or `"10min"`, after which a part is finished. keep: `"50GB"`, above which the oldest are deleted.
+        Args:
+            patterns: elements, namespaces or globs; all elements without any.
+            to: a folder inside the logger's, relative to that or absolute; empty: `recordings`.
+            split: `"1GB"` or `"10min"`, after which a part is finished: from 1 MB, or 1 s to 31 days; empty: never.
+            keep: `"50GB"`, above which its own oldest parts are deleted: from 2 MB; empty: all stay.
+            name: of the recording and its files, instead of the logger's.
+
+        Returns:
+            Its `name`, its `folder` (absolute, on the robot), and in `text` what will not be recorded without end.
+
+        Raises:
+            ElementError: `split`, `keep` or the patterns make no sense; nothing is recorded.
+            RefusedError: no element matches a pattern, the folder is outside of the logger's, the name can't be or is
+                taken, 8 recordings are under way, or the system or a robot program that has ended prevents it; nothing
+                is recorded.
         """
         from silo.amounts import read_keep, read_split
 
@@ -606,11 +787,25 @@ class Client:
         return self._call(request)
 
     def stop_recorder(self, name: str = "") -> str:
-        """Finish an endless recording, the only one without a name; returns what was done, in words."""
+        """Finish an endless recording; waits up to 5 s for the end of its last part.
+
+        Args:
+            name: of the recording; empty: the only one.
+
+        Returns:
+            What was done, in words, with its numbers of files and samples.
+
+        Raises:
+            RefusedError: there is none, or none of that name, or several without a name; nothing was stopped.
+        """
         return self._call(StopRecorder(name=name, client=self._name)).text
 
     def recorders(self) -> list[RecorderInfo]:
-        """Return the endless recordings of this logger."""
+        """Return the endless recordings of this logger; those that ended by themselves stay until they are stopped.
+
+        Returns:
+            For each its parts, samples and losses since it was started, the bytes on the disk, and how it ended.
+        """
         return self._call(ListRecorders(client=self._name)).recorders
 
     def wait_saved(
@@ -745,15 +940,16 @@ class Client:
         counted, and never holds up the helper process.
 
         Args:
-            names: elements or entries.
+            names: elements or entries, at least one.
             period_s: time between two deliveries, s.
 
         Returns:
-            The stream; close it, or use it as a context manager.
+            The stream, of batches with `Samples` by name; close it, or use it as a context manager.
 
         Raises:
-            RefusedError: a name is unknown, a number out of range.
+            RefusedError: a name is unknown, a number out of range, or too many streams are open.
             ConnectionLostError: nobody answers.
+            ElementError: the names are no list of texts; nothing was asked.
         """
         from silo.ipc.samples import Stream
 
@@ -771,20 +967,22 @@ class Client:
         return stream
 
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> "Pin":
-        """Have the helper process keep what the buffers hold, whatever they overwrite.
+        """Have the helper process keep a copy of what the buffers hold, whatever they overwrite.
 
-        `samples` and `history` read it until it is closed.
+        `samples` and `history` read it until it is closed. Where not all fits the newest part is kept: 64 MiB for all
+        clients together.
 
         Args:
-            names: elements or entries.
+            names: elements or entries, 1 to 10 000.
             start_ns: the first time stamp.
-            end_ns: the time stamp after the last.
+            end_ns: the last time stamp.
 
         Returns:
-            The pin; its `opened` says what is held.
+            The pin; its `opened` says what is held: time stamps in ns, `size_bytes`, and of names without rows why.
 
         Raises:
-            RefusedError: nothing of it fits.
+            RefusedError: nothing of it fits, a name is unknown, a number out of range, or too many pins are open.
+            ElementError: the names are no list of texts; nothing was asked.
         """
         from silo.ipc.samples import Pin
 

@@ -61,7 +61,9 @@ class Conditions(Configuration):
         stale: float | str = 0.0,
         when: str = "",
     ) -> None:
-        """Give a signal limits, kept in saved files and judged by `silo check`.
+        """Give a signal limits, also while the logger runs.
+
+        The helper process of `serve()` judges them; they are kept in saved files, which `silo check` judges.
 
         Args:
             name: an element (each of its values is judged), one scalar of it, or a derived signal.
@@ -73,7 +75,8 @@ class Conditions(Configuration):
             when: an expression that must hold, else nothing is judged.
 
         Raises:
-            ElementError: the bounds or a number make no sense; nothing was changed.
+            ElementError: there is no such signal, or the bounds or a number make no sense; nothing was changed.
+            ExpressionError: `when` makes no sense; the message shows the place.
         """
         from silo.judging.extras import MOST_STALE_S, bounds_given, seconds
 
@@ -90,7 +93,17 @@ class Conditions(Configuration):
         self.set_limits(one)
 
     def set_limits(self, one: SignalLimits) -> None:
-        """Give a signal limits as they stand in scripts. Raises ElementError: nothing is changed."""
+        """Give a signal limits as they stand in scripts, or other ones than it has; also while the logger runs.
+
+        Args:
+            one: the signal's name and its bounds, in the signal's unit; `limit` tells what they mean.
+
+        Raises:
+            ElementError: there is no such signal, its bounds or a number make no sense, or 1000 signals have limits
+                already; nothing was changed.
+            ExpressionError: its condition makes no sense; the message shows the place.
+            StateError: the logger is closed.
+        """
         from silo.judging.extras import with_limits
 
         with self._lock:
@@ -99,7 +112,15 @@ class Conditions(Configuration):
             self._tell()
 
     def remove_limits(self, name: str) -> None:
-        """Forget the limits that were given to this name. Raises ElementError where there are none."""
+        """Forget the limits of a signal, also while the logger runs.
+
+        Args:
+            name: exactly the one that they were given to.
+
+        Raises:
+            ElementError: no limits were given to it; nothing was changed.
+            StateError: the logger is closed.
+        """
         with self._lock:
             self._check_open()
             kept = tuple(one for one in self._extras.limits if one.name != name)
@@ -175,8 +196,16 @@ class Conditions(Configuration):
         self.set_trigger(one)
 
     def set_trigger(self, one: TriggerOptions) -> None:
-        """Set a trigger as it stands in scripts, or replace the one of its name. Raises ElementError: nothing is
-        changed.
+        """Set a trigger as it stands in scripts, or replace the one of its name; also while the logger runs.
+
+        Args:
+            one: its condition and what it captures, times in s; `trigger` tells what they mean.
+
+        Raises:
+            ElementError: a name, word or number makes no sense, 100 triggers are set already, or `pre_s` is longer than
+                what buffers hold, with the size that would do; nothing was changed.
+            ExpressionError: a condition makes no sense; the message shows the place.
+            StateError: the logger is closed.
         """
         from silo.files.naming import check_name
         from silo.judging.extras import held_by, trigger_rule, with_trigger
@@ -195,7 +224,15 @@ class Conditions(Configuration):
             self._tell()
 
     def remove_trigger(self, name: str) -> None:
-        """Forget a trigger; a capture that is under way goes on. Raises ElementError where there is none."""
+        """Forget a trigger, also while the logger runs; a capture that is under way goes on.
+
+        Args:
+            name: of the trigger.
+
+        Raises:
+            ElementError: there is none of that name; nothing was changed.
+            StateError: the logger is closed.
+        """
         with self._lock:
             self._check_open()
             kept = tuple(one for one in self._extras.triggers if one.name != name)
@@ -209,7 +246,13 @@ class Conditions(Configuration):
     def apply_extras(self, extras: Extras) -> None:
         """Take derived signals, limits and triggers of a script in the place of all that there are.
 
-        Raises StateError while running, ElementError: nothing is changed.
+        Args:
+            extras: all of them; empty ones forget what there is.
+
+        Raises:
+            ElementError: one of them doesn't fit the table; nothing was changed.
+            ExpressionError: an expression makes no sense; the message shows the place.
+            StateError: the logger runs, or is closed.
         """
         from silo.settings.script_extras import checked_extras
 

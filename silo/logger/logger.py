@@ -404,13 +404,26 @@ class Logger(Conditions):
         keep: str = "",
         name: str = "",
     ) -> str:
-        """Record every sample from now on to MCAP files, across restarts, until `stop_recording`; returns its name.
+        """Record every sample from now on to MCAP files, across restarts, until `stop_recording`.
 
-        Needs `serve()`: a process of the helper's writes, the loop has no part in it. patterns: elements, namespaces or
-        globs, all without any. to: a folder, relative to the logger's. split: `"1GB"` or `"10min"`, after which a part
-        is finished. keep: `"50GB"`, above which its own oldest parts are deleted. name: of the recording and its files,
-        instead of the logger's. Raises ElementError for wrong arguments, StateError without `serve()`, SaveError where
-        it can't record.
+        Needs `serve()`: a process of the helper's writes, the loop has no part in it. The call waits for its first
+        words.
+
+        Args:
+            patterns: elements, namespaces or globs; all elements without any.
+            to: a folder, absolute or relative to the logger's.
+            split: `"1GB"` or `"10min"`, after which a part is finished: from 1 MB, or 1 s to 31 days; empty: never.
+            keep: `"50GB"`, above which its own oldest parts are deleted: from 2 MB; empty: all stay.
+            name: of the recording and its files, instead of the logger's.
+
+        Returns:
+            The name of the recording.
+
+        Raises:
+            ElementError: an argument makes no sense; nothing is recorded.
+            StateError: there is no helper process, call `serve()` first.
+            SaveError: no element matches a pattern, the name is taken, the system refuses, or the helper process is
+                just being started anew.
         """
         from silo.amounts import read_keep, read_split
         from silo.ipc.messages import StartRecorder
@@ -431,9 +444,19 @@ class Logger(Conditions):
         return started.name
 
     def stop_recording(self, name: str = "") -> str:
-        """Finish an endless recording, the only one without a name; returns what was done, in words.
+        """Finish an endless recording; waits up to 5 s for the end of its last part.
 
-        Raises StateError without `serve()`, SaveError where there is none.
+        Args:
+            name: what `record` returned; empty: the only one.
+
+        Returns:
+            What was done, in words, with its numbers of files and samples.
+
+        Raises:
+            ElementError: the name is no text.
+            StateError: there is no helper process, call `serve()` first.
+            SaveError: there is none, or none of that name, or several without a name; nothing was stopped. Or the
+                helper process is just being started anew.
         """
         return self._served("stop_recording").stop_recording(text("name", name, 'log.stop_recording("walk")'))
 

@@ -276,14 +276,34 @@ class Serving:
         return started.result().result()
 
     def record(self, request: StartRecorder) -> RecorderStarted:
-        """Start an endless recording in a process of the helper's. Raises SaveError."""
+        """Start an endless recording in a process of the helper's; waits for its first words.
+
+        Args:
+            request: what to record and where to; folders outside of the logger's are fine.
+
+        Returns:
+            Its name, its folder, and in `text` what will not be recorded without end.
+
+        Raises:
+            SaveError: it can't record, with the reason, or the helper process died.
+        """
         reply = self._asked(request)
         if not isinstance(reply, RecorderStarted):
             raise SaveError(reply.text if isinstance(reply, Refused) else repr(reply))
         return reply
 
     def stop_recording(self, name: str) -> str:
-        """Finish an endless recording; returns what was done, in words. Raises SaveError."""
+        """Finish an endless recording; waits up to 5 s for the end of its last part.
+
+        Args:
+            name: of the recording; empty: the only one.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            SaveError: there is none, or none of that name, or several without a name; or the helper process died.
+        """
         reply = self._asked(StopRecorder(name=name, client="the robot program"))
         if not isinstance(reply, Done):
             raise SaveError(reply.text if isinstance(reply, Refused) else repr(reply))
