@@ -205,9 +205,10 @@ class SiloApp(App[None]):
         context = self.context
         async with self._news:
             await context.quietly(session.take_event(event))
-        if event.kind is EventKind.SAVE_FAILED and not self.screen.is_modal:
+        own = event.by == self._finder.own_name  # whoever asked tells how it went
+        if event.kind is EventKind.SAVE_FAILED and not own and not self.screen.is_modal:
             context.fail(event.text)
-        elif event.kind is not EventKind.SAVING and event.by != self._finder.own_name:
+        elif event.kind is not EventKind.SAVING and not own:
             context.say(event.text + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             context.table_changed()

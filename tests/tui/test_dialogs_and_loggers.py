@@ -83,6 +83,32 @@ async def test_a_failed_save_says_why(fake, opened):
         await screen.shows("no space left")
 
 
+async def test_the_end_of_a_save_whose_dialog_was_left_is_told(fake, opened):
+    fake.run()
+    fake.save_takes_long = True
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.type(":data csv abc")
+        await screen.press("enter")
+        await screen.until(lambda: fake.calls)
+        await screen.press("escape")
+        await screen.shows("its end will be told")
+        fake.end_save([FileType.CSV], "abc")
+        await screen.shows("saved: /home/ann/logs/abc.csv (1.2 MB)")
+
+
+async def test_the_failure_of_a_save_whose_dialog_was_left_is_told(fake, opened):
+    fake.run()
+    fake.save_takes_long, fake.save_error = True, "no space left on /home/ann/logs"
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.type(":data csv abc")
+        await screen.press("enter")
+        await screen.until(lambda: fake.calls)
+        await screen.press("escape")
+        await screen.shows("its end will be told")
+        fake.end_save([FileType.CSV], "abc")
+        await screen.shows("not saved: no space left on /home/ann/logs")
+
+
 async def test_data_command_saves_with_a_name(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
         await screen.type(":data silo bag walk3")
