@@ -232,7 +232,8 @@ class MonitorScreen(StandingStill):
         self._said = words
         self.line.refresh()
 
-    def _words(self) -> str:
+    def _words(self) -> Sequence[str]:
+        """Return what the line tells, the newest last: that is read whole."""
         words = [self.pause.text] if self.pause.text else []
         if self.window.paused and self.window.at_ns is not None:
             words.append(f"A {self.moment_words(self.window.at_ns)}")
@@ -250,7 +251,7 @@ class MonitorScreen(StandingStill):
             words.append(f"{text.plural(len(self._waiting), 'element')} off")
         if self._said:
             words.append(self._said)
-        return " │ ".join(words)
+        return words
 
     def _ghost_words(self) -> str:
         """Where the saved run is, if it isn't on the screen."""

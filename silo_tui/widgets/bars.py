@@ -1,7 +1,7 @@
 """The lines around the table: status on top, banner, information, keys at the bottom."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
@@ -208,7 +208,7 @@ class MonitorLine(Widget):
 
     DEFAULT_CSS = "MonitorLine { height: 1; padding: 0 1; }"
 
-    def __init__(self, window: PlotWindow, words: Callable[[], str], state: Callable[[], str] | None = None) -> None:
+    def __init__(self, window: PlotWindow, words: Callable[[], Sequence[str]], state: Callable[[], str] | None = None) -> None:
         super().__init__()
         self._window = window
         self._words = words
@@ -220,9 +220,7 @@ class MonitorLine(Widget):
         state = self._state() if self._state is not None else "PAUSED" if window.paused else "live"
         parts = [f"{text.span(window.span_s)} shown", state]
         parts.append("y held" if window.fixed_scale else "y follows")
-        words = self._words()
-        if words:
-            parts.append(words)
+        parts += (words := self._words())
         while words and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
             parts.pop(0)  # what was said last is read whole
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
