@@ -136,8 +136,8 @@ class DetailScreen(SiloScreen):
 
     @property
     def zero_ns(self) -> int:
-        """The moment that the axis calls 0."""
-        return self.end_ns
+        """The moment that the axis calls 0: in a pause the newest one, as in the plots."""
+        return self.end_ns if self.source.live else self.source.end_ns
 
     def _begin(self) -> None:
         self.run_worker(self._draw(), group="draw", exclusive=True)
