@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
+from silo.amounts import duration
 from silo.errors import RefusedError
 from silo.ipc.messages import RefusedWhy, Unsaved
 from silo_tui.context import Context
@@ -72,7 +73,7 @@ def _is_unsaved(context: Context) -> bool:
 def _held(context: Context) -> str:
     """Return what the buffers hold, in words: of all ticks since the start they may have forgotten most."""
     status = context.session.status
-    return f"{text.plural_count(status.held_samples, 'sample')} over {status.held_s:.3g} s"
+    return f"{text.plural_count(status.held_samples, 'sample')} over {duration(status.held_s)}"
 
 
 def _decided(answer: str) -> Unsaved:

@@ -17,6 +17,7 @@ from textual.binding import Binding
 from textual.timer import Timer
 from textual.widgets import Static
 
+from silo.amounts import duration
 from silo.errors import SiloError
 from silo.values import as_floats
 from silo_tui.actions import bindings_for
@@ -219,7 +220,7 @@ class DetailScreen(SiloScreen):
         notes = [f"peak {words[0]}", *words[1:]] if words else ["no peak stands out"]
         rate = 1 / first.period_s
         notes.append(f"{text.compact(step)} Hz a line")
-        notes.append(f"{first.seconds:.3g} s of {rate:.4g} Hz, jitter {text.span(float(f'{first.jitter_s:.2g}'))}")
+        notes.append(f"{duration(first.seconds)} of {rate:.4g} Hz, jitter {text.span(float(f'{first.jitter_s:.2g}'))}")
         if len(first.values) < first.held:
             notes.append(f"longest whole piece: {len(first.values)} of {first.held} samples")
         notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
