@@ -148,6 +148,21 @@ async def test_what_a_script_has_that_nobody_knows_is_shown_before_and_after_it_
         await screen.until(lambda: any("colour" in told.message for told in screen.app._notifications), "the warning")
 
 
+async def test_a_script_saved_without_an_ending_gets_it_and_says_so(fake, opened):
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("W")
+        await screen.shows("Save the table as a script")
+        for _ in range(12):
+            await screen.press("backspace")
+        await screen.type("abc")
+        await screen.press("enter")
+        await screen.until(lambda: "abc.yaml" in fake.files, "the script")
+        await screen.shows("abc.yaml: scripts end in .yaml")
+        await screen.type(":load abc")
+        await screen.press("enter")
+        await screen.shows("abc.yaml says what the logger has already")
+
+
 async def test_loading_an_unknown_script_says_so(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
         await screen.type(":load nothing.yaml")
