@@ -17,6 +17,9 @@ from silo_tui.screens.exporting import picture
 from silo_tui.screens.table import TableScreen
 
 
+PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
+
+
 class CommandRunner:
     """Carries out command lines and completes them; `word_x` is the command `x` as it is typed."""
 
@@ -177,15 +180,18 @@ class CommandRunner:
         # os.path: a `~name` that nobody has stays as it is, and is told of as a folder that is not there
         given = os.path.expanduser(spelled.arguments[0] if spelled.arguments else "silo-tui.svg")  # noqa: PTH111
         path = file_path("the picture's path", given)
-        self._context.app.call_after_refresh(self._write_picture, path)  # without this command on it
+        if path.suffix != ".svg":  # an SVG in a .png is a picture that nothing opens
+            path = path.with_name(f"{path.stem if path.suffix.lower() in PICTURES else path.name}.svg")
+        note = "" if path.name == Path(given).name else " (an SVG: browsers open it)"
+        self._context.app.call_after_refresh(self._write_picture, path, note)  # without this command on it
 
-    def _write_picture(self, path: Path) -> None:
+    def _write_picture(self, path: Path, note: str) -> None:
         try:
             path.write_text(picture(self._context.app), "utf-8")
         except OSError as error:
             self._context.fail(f"can't write the picture: {error}")
             return
-        self._context.say(f"picture of the screen: {path.absolute()}")
+        self._context.say(f"picture of the screen: {path.absolute()}{note}")
 
 
 async def open_view(context: Context, name: str) -> None:

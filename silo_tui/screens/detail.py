@@ -126,6 +126,8 @@ class DetailScreen(SiloScreen):
         parts += [self._place(), *([self._said] if self._said else [])]
         room = self.size.width - len("  ".join(parts)) - 6
         parts.insert(1, text.shorten_left(names, max(12, room)))
+        while self._said and len(parts) > 1 and len("  ".join(parts)) > self.size.width:
+            parts.pop(0)  # what was said last is read whole
         self.query_one("#detail-title", Static).update("  ".join(parts))
 
     def _letter(self, place: int) -> str:
@@ -133,7 +135,8 @@ class DetailScreen(SiloScreen):
 
     def _place(self) -> str:
         back = (self.source.end_ns - self.end_ns) / SECOND_NS
-        return text.span(self.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
+        paused = "" if self.source.live else "PAUSED  "  # the monitor holds it
+        return paused + text.span(self.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
 
     @property
     def zero_ns(self) -> int:

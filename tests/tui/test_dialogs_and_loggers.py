@@ -307,6 +307,19 @@ async def test_a_picture_of_the_screen_is_an_svg(fake, opened, tmp_path):
         assert "<svg" in (tmp_path / "x.svg").read_text()
 
 
+async def test_a_picture_that_is_called_png_is_written_as_svg_and_the_large_plot_says_where(fake, opened, tmp_path):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.press("m", "enter")
+        await screen.until(lambda: screen.app.screen.scope == "detail" and screen.app.screen.plot.plot, "the large plot")
+        await screen.press(":")
+        screen.app.screen.query_one("#command-over").value = f"picture {tmp_path / 'p2.png'}"
+        await screen.press("enter")
+        await screen.until((tmp_path / "p2.svg").exists, "the picture")
+        await screen.shows("picture of the screen")
+        assert not (tmp_path / "p2.png").exists()
+
+
 async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, opened):
     async with opened(fake, size=(80, 24)) as screen:
         await screen.press("*", "d", "5", "enter", "a")
