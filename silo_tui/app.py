@@ -10,6 +10,7 @@ from textual.app import App
 from textual.command import CommandPalette
 
 from silo.ipc.published import Event, EventKind
+from silo_tui.actions import FILE_SCOPES
 from silo_tui import terminal, theme
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
@@ -312,7 +313,10 @@ class SiloApp(App[None]):
             if line and line.strip(": "):
                 runner.run(line)
 
-        self.push_screen(CommandLine(runner.complete), run)
+        screen = self.context.upper_screen
+        on_file = screen is not None and screen.scope in FILE_SCOPES
+        words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
+        self.push_screen(CommandLine(runner.complete, words), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):

@@ -8,9 +8,9 @@ from silo.arguments import path as file_path
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.settings.words import completions, read_settings
-from silo_tui.actions import BY_WORD, Command
+from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
-from silo_tui.context import Context
+from silo_tui.context import NOT_EDITED, Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.model import command_line, text
 from silo_tui.screens.exporting import picture
@@ -30,7 +30,8 @@ class CommandRunner:
         """Return whole lines that `line` may become."""
         command = BY_WORD.get(line.lstrip(":").partition(" ")[0])
         choices = self.choices(command, line.rpartition(" ")[2]) if command is not None else ()
-        return command_line.complete(line, sorted(BY_WORD), choices)
+        words = [word for word, one in BY_WORD.items() if self._file_screen is None or typed_on_file(one)]
+        return command_line.complete(line, sorted(words), choices)
 
     def choices(self, command: Command, begun: str = "") -> Sequence[str]:
         """Return what the argument of a typed command may be, of which `begun` is typed."""
@@ -60,11 +61,20 @@ class CommandRunner:
             near = [known for known in sorted(BY_WORD) if known.startswith(spelled.word[:2])]
             hint = f"; did you mean {', '.join(near)}?" if near else "; `:help` shows what there is"
             raise ValueError(f"there is no command {spelled.word!r}{hint}")
+        file = self._file_screen
+        if file is not None and not typed_on_file(command):
+            raise RefusedError(f":{spelled.word}: {NOT_EDITED}, no logger to command")
         handler: Callable[[command_line.Spelled], None] | None = getattr(self, f"word_{command.id}", None)
         if handler is None:
-            self._table_screen.action_command(command.id)
+            (file or self._table_screen).action_command(command.id)
         elif self._context.allows(command):
             handler(spelled)
+
+    @property
+    def _file_screen(self) -> SiloScreen | None:
+        """The screen of a file, where that is the uppermost."""
+        screen = self._context.upper_screen
+        return screen if screen is not None and screen.scope in FILE_SCOPES else None
 
     @property
     def _table_screen(self) -> TableScreen:
