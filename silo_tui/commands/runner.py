@@ -114,7 +114,7 @@ class CommandRunner:
             raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
         changed = context.session.change(read_settings(spelled.arguments))
         context.table_changed()
-        context.say(f"{changed} fields changed; u takes them back" if changed else "nothing to change")
+        context.say(f"{text.plural(changed, 'field')} changed; u takes {'it' if changed == 1 else 'them'} back" if changed else "nothing to change")
 
     def word_filter(self, spelled: command_line.Spelled) -> None:
         """Carry out `:filter [TERM ...]`."""

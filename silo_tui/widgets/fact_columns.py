@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 
 from silo_tui.model import text
-from silo_tui.model.facts import BAD, worst
+from silo_tui.model.facts import BAD, OLD, worst
 from silo_tui.model.fields import Field
 from silo_tui.model.table import Rows
 from silo_tui.widgets.live_pane import LIVE_PANE, LivePane, PaneColumn
@@ -105,7 +105,7 @@ def _style(letters: str) -> str:
 def _sign(pane: LivePane, row: int) -> tuple[str, str]:
     session = pane.session
     if not session.fresh and session.live.readings:
-        return "~~", "live--quiet"
+        return OLD, "live--quiet"
     bits = session.table.facts.signs(len(session.table))[row]
     letters = worst(int(bits)) if session.table.server[Field.ENABLED, row] else ""
     return letters, _style(letters)
