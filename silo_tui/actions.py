@@ -228,7 +228,8 @@ COMMANDS: tuple[Command, ...] = (
     # --------------------------------------------------------------------------------------------------- files
     Command("plot", "m,enter", "Plot", "plot what is marked, or the element under the cursor", "Look", _FILE, 3),
     # ------------------------------------------------------------------------------------------------- loggers
-    Command("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", _TABLE, typed=Typed(("loggers",))),
+    Command("loggers", "ctrl+l", "Loggers", "choose another logger", "Go",
+            _BOTH + _DETAIL, typed=Typed(("loggers",))),
     Command("next_logger", "j,down", "Next", "next logger", "Loggers", _LOGGERS),
     Command("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),

@@ -245,7 +245,8 @@ class MonitorScreen(StandingStill):
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
         if self.session.overlay is not None:
             words.append(f"{SIGN} {self.session.overlay.name}{self._ghost_words()}")
-        if missing := self.stack.missing():
+        ended = self.session.dead and not self.window.paused  # the line says DEAD: nothing comes any more
+        if missing := "" if ended else self.stack.missing():
             words.append(missing)
         if self._waiting and not self._said:
             words.append(f"{text.plural(len(self._waiting), 'element')} off")
@@ -288,7 +289,7 @@ class MonitorScreen(StandingStill):
         if self.pause.source is not None or not self._live.live:
             return "PAUSED"
         if self.window.paused_end_ns is None:
-            return "live"
+            return "DEAD" if self.session.dead else "live" if self.session.connected else "no link"
         return f"-{text.span(max(0, self.source.end_ns - self.window.paused_end_ns) / SECOND_NS)}, End: now"
 
     def _more_is_here(self) -> None:

@@ -186,7 +186,7 @@ class InfoLine(Widget):
         if rows.filter.text:
             parts.append(f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}")
             parts += [f"? {problem}" for problem in rows.filter.problems[:1]]
-        if rows.sort not in STEADY:
+        if rows.sort not in STEADY or rows.turned:
             since = f" since {text.clock(session.table.facts.since_ns)}" if rows.sort in STATISTICS else ""
             parts.append(f"by {rows.sort} {rows.arrow}{since}")
         if self._said:
@@ -196,7 +196,7 @@ class InfoLine(Widget):
             parts.append(
                 f"{len(rows.shown)} in {text.plural(branches, 'name space')}"
                 if branches
-                else f"{rows.position + 1} of {len(rows.tree.lines)}"
+                else f"{rows.place} of {len(rows.shown)}"
             )
         while self._said and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
             parts.pop(0)  # what was said last is read whole

@@ -280,6 +280,22 @@ async def test_another_logger_is_opened_from_the_list(new_fake, opened):
         await screen.until(lambda: screen.session.connected)
 
 
+async def test_another_logger_is_opened_from_the_plots_and_esc_comes_back(new_fake, opened):
+    one, two = new_fake(name="arm"), new_fake(name="legs")
+    async with opened(one, two, name="arm") as screen:
+        await screen.press("m")
+        plots = screen.app.screen
+        assert plots.scope == "monitor"
+        await screen.press("ctrl+l")
+        await screen.shows("legs")
+        await screen.press("escape")
+        assert screen.app.screen is plots
+        await screen.press("ctrl+l")
+        await screen.shows("legs")
+        await screen.press("down", "enter")
+        await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
+
+
 async def test_leaving_a_logger_with_pending_edits_asks(new_fake, opened):
     one, two = new_fake(name="arm"), new_fake(name="legs")
     async with opened(one, two, name="arm") as screen:
