@@ -248,7 +248,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("oldest_line", "G,end", "Oldest", "the oldest line", "Events", _HAPPENED),
     Command("follow_events", "g,home", "Follow", "the newest line, and what comes", "Events", _HAPPENED, 3),
     # ------------------------------------------------------------------------------------------------- loggers
-    Command("loggers", "ctrl+l", "Loggers", "choose another logger", "Go", _TABLE, typed=Typed(("loggers",))),
+    Command("loggers", "ctrl+l", "Loggers", "choose another logger", "Go",
+            _BOTH + _DETAIL, typed=Typed(("loggers",))),
     Command("next_logger", "j,down", "Next", "next logger", "Loggers", _LOGGERS),
     Command("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
@@ -317,8 +318,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("write_settings", "w", "Write the file", "keep the settings for next time", "Settings", _SETTINGS, 3),
     Command("find_setting", "slash", "Search", "show only some lines", "Settings", _SETTINGS, 5),
     # ------------------------------------------------------------------------------------------------------ app
-    Command("command", "colon", "Command", "type a command, Tab completes it", "Go", _TABLE + _MONITOR + _DETAIL,
-            11),
+    Command("command", "colon", "Command", "type a command, Tab completes it", "Go",
+            _TABLE + _MONITOR + _DETAIL + FILE_SCOPES, 11),
     Command("help", "question_mark,f1", "Help", "this page", "Go", ("any",), 10, shown_key="?", typed=Typed(("help",))),
     Command("palette", "ctrl+p", "Palette", "search everything that can be done", "Go", ("any",), hidden=True),
     Command("back", "escape", "Back", "out of whatever is open; clears range, filter, then marks", "Go", ("any",),
@@ -340,6 +341,7 @@ COMMANDS: tuple[Command, ...] = (
 )
 # fmt: on
 
+TYPED_ON_FILES = ("goto", "unmark", "theme", "picture")
 NO_KEYS: Mapping[str, str] = MappingProxyType({})
 BY_ID = {command.id: command for command in COMMANDS}
 BY_WORD = {word: command for command in COMMANDS if command.typed is not None for word in command.typed.words}
@@ -363,6 +365,18 @@ def commands_like(scope: str, keys: Mapping[str, str] = NO_KEYS) -> list[Command
         for command in COMMANDS
         if any(each == "any" or (each in FILE_SCOPES) == on_file for each in command.scopes)
     ]
+
+
+def typed_on_file(command: Command) -> bool:
+    """Return whether a command may be typed over a saved file: what changes or asks a logger has no place there."""
+    return command.id in TYPED_ON_FILES or any(scope == "any" or scope in FILE_SCOPES for scope in command.scopes)
+
+
+def edits_by(key: str, scope: str, keys: Mapping[str, str] = NO_KEYS) -> bool:
+    """Return whether a key edits, or commands the logger, on the screen of a logger that is like that of a file."""
+    like = scope.replace("file_", "").replace("file", "table")
+    there = [command for command in commands_for(like, keys) if command.writes or command.group == "Edit"]
+    return scope in FILE_SCOPES and any(key in command.keys.split(",") for command in there)
 
 
 def bindings_for(scope: str) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:

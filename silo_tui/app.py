@@ -11,6 +11,7 @@ from textual.command import CommandPalette
 
 from silo.ipc.published import Event, EventKind
 from silo_tui import terminal, theme
+from silo_tui.actions import FILE_SCOPES
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
@@ -216,9 +217,10 @@ class SiloApp(App[None]):
         context = self.context
         async with self._news:
             await context.quietly(session.take_event(event))
-        if event.kind is EventKind.SAVE_FAILED and not self.screen.is_modal:
+        own = event.by == self._finder.own_name  # whoever asked tells how it went
+        if event.kind is EventKind.SAVE_FAILED and not own and not self.screen.is_modal:
             context.fail(event.text)
-        elif event.kind not in QUIET_KINDS and event.by != self._finder.own_name:
+        elif event.kind not in QUIET_KINDS and not own:
             told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else event.text
             context.say(told + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
@@ -355,7 +357,10 @@ class SiloApp(App[None]):
             if line and line.strip(": "):
                 runner.run(line)
 
-        self.push_screen(CommandLine(runner.complete), run)
+        screen = self.context.upper_screen
+        on_file = screen is not None and screen.scope in FILE_SCOPES
+        words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
+        self.push_screen(CommandLine(runner.complete, words), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):

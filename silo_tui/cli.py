@@ -121,6 +121,8 @@ def _file(target: str) -> "FileSession | None":
             return None
         from silo_tui.sessions.recorded import open_file
 
+        if sys.stderr is not None and sys.stderr.isatty():  # a CSV takes seconds, and there is no screen yet
+            click.echo(f"reading {path} …", err=True)
         return open_file(path)
     except (SiloError, OSError) as error:
         raise click.ClickException(str(error)) from error

@@ -8,12 +8,13 @@ Screens, dialogs and commands import this and never `silo_tui.app`; it imports w
 from collections.abc import Callable, Coroutine, Sequence
 from typing import Any, cast
 
+from textual import events
 from textual.app import App
 from textual.screen import Screen
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
-from silo_tui.actions import BY_ID, Command
+from silo_tui.actions import BY_ID, Command, edits_by
 from silo_tui.modal import Dialog
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
@@ -22,6 +23,8 @@ from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import Problem
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
+
+NOT_EDITED = "a saved file: nothing to edit"
 
 
 class Held(Dialog[None]):
@@ -271,6 +274,11 @@ class SiloScreen(Screen[None]):
         if handler is not None:
             handler()
         self.update_keys()
+
+    def on_key(self, event: events.Key) -> None:
+        """Say of a key that edits on a logger's screen why it doesn't here; keys with a meaning don't come here."""
+        if edits_by(event.key, self.scope, self.context.settings.keys):
+            self.context.say(NOT_EDITED)
 
     # ---------------------------------------------------------------------------------------------- the key bar
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import CompletionItem
 
+from silo.amounts import duration
 from silo.cli.common import (
     complete_words,
     connect,
@@ -120,7 +121,7 @@ def _set(
         )
     if runs and keep == "refuse" and status.ticks and not status.saved:
         raise RefusedError(
-            f"logger '{status.logger}' holds {many(status.held_samples, 'sample')} over {status.held_s:.3g} s of which "
+            f"logger '{status.logger}' holds {many(status.held_samples, 'sample')} over {duration(status.held_s)} of which "
             "some are in no file, and a restart clears them: add --save or --discard; nothing was changed"
         )
     if runs:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from silo.amounts import duration
 from silo.cli.common import (
     complete_words,
     configuration,
@@ -259,7 +260,7 @@ def _recording(status: "Status") -> list[tuple[str, str]]:
 
 
 def _held(status: "Status") -> str:
-    return f"the buffers hold {many(status.held_samples, 'sample')} over {status.held_s:.3g} s"
+    return f"the buffers hold {many(status.held_samples, 'sample')} over {duration(status.held_s)}"
 
 
 def _failed(status: "Status") -> list[tuple[str, str]]:

@@ -37,7 +37,7 @@ def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
             "--save",
             multiple=True,
             type=click.Choice(SAVED_NAMES),
-            help="Save at the end; may be repeated.",
+            help="Save at the end; may be repeated. Ctrl-C saves .silo without it.",
         ),
     )
 

@@ -7,6 +7,7 @@ segment of gigabytes while it is written.
 from collections import Counter
 from dataclasses import dataclass
 
+from silo.amounts import duration
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.keeping import kept_rows
 from silo.collecting.schema import TIME_RING, SegmentSchema
@@ -34,8 +35,7 @@ class Holdings:
         if not self.samples:
             return f"no sample, of {ticks} since start"
         held = f"{_many(self.samples, 'sample')} of {_many(self.elements, 'element')}"
-        seconds = f"{self.seconds:.3g}" if self.seconds < 1000 else f"{self.seconds:.0f}"
-        return f"{held} over {seconds} s, of {ticks} since start"
+        return f"{held} over {duration(self.seconds)}, of {ticks} since start"
 
 
 def _many(count: int, what: str) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from silo.amounts import duration
 from silo.collecting.rows import Rows
 from silo.collecting.segment_reader import SegmentReader
 from silo.helper.mirror import LoggerSnapshot
@@ -157,7 +158,7 @@ def _fitting(request: OpenPin, found: Picked, reader: SegmentReader, room: int) 
     newest_ns = min(request.end_ns, reader.last_time_ns)
     start_ns = max(request.start_ns, newest_ns - int(fitting_s * 1e9))
     wished_s = (newest_ns - request.start_ns) / 1e9
-    return start_ns, f"the newest {fitting_s:.3g} s of {wished_s:.3g} s are pinned: more doesn't fit ({of_all})"
+    return start_ns, f"the newest {duration(fitting_s)} of {duration(wished_s)} are pinned: more doesn't fit ({of_all})"
 
 
 def _spare_s(reader: SegmentReader, group: Group, begin: int) -> float:

@@ -117,6 +117,7 @@ class RecordingFolder:
                 raise RecordingRefusedError(RefusedWhy.NOT_FOUND, f"there is no recording {name!r} in {place}")
             for each in names:
                 self._check_own(folder, logger, each)
+                _check_no_others(folder, each)
             size = sum(_delete(folder, each) for each in names)
         return f"deleted {', '.join(names)} ({size / 1e6:.1f} MB)"
 
@@ -348,8 +349,19 @@ def _piece(file: int, request: GetPiece) -> Piece:
     return Piece(total, crc32)
 
 
+def _check_no_others(folder: int, name: str) -> None:
+    """Raise RecordingRefusedError for a bag that holds what no logger writes."""
+    if _kind(name) is not FileType.BAG:
+        return
+    with opened_folder(folder, name) as bag:
+        others = sorted(set(_names(bag)) - set(_inner(bag)))
+        if others:
+            text = f"{name} is not deleted: it holds {others[0]!r}, which no logger writes; nothing was changed"
+            raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text)
+
+
 def _delete(folder: int, name: str) -> int:
-    """Delete a file, or a bag with its folder; return its bytes. Raises OSError, RecordingRefusedError."""
+    """Delete a file, or a bag with its folder; return its bytes. Raises OSError."""
     if _kind(name) is not FileType.BAG:
         size = os.stat(name, dir_fd=folder, follow_symlinks=False).st_size
         os.unlink(name, dir_fd=folder)
@@ -359,10 +371,6 @@ def _delete(folder: int, name: str) -> int:
         return size
     with opened_folder(folder, name) as bag:
         inner = _inner(bag)
-        others = sorted(set(_names(bag)) - set(inner))
-        if others:
-            text = f"{name} is not deleted: it holds {others[0]!r}, which no logger writes; nothing was changed"
-            raise RecordingRefusedError(RefusedWhy.FORBIDDEN, text)
         # out of the way at once, and whole: should this process die now, the next sweep removes the rest
         fcntl.flock(bag, fcntl.LOCK_EX)
         gone = f".silo-{os.getpid()}-{secrets.token_hex(4)}{PART_ENDING}"

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
+from silo.amounts import duration
 from silo.errors import RefusedError
 from silo.ipc.messages import RefusedWhy, Unsaved
 from silo_tui.context import Context
@@ -72,7 +73,7 @@ def _is_unsaved(context: Context) -> bool:
 def _held(context: Context) -> str:
     """Return what the buffers hold, in words: of all ticks since the start they may have forgotten most."""
     status = context.session.status
-    return f"{text.plural_count(status.held_samples, 'sample')} over {status.held_s:.3g} s"
+    return f"{text.plural_count(status.held_samples, 'sample')} over {duration(status.held_s)}"
 
 
 def _decided(answer: str) -> Unsaved:
@@ -234,7 +235,7 @@ async def _chosen_script(context: Context, path: str) -> str:
     """Return the script to load once its difference was seen; empty: none is to be loaded."""
     from silo_tui.screens.scripts import ScriptsDialog, script_diff_text
 
-    link, name, seen = context.link, path, False
+    link, name, seen = context.link, _script_name(path), False
     if not path:
         scripts = await link.read(lambda client: client.scripts())
         dialog = ScriptsDialog(link, scripts)
@@ -291,6 +292,11 @@ async def load_script(context: Context, path: str = "") -> None:
         context.app.notify("\n".join(loaded.warnings[:6]), severity="warning", timeout=6, markup=False)
 
 
+def _script_name(given: str) -> str:
+    """Return a name with the ending that the logger asks for; empty stays the logger's own script."""
+    return given if not given or given.endswith((".yaml", ".yml")) else f"{given}.yaml"
+
+
 async def save_script(context: Context, path: str | None = None) -> None:
     """Store the table of the logger as a script on the robot."""
     session = context.session
@@ -303,7 +309,8 @@ async def save_script(context: Context, path: str | None = None) -> None:
         path = await context.app.push_screen_wait(Prompt("Save the table as a script", body, current, "name.yaml"))
     if path is None:
         return
-    name = path
+    name = _script_name(path)
+    ending = ": scripts end in .yaml" if name != path else ""
     link = context.link
     try:
         said = await link.call(lambda client: client.save_script(name, False))
@@ -313,7 +320,7 @@ async def save_script(context: Context, path: str | None = None) -> None:
         if not await _confirmed(context, f"Overwrite {name or 'the script'}?", str(refused), "Overwrite"):
             return
         said = await link.call(lambda client: client.save_script(name, True))
-    context.say(said or f"saved {name}")
+    context.say((said or f"saved {name}") + ending)
 
 
 async def may_leave(context: Context) -> bool:

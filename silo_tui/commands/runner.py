@@ -8,13 +8,15 @@ from silo.arguments import path as file_path
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.settings.words import completions, read_settings
-from silo_tui.actions import BY_WORD, Command
+from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
-from silo_tui.context import Context
+from silo_tui.context import NOT_EDITED, Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.model import command_line, text
 from silo_tui.screens.exporting import picture
 from silo_tui.screens.table import TableScreen
+
+PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 
 
 class CommandRunner:
@@ -27,7 +29,8 @@ class CommandRunner:
         """Return whole lines that `line` may become."""
         command = BY_WORD.get(line.lstrip(":").partition(" ")[0])
         choices = self.choices(command, line.rpartition(" ")[2]) if command is not None else ()
-        return command_line.complete(line, sorted(BY_WORD), choices)
+        words = [word for word, one in BY_WORD.items() if self._file_screen is None or typed_on_file(one)]
+        return command_line.complete(line, sorted(words), choices)
 
     def choices(self, command: Command, begun: str = "") -> Sequence[str]:
         """Return what the argument of a typed command may be, of which `begun` is typed."""
@@ -57,11 +60,20 @@ class CommandRunner:
             near = [known for known in sorted(BY_WORD) if known.startswith(spelled.word[:2])]
             hint = f"; did you mean {', '.join(near)}?" if near else "; `:help` shows what there is"
             raise ValueError(f"there is no command {spelled.word!r}{hint}")
+        file = self._file_screen
+        if file is not None and not typed_on_file(command):
+            raise RefusedError(f":{spelled.word}: {NOT_EDITED}, no logger to command")
         handler: Callable[[command_line.Spelled], None] | None = getattr(self, f"word_{command.id}", None)
         if handler is None:
-            self._table_screen.action_command(command.id)
+            (file or self._table_screen).action_command(command.id)
         elif self._context.allows(command):
             handler(spelled)
+
+    @property
+    def _file_screen(self) -> SiloScreen | None:
+        """The screen of a file, where that is the uppermost."""
+        screen = self._context.upper_screen
+        return screen if screen is not None and screen.scope in FILE_SCOPES else None
 
     @property
     def _table_screen(self) -> TableScreen:
@@ -101,7 +113,11 @@ class CommandRunner:
             raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
         changed = context.session.change(read_settings(spelled.arguments))
         context.table_changed()
-        context.say(f"{changed} fields changed; u takes them back" if changed else "nothing to change")
+        context.say(
+            f"{text.plural(changed, 'field')} changed; u takes {'it' if changed == 1 else 'them'} back"
+            if changed
+            else "nothing to change"
+        )
 
     def word_filter(self, spelled: command_line.Spelled) -> None:
         """Carry out `:filter [TERM ...]`."""
@@ -177,15 +193,18 @@ class CommandRunner:
         # os.path: a `~name` that nobody has stays as it is, and is told of as a folder that is not there
         given = os.path.expanduser(spelled.arguments[0] if spelled.arguments else "silo-tui.svg")  # noqa: PTH111
         path = file_path("the picture's path", given)
-        self._context.app.call_after_refresh(self._write_picture, path)  # without this command on it
+        if path.suffix != ".svg":  # an SVG in a .png is a picture that nothing opens
+            path = path.with_name(f"{path.stem if path.suffix.lower() in PICTURES else path.name}.svg")
+        note = "" if path.name == Path(given).name else " (an SVG: browsers open it)"
+        self._context.app.call_after_refresh(self._write_picture, path, note)  # without this command on it
 
-    def _write_picture(self, path: Path) -> None:
+    def _write_picture(self, path: Path, note: str) -> None:
         try:
             path.write_text(picture(self._context.app), "utf-8")
         except OSError as error:
             self._context.fail(f"can't write the picture: {error}")
             return
-        self._context.say(f"picture of the screen: {path.absolute()}")
+        self._context.say(f"picture of the screen: {path.absolute()}{note}")
 
 
 async def open_view(context: Context, name: str) -> None:

@@ -16,6 +16,12 @@ from silo.ipc.surveys import FROZEN, LOST, NOT_FINITE, SLOW
 
 # worst first, as process control writes them: every font has letters
 SIGNS = ((NOT_FINITE, "NN"), (FROZEN, "=="), (SLOW, "<<"), (LOST, "XX"))
+OLD = "~~"  # of no row in particular: nothing comes, or it can't be carried live
+MEANINGS = {
+    "NN": "nan or inf among its newest values", "==": "frozen: it does not change any more",
+    "<<": "slow: fewer samples than its divider asks for", "XX": "samples lost: the buffer could not keep them",
+    OLD: "the value is old: no link, or the program is dead",
+}  # fmt: skip
 WORDS = {"nan": NOT_FINITE, "frozen": FROZEN, "slow": SLOW}
 BAD = frozenset({"NN", "XX"})
 

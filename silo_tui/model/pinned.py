@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from silo.amounts import duration
 from silo.columns import MAX_COLUMNS, Bins, ColumnGrid, ColumnStore, HistoryColumns, bins_of, coarser, grid_of
 from silo.errors import SiloError
 from silo.model import ElementInfo, LoggedEvent
@@ -93,7 +94,7 @@ class PinnedSource:
     @property
     def held_text(self) -> str:
         """The span that is pinned, to two digits."""
-        return f"{float(f'{self.held_s:.2g}'):g} s"
+        return duration(float(f"{self.held_s:.2g}"))
 
     @property
     def fetched_s(self) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from silo.ipc.surveys import NOT_FINITE
 from silo_tui.model import filter as filters
 from silo_tui.model.fact_terms import quantities_in
-from silo_tui.model.orders import ADDED, LIVE_ORDERS, NAME, STEADY, TREE, ordered
+from silo_tui.model.orders import ADDED, LIVE_ORDERS, NAME, TREE, ordered
 from silo_tui.model.table import Mask, Rows, TableState
 from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn, orders_of
 from silo_tui.model.tree import Branch, Tree, entry_of, list_of, parts_of, row_of, tree_of
@@ -107,7 +107,7 @@ class RowList:
 
     def order_by(self, sort: str) -> None:
         """Take an order; the same once more turns it round."""
-        self.turned = not self.turned if sort == self.sort and sort not in STEADY else False
+        self.turned = not self.turned if sort == self.sort and sort != TREE else False
         self.sort = sort
         self.refresh()
 
@@ -115,6 +115,12 @@ class RowList:
     def live(self) -> bool:
         """Whether the order is by what is measured."""
         return self.sort in LIVE_ORDERS
+
+    @property
+    def place(self) -> int:
+        """Which of the elements shown the cursor is on, from 1; the entries of an unfolded one don't count."""
+        found = np.flatnonzero(self.shown == self.row) if self.row is not None else ()
+        return int(found[0]) + 1 if len(found) else 0
 
     @property
     def arrow(self) -> str:
@@ -315,12 +321,12 @@ class RowList:
     def _sorted(self) -> Rows:
         count = len(self.table)
         if self.sort == ADDED:
-            return np.arange(count, dtype=np.intp)
+            return np.arange(count, dtype=np.intp)[:: -1 if self.turned else 1]
         if self.sort == TREE:
             return self._by_tree()
         by_name = self._by_name()
         if self.sort == NAME:
-            return by_name
+            return by_name[:: -1 if self.turned else 1]
         live = LIVE_ORDERS.get(self.sort)
         if live is not None:
             measured = live.keys(self.table)

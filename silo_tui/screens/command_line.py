@@ -14,13 +14,14 @@ class CommandLine(Dialog[str | None]):
     KEYS_HERE = "Enter does it  Tab completes  Esc leaves"
     AUTO_FOCUS = ""
 
-    def __init__(self, complete: Callable[[str], list[str]]) -> None:
+    def __init__(self, complete: Callable[[str], list[str]], words: str) -> None:
+        """`words` are some of those that may be typed."""
         super().__init__()
-        self._complete = complete
+        self._complete, self._words = complete, words
 
     def compose(self) -> ComposeResult:
         """Yield the line, above the keys."""
-        yield Line(self._complete, "view theme start stop help quit", "command-over")
+        yield Line(self._complete, self._words, "command-over")
 
     def on_mount(self) -> None:
         """Take the keys."""

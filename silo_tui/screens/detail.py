@@ -17,6 +17,7 @@ from textual.binding import Binding
 from textual.timer import Timer
 from textual.widgets import Static
 
+from silo.amounts import duration
 from silo.errors import SiloError
 from silo.values import as_floats
 from silo_tui.actions import bindings_for
@@ -125,6 +126,8 @@ class DetailScreen(SiloScreen):
         parts += [self._place(), *([self._said] if self._said else [])]
         room = self.size.width - len("  ".join(parts)) - 6
         parts.insert(1, text.shorten_left(names, max(12, room)))
+        while self._said and len(parts) > 1 and len("  ".join(parts)) > self.size.width:
+            parts.pop(0)  # what was said last is read whole
         self.query_one("#detail-title", Static).update("  ".join(parts))
 
     def _letter(self, place: int) -> str:
@@ -132,12 +135,13 @@ class DetailScreen(SiloScreen):
 
     def _place(self) -> str:
         back = (self.source.end_ns - self.end_ns) / SECOND_NS
-        return text.span(self.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
+        paused = "" if self.source.live else "PAUSED  "  # the monitor holds it
+        return paused + text.span(self.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
 
     @property
     def zero_ns(self) -> int:
-        """The moment that the axis calls 0."""
-        return self.end_ns
+        """The moment that the axis calls 0: in a pause the newest one, as in the plots."""
+        return self.end_ns if self.source.live else self.source.end_ns
 
     def _begin(self) -> None:
         self.run_worker(self._draw(), group="draw", exclusive=True)
@@ -219,7 +223,7 @@ class DetailScreen(SiloScreen):
         notes = [f"peak {words[0]}", *words[1:]] if words else ["no peak stands out"]
         rate = 1 / first.period_s
         notes.append(f"{text.compact(step)} Hz a line")
-        notes.append(f"{first.seconds:.3g} s of {rate:.4g} Hz, jitter {text.span(float(f'{first.jitter_s:.2g}'))}")
+        notes.append(f"{duration(first.seconds)} of {rate:.4g} Hz, jitter {text.span(float(f'{first.jitter_s:.2g}'))}")
         if len(first.values) < first.held:
             notes.append(f"longest whole piece: {len(first.values)} of {first.held} samples")
         notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")

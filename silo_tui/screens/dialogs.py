@@ -12,6 +12,7 @@ from textual.containers import Vertical, VerticalScroll
 from textual.widgets import Input, OptionList, Static
 from textual.widgets.option_list import Option
 
+from silo.amounts import duration
 from silo_tui.modal import Choices, Dialog
 from silo_tui.model import text
 from silo_tui.model.changes import Change, Cost, groups_of
@@ -225,7 +226,7 @@ def cost_text(now: Cost, after: Cost, short_name: str) -> Text:
     """Return what a table takes now and will take, with a sign at what gets worse."""
     lines = Text()
     lines.append(f"{'':<10}{'now':>16}{'after':>16}\n", style="dim")
-    held = [f"{each.shortest_s:.3g} … {each.longest_s:.3g} s" for each in (now, after)]
+    held = [_between(each.shortest_s, each.longest_s) for each in (now, after)]
     memory = [text.size(each.memory_bytes) for each in (now, after)]
     _cost(lines, "memory", memory, after.memory_bytes > now.memory_bytes)
     disk = [text.size(each.disk_bytes_s) + "/s" for each in (now, after)]
@@ -234,6 +235,12 @@ def cost_text(now: Cost, after: Cost, short_name: str) -> Text:
     _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
     _cost(lines, "held", held, after.shortest_s < now.shortest_s, f"shortest: {short_name}" if short_name else "")
     return lines
+
+
+def _between(shortest_s: float, longest_s: float) -> str:
+    """Return two times, their unit once where it is seconds."""
+    shortest, longest = duration(shortest_s), duration(longest_s)
+    return f"{shortest.removesuffix(' s')} … {longest}" if longest.endswith(" s") else f"{shortest} … {longest}"
 
 
 def _cost(lines: Text, title: str, amounts: Sequence[str], worse: bool, note: str = "") -> None:

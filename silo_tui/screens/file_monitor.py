@@ -1,6 +1,7 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The monitor on a file: its window goes over the whole recording, its cursor says what held at a moment."""
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 from textual.binding import Binding
@@ -37,13 +38,13 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         """Return facts of the file, what is wrong with it, and the line of facts."""
         return FileBar(self.file), FileBanner(self.file), RecordedLine(self.window, self._words)
 
-    def _words(self) -> str:
+    def _words(self) -> Sequence[str]:
         clock = f" ({self.file.clock})" if self.file.clock and self.size.width >= 100 else ""
         words = [f"cursor at {self.file.seconds:.9g} s{clock}"]
         total, fitting = len(self.stack.panels), self.stack.fitting
         if total > fitting:
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
-        return " │ ".join([*words, *([self._said] if self._said else [])])
+        return [*words, *([self._said] if self._said else [])]
 
     # ------------------------------------------------------------------------------------------------- the window
 

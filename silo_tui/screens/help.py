@@ -15,11 +15,16 @@ from textual.widgets import Input, Static
 from silo.settings.words import help_rows
 from silo_tui.actions import COMMANDS, FILE_SCOPES, NO_KEYS, commands_for, commands_like
 from silo_tui.modal import Dialog
+from silo_tui.model.facts import MEANINGS
 from silo_tui.model.filter import TERMS
 from silo_tui.widgets.inputs import Fleeting, Line
 
 THREE_FROM, TWO_FROM = 120, 72
 GAP = 2
+PLACES = {
+    "monitor": "plots", "detail": "large plot", "file_monitor": "plots of a file",
+    "file_detail": "large plot of a file", "loggers": "list of loggers",
+}  # fmt: skip
 LAST_GROUPS = ("Logger", "Go")
 
 SIGNS = (
@@ -69,7 +74,7 @@ def entries(scope: str, keys: Mapping[str, str], *, everywhere: bool) -> list[En
         found += [Entry(each.key_text, each.help, group, each.id if each.id in there else "") for each in members]
     on_file = scope in FILE_SCOPES
     if everywhere or scope in ("table", "file"):
-        signs = FILE_SIGNS if on_file else SIGNS
+        signs = FILE_SIGNS if on_file else (*SIGNS, *MEANINGS.items())
         found += [Entry(left, right, "Signs") for left, right in signs]
         found += [Entry(left, right, "Filter") for left, right in (*WORDS, *filter_rows())]
     if not on_file and (everywhere or scope == "table"):
@@ -200,7 +205,7 @@ class HelpScreen(Dialog[None]):
         words = self._words.casefold().split()
         here = entries(self._scope, self._keys, everywhere=self._everywhere)
         found = [entry for entry in here if entry.holds(words)]
-        where = "all screens" if self._everywhere else f"the {self._scope.replace('_', ' of a ')}"
+        where = "all screens" if self._everywhere else f"the {PLACES.get(self._scope, self._scope)}"
         if words and not found and not self._everywhere:  # what isn't here may be elsewhere
             here = entries(self._scope, self._keys, everywhere=True)
             found = [entry for entry in here if entry.holds(words)]

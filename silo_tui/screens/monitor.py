@@ -233,7 +233,8 @@ class MonitorScreen(StandingStill):
         self._said = words
         self.line.refresh()
 
-    def _words(self) -> str:
+    def _words(self) -> Sequence[str]:
+        """Return what the line tells, the newest last: that is read whole."""
         words = [self.pause.text] if self.pause.text else []
         if self.window.paused and self.window.at_ns is not None:
             words.append(f"A {self.moment_words(self.window.at_ns)}")
@@ -245,13 +246,14 @@ class MonitorScreen(StandingStill):
             words.append(f"plots {self.stack.first + 1}-{min(total, self.stack.first + fitting)} of {total}")
         if self.session.overlay is not None:
             words.append(f"{SIGN} {self.session.overlay.name}{self._ghost_words()}")
-        if missing := self.stack.missing():
+        ended = self.session.dead and not self.window.paused  # the line says DEAD: nothing comes any more
+        if missing := "" if ended else self.stack.missing():
             words.append(missing)
         if self._waiting and not self._said:
             words.append(f"{text.plural(len(self._waiting), 'element')} off")
         if self._said:
             words.append(self._said)
-        return " │ ".join(words)
+        return words
 
     def _ghost_words(self) -> str:
         """Where the saved run is, if it isn't on the screen."""
@@ -288,7 +290,7 @@ class MonitorScreen(StandingStill):
         if self.pause.source is not None or not self._live.live:
             return "PAUSED"
         if self.window.paused_end_ns is None:
-            return "live"
+            return "DEAD" if self.session.dead else "live" if self.session.connected else "no link"
         return f"-{text.span(max(0, self.source.end_ns - self.window.paused_end_ns) / SECOND_NS)}, End: now"
 
     def _more_is_here(self) -> None:

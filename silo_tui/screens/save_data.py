@@ -128,10 +128,11 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
         self.query_one(ProgressBar).display = True
         self.query_one(ProgressBar).update(progress=0.0)
         self._result("Saving …")
-        self.run_worker(self._save(types, self.query_one("#save-name", Input).value.strip()))
+        # of the app: a worker of this dialog would end with it, and with it the word of how the save went
+        self.app.run_worker(self._save(types, self.query_one("#save-name", Input).value.strip()), group="saving")
 
     async def _save(self, types: list[FileType], name: str) -> None:
-        context = self.context
+        context, session = self.context, self.context.session
         try:
             job = await context.link.call(lambda client: client.save(types, name))
         except SiloError as error:
@@ -141,9 +142,23 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
             else:  # it was left while the logger was asked
                 context.fail(str(error))
             return
-        while self._saving and self in self.app.screen_stack:
-            self._follow(context.session.saves.get(job), lost=not context.session.connected)
+        while self._saving:
+            event, lost = session.saves.get(job), not session.connected
+            if self in self.app.screen_stack:
+                self._follow(event, lost=lost)
+            elif lost or (event is not None and event.kind is not EventKind.SAVING):
+                self._saving = False
+                self._tell(event)
             await asyncio.sleep(FOLLOW_S)
+
+    def _tell(self, event: Event | None) -> None:
+        """Say on the screen below how a save ended whose dialog was left."""
+        if event is not None and event.kind is EventKind.SAVED:
+            self.context.say(f"saved: {', '.join(f'{one.path} ({text.size(one.size_bytes)})' for one in event.files)}")
+        elif event is not None and event.kind is EventKind.SAVE_FAILED:
+            self.context.fail(f"not saved: {event.text}")
+        else:
+            self.context.fail("the link was lost during the save; it goes on without us: F lists what is there")
 
     def _follow(self, event: Event | None, *, lost: bool) -> None:
         """Show how far the save is; what is said of it comes as events."""

@@ -414,9 +414,10 @@ class StandingStill(SiloScreen):
             return
         moment = found.moments[place]
         self._jump_to(moment.time_ns)
-        name = f" in {self._short(moment.name)}" if len(self.stack.plots) > 1 and moment.name else ""
-        at = f"{moment.words} at {self.moment_words(moment.time_ns)}"
-        self.say(f"{words}{name}, {place + 1} of {len(found.moments)}: {at}")
+        told = f", {place + 1} of {len(found.moments)}: {moment.words} at {self.moment_words(moment.time_ns)}"
+        room = self.line.content_size.width - len(f"{words} in {told}")  # value and time are what was asked for
+        name = text.shorten_left(self._short(moment.name), max(8, room))
+        self.say(f"{words} in {name}{told}" if len(self.stack.plots) > 1 and moment.name else f"{words}{told}")
 
     @property
     def _older_gone(self) -> bool:

@@ -1,7 +1,7 @@
 """The lines around the table: status on top, banner, information, keys at the bottom."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
@@ -197,7 +197,7 @@ class InfoLine(Widget):
         if rows.filter.text:
             parts.append(f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}")
             parts += [f"? {problem}" for problem in rows.filter.problems[:1]]
-        if rows.sort not in STEADY:
+        if rows.sort not in STEADY or rows.turned:
             since = f" since {text.clock(session.table.facts.since_ns)}" if rows.sort in STATISTICS else ""
             parts.append(f"by {rows.sort} {rows.arrow}{since}")
         if self._said:
@@ -207,7 +207,7 @@ class InfoLine(Widget):
             parts.append(
                 f"{len(rows.shown)} in {text.plural(branches, 'name space')}"
                 if branches
-                else f"{rows.position + 1} of {len(rows.tree.lines)}"
+                else f"{rows.place} of {len(rows.shown)}"
             )
         while self._said and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
             parts.pop(0)  # what was said last is read whole
@@ -219,7 +219,9 @@ class MonitorLine(Widget):
 
     DEFAULT_CSS = "MonitorLine { height: 1; padding: 0 1; }"
 
-    def __init__(self, window: PlotWindow, words: Callable[[], str], state: Callable[[], str] | None = None) -> None:
+    def __init__(
+        self, window: PlotWindow, words: Callable[[], Sequence[str]], state: Callable[[], str] | None = None
+    ) -> None:
         super().__init__()
         self._window = window
         self._words = words
@@ -231,9 +233,7 @@ class MonitorLine(Widget):
         state = self._state() if self._state is not None else "PAUSED" if window.paused else "live"
         parts = [f"{text.span(window.span_s)} shown", state]
         parts.append("y held" if window.fixed_scale else "y follows")
-        words = self._words()
-        if words:
-            parts.append(words)
+        parts += (words := self._words())
         while words and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
             parts.pop(0)  # what was said last is read whole
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")

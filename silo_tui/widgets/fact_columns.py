@@ -5,12 +5,15 @@ They stand in the live pane, beside fill, value and trend, because they change a
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
+from silo.model import Entry
 from silo_tui.model import text
-from silo_tui.model.facts import BAD, worst
+from silo_tui.model.facts import BAD, OLD, worst
 from silo_tui.model.fields import Field
+from silo_tui.model.live import entry_text
 from silo_tui.model.table import Rows
-from silo_tui.widgets.live_pane import LIVE_PANE, LivePane, PaneColumn
+from silo_tui.widgets.live_pane import LIVE_PANE, LivePane, PaneColumn, norm_value
 
 SETS = ("settings", "statistics", "timing")
 _OF_SET = {
@@ -73,16 +76,21 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
     def statistic(title: str) -> PaneColumn:
         return PaneColumn(
             lambda pane: _arrow(pane, title) + title, lambda pane: 8 if title in chosen.titles else 0,
-            lambda pane, row: _number(pane, pane.shown_name(row), title), right=True,
-            entry=lambda pane, row, entry: _number(pane, pane.entry_name(row, entry), title),
+            lambda pane, row: _number(pane, pane.shown_name(row), title, pane.entry_of(row)), right=True,
+            entry=lambda pane, row, entry: _number(
+                pane, pane.entry_name(row, entry), title, pane.session.table.elements[row].entries[entry]
+            ),
         )  # fmt: skip
+
+    def draw_value(pane: LivePane, row: int) -> tuple[str, str]:
+        return norm_value(pane, row) if "min" in chosen.titles else value.draw(pane, row)
 
     return (
         PaneColumn(
             lambda pane: _arrow(pane, "!") or "!", lambda pane: 2 if "!" in chosen.titles else 0, _sign,
             branch=_branch_sign,
         ),
-        only("fill", fill), only("value", value),
+        only("fill", fill), only("value", replace(value, draw=draw_value)),
         statistic("min"), statistic("max"), statistic("mean"), statistic("std"),
         fixed("rate", 7, _rate),
         fixed("%", 4, _share),
@@ -105,7 +113,7 @@ def _style(letters: str) -> str:
 def _sign(pane: LivePane, row: int) -> tuple[str, str]:
     session = pane.session
     if not session.fresh and session.live.readings:
-        return "~~", "live--quiet"
+        return OLD, "live--quiet"
     bits = session.table.facts.signs(len(session.table))[row]
     letters = worst(int(bits)) if session.table.server[Field.ENABLED, row] else ""
     beyond = session.beyond.get(session.table.names[row], "") if session.beyond else ""
@@ -121,9 +129,16 @@ def _branch_sign(pane: LivePane, rows: Rows) -> tuple[str, str]:
     return letters, _style(letters)
 
 
-def _number(pane: LivePane, name: str, quantity: str) -> tuple[str, str]:
+def _number(pane: LivePane, name: str, quantity: str, entry: Entry | None) -> tuple[str, str]:
     value = pane.session.table.facts.detail(name, quantity)
-    return ("" if math.isnan(value) else text.number(value, 8)), "live--quiet"
+    if math.isnan(value):
+        return "", "live--quiet"
+    if entry is not None and (entry.labels or entry.dtype[1:2] == "b"):
+        if quantity in {"min", "max"} and value == int(value):
+            return entry_text(entry, value, None, 8), "live--quiet"
+        if entry.labels:
+            return "-", "live--quiet"  # between two labels is nothing
+    return text.number(value, 8), "live--quiet"
 
 
 def _rate(pane: LivePane, row: int) -> tuple[str, str]:

@@ -17,7 +17,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from silo.ipc.published import NotLive
-from silo.model import BufferType, State
+from silo.model import BufferType, Entry, State
 from silo_tui.model.fields import Field
 from silo_tui.model.live import component_text, fill_share, value_text
 from silo_tui.model.sparklines import trends
@@ -77,6 +77,12 @@ class LivePane(Widget):
         self._ready.clear()
         self._trends.clear()
         self.refresh()
+
+    def entry_of(self, row: int) -> Entry | None:
+        """Return the entry that the row tells of; None where that is the norm of several."""
+        element = self.session.table.elements[row]
+        chosen = self.session.rows.components.get(element.name, 0)
+        return element.entries[max(0, chosen - 2)] if len(element.entries) == 1 or chosen >= 2 else None
 
     @property
     def shown(self) -> list[tuple[PaneColumn, int]]:
@@ -226,8 +232,8 @@ WHY_NOT_LIVE: dict[NotLive | None, str] = {
 }  # fmt: skip
 
 
-def _value(pane: LivePane, row: int) -> tuple[str, str]:
-    """Return the newest value, or why there is none."""
+def _value(pane: LivePane, row: int, *, norm: bool = False) -> tuple[str, str]:
+    """Return the newest value, or why there is none; `norm`: that of a vector, unless one of its entries is chosen."""
     session = pane.session
     element = session.table.elements[row]
     if not session.table.server[Field.ENABLED, row]:
@@ -241,7 +247,8 @@ def _value(pane: LivePane, row: int) -> tuple[str, str]:
     style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"
     width = pane.value_width - pane.digits_fewer
     # an order by value is one of norms
-    chosen = session.rows.components.get(element.name, 1 if session.rows.sort in {"value", "|value|"} else 0)
+    norm = norm or session.rows.sort in {"value", "|value|"}
+    chosen = session.rows.components.get(element.name, 0) or int(norm)
     if chosen and len(element.entries) > 1 and all(entry.dtype[1:2] in "biuf" for entry in element.entries):
         return component_text(element, reading, chosen, width), style
     return value_text(element, reading, width), style
@@ -254,6 +261,11 @@ def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
     if reading is None or style not in {"live--value", "live--stale"}:
         return words, style
     return component_text(element, reading, entry + 2, pane.value_width, named=False), style
+
+
+def norm_value(pane: LivePane, row: int) -> tuple[str, str]:
+    """Return the newest value as statistics tell it: of a vector its norm, with a sign."""
+    return _value(pane, row, norm=True)
 
 
 LIVE_PANE = (

@@ -38,7 +38,18 @@ from silo_tui.model.panels import (
     stacked,
     title_lines,
 )
-from silo_tui.model.plots import HOLE, NOBODY, Owners, Picture, Plotted, PlotWindow, draw_panel, pieces_of, together
+from silo_tui.model.plots import (
+    HOLE,
+    NOBODY,
+    SECOND_NS,
+    Owners,
+    Picture,
+    Plotted,
+    PlotWindow,
+    draw_panel,
+    pieces_of,
+    together,
+)
 from silo_tui.model.source import PlotSource
 from silo_tui.widgets.series import most_series, series_style
 
@@ -573,9 +584,16 @@ class PlotStack(Widget):
 
     def _axis_word(self, share: float) -> str:
         """What stands under a place of the time axis, 0 ... 1 from left to right."""
-        if share == 1.0:
-            return "now" if self.source.live and not self.window.paused else "0"
-        return "-" + text.span(self.window.span_s * (1 - share))
+        if share == 1.0 and self.source.live and not self.window.paused:
+            return "now"
+        before_s = self.window.span_s * (1 - share)
+        end_ns = self.window.paused_end_ns
+        # counted from where the cursor's time is: the newest moment, which an earlier window doesn't end with
+        back_s = 0.0 if end_ns is None else max(0, self.source.end_ns - end_ns) / SECOND_NS
+        if back_s < self.window.span_s / self.columns:
+            return "0" if share == 1.0 else f"-{text.span(before_s)}"
+        decimals = max(0, min(9, 1 - math.floor(math.log10(self.window.span_s / 4))))
+        return f"-{back_s + before_s:.{decimals}f} s"
 
 
 def _letter_spot(owners: Owners, place: int, count: int) -> tuple[int, int] | None:

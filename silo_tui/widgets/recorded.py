@@ -153,7 +153,7 @@ class RecordedLine(MonitorLine):
         whole = window.span_s == window.spans[-1]
         parts = ["whole file" if whole else f"{text.span(window.span_s)} shown"]
         parts += ["y held"] if window.fixed_scale else []
-        parts += self._words().split(" │ ")
+        parts += self._words()
         while len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
             parts.pop(0)  # what was said last is read whole
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")

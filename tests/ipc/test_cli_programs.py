@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from silo.programs.demo.program import DemoOptions, run_demo
+from silo.programs.demo.robot import Robot
 from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow
@@ -80,3 +82,18 @@ def test_a_wrong_script_is_told_before_anything_runs(start: Start, tmp_path: Pat
     _, err = process.communicate(timeout=DEADLINE_S)
     reason = "element '/log/base/pose': divider must be a whole number from 1 to 2147483647, got 0; nothing was changed"
     assert (process.returncode, err) == (1, f"silo: {script}:3: {reason}\n")
+
+
+def test_ctrl_c_saves_what_the_demo_logged_and_says_where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    step = Robot.step
+
+    def step_and_end(robot: Robot) -> None:
+        step(robot)
+        if robot.ticks == 5:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(Robot, "step", step_and_end)
+    said: list[str] = []
+    run_demo(DemoOptions(elements=20, folder=tmp_path), said.append)
+    (saved,) = tmp_path.glob("demo_*.silo")
+    assert str(saved) in said[-1]

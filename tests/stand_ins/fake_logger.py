@@ -215,6 +215,7 @@ class FakeClient:
         self.calls: list[tuple[Any, ...]] = []
         self.files: dict[str, str] = {"robot.yaml": format_script(self.elements), "quiet.yaml": QUIET_SCRIPT}
         self.save_error = ""
+        self.save_takes_long = False
         self.logs: Path | None = None  # a real folder with recordings, where a test needs some
         self._folder = RecordingFolder()
         self.views: list[FakeView] = []
@@ -477,6 +478,12 @@ class FakeClient:
             raise refused(RefusedWhy.FAILED, text)
         self._jobs += 1
         self.publish(EventKind.SAVING, "saving", by=OWN_NAME, job=self._jobs, progress=0.5)
+        if not self.save_takes_long:
+            self.end_save(types, name)
+        return self._jobs
+
+    def end_save(self, types: Sequence[FileType], name: str = "") -> None:
+        """Tell how the last save ended."""
         if self.save_error:
             self.publish(EventKind.SAVE_FAILED, self.save_error, by=OWN_NAME, job=self._jobs)
         else:
@@ -485,7 +492,6 @@ class FakeClient:
             self.saved = True
             told = {"job": self._jobs, "progress": 1.0, "files": files}
             self.publish(EventKind.SAVED, f"saved {files[0].path}", by=OWN_NAME, **told)
-        return self._jobs
 
     def _recordings_of(self, job: Callable[[RecordingFolder, str], Any]) -> Any:
         self._ask()

@@ -83,6 +83,32 @@ async def test_a_failed_save_says_why(fake, opened):
         await screen.shows("no space left")
 
 
+async def test_the_end_of_a_save_whose_dialog_was_left_is_told(fake, opened):
+    fake.run()
+    fake.save_takes_long = True
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.type(":data csv abc")
+        await screen.press("enter")
+        await screen.until(lambda: fake.calls)
+        await screen.press("escape")
+        await screen.shows("its end will be told")
+        fake.end_save([FileType.CSV], "abc")
+        await screen.shows("saved: /home/ann/logs/abc.csv (1.2 MB)")
+
+
+async def test_the_failure_of_a_save_whose_dialog_was_left_is_told(fake, opened):
+    fake.run()
+    fake.save_takes_long, fake.save_error = True, "no space left on /home/ann/logs"
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.type(":data csv abc")
+        await screen.press("enter")
+        await screen.until(lambda: fake.calls)
+        await screen.press("escape")
+        await screen.shows("its end will be told")
+        fake.end_save([FileType.CSV], "abc")
+        await screen.shows("not saved: no space left on /home/ann/logs")
+
+
 async def test_data_command_saves_with_a_name(fake, opened):
     async with opened(fake, size=(100, 30)) as screen:
         await screen.type(":data silo bag walk3")
@@ -120,6 +146,21 @@ async def test_what_a_script_has_that_nobody_knows_is_shown_before_and_after_it_
         await screen.shows("'colour'")
         await screen.press("l")
         await screen.until(lambda: any("colour" in told.message for told in screen.app._notifications), "the warning")
+
+
+async def test_a_script_saved_without_an_ending_gets_it_and_says_so(fake, opened):
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("W")
+        await screen.shows("Save the table as a script")
+        for _ in range(12):
+            await screen.press("backspace")
+        await screen.type("abc")
+        await screen.press("enter")
+        await screen.until(lambda: "abc.yaml" in fake.files, "the script")
+        await screen.shows("abc.yaml: scripts end in .yaml")
+        await screen.type(":load abc")
+        await screen.press("enter")
+        await screen.shows("abc.yaml says what the logger has already")
 
 
 async def test_loading_an_unknown_script_says_so(fake, opened):
@@ -239,6 +280,22 @@ async def test_another_logger_is_opened_from_the_list(new_fake, opened):
         await screen.until(lambda: screen.session.connected)
 
 
+async def test_another_logger_is_opened_from_the_plots_and_esc_comes_back(new_fake, opened):
+    one, two = new_fake(name="arm"), new_fake(name="legs")
+    async with opened(one, two, name="arm") as screen:
+        await screen.press("m")
+        plots = screen.app.screen
+        assert plots.scope == "monitor"
+        await screen.press("ctrl+l")
+        await screen.shows("legs")
+        await screen.press("escape")
+        assert screen.app.screen is plots
+        await screen.press("ctrl+l")
+        await screen.shows("legs")
+        await screen.press("down", "enter")
+        await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs")
+
+
 async def test_leaving_a_logger_with_pending_edits_asks(new_fake, opened):
     one, two = new_fake(name="arm"), new_fake(name="legs")
     async with opened(one, two, name="arm") as screen:
@@ -264,6 +321,21 @@ async def test_a_picture_of_the_screen_is_an_svg(fake, opened, tmp_path):
         await screen.press("enter")
         await screen.shows("picture of the screen")
         assert "<svg" in (tmp_path / "x.svg").read_text()
+
+
+async def test_a_picture_that_is_called_png_is_written_as_svg_and_the_large_plot_says_where(fake, opened, tmp_path):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.press("m", "enter")
+        await screen.until(
+            lambda: screen.app.screen.scope == "detail" and screen.app.screen.plot.plot, "the large plot"
+        )
+        await screen.press(":")
+        screen.app.screen.query_one("#command-over").value = f"picture {tmp_path / 'p2.png'}"
+        await screen.press("enter")
+        await screen.until((tmp_path / "p2.svg").exists, "the picture")
+        await screen.shows("picture of the screen")
+        assert not (tmp_path / "p2.png").exists()
 
 
 async def test_a_long_difference_leaves_the_choices_on_a_small_screen(fake, opened):

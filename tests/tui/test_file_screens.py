@@ -303,7 +303,7 @@ async def test_nothing_that_changes_a_logger_is_offered(path, on_file, size):
 
 def test_no_command_on_a_file_writes():
     assert not [command.id for scope in FILE_SCOPES for command in commands_for(scope) if command.writes]
-    assert not {"undo", "redo", "discard", "pause", "refresh", "loggers", "command"} & {
+    assert not {"undo", "redo", "discard", "pause", "refresh", "loggers"} & {
         command.id for scope in FILE_SCOPES for command in commands_for(scope)
     }
     assert BY_ID["whole_file"].scopes == ("file_detail",)
@@ -315,6 +315,34 @@ async def test_keys_that_edit_a_logger_change_nothing(path, on_file):
         await screen.press("t", "d", "5", "b", "p", "u", "a", "S", "w", "x")
         assert not screen.session.table.pending.any()
         np.testing.assert_array_equal(screen.session.table.values[Field.DIVIDER], before[Field.DIVIDER])
+
+
+@pytest.mark.parametrize("key", ["d", "e", "t", "S", "u"])
+async def test_a_key_that_edits_a_logger_says_that_a_file_has_nothing_to_edit(path, on_file, key):
+    async with on_file(path) as screen:
+        await screen.press(key)
+        await screen.shows("a saved file: nothing to edit")
+
+
+async def test_words_are_typed_over_a_file_and_its_plots(path, on_file, tmp_path):
+    async with on_file(path) as screen:
+        await screen.type(":goto operator")
+        await screen.press("enter")
+        names, rows = screen.session.table.names, screen.session.rows
+        await screen.until(lambda: names[rows.row] == "/log/state/operator", "the element")
+        await screen.type(":filter torque")
+        await screen.press("enter")
+        await screen.until(lambda: len(rows.shown) == 1, "the filter")
+        await screen.type(":start")
+        await screen.press("enter")
+        await screen.shows(":start: a saved file: nothing to edit")
+        await screen.press("m", ":")
+        await screen.type(f"picture {tmp_path}/x.svg")
+        await screen.press("enter")
+        await screen.until((tmp_path / "x.svg").exists, "the picture")
+        await screen.type(":help")
+        await screen.press("enter")
+        await screen.shows("help of")
 
 
 async def test_a_damaged_file_says_what_is_missing(path, on_file):

@@ -6,6 +6,7 @@ from textual import events
 
 from silo.model import FileType, State
 from silo_tui.model.fields import Field
+from tests.stand_ins.fake_logger import scalar
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -209,3 +210,12 @@ async def test_what_is_wrong_with_a_value_is_read_whole(fake, opened):
         await screen.shows("? buffer size must be 1 to 2147483647, 10k, 10s, *2, /2 or +10, got abc")
         await screen.press(*["backspace"] * 3, "9", "enter")
         assert screen.value(FIRST, Field.BUFFER_SIZE) == "9"
+
+
+async def test_the_span_that_a_start_drops_is_told_in_minutes(new_fake, opened):
+    fake = new_fake([scalar("/log/x", "Nm", buffer_size=1_000_000)])
+    fake.run(1063)
+    fake.stop()
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("S")
+        await screen.shows("over 17.7 min")

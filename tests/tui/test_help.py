@@ -5,6 +5,7 @@ from rich.cells import cell_len
 
 from silo.settings.words import OPTIONS
 from silo_tui.actions import BY_ID, COMMANDS, commands_for
+from silo_tui.model.facts import OLD, SIGNS
 from silo_tui.model.fields import Field
 from silo_tui.model.filter import TERMS
 from silo_tui.screens.help import column_count, entries, page
@@ -41,6 +42,11 @@ def test_the_words_of_options_and_filter_are_those_of_their_tables():
         assert all(word.word in text for word in option.words)
     assert all(term.names[0] in text for term in TERMS)
     assert all(example in BY_ID["edit_divider"].help for example in ("50Hz", "*2"))
+
+
+def test_every_sign_of_the_table_is_explained():
+    explained = {entry.left: entry.right for entry in entries("table", {}, everywhere=False) if entry.group == "Signs"}
+    assert all(explained[letters] for letters in (*(letters for _, letters in SIGNS), OLD))
 
 
 async def test_help_is_searched_and_does_what_was_found(fake, opened):

@@ -111,3 +111,25 @@ async def test_a_logger_that_knows_no_surveys_is_shown_all_the_same(fake, opened
         await screen.shows("no statistics and signs")
         await screen.until(lambda: "/log/base/position" in screen.session.live.readings, "values")
         assert np.isfinite(screen.session.live.readings["/log/base/position"].newest).all()
+
+
+async def test_statistics_of_a_vector_are_marked_as_those_of_its_norm(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.type("/imu/acceleration")
+        await screen.press("enter", "C")
+        await screen.shows("mean")
+        await screen.until(lambda: any("|3| " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
+
+
+async def test_statistics_of_an_enumeration_are_its_labels(fake, opened):
+    fake.run()
+    gait = "/log/state/gait"
+    fake.facts = {"min": {gait: 0.0}, "max": {gait: 2.0}, "mean": {gait: 0.7}, "std": {gait: 0.3}}
+    async with opened(fake, size=(100, 24)) as screen:
+        await screen.type("/state/gait")
+        await screen.press("enter", "C")
+        await screen.until(lambda: "trot" in screen.text and "stand" in screen.text, "labels")
+        line = next(line for line in screen.text.splitlines() if "gait" in line and "trot" in line)
+        assert "0.7" not in line
+        assert line.split().count("-") >= 2

@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from silo.columns import Hole, hole_mark
+from silo.ipc.published import EventKind
+from silo.model import State
 from silo_tui.model.dots import BLANK
 
 TORQUE = "/log/legs/LF/HAA/torque"
@@ -216,3 +218,14 @@ async def test_a_lost_link_is_told_over_the_plots(fake, opened):
         fake.cut()
         await screen.shows("No link to robot")
         assert not monitor(screen).stack.fresh
+
+
+async def test_the_line_of_the_plots_says_that_the_logger_is_dead(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.shows("│ live │")
+        fake.state, fake.reason = State.DEAD, "nothing is known of why"
+        fake.publish(EventKind.CRASHED, "it died")
+        await screen.shows("│ DEAD │")
+        assert "│ live │" not in screen.text

@@ -1,5 +1,7 @@
 """Holding the picture: what is pinned stays, whatever becomes of buffers, link and robot."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -163,3 +165,31 @@ async def test_columns_of_what_is_not_fetched_come_from_wider_ones(fake, opened)
         close = held.columns([TORQUE], held.end_ns - 10**9, held.end_ns, 2_000_000)
         assert np.nanmax(wide.high) == 40.0
         assert np.isfinite(close.low).mean() > 0.95
+
+
+async def test_the_axis_of_an_earlier_window_counts_from_where_the_cursor_counts(deep, opened):
+    fake = deep
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await hold(screen)
+        await screen.press("home")
+        await screen.until(lambda: "A -19." in screen.text or "A -20." in screen.text, "the oldest moment")
+        axis = next(line for line in screen.text.splitlines() if line.rstrip().endswith(" s") and "│" not in line)
+        first, last = (float(word) for word in (axis.split()[0], axis.split()[-2]))
+        assert -20.2 < first < -19.5
+        assert abs(last - first - monitor(screen).window.span_s) < 0.2
+
+
+async def test_what_was_found_is_read_whole_at_80_columns(fake, opened):
+    fake.run(60)
+    async with opened(fake) as screen:
+        await screen.type("/LF/")
+        await screen.press("enter", "asterisk", "m")
+        await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
+        await screen.press("f", "h")
+        await screen.until(
+            lambda: re.search(r"highest in \S+, \d+ of \d+: \S+ at -\d+\.\d+ s", screen.text), "the answer"
+        )
+        told = next(line for line in screen.text.splitlines() if "highest in" in line)
+        assert re.search(r"\d\d:\d\d:\d\d\.\d\d\d", told)

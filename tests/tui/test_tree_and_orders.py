@@ -175,6 +175,23 @@ def test_orders_by_settings_turn_round_too(rows):
     assert rows.shown[-1] == first
 
 
+@pytest.mark.parametrize("order", ["name", "added"])
+def test_a_list_order_turns_round_by_its_letter_again(rows, order):
+    rows.order_by(order)
+    before = list(rows.shown)
+    rows.order_by(order)
+    assert list(rows.shown) == before[::-1]
+
+
+def test_the_place_of_the_cursor_counts_elements_not_unfolded_entries(rows):
+    rows.order_by("added")
+    vector = next(row for row, element in enumerate(rows.table.elements) if len(element.entries) == 3)
+    rows.move_to_row(vector)
+    rows.fold()
+    rows.move_to_row(vector + 1)
+    assert (rows.place, rows.position) == (vector + 2, vector + 4)
+
+
 def test_what_is_asked_of_all_elements_is_what_order_and_filter_need(rows):
     assert rows.wanted() == {"signs"}
     rows.order_by("|value|")

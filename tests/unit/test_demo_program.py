@@ -132,6 +132,28 @@ def test_the_end_says_that_nothing_was_saved(demo: Logger) -> None:
     assert said == ["logger 'demo' ended; 1 tick logged and not saved (use --save, or `silo save demo` before it ends)"]
 
 
+def test_what_a_signal_cut_short_is_saved_and_it_is_said_where(demo: Logger, tmp_path: Path) -> None:
+    said: list[str] = []
+    demo.start()
+    demo.collect()
+    demo.stop()
+    farewell(demo, (), said.append, cut_short=True)
+    demo.close()
+    (file,) = tmp_path.glob("demo_*.silo")
+    assert said[0] == "logger 'demo' ended; 1 tick saved:"
+    assert str(file) in said[1]
+
+
+def test_what_is_in_a_file_is_not_saved_again_by_a_signal(demo: Logger, tmp_path: Path) -> None:
+    demo.start()
+    demo.collect()
+    demo.stop()
+    demo.save([FileType.SILO])
+    farewell(demo, (), [].append, cut_short=True)
+    demo.close()
+    assert len(list(tmp_path.glob("demo_*.silo"))) == 1
+
+
 def test_the_end_of_a_logger_that_never_started_says_so(demo: Logger) -> None:
     said: list[str] = []
     farewell(demo, (FileType.SILO,), said.append)

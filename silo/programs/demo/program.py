@@ -71,7 +71,8 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
             late_us[...] = rate.wait() / 1000
             skipped[...] = rate.skipped
         log.stop()
-        farewell(log, options.save, say)
+        # the demo of a silo-tui that ends, which nobody asked to keep, leaves nothing behind
+        farewell(log, options.save, say, cut_short=bool(ending.received) and options.parent_pid is None)
 
 
 def end_with(parent_pid: int) -> None:
@@ -130,9 +131,11 @@ def welcome(log: Logger) -> str:
     )
 
 
-def farewell(log: Logger, types: Sequence[FileType], say: Callable[[str], None]) -> None:
-    """Save if asked to, and say where the data is."""
+def farewell(log: Logger, types: Sequence[FileType], say: Callable[[str], None], *, cut_short: bool = False) -> None:
+    """Save if asked to, or as `.silo` what is in no file when `cut_short` by a signal; say where the data is."""
     name = log.options.name
+    if cut_short and not types and log.has_unsaved:
+        types = (FileType.SILO,)
     if log.ticks == 0:
         say(f"logger '{name}' ended; nothing was logged, so there is nothing to save")
         return

@@ -79,4 +79,4 @@ def run_host(options: HostOptions, say: Callable[[str], None] = print) -> None:
             log.collect()
             lateness_ms[...] = rate.wait() / 1e6
         log.stop()
-        farewell(log, options.save, say)
+        farewell(log, options.save, say, cut_short=bool(ending.received))
