@@ -41,7 +41,13 @@ def _complete(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> 
 
 @click.group()
 def config() -> None:
-    """List and copy examples of configuration: scripts, remote access by password or certificate."""
+    """List and copy examples of configuration: scripts, remote access by password or certificate.
+
+    \b
+    Examples:
+      silo config ls
+      silo config cp anymal.yaml
+    """
 
 
 @config.command("ls")

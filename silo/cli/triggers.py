@@ -40,6 +40,12 @@ def trigger() -> None:
     """Set, try, arm and list triggers: conditions that save what was logged around them.
 
     Conditions name signals (`abs(base/roll) > 0.6`); each recorded row is judged, also while it runs.
+
+    \b
+    Examples:
+      silo trigger test 'abs(base/roll) > 30deg'
+      silo trigger add fall 'abs(base/roll) > 30deg' --pre 5s --post 1s
+      silo trigger ls
     """
 
 

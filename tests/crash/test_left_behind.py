@@ -38,8 +38,8 @@ import sys
 import silo
 from silo.collecting.segment import Segment
 fill = Segment._fill
-def stop_within(self):
-    fill(self)
+def stop_within(self, *rest):
+    fill(self, *rest)
     print("making", flush=True)
     sys.stdin.readline()
 Segment._fill = stop_within

@@ -57,8 +57,9 @@ class Robot:
             self.process.stdout.close()
 
     def files(self) -> set[str]:
-        """What stands in its folder, hidden files too, the counter of runs left out."""
-        return {path.name for path in self.folder.iterdir() if not path.name.endswith("_fileNumber")}
+        """What stands in its folder, hidden files too, the counter of runs and the event log left out."""
+        apart = ("_fileNumber", ".events.jsonl")
+        return {path.name for path in self.folder.iterdir() if not path.name.endswith(apart)}
 
 
 def saved_by_api(robot: Robot, client: Client, name: str) -> list[str]:

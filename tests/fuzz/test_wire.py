@@ -20,6 +20,7 @@ import pytest
 import silo
 from silo.errors import SiloError
 from silo.helper.answers import Answers
+from silo.helper.event_log import EventLog
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.publisher import Publisher
@@ -172,7 +173,7 @@ class Bench:
         self.session, self.path = open_server(Path(os.environ["SILO_RUNTIME_DIR"]), "fuzz", os.getpid())
         self.mirror = Mirror(robot_state(self.logger, "", -1))
         root = Root(self.mirror.host, "fuzz")
-        events = Events(self.session, root, self.mirror)
+        events = Events(self.session, root, self.mirror, EventLog(str(folder), "fuzz"))
         self.publisher = Publisher(self.session, root, self.mirror, events)
         self.saver = Saver(self.mirror, events, self.robot)
         self.recording = Recording(self.mirror, events)

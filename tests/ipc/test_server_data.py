@@ -1,5 +1,7 @@
 """Views, topics, history, saves: what comes out is what was logged."""
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -406,6 +408,7 @@ def test_restart_right_after_the_request_takes_nothing_from_a_save(bench, client
 def test_failed_save_says_why_and_the_data_stays(bench, client, tmp_path) -> None:
     client.start()
     bench.ticks(5)
+    shutil.rmtree(tmp_path / "logs", ignore_errors=True)  # with the event log
     (tmp_path / "logs").write_text("in the way")
     with pytest.raises(SaveError, match="logs"):
         client.wait_saved(client.save(), 30)

@@ -91,7 +91,11 @@ def test_the_writing_process_knows_whether_the_robot_program_waits(new_logger, m
     logger.start()
     logger.collect()
     mirror = Mirror(robot_state(logger, "", -1))
-    saver = Saver(mirror, SimpleNamespace(publish=lambda *_, **__: None), SimpleNamespace(send=lambda _: None))
+    saver = Saver(
+        mirror,
+        SimpleNamespace(publish=lambda *_, **__: None, log=SimpleNamespace(of_run=lambda _: [])),
+        SimpleNamespace(send=lambda _: None),
+    )
     job = saver.prepare(Save(types=[FileType.BAG], name="", client="x"), for_robot=for_robot)
     saver.submit(job)
     saver.start()

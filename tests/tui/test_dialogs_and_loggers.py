@@ -239,7 +239,9 @@ def test_a_read_only_key_bar_shows_nothing_that_writes():
 
 def test_every_command_has_its_method():
     from silo_tui.app import SiloApp
+    from silo_tui.screens.alarms import AlarmsScreen
     from silo_tui.screens.detail import DetailScreen
+    from silo_tui.screens.events import EventsScreen
     from silo_tui.screens.file_detail import FileDetailScreen
     from silo_tui.screens.file_monitor import FileMonitorScreen
     from silo_tui.screens.file_table import FileTableScreen
@@ -247,6 +249,7 @@ def test_every_command_has_its_method():
     from silo_tui.screens.monitor import MonitorScreen
     from silo_tui.screens.recordings import RecordingsScreen
     from silo_tui.screens.settings import SettingsScreen
+    from silo_tui.screens.triggers import TriggersScreen
 
     screens = {"table": TableScreen, "monitor": MonitorScreen, "detail": DetailScreen, "loggers": LoggersScreen}
     screens |= {
@@ -255,6 +258,9 @@ def test_every_command_has_its_method():
         "file_detail": FileDetailScreen,
         "settings": SettingsScreen,
         "recordings": RecordingsScreen,
+        "events": EventsScreen,
+        "triggers": TriggersScreen,
+        "alarms": AlarmsScreen,
     }
     for command in COMMANDS:
         for scope in command.scopes if "any" not in command.scopes else screens:
