@@ -10,8 +10,8 @@ from textual.app import App
 from textual.command import CommandPalette
 
 from silo.ipc.published import Event, EventKind
-from silo_tui.actions import FILE_SCOPES
 from silo_tui import terminal, theme
+from silo_tui.actions import FILE_SCOPES
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider

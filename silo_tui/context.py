@@ -23,7 +23,6 @@ from silo_tui.settings.reading import Problem
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
 
-
 NOT_EDITED = "a saved file: nothing to edit"
 
 

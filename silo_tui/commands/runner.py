@@ -16,7 +16,6 @@ from silo_tui.model import command_line, text
 from silo_tui.screens.exporting import picture
 from silo_tui.screens.table import TableScreen
 
-
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 
 
@@ -114,7 +113,11 @@ class CommandRunner:
             raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
         changed = context.session.change(read_settings(spelled.arguments))
         context.table_changed()
-        context.say(f"{text.plural(changed, 'field')} changed; u takes {'it' if changed == 1 else 'them'} back" if changed else "nothing to change")
+        context.say(
+            f"{text.plural(changed, 'field')} changed; u takes {'it' if changed == 1 else 'them'} back"
+            if changed
+            else "nothing to change"
+        )
 
     def word_filter(self, spelled: command_line.Spelled) -> None:
         """Carry out `:filter [TERM ...]`."""

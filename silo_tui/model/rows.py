@@ -119,7 +119,7 @@ class RowList:
     @property
     def place(self) -> int:
         """Which of the elements shown the cursor is on, from 1; the entries of an unfolded one don't count."""
-        found = np.flatnonzero(self.shown == self.row) if self.row is not None else ()
+        found = np.flatnonzero(self.shown == (-1 if self.row is None else self.row))
         return int(found[0]) + 1 if len(found) else 0
 
     @property

@@ -327,7 +327,9 @@ async def test_a_picture_that_is_called_png_is_written_as_svg_and_the_large_plot
     fake.run(20)
     async with opened(fake) as screen:
         await screen.press("m", "enter")
-        await screen.until(lambda: screen.app.screen.scope == "detail" and screen.app.screen.plot.plot, "the large plot")
+        await screen.until(
+            lambda: screen.app.screen.scope == "detail" and screen.app.screen.plot.plot, "the large plot"
+        )
         await screen.press(":")
         screen.app.screen.query_one("#command-over").value = f"picture {tmp_path / 'p2.png'}"
         await screen.press("enter")

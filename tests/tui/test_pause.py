@@ -188,6 +188,8 @@ async def test_what_was_found_is_read_whole_at_80_columns(fake, opened):
         await screen.press("enter", "asterisk", "m")
         await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
         await screen.press("f", "h")
-        await screen.until(lambda: re.search(r"highest in \S+, \d+ of \d+: \S+ at -\d+\.\d+ s", screen.text), "the answer")
+        await screen.until(
+            lambda: re.search(r"highest in \S+, \d+ of \d+: \S+ at -\d+\.\d+ s", screen.text), "the answer"
+        )
         told = next(line for line in screen.text.splitlines() if "highest in" in line)
         assert re.search(r"\d\d:\d\d:\d\d\.\d\d\d", told)

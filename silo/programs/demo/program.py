@@ -131,9 +131,7 @@ def welcome(log: Logger) -> str:
     )
 
 
-def farewell(
-    log: Logger, types: Sequence[FileType], say: Callable[[str], None], *, cut_short: bool = False
-) -> None:
+def farewell(log: Logger, types: Sequence[FileType], say: Callable[[str], None], *, cut_short: bool = False) -> None:
     """Save if asked to, or as `.silo` what is in no file when `cut_short` by a signal; say where the data is."""
     name = log.options.name
     if cut_short and not types and log.has_unsaved:
