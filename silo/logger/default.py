@@ -86,7 +86,11 @@ def collect() -> None:
 
 
 def mark(text: str) -> None:
-    """`Logger.mark` of the default logger."""
+    """`Logger.mark` of the default logger.
+
+    Args:
+        text: the words.
+    """
     _default.mark(text)
 
 

@@ -139,6 +139,9 @@ class Logger(Conditions):
         Any thread may mark, also after a stop; before the first start there is nothing to mark. The mark is in shared
         memory when this returns, and survives what a collected tick survives. Text beyond 224 bytes of UTF-8 is cut.
         The newest 1024 marks of a run are in its files; with `serve()`, which takes them over five times a second, all.
+
+        Args:
+            text: the words.
         """
         self._mark(text)
 

@@ -97,6 +97,8 @@ class Opener:
         """Open a logger on a new table; return False when it doesn't answer, which is remembered and shown."""
         app, context = self._app, self._context
         await self._let_go()
+        if not app.screen_stack:
+            return True  # the program was ended meanwhile
         session = Session(logger.name)
         context.take_session(session)
         runner = CommandRunner(context)
@@ -109,9 +111,12 @@ class Opener:
         except (SiloError, OSError) as error:
             self._failed[logger.key] = f"{logger.name} (pid {logger.pid}): {error}"
             context.take_session(None)
-            await app.switch_screen(self.first_screen)
+            if app.screen_stack:
+                await app.switch_screen(self.first_screen)
             return False
         self._failed.pop(logger.key, None)
+        if not app.screen_stack:
+            return True
         context.table_changed()
         context.status_changed()
         context.say_settings_problems()

@@ -141,7 +141,8 @@ class DetailScreen(SiloScreen):
     @property
     def zero_ns(self) -> int:
         """The moment that the axis calls 0: in a pause the newest one, as in the plots."""
-        return self.end_ns if self.source.live else self.source.end_ns
+        back_ns = self.source.end_ns - self.end_ns
+        return self.end_ns if self.source.live or abs(back_ns) < self._span_ns // 100 else self.source.end_ns
 
     def _begin(self) -> None:
         self.run_worker(self._draw(), group="draw", exclusive=True)

@@ -267,7 +267,7 @@ class ElementsScreen(SiloScreen):
     def command_inspector(self) -> None:
         self._inspector_wanted = not self.inspector.display
         if self.app.size.width < WIDE:
-            self.say(f"the inspector needs {WIDE} columns; this terminal has {self.app.size.width}")
+            self.say(f"the inspector needs {WIDE} columns, here are {self.app.size.width}")
         self._lay_out(self.app.size.width)
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:

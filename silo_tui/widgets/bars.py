@@ -182,6 +182,7 @@ class InfoLine(Widget):
             return Text(self._said, style=f"bold {color(self.app.theme_variables, 'error')}")
         session, rows = self.session, self.session.rows
         parts: list[str] = []
+        found = f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}" if rows.filter.text else ""
         if rows.anchor is not None:
             parts.append(f"range of {len(rows.range_rows())} (V marks it)")
         if rows.marked_count:
@@ -194,8 +195,8 @@ class InfoLine(Widget):
         conflicts = int(session.table.conflicts.sum())
         if conflicts:
             parts.append(f"! {text.plural(conflicts, 'conflict')}")
-        if rows.filter.text:
-            parts.append(f"/{rows.filter.text}: {len(rows.shown)} of {len(session.table)}")
+        if found:
+            parts.append(found)
             parts += [f"? {problem}" for problem in rows.filter.problems[:1]]
         if rows.sort not in STEADY or rows.turned:
             since = f" since {text.clock(session.table.facts.since_ns)}" if rows.sort in STATISTICS else ""
@@ -210,7 +211,8 @@ class InfoLine(Widget):
                 else f"{rows.place} of {len(rows.shown)}"
             )
         while self._said and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
-            parts.pop(0)  # what was said last is read whole
+            # what was said last is read whole; of the others, how many passed the filter stays longest
+            parts.pop(1 if parts[0] == found and len(parts) > 2 else 0)
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import groupby
+from textwrap import wrap
 from typing import ClassVar
 
 from rich.segment import Segment
@@ -82,7 +83,7 @@ class DetailPlot(Widget):
     def _wrapped(self, width: int) -> list[str]:
         """The notes as lines: several in one where they fit."""
         if self.beside:
-            return [note if len(note) <= width else note[: width - 1] + "…" for note in self.notes]
+            return [line for note in self.notes for line in wrap(note, width, subsequent_indent="  ")]
         lines: list[str] = []
         for note in self.notes:
             if lines and len(lines[-1]) + 3 + len(note) <= width:

@@ -22,6 +22,7 @@ from silo.errors import SiloError
 from silo.helper.answers import Answers
 from silo.helper.event_log import EventLog
 from silo.helper.events import Events
+from silo.helper.judge import Judge
 from silo.helper.mirror import Mirror
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
@@ -177,7 +178,8 @@ class Bench:
         self.publisher = Publisher(self.session, root, self.mirror, events)
         self.saver = Saver(self.mirror, events, self.robot)
         self.recording = Recording(self.mirror, events)
-        self.answers = Answers(self.mirror, events, self.publisher, self.saver, self.robot, self.recording)
+        judge = Judge(self.mirror, events)
+        self.answers = Answers(self.mirror, events, self.publisher, self.saver, self.robot, judge, self.recording)
         self.frames = self.session.declare_subscriber(root.key("view", "*"), lambda _: None)
         self.publisher.start()
         self.saver.start()

@@ -241,7 +241,7 @@ def test_every_command_has_its_method():
     from silo_tui.app import SiloApp
     from silo_tui.screens.alarms import AlarmsScreen
     from silo_tui.screens.detail import DetailScreen
-    from silo_tui.screens.events import EventsScreen
+    from silo_tui.screens.events import EventsScreen, FileEventsScreen
     from silo_tui.screens.file_detail import FileDetailScreen
     from silo_tui.screens.file_monitor import FileMonitorScreen
     from silo_tui.screens.file_table import FileTableScreen
@@ -259,6 +259,7 @@ def test_every_command_has_its_method():
         "settings": SettingsScreen,
         "recordings": RecordingsScreen,
         "events": EventsScreen,
+        "file_events": FileEventsScreen,
         "triggers": TriggersScreen,
         "alarms": AlarmsScreen,
     }

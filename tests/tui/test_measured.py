@@ -133,3 +133,12 @@ async def test_statistics_of_an_enumeration_are_its_labels(fake, opened):
         line = next(line for line in screen.text.splitlines() if "gait" in line and "trot" in line)
         assert "0.7" not in line
         assert line.split().count("-") >= 2
+
+
+async def test_a_message_leaves_the_count_of_the_filter_beside_it(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque")
+        await screen.press("enter", "asterisk", "i")
+        await screen.shows("the inspector needs")
+        line = next(line for line in screen.text.splitlines() if "the inspector needs" in line)
+        assert "/torque: " in line
