@@ -32,7 +32,10 @@ from silo.helper.saver import Saver
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.keys import Root
 from silo.ipc.messages import (
+    Acknowledge,
+    AddMark,
     ApplyEdits,
+    ArmTrigger,
     By,
     ClosePin,
     CloseStream,
@@ -40,13 +43,17 @@ from silo.ipc.messages import (
     Columns,
     DeleteRecording,
     DiffScript,
+    ForceTrigger,
+    GetEvents,
     GetHistory,
+    GetLimits,
     GetParts,
     GetPiece,
     GetSamples,
     GetStatus,
     GetSurvey,
     GetTable,
+    GetTriggers,
     Hello,
     HelloReply,
     KeepPin,
@@ -60,16 +67,21 @@ from silo.ipc.messages import (
     ReadScript,
     Refused,
     RefusedWhy,
+    RemoveLimits,
+    RemoveTrigger,
     Request,
     Restart,
     Save,
     SaveScript,
+    SetLimits,
+    SetTrigger,
     Start,
     StartRecorder,
     StatusReply,
     Stop,
     StopRecorder,
     TableReply,
+    TryTrigger,
     Unsaved,
     ViewOpened,
     leaves,
@@ -80,7 +92,7 @@ from silo.link.channel import LinkChannel
 from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply, LinkRequest, RobotState
 from silo.logger.answers import answer, robot_state
-from silo.model import Edit, ElementOptions, FileType, Problem, SavedFile, Table
+from silo.model import Edit, ElementOptions, FileType, Problem, SavedFile, SignalLimits, Table, TriggerOptions
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 NASTY: list[Any] = [
@@ -111,7 +123,12 @@ GOOD: list[Request[Any]] = [
     Save(types=[FileType.SILO], name="fuzz"), LoadScript(path="good.yaml"), SaveScript(path="new.yaml"),
     # one that is refused as it stands: no process is started for what is wrong in another way
     StartRecorder(name="fuzz", folder="fuzz", patterns=["/log/x"], split_bytes=1), StopRecorder(name="fuzz"),
-    ListRecorders(),
+    ListRecorders(), GetEvents(since=0, limit=10), AddMark(text="slipped"), AddMark(text="slipped", tick=0),
+    GetTriggers(), GetLimits(), Acknowledge(names=["/log/x"], who="ann"), Acknowledge(),
+    SetTrigger(trigger=TriggerOptions(name="fuzz", when="x > 2")), ArmTrigger(name="fuzz", armed=False),
+    TryTrigger(trigger=TriggerOptions(name="fuzz", when="abs(q_1) > 2 or x > 1")), ForceTrigger(name="fuzz"),
+    RemoveTrigger(name="fuzz"), SetLimits(limits=SignalLimits(name="/log/x", bounds=(-2.0, -1.0, 1.0, 2.0))),
+    RemoveLimits(name="/log/x"),
 ]  # fmt: skip
 
 
