@@ -27,30 +27,13 @@ BLOCK_ROWS = 1024
 _SLOT = 16
 
 
-Bytes = NDArray[np.uint8]  # made once: a function within a function evaluates its annotations each time, 5 us
-Fill = Callable[[int, int, Bytes], None]
-Plain = NDArray[Any] | None
-
-
 @dataclass(frozen=True)
 class Column:
-    """The values of one table line: `fill(start, stop, out)` writes samples as they stand in the file.
-
-    `plain` are the values where they stand in the file as they are in memory.
-    """
+    """The values of one table line: `fill(start, stop, out)` writes samples as they stand in the file."""
 
     row: form.TableRow
     offset: int
-    fill: Fill
-    plain: Plain
-
-
-@dataclass(frozen=True)
-class Strip:
-    """Neighbouring columns; `matrix`, shape `(samples, columns)`, where one look at memory shows all of them."""
-
-    columns: list[Column]
-    matrix: Plain
+    fill: Callable[[int, int, NDArray[np.uint8]], None]
 
 
 def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Progress | None = None) -> None:
@@ -61,17 +44,17 @@ def write_silo(recording: Recording, path: str | os.PathLike[str], progress: Pro
     """
     elements = [element for element in recording.elements if element.count]
     stamps = len(recording.time_ns)
-    sources: list[tuple[form.TableRow, Fill, Plain]] = []
+    sources: list[tuple[form.TableRow, Callable[[int, int, NDArray[np.uint8]], None]]] = []
     facts: list[bytes] = [form.facts_line(form.LOG_FACTS, form.log_facts(recording))]
     for name, part in (("time_s", _seconds), ("time_ns", _nanoseconds)):
         row = form.TableRow(f"{recording.prefix}/{name}", 8, stamps, 1, recording.time_looping, "int64")
-        sources.append((row, part(recording.time_ns), None))
+        sources.append((row, part(recording.time_ns)))
     for element in elements:
         looping, first = form.looping_and_first(element, stamps, recording.offset)
         facts.append(form.facts_line(form.ELEMENT_FACTS, form.element_facts(element, first)))
         sources += [_source(entry, element.divider, looping) for entry in element.entries]
     facts += [form.facts_line(form.EVENT_FACTS, form.event_facts(event)) for event in recording.events]
-    header = _header(os.fspath(path), recording.offset, [row for row, _, _ in sources], facts)
+    header = _header(os.fspath(path), recording.offset, [row for row, _ in sources], facts)
     columns = list(_placed(sources, len(header)))
     with atomic_file(path) as file:
         _reserve(file.fileno(), len(header) + sum(column.row.size_bytes for column in columns))
@@ -110,23 +93,23 @@ def _header(path: str, offset: int, rows: list[form.TableRow], facts: list[bytes
     return before + check + b"." * (-length % form.ALIGNMENT) + b"\n" + form.DATA_LINE
 
 
-def _source(entry: RecordedEntry, divider: int, looping: bool) -> tuple[form.TableRow, Fill, Plain]:
+def _source(
+    entry: RecordedEntry, divider: int, looping: bool
+) -> tuple[form.TableRow, Callable[[int, int, NDArray[np.uint8]], None]]:
     values = entry.values
     if values.dtype.hasobject:
         raise SaveError(f"'{entry.name}' holds Python objects, which no file can hold; log numbers or strings")
-    plain: Plain = None
     if values.dtype.kind in "SU":
         width, fill = _strings(values)
         item_bytes, type_name = width, "string"
     else:
         dtype = form.file_dtype(values.dtype)
-        item_bytes, type_name = dtype.itemsize, form.type_name(dtype)
-        fill, plain = _numbers(values, dtype)
+        item_bytes, type_name, fill = dtype.itemsize, form.type_name(dtype), _numbers(values, dtype)
     name = form.table_name(entry.name)
-    return form.TableRow(name, item_bytes, len(values), divider, looping, type_name), fill, plain
+    return form.TableRow(name, item_bytes, len(values), divider, looping, type_name), fill
 
 
-def _numbers(values: NDArray[Any], dtype: np.dtype[Any]) -> tuple[Fill, Plain]:
+def _numbers(values: NDArray[Any], dtype: np.dtype[Any]) -> Callable[[int, int, NDArray[np.uint8]], None]:
     # dates to int64 and bool to uint8 by looking at the same bytes, which keeps NaT and their order of bytes
     if values.dtype.kind in "mM":
         values = values.view(np.dtype("i8").newbyteorder(values.dtype.byteorder))
@@ -135,21 +118,21 @@ def _numbers(values: NDArray[Any], dtype: np.dtype[Any]) -> tuple[Fill, Plain]:
 
     if dtype.itemsize != values.dtype.itemsize:
         # the processor would make quiet NaNs of signalling ones
-        return lambda start, stop, out: np.copyto(out.view(dtype), to_wire(values[start:stop], dtype.str)), None
+        return lambda start, stop, out: np.copyto(out.view(dtype), to_wire(values[start:stop], dtype.str))
 
-    def fill(start: int, stop: int, out: Bytes) -> None:
+    def fill(start: int, stop: int, out: NDArray[np.uint8]) -> None:
         out.view(dtype)[:] = values[start:stop]
 
-    return fill, values if values.dtype == dtype else None
+    return fill
 
 
-def _strings(values: NDArray[Any]) -> tuple[int, Fill]:
+def _strings(values: NDArray[Any]) -> tuple[int, Callable[[int, int, NDArray[np.uint8]], None]]:
     """The bytes of the longest string, and a fill that pads the others with dashes to that length."""
     longest = 0
     for start in range(0, len(values), TILE_ROWS):
         longest = max(longest, int(np.char.str_len(_as_bytes(values[start : start + TILE_ROWS])).max()))
 
-    def fill(start: int, stop: int, out: Bytes) -> None:
+    def fill(start: int, stop: int, out: NDArray[np.uint8]) -> None:
         texts = _as_bytes(values[start:stop]).astype(f"S{longest}")
         lengths = np.char.str_len(texts)
         letters = texts.view(np.uint8).reshape(len(texts), longest)
@@ -165,24 +148,26 @@ def _as_bytes(values: NDArray[Any]) -> NDArray[np.bytes_]:
     return np.ascontiguousarray(values)
 
 
-def _seconds(time_ns: NDArray[np.int64]) -> Fill:
-    def fill(start: int, stop: int, out: Bytes) -> None:
+def _seconds(time_ns: NDArray[np.int64]) -> Callable[[int, int, NDArray[np.uint8]], None]:
+    def fill(start: int, stop: int, out: NDArray[np.uint8]) -> None:
         np.floor_divide(time_ns[start:stop], 1_000_000_000, out=out.view("<i8"))
 
     return fill
 
 
-def _nanoseconds(time_ns: NDArray[np.int64]) -> Fill:
-    def fill(start: int, stop: int, out: Bytes) -> None:
+def _nanoseconds(time_ns: NDArray[np.int64]) -> Callable[[int, int, NDArray[np.uint8]], None]:
+    def fill(start: int, stop: int, out: NDArray[np.uint8]) -> None:
         np.remainder(time_ns[start:stop], 1_000_000_000, out=out.view("<i8"))
 
     return fill
 
 
-def _placed(sources: Iterable[tuple[form.TableRow, Fill, Plain]], start: int) -> Iterator[Column]:
-    for row, fill, plain in sources:
+def _placed(
+    sources: Iterable[tuple[form.TableRow, Callable[[int, int, NDArray[np.uint8]], None]]], start: int
+) -> Iterator[Column]:
+    for row, fill in sources:
         if row.size_bytes:
-            yield Column(row, start, fill, plain)
+            yield Column(row, start, fill)
         start += row.size_bytes
 
 
@@ -198,9 +183,8 @@ def _write_columns(file_descriptor: int, columns: list[Column], progress: Progre
         # one buffer for all tiles: fresh memory for each costs a third of the time in page faults
         needed = row_bytes * min(rows, count) + _SLOT * len(band)
         tile = tile if len(tile) >= needed else np.empty(needed, np.uint8)
-        strips = list(_strips(band))
         for start in range(0, count, rows):
-            written += _write_tile(file_descriptor, strips, start, rows, tile)
+            written += _write_tile(file_descriptor, band, start, rows, tile)
             progress(written / total)
     if not total:
         progress(1.0)
@@ -211,57 +195,20 @@ def _bands(columns: list[Column]) -> Iterator[list[Column]]:
         yield columns[start : start + TILE_COLUMNS]
 
 
-def _strips(band: list[Column]) -> Iterator[Strip]:
-    """Neighbours that lie at equal distances in rows of one matrix, as numbers of a snapshot do.
-
-    They are turned in one stroke, in half the time that column after column takes.
-    """
-    group: list[Column] = []
-    step = last = 0
-    for column in band:
-        this = _address(column.plain)
-        if group and not (_alike(group[-1].plain, column.plain) and (len(group) == 1 or this - last == step)):
-            yield _strip(group, step)
-            group = []
-        step, last = this - last, this
-        group.append(column)
-    yield _strip(group, step)
-
-
-def _alike(one: Plain, other: Plain) -> bool:
-    if one is None or other is None:
-        return False
-    return one.strides == other.strides and one.shape == other.shape and one.dtype == other.dtype
-
-
-def _address(values: Plain) -> int:
-    return 0 if values is None else int(values.__array_interface__["data"][0])
-
-
-def _strip(group: list[Column], step: int) -> Strip:
-    first = group[0].plain
-    if first is None or len(group) == 1:
-        return Strip(group, None)
-    shape, strides = (len(first), len(group)), (first.strides[0], step)
-    return Strip(group, np.lib.stride_tricks.as_strided(first, shape, strides, writeable=False))
-
-
-def _write_tile(file_descriptor: int, strips: list[Strip], start: int, rows: int, tile: Bytes) -> int:
+def _write_tile(file_descriptor: int, band: list[Column], start: int, rows: int, tile: NDArray[np.uint8]) -> int:
     """Transpose samples `start ... start + rows` of a few columns and write them; returns the bytes written."""
-    strips = [strip for strip in strips if strip.columns[0].row.count > start]  # its columns are of one length
-    columns = [column for strip in strips for column in strip.columns]
+    columns = [column for column in band if column.row.count > start]
     stops = [min(column.row.count, start + rows) for column in columns]
     sizes = [column.row.item_bytes * (stop - start) for column, stop in zip(columns, stops, strict=True)]
-    slots = np.concatenate(([0], np.cumsum([-(-size // _SLOT) * _SLOT for size in sizes]))).tolist()
-    pieces = [tile[slot : slot + size] for slot, size in zip(slots, sizes, strict=False)]
+    slots = np.concatenate(([0], np.cumsum([-(-size // _SLOT) * _SLOT for size in sizes])))
+    pieces = [tile[slot : slot + size] for slot, size in zip(slots.tolist(), sizes, strict=False)]
     # a block of rows of all columns at a time: neighbouring words of a row share cache lines
     for block in range(start, max(stops), BLOCK_ROWS):
-        place = 0
-        for strip in strips:
-            end = min(stops[place], block + BLOCK_ROWS)
+        for column, stop, piece in zip(columns, stops, pieces, strict=True):
+            end = min(stop, block + BLOCK_ROWS)
             if block < end:
-                _fill_strip(strip, start, block, end, tile, slots[place:], pieces[place:])
-            place += len(strip.columns)
+                size = column.row.item_bytes
+                column.fill(block, end, piece[(block - start) * size : (end - start) * size])
     run: list[memoryview] = []
     run_offset = run_end = 0
     for column, piece in zip(columns, pieces, strict=True):
@@ -273,27 +220,6 @@ def _write_tile(file_descriptor: int, strips: list[Strip], start: int, rows: int
         run_end = offset + piece.nbytes
     write_all(file_descriptor, run, run_offset)
     return sum(sizes)
-
-
-def _fill_strip(
-    strip: Strip,
-    start: int,
-    block: int,
-    end: int,
-    tile: Bytes,
-    slots: list[int],
-    pieces: list[Bytes],
-) -> None:
-    """Put samples `block ... end` of a strip into its pieces of the tile, which begin with sample `start`."""
-    size = strip.columns[0].row.item_bytes
-    if strip.matrix is None:
-        (column,), piece = strip.columns, pieces[0]
-        column.fill(block, end, piece[(block - start) * size : (end - start) * size])
-        return
-    shape, strides = (len(strip.columns), end - block), (slots[1] - slots[0], size)
-    offset = slots[0] + (block - start) * size
-    out: NDArray[Any] = np.ndarray(shape, strip.matrix.dtype, tile.data, offset, strides)
-    out[:] = strip.matrix[block:end].T
 
 
 def _silent(_fraction: float) -> None:

@@ -60,6 +60,7 @@ class Judge:
         self._run = self._why = ""
         self._closed = False  # captures of a run that stopped are closed
         self._jobs: queue.Queue[tuple[Spool, TriggerOptions] | None] = queue.Queue()
+        self._unwritten: dict[int, int] = {}  # bytes of the captures that wait to be written, by spool
         self._kept: dict[tuple[str, str], deque[list[SavedFile]]] = {}
         self._orders: deque[tuple[Callable[[], Any], concurrent.futures.Future[Any]]] = deque()
         self._standing = Standing()  # at the end of the last run
@@ -251,7 +252,9 @@ class Judge:
     def _begin(self, reader: SegmentReader, extras: Extras, since: int = 0) -> None:
         from silo.helper.segment_judge import SegmentJudge
 
-        self._judge = SegmentJudge(reader, self._mirror.now.table.elements, extras, since)
+        self._judge = SegmentJudge(
+            reader, self._mirror.now.table.elements, extras, since, lambda: sum(list(self._unwritten.values()))
+        )
         self._tell_problems(self._judge)
 
     def _tell_problems(self, judge: "SegmentJudge") -> None:
@@ -277,6 +280,7 @@ class Judge:
             tick = capture.fires[0].tick
             self._events.publish(EventKind.TRIGGERED, f"trigger '{name}' fired at tick {tick}", tick=tick)
         for spool in found.whole:
+            self._unwritten[id(spool)] = spool.size_bytes
             self._jobs.put((spool, spool.options))
         for over, text in found.limits:
             self._events.publish(EventKind.LIMIT if over else EventKind.LIMIT_ENDED, text)
@@ -286,6 +290,7 @@ class Judge:
     def _write_all(self) -> None:
         while (job := self._jobs.get()) is not None:
             self._guarded_write(*job)
+            del self._unwritten[id(job[0])]
             del job  # while the thread waits, nothing must hold the memory of a segment that is gone
 
     def _guarded_write(self, spool: "Spool", options: TriggerOptions) -> None:

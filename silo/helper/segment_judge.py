@@ -4,7 +4,7 @@ Belongs to the judge thread. It reads rings behind their heads and never holds u
 before it came are what it was blind for, and it says so.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import msgspec
@@ -23,7 +23,7 @@ from silo.judging.triggers import Capture, Mode, Trigger, TriggerState
 from silo.model import ElementInfo, Extras, TriggerOptions
 
 BATCH_TICKS = 16_384
-MOST_SPOOL_BYTES = 512 * 2**20  # of all captures that are under way
+MOST_SPOOL_BYTES = 512 * 2**20  # of all captures that are under way, or wait to be written
 LONGEST_WAIT_S = 0.05
 RELEASE_STEPS = 20
 
@@ -60,10 +60,16 @@ class SegmentJudge:
     """Judges one run."""
 
     def __init__(
-        self, reader: SegmentReader, table: Sequence[ElementInfo], extras: Extras | None = None, since: int = 0
+        self,
+        reader: SegmentReader,
+        table: Sequence[ElementInfo],
+        extras: Extras | None = None,
+        since: int = 0,
+        unwritten: Callable[[], int] = int,
     ) -> None:
         """Judge `extras` (those that stand in the segment, if not given) from tick `since` on.
 
+        `unwritten` tells the bytes of whole captures that wait to be written: they are memory too.
         `table` names the elements that are off too. `problems` has what can't be judged at all, in words.
         """
         self.reader = reader
@@ -74,6 +80,7 @@ class SegmentJudge:
         self._limits = LimitJudge(self._rows)
         self._until, self._steps = since, 0
         self._spools: list[Spool] = []
+        self._unwritten = unwritten
         self.adopt(reader.schema.extras if extras is None else extras)
 
     def adopt(self, extras: Extras) -> None:
@@ -227,10 +234,10 @@ class SegmentJudge:
                 spool.extend(capture)
                 return
         found.fired.append((options.name, capture))
-        if sum(spool.size_bytes for spool in self._spools) > MOST_SPOOL_BYTES:
+        if self._unwritten() + sum(spool.size_bytes for spool in self._spools) > MOST_SPOOL_BYTES:
             found.blind.append(
-                f"capture {capture.number} of '{options.name}' was left out: those under way take more than "
-                f"{MOST_SPOOL_BYTES // 2**20} MB; make pre and post shorter"
+                f"capture {capture.number} of '{options.name}' was left out: those before it, which are not yet "
+                f"written, take more than {MOST_SPOOL_BYTES // 2**20} MB; make pre and post shorter, or give a holdoff"
             )
             return
         spool = Spool(options, capture, self.reader)

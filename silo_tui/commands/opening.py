@@ -69,10 +69,14 @@ class Opener:
             if self.demo is not None:
                 problem = self.demo.ended() or problem
             chosen = self._choice(found.loggers)
+            if not self._app.screen_stack:
+                return  # the program was ended meanwhile
             screen = self._app.screen
             # not while settings or help are read: opening would take them away
             here = isinstance(screen, LoggersScreen)
             if chosen is not None and not problem and here and await self._open(chosen):
+                return
+            if not self._app.screen_stack:
                 return
             screen = self._app.screen
             if isinstance(screen, LoggersScreen):

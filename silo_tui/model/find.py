@@ -78,7 +78,8 @@ def _source_of(letters: str) -> EventSource:
 
 EVENT_SOURCES[What.TRIGGER].append(_source_of("T"))
 EVENT_SOURCES[What.MARKER].append(_source_of("M"))
-OTHERS = "SEXHL"  # an event too, whichever, though none that one looks for by its kind
+EVENT_SOURCES[What.OUTSIDE].append(_source_of("H"))
+OTHERS = "SEX"  # an event too, whichever, though none that one looks for by its kind
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from silo_tui.model import text
 
 LETTERS = {
     "marker": "M", "triggered": "T", "captured": "T", "started": "S", "stopped": "S", "closed": "S", "edited": "E",
-    "script loaded": "E", "lost": "X", "crashed": "X", "blind": "X", "files deleted": "X", "high": "H", "low": "L",
+    "script loaded": "E", "lost": "X", "crashed": "X", "blind": "X", "files deleted": "X", "limit": "H",
 }  # fmt: skip
-NAMES = {"M": "marker", "T": "trigger", "S": "start/stop", "E": "edit", "X": "loss"}
+NAMES = {"M": "marker", "T": "trigger", "S": "start/stop", "E": "edit", "X": "loss", "H": "limit"}
 EVENT_LINE = "╎"
 MOST = 2000  # that a session keeps
 

@@ -27,6 +27,7 @@ from silo_tui.model.big_plot import BigPlot
 from silo_tui.model.columns import ColumnStore, Floats
 from silo_tui.model.panels import LETTERS, sides
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, Plotted, PlotWindow
+from silo_tui.model.recorded import SHORT_SPANS_S
 from silo_tui.model.source import PlotSource, Samples
 from silo_tui.model.spectra import (
     MOST_PEAKS,
@@ -128,7 +129,8 @@ class DetailScreen(SiloScreen):
         parts.insert(1, text.shorten_left(names, max(12, room)))
         while self._said and len(parts) > 1 and len("  ".join(parts)) > self.size.width:
             parts.pop(0)  # what was said last is read whole
-        self.query_one("#detail-title", Static).update("  ".join(parts))
+        for title in self.query("#detail-title").results(Static):  # none while the screen goes
+            title.update("  ".join(parts))
 
     def _letter(self, place: int) -> str:
         return f"{LETTERS[place]} " if self.count > 1 or self.mode == "x-y" else ""
@@ -335,7 +337,9 @@ class DetailScreen(SiloScreen):
         self._zoom(1)
 
     def _zoom(self, step: int) -> None:
-        self.span_s = SPANS_S[max(0, min(len(SPANS_S) - 1, SPANS_S.index(self.span_s) + step))]
+        spans = SPANS_S if self.source.live else (*SHORT_SPANS_S, *SPANS_S)  # as the plots it was opened from
+        nearest = min(range(len(spans)), key=lambda at: abs(spans[at] - self.span_s))
+        self.span_s = spans[max(0, min(len(spans) - 1, nearest + step))]
         self.draw_soon()
 
     def command_detail_earlier(self) -> None:

@@ -260,7 +260,7 @@ def test_a_full_disk_is_told_to_every_client_and_leaves_nothing(file_type, small
 
 
 def test_a_log_that_finds_no_room_can_be_saved_elsewhere(small, clients, tmp_path) -> None:
-    small.folder.rmdir()
+    shutil.rmtree(small.folder)
     small.folder.write_text("in the way")
     assert "failed" in small.asked("save silo walk -")
     elsewhere = small.asked(f"save silo walk {tmp_path / 'elsewhere'}")

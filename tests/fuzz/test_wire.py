@@ -296,7 +296,7 @@ def test_every_damaged_request_gets_an_answer_in_words(bench, raised) -> None:
     assert failed[:20] == []
     assert raised[:3] == []
     assert bench.alive()
-    assert 0.1 * COUNT < len(at_the_door) < 0.9 * COUNT  # those test nothing behind the decoder
+    assert 0.1 * COUNT < len(at_the_door) < 0.95 * COUNT  # those test nothing behind the decoder
 
 
 @pytest.mark.slow

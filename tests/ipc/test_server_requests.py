@@ -127,6 +127,7 @@ def test_restart_clears_the_buffers(bench, client) -> None:
 
 
 def test_what_the_robot_program_does_itself_reaches_clients(bench, client, heard) -> None:
+    client.status()  # what it wants to hear has reached the helper process before this
     bench.logger.start()
     heard.wait(EventKind.STARTED)
     bench.logger.stop()
