@@ -84,6 +84,7 @@ class TestTriggers:
         bench.logger.trigger("high", "x % 50 == 0")
         bench.logger.start()
         bench.ticks(10)
+        trigger(client, state=TriggerWord.ARMED)
         client.arm_trigger("high", armed=False)
         assert trigger(client).state is TriggerWord.OFF
         bench.ticks(100)
@@ -95,6 +96,7 @@ class TestTriggers:
 
     def test_that_it_is_off_stands_in_scripts(self, bench, client):
         bench.logger.trigger("high", "x > 5")
+        wait_until(lambda: "high" in client.read_script().text)  # the helper process knows it by now
         client.arm_trigger("high", armed=False)
         assert bench.logger.extras.triggers[0].armed is False
         wait_until(lambda: "armed: false" in client.read_script().text)
