@@ -8,6 +8,7 @@ import pytest
 import silo
 from silo.cli.main import run
 from silo.ipc.client import Client
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -31,6 +32,8 @@ def failing(runtime, tmp_path):
         robot.mode = None if tick in (1, 2, 5) else tick
         x[...] = tick
         logger.collect()
+    with Client.connect("arm") as client:
+        wait_until(lambda: client.status().ticks == 8)  # the helper process knows of the start
     yield logger
     logger.close()
 

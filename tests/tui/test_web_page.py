@@ -3,6 +3,7 @@
 import asyncio
 import importlib.util
 import re
+import socket
 import subprocess
 import sys
 import time
@@ -10,13 +11,18 @@ import time
 import pytest
 
 from tests.tui import chromium
-from tests.waiting import DEADLINE_S
+from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(importlib.util.find_spec("textual_serve") is None, reason="needs silo-logger[web]"),
 ]
 needs_browser = pytest.mark.skipif(chromium.PROGRAM is None, reason="needs Chromium (apt install chromium)")
+
+
+def accepts(host: str, port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex((host, port)) == 0
 
 
 @pytest.fixture
@@ -32,7 +38,10 @@ def served(tmp_path, monkeypatch):
         command = [sys.executable, "-m", "silo_tui", "--serve", "--demo", *arguments]
         program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         running.append(program)
-        return program.stdout.readline().strip()
+        url = program.stdout.readline().strip()
+        host, _, port = url.split("/")[2].partition(":")
+        wait_until(lambda: accepts(host, int(port)))  # it says where before it is there
+        return url
 
     yield serve
     for program in running:
