@@ -24,7 +24,7 @@ Examples:
   silo-tui anymal          the logger called anymal
   silo-tui logs/run.silo   a saved log, with a cursor that reads values
   silo-tui --demo          a simulated robot to try it on
-  ssh -C robot -t silo-tui over SSH; -C makes a frame of 17 kB one of 1 kB
+  ssh -C robot -t silo-tui over SSH; -C makes a frame of 1 kB a quarter of it
 """
 
 

@@ -262,7 +262,10 @@ class Conditions(Configuration):
             self._tell()
 
     def _warn_of_triggers(self, *, served: bool) -> None:
-        """Tell at a start which triggers can't do what they were set for."""
+        """Tell at a start which triggers and limits can't do what they were set for."""
+        if self._extras.limits and not served:
+            judged = ", ".join(one.name for one in self._extras.limits)
+            log.warning("%s: limits are judged by the helper process, and there is none: call serve()", judged)
         if not self._extras.triggers:
             return
         from silo.judging.extras import held_by, trigger_rule

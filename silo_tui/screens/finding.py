@@ -47,7 +47,7 @@ class Found:
         """Return what to say when nothing was found."""
         if self.search.what in EVENT_SOURCES and not EVENT_SOURCES[self.search.what]:
             return f"{WORDS[self.search.what]}: none, {NONE_YET[self.search.what]}"
-        gone = "; older rows are gone" if older_gone else ""
+        gone = "; older rows are not in this pause" if older_gone else ""
         return f"{self.search.words}: none in {text.span(float(f'{self.held_s:.3g}'))} held{gone}"
 
     def place(self, now_ns: int, step: int) -> int | None:

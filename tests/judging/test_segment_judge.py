@@ -7,7 +7,7 @@ import pytest
 
 import silo
 from silo.collecting.segment_reader import SegmentReader
-from silo.helper.segment_judge import SegmentJudge
+from silo.helper.segment_judge import MOST_SPOOL_BYTES, SegmentJudge
 
 
 class Robot:
@@ -54,6 +54,23 @@ def test_a_capture_is_exact_to_the_tick(robot):
     assert recording.warnings == ()
     facts = recording.extras.capture
     assert (facts.trigger, facts.first, facts.last, facts.fires, facts.ended) == ("spike", 297, 327, (317,), "")
+
+
+def test_captures_that_wait_to_be_written_leave_no_room_for_more_and_it_is_said(robot):
+    robot.logger.trigger("spike", "any(fast/x > 50)", pre="20ms", post="10ms")
+    robot.start()
+    reader = SegmentReader(robot.logger.segment_path)
+    robot.judge = SegmentJudge(reader, robot.logger.elements, unwritten=lambda: MOST_SPOOL_BYTES + 1)
+    robot.ticks(500, [(317, 1)])
+    found = robot.judge.step()
+    assert (found.whole, len(found.fired)) == ([], 1)
+    assert "capture 1 of 'spike' was left out" in found.blind[0]
+
+
+def test_limits_that_nobody_judges_are_told_at_the_start(robot, caplog):
+    robot.logger.limit("fast/x", (None, None, 1.0, 2.0))
+    robot.logger.start()
+    assert "limits are judged by the helper process, and there is none: call serve()" in caplog.text
 
 
 def test_a_capture_may_be_longer_than_any_ring(robot):

@@ -202,6 +202,18 @@ async def test_the_detail_plot_has_axes(fake, opened):
         await screen.shows("SPECTRUM")
 
 
+async def test_a_short_span_of_a_pause_zooms_on_in_the_large_plot(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("space", *["plus"] * 12, "enter")
+        await screen.shows("TIME")
+        plot = screen.app.screen
+        assert plot.span_s == 0.001
+        await screen.press("minus")
+        assert plot.span_s == 0.002
+
+
 async def test_two_signals_can_be_plotted_against_one_another(fake, opened):
     fake.run(20)
     async with opened(fake) as screen:
