@@ -19,6 +19,7 @@ FAILED = Path(".pytest_cache/v/cache/lastfailed")
 
 
 def main() -> int:
+    """Return 0 where each test that failed passes every repetition."""
     failed = sorted(json.loads(FAILED.read_text())) if FAILED.exists() else []
     if not 0 < len(failed) <= MOST:
         print(f"{len(failed)} tests failed: they are run again only where there are 1 to {MOST}")
