@@ -103,7 +103,7 @@ def test_both_ways_of_writing_give_the_same_values(plan, recorded, tmp_path, mon
 
 def test_polars_is_loaded_for_a_large_table_alone(plan, recorded, tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(csv_file, "find_spec", lambda name: asked.append(name))
+    monkeypatch.setattr(csv_file, "find_spec", asked.append)
     recording = recorded([plan("/log/a", size=100)], 100)
     write_csv(recording, tmp_path / "x.csv")
     assert not asked
