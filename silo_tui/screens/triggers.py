@@ -126,6 +126,7 @@ class TriggersScreen(ConditionsScreen):
             monitor.call_after_refresh(monitor.show_moment_of, file.capture.fires_ns[0])
 
     async def _told(self, job: "Callable[[Client], str]") -> None:
-        self.say(await self.context.link.call(job))
+        said = await self.context.link.call(job)
         await self.session.refresh_conditions()
         self.show()
+        self.say(said)

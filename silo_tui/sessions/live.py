@@ -176,10 +176,15 @@ class Session:
         try:
             self.triggers = (await self._link.read(lambda client: client.triggers())).triggers
             self.limits = (await self._link.read(lambda client: client.alarms())).limits
-            self.beyond = self._beyond()
+            self._take_beyond(self._beyond())
         except RefusedError:
-            self.triggers, self.limits, self.beyond = [], [], {}  # of a helper process of an older silo
+            self.triggers, self.limits = [], []  # of a helper process of an older silo
+            self._take_beyond({})
             raise
+
+    def _take_beyond(self, words: dict[str, str]) -> None:
+        self.beyond = words
+        self.table.take_beyond(words)
 
     def _beyond(self) -> dict[str, str]:
         found: dict[str, str] = {}

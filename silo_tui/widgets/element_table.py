@@ -285,9 +285,7 @@ class ElementTable(ScrollView, can_focus=True):
         name = f"{indent}{sign} {branch.label}"
         width = self.name_width
         yield Segment(self._fitted(name, width), self._style(*base, *(["table--marked"] if marked else [])))
-        bits = self.session.table.facts.signs(len(self.session.table))[branch.rows]
-        some = int((bits != 0).sum())
-        words = f" {len(branch.rows)}" + (f"   {some} of them with a sign" if some else "")
+        words = f" {len(branch.rows)}"
         room = self.size.width - FLAGS - width
         yield Segment(self._fitted(words, room), self._style(*base, *([] if is_cursor else ["table--quiet"])))
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from silo.model import Entry
 from silo_tui.model import text
-from silo_tui.model.facts import BAD, OLD, worst
+from silo_tui.model.facts import BAD, LIMIT_BITS, OLD, worst, worst_of
 from silo_tui.model.fields import Field
 from silo_tui.model.live import entry_text
 from silo_tui.model.table import Rows
@@ -26,6 +26,9 @@ ALL = ("!", "fill", "value", "min", "max", "mean", "std", "rate", "jitter", "tre
 # quantities of the columns that need them of what is on the screen
 QUANTITIES = {"min": "min", "max": "max", "mean": "mean", "std": "std", "rate": "rate", "%": "share",
               "jitter": "jitter", "changed": "changed"}  # fmt: skip
+
+
+_OF_LIMITS = sum(set(LIMIT_BITS.values()))
 
 
 class ColumnSet:
@@ -114,19 +117,17 @@ def _sign(pane: LivePane, row: int) -> tuple[str, str]:
     session = pane.session
     if not session.fresh and session.live.readings:
         return OLD, "live--quiet"
-    bits = session.table.facts.signs(len(session.table))[row]
-    letters = worst(int(bits)) if session.table.server[Field.ENABLED, row] else ""
-    beyond = session.beyond.get(session.table.names[row], "") if session.beyond else ""
-    if beyond and letters not in BAD:  # what isn't measured rightly says nothing of limits
-        return beyond, "live--lost" if beyond in ("HH", "LL") else "live--caution"
+    bits = int(session.table.signs[row])
+    if not session.table.server[Field.ENABLED, row]:
+        bits &= _OF_LIMITS  # what is off isn't measured; its limits may be judged by others
+    letters = worst(bits)
     return letters, _style(letters)
 
 
 def _branch_sign(pane: LivePane, rows: Rows) -> tuple[str, str]:
-    """Return the worst sign below a branch."""
-    bits = pane.session.table.facts.signs(len(pane.session.table))[rows]
-    letters = next((found for found in ("NN", "==", "<<", "XX") if found in {worst(int(bit)) for bit in set(bits)}), "")
-    return letters, _style(letters)
+    """Return the worst sign below a branch, and how many have it: wider than its column, which nothing stands beside."""
+    letters, count = worst_of(pane.session.table.signs[rows])
+    return (f"{letters:<2} {count} of {len(rows)}" if letters else ""), _style(letters)
 
 
 def _number(pane: LivePane, name: str, quantity: str, entry: Entry | None) -> tuple[str, str]:

@@ -179,6 +179,7 @@ class LivePane(Widget):
             if row is None:
                 if column.branch is not None:
                     words, style = column.branch(self, self.session.rows.tree.branches[-1 - line].rows)
+                    return [*pieces, (" " * (place > 0) + words, style)]
             elif entry is None:
                 words, style = column.draw(self, row)
             elif column.entry is not None:
