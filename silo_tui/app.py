@@ -74,6 +74,7 @@ class SiloApp(App[None]):
         self.set_keymap(dict(settings.keys))
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
+        self.context.left = self._opener.forget_view
         self._rate_hz = rate_hz
         self._file = file  # shown instead of a logger
         self._thin_words = ""
@@ -339,6 +340,7 @@ class SiloApp(App[None]):
         self.context.leave_file()
 
     def command_quit_now(self) -> None:
+        self.context.left()
         self.exit()
 
     def command_help(self) -> None:

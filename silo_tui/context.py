@@ -56,6 +56,7 @@ class Context:
         self.script_names: tuple[str, ...] = ()
         self._session: Session | None = None
         self._behind: Session | None = None  # the logger behind a file that was opened over it
+        self.left: Callable[[], None] = lambda: None  # is called when the app is ended on purpose
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = False
 

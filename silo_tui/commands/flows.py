@@ -344,6 +344,7 @@ async def leave(context: Context) -> None:
         if not await _confirmed(context, "Quit without applying?", body, "Quit"):
             return
         forget_edits(context)
+    context.left()
     context.app.exit()
 
 

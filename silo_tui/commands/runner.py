@@ -209,9 +209,14 @@ class CommandRunner:
 
 async def open_view(context: Context, name: str) -> None:
     """Put a view on the screen; say what of it isn't there. RefusedError where there is none of that name."""
+    context.say(await view_shown(context, name))
+
+
+async def view_shown(context: Context, name: str) -> str:
+    """Put a view on the screen; return what is to be said of it. RefusedError where there is none of that name."""
     try:
         layout, problems = files.load(name)
     except ValueError as error:
         raise RefusedError(str(error)) from error
     missing = await views.show(context, layout)
-    context.say("; ".join(filter(None, [f"view {name}", missing, *problems[:1]])))
+    return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))

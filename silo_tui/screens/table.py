@@ -24,7 +24,7 @@ from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import LiveSource, Session
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FLAGS, ElementTable
-from silo_tui.widgets.fact_columns import ColumnSet, pane_columns
+from silo_tui.widgets.fact_columns import SETS, ColumnSet, pane_columns
 from silo_tui.widgets.inputs import CellEditor, Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
 from silo_tui.widgets.live_pane import TREND, VALUE, LivePane
@@ -173,11 +173,18 @@ class TableScreen(ElementsScreen):
         self._top_wanted = self.session.rows.live  # until what it is by was measured
         self._judge()
 
-    def command_columns(self) -> None:
-        words = self.column_set.step()
+    def show_set(self, name: str) -> bool:
+        """Show another set of live columns; False where there is none of that name."""
+        if name in SETS:
+            self.column_set.name = name
         self._lay_out(self.app.size.width)
         self._survey_s = 0.0
         self._judge()
+        return name in SETS
+
+    def command_columns(self) -> None:
+        words = self.column_set.step()
+        self.show_set(words)
         since = text.clock(self.session.table.facts.since_ns)
         self.say(f"columns: {words}" + (f" of every sample since {since}; Z from now" if words == "statistics" else ""))
         self.table_changed()

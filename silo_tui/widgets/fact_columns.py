@@ -12,6 +12,7 @@ from silo_tui.model import text
 from silo_tui.model.facts import BAD, LIMIT_BITS, OLD, worst, worst_of
 from silo_tui.model.fields import Field
 from silo_tui.model.live import entry_text
+from silo_tui.model.orders import LIVE_ORDERS
 from silo_tui.model.table import Rows
 from silo_tui.widgets.live_pane import LIVE_PANE, LivePane, PaneColumn, norm_value
 
@@ -65,7 +66,7 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
         return PaneColumn(
             lambda pane: _arrow(pane, title) + column.title(pane),
             lambda pane: width(pane) if title in chosen.titles else 0,
-            column.draw, column.right, column.branch, column.entry,
+            column.draw, column.right, column.branch, column.entry, title if title in LIVE_ORDERS else "",
         )  # fmt: skip
 
     def fixed(title: str, width: int, draw: Callable[[LivePane, int], tuple[str, str]]) -> PaneColumn:
@@ -74,6 +75,7 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
             lambda pane: width if title in chosen.titles else 0,
             draw,
             right=True,
+            order=title if title in LIVE_ORDERS else "",
         )
 
     def statistic(title: str) -> PaneColumn:
@@ -83,6 +85,7 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
             entry=lambda pane, row, entry: _number(
                 pane, pane.entry_name(row, entry), title, pane.session.table.elements[row].entries[entry]
             ),
+            order=title,
         )  # fmt: skip
 
     def draw_value(pane: LivePane, row: int) -> tuple[str, str]:
@@ -91,7 +94,7 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
     return (
         PaneColumn(
             lambda pane: _arrow(pane, "!") or "!", lambda pane: 2 if "!" in chosen.titles else 0, _sign,
-            branch=_branch_sign,
+            branch=_branch_sign, order="!",
         ),
         only("fill", fill), only("value", replace(value, draw=draw_value)),
         statistic("min"), statistic("max"), statistic("mean"), statistic("std"),
