@@ -324,7 +324,8 @@ class SiloApp(App[None]):
     def command_events(self) -> None:
         from silo_tui.screens.events import EventsScreen, FileEventsScreen
 
-        kind = EventsScreen if self._file is None else FileEventsScreen
+        on_file = self._file is not None or self.context.file_over_logger
+        kind = FileEventsScreen if on_file else EventsScreen
         self.push_screen(kind(self.context.session))
 
     def command_quit(self) -> None:

@@ -283,6 +283,7 @@ class Answers:
 
     @answers_to(DiffScript)
     def _diff_script(self, request: DiffScript) -> ScriptDiff:
+        from silo.settings.extras_diff import diff_extras
         from silo.settings.script import apply_script, diff_options, parse_script
 
         path = script_folder.resolve(request.path, self._own_script)
@@ -290,7 +291,9 @@ class Answers:
         script = parse_script(script_folder.read_text(path), path)
         plan = apply_script(script, table, self._mirror.status().frequency_hz)
         unknown = [str(unknown.name) for unknown in plan.unknown]
-        return ScriptDiff(str(path), diff_options(table, plan.options), unknown, script.warnings)
+        now = self._mirror.now.robot.extras
+        extras = diff_extras(now, script.extras) if script.extras is not None else []
+        return ScriptDiff(str(path), diff_options(table, plan.options), unknown, script.warnings, extras)
 
     @answers_to(ListRecordings)
     def _list_recordings(self, request: ListRecordings) -> Recordings:

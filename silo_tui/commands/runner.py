@@ -7,7 +7,7 @@ from pathlib import Path
 from silo.arguments import path as file_path
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
-from silo.settings.words import completions, read_settings
+from silo.settings.words import Settings, completions, read_settings
 from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
 from silo_tui.context import NOT_EDITED, Context, SiloScreen
@@ -108,10 +108,18 @@ class CommandRunner:
 
     def word_set(self, spelled: command_line.Spelled) -> None:
         """Carry out `:set div=5 size=10s ...` for all targets."""
-        context = self._context
         if not spelled.arguments:
             raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
-        changed = context.session.change(read_settings(spelled.arguments))
+        wanted = read_settings(spelled.arguments)
+        self._table_screen.sure_of_hidden(lambda: self._set(wanted))
+
+    def _set(self, wanted: Settings) -> None:
+        context = self._context
+        try:
+            changed = context.session.change(wanted)
+        except (ValueError, SiloError) as error:
+            context.fail(str(error))
+            return
         context.table_changed()
         context.say(
             f"{text.plural(changed, 'field')} changed; u takes {'it' if changed == 1 else 'them'} back"

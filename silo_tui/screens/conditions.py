@@ -73,8 +73,8 @@ class ConditionsScreen(SiloScreen):
 
     def show(self) -> None:
         """Draw the lines; the cursor stays on what it was on."""
-        if not self.is_mounted:
-            return  # it is about to be
+        if not self.is_mounted or not self.query(OptionList):
+            return  # it is about to be, or is gone
         width = self.size.width
         lines, known = self.query_one(OptionList), self.chosen_id
         rows = self.rows(width)
@@ -90,8 +90,10 @@ class ConditionsScreen(SiloScreen):
         self._bar.update()
 
     def _show_words(self) -> None:
-        words = self._said or (self.words() if self._drawn else self.empty)
-        self.query_one("#conditions-said", Static).update(Text(f" {words}"))
+        fetching = " │ ".join(one.words for one in self.session.fetches.values())
+        words = self._said or fetching or (self.words() if self._drawn else self.empty)
+        for line in self.query("#conditions-said").results(Static):  # none of a screen that is gone
+            line.update(Text(f" {words}"))
 
     @property
     def chosen_id(self) -> str:

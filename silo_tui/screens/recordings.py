@@ -99,6 +99,8 @@ class RecordingsScreen(SiloScreen):
         self._tell()
 
     def _show_rows(self) -> None:
+        if not self.query("#recordings-list"):
+            return  # the screen is gone
         lines = self._list
         found = self.found.recordings if self.found is not None else []
         kept = self._row.stem if self._row is not None else ""
@@ -143,7 +145,8 @@ class RecordingsScreen(SiloScreen):
             order = [f"by {self._order}"] if self._order != "begun" or self._turned else []
             count = rows.summary(found, len(self._shown), self._words)
             parts = [count, *marked, *order, *parts]
-        self.query_one("#recordings-said", Static).update(" " + " │ ".join(parts))
+        for line in self.query("#recordings-said").results(Static):  # none of a screen that is gone
+            line.update(" " + " │ ".join(parts))
 
     def _follow(self) -> None:
         if self.session.fetches:

@@ -317,9 +317,9 @@ class TableScreen(ElementsScreen):
     def edit_field(self, field: Field) -> None:
         """Turn logging on or off, let one of a few values be chosen, or open the editor over the cell."""
         if self._targets_known():
-            self._sure_of_hidden(lambda: self._edit_field(field))
+            self.sure_of_hidden(lambda: self._edit_field(field))
 
-    def _sure_of_hidden(self, then: Callable[[], None]) -> None:
+    def sure_of_hidden(self, then: Callable[[], None]) -> None:
         """Ask first where what is marked is hidden: nobody sees what would be changed."""
         rows = self.session.rows
         hidden, count = rows.hidden_targets, len(rows.targets())
@@ -395,7 +395,7 @@ class TableScreen(ElementsScreen):
 
     def command_edit_all(self) -> None:
         if self._targets_known():
-            self._sure_of_hidden(lambda: self._open_editor("=", select=False))
+            self.sure_of_hidden(lambda: self._open_editor("=", select=False))
 
     def _set(self, field: Field, value: int) -> None:
         targets = self.session.rows.targets()
@@ -417,7 +417,7 @@ class TableScreen(ElementsScreen):
         self._edited(f"done again: {label}" if label else "nothing to do again")
 
     def command_discard(self) -> None:
-        self._sure_of_hidden(self._discard)
+        self.sure_of_hidden(self._discard)
 
     def _discard(self) -> None:
         count = self.session.table.discard(self.session.rows.targets())

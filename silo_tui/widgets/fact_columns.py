@@ -128,7 +128,7 @@ def _sign(pane: LivePane, row: int) -> tuple[str, str]:
 
 
 def _branch_sign(pane: LivePane, rows: Rows) -> tuple[str, str]:
-    """Return the worst sign below a branch, and how many have it: wider than its column, which nothing stands beside."""
+    """Return the worst sign below a branch, and how many have it; nothing stands beside it."""
     letters, count = worst_of(pane.session.table.signs[rows])
     return (f"{letters:<2} {count} of {len(rows)}" if letters else ""), _style(letters)
 

@@ -42,10 +42,12 @@ from silo.ipc.versions import PROTOCOL
 from silo.model import (
     Action,
     BufferType,
+    Derived,
     Edit,
     ElementInfo,
     ElementOptions,
     Entry,
+    Extras,
     FileType,
     LoggedEvent,
     Problem,
@@ -56,6 +58,7 @@ from silo.model import (
     Table,
     TriggerOptions,
 )
+from silo.settings.extras_diff import diff_extras
 from silo.settings.rules import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
 from silo.version import VERSION
@@ -222,6 +225,8 @@ class FakeClient:
         self.pins: list[FakePin] = []
         self.trigger_statuses: list[TriggerStatus] = []
         self.limit_statuses: list[LimitStatus] = []
+        self.derived: tuple[Derived, ...] = ()
+        self.limit_options: tuple[SignalLimits, ...] = ()
         self.since_ns = 0  # of the statistics
         self.facts: dict[str, dict[str, float]] = {}  # measured values that a test sets, by quantity and name
         self._recorded: dict[str, ElementOptions] = {}  # what the held recording was made with
@@ -378,7 +383,7 @@ class FakeClient:
     def read_script(self, path: str = "") -> ScriptText:
         self._ask()
         if not path:
-            return ScriptText(path=f"{FOLDER}/robot.yaml", text=format_script(self.elements))
+            return ScriptText(path=f"{FOLDER}/robot.yaml", text=format_script(self.elements, extras=self.extras))
         full, text = self._script(path)
         return ScriptText(path=full, text=text)
 
@@ -386,7 +391,18 @@ class FakeClient:
         script, plan = self._plan(path)
         changes = diff_options(self.elements, plan.options)
         unknown = [str(unknown.name) for unknown in plan.unknown]
-        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings)
+        extras = diff_extras(self.extras, script.extras) if script.extras is not None else []
+        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings, extras)
+
+    @property
+    def extras(self) -> Extras:
+        """What belongs to it beside its elements."""
+        return Extras(self.derived, self.limit_options, tuple(one.options for one in self.trigger_statuses))
+
+    def _take_extras(self, extras: Extras) -> None:
+        self.derived, self.limit_options = extras.derived, extras.limits
+        known = {one.options: one for one in self.trigger_statuses}
+        self.trigger_statuses = [known.get(one, TriggerStatus(one, TriggerWord.ARMED)) for one in extras.triggers]
 
     def _check(self, revision: int) -> None:
         self._ask()
@@ -457,6 +473,8 @@ class FakeClient:
         self._check(revision)
         script, plan = self._plan(path)
         changed = self._take(plan.options)
+        if script.extras is not None:
+            self._take_extras(script.extras)
         self.publish(EventKind.SCRIPT_LOADED, f"script {path} loaded", by=OWN_NAME)
         return EditsApplied(self.revision, changed, [str(unknown.name) for unknown in plan.unknown], script.warnings)
 
@@ -465,7 +483,7 @@ class FakeClient:
         self.calls.append(("save_script", path, overwrite))
         if path in self.files and not overwrite:
             raise refused(RefusedWhy.EXISTS, f"{FOLDER}/{path} exists")
-        self.files[path] = format_script(self.elements)
+        self.files[path] = format_script(self.elements, extras=self.extras)
         self.publish(EventKind.SCRIPT_SAVED, f"script {path} saved", by=OWN_NAME)
         return f"saved {FOLDER}/{path}"
 

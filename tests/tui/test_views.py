@@ -34,7 +34,8 @@ panels = st.lists(names.filter(bool), unique=True, max_size=6).flatmap(
 )
 layouts = st.builds(
     Layout,
-    sort=names, turned=st.booleans(), filter=names, set=names, folded=st.lists(names, unique=True, max_size=3).map(tuple),
+    sort=names, turned=st.booleans(), filter=names, set=names,
+    folded=st.lists(names, unique=True, max_size=3).map(tuple),
     unfolded=st.lists(names, unique=True, max_size=3).map(tuple),
     components=st.dictionaries(names, names, max_size=2), columns=st.lists(names, unique=True, max_size=3).map(tuple),
     plots=panels, chosen=names,
