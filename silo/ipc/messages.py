@@ -312,6 +312,8 @@ class SaveStarted(Reply, frozen=True):
 class RecorderInfo(msgspec.Struct, frozen=True):
     """An endless recording. `samples`, `lost` and `parts` count since it was started, `size_bytes` is on the disk now.
 
+    `written_bytes` counts since it was started too, what was deleted since along with it.
+
     `split_bytes`, `split_s` and `keep_bytes` are 0 for no limit; `text` says how it ended, if it did.
     """
 
@@ -331,6 +333,7 @@ class RecorderInfo(msgspec.Struct, frozen=True):
     by: str = ""
     text: str = ""
     pid: int = 0
+    written_bytes: int = 0
 
 
 class RecorderStarted(Reply, frozen=True):

@@ -13,6 +13,7 @@ from silo_tui.commands import flows
 from silo_tui.context import NOT_EDITED, Context, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.model import command_line, text
+from silo_tui.screens import recorder
 from silo_tui.screens.exporting import picture
 from silo_tui.screens.table import TableScreen
 
@@ -126,6 +127,11 @@ class CommandRunner:
             if changed
             else "nothing to change"
         )
+
+    def word_record(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:record [PATTERN ...]`; without a pattern, ask what."""
+        context = self._context
+        self._context.run_flow(recorder.begin(context, context.session, 0, " ".join(spelled.arguments)))
 
     def word_filter(self, spelled: command_line.Spelled) -> None:
         """Carry out `:filter [TERM ...]`."""

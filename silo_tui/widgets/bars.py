@@ -84,6 +84,8 @@ class StatusBar(Widget):
         lost = session.lost_total
         line.append(f"  lost {text.count(lost)}", style=f"bold {color(variables, 'error')}" if lost else "")
         line.append_text(self._conditions())
+        if status.recorders:
+            line.append(f"  REC {status.recorders}", style=f"bold {color(variables, 'error')}")
         if not session.may_edit or self._read_only:
             line.append("  read-only", style=color(variables, "warning"))
         if status.durable_ticks >= 0:  # storage="disk"

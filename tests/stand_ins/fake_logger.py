@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from silo.amounts import read_keep, read_split
 from silo.columns import ColumnGrid, HistoryColumns, bins_of
 from silo.errors import ConnectionLostError, ScriptError
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
@@ -24,6 +25,8 @@ from silo.ipc.messages import (
     GetPiece,
     HelloReply,
     PinOpened,
+    RecorderInfo,
+    RecorderStarted,
     Recordings,
     Refused,
     RefusedWhy,
@@ -51,6 +54,7 @@ from silo.model import (
     FileType,
     LoggedEvent,
     Problem,
+    RecorderState,
     SavedFile,
     SignalLimits,
     State,
@@ -225,6 +229,7 @@ class FakeClient:
         self.pins: list[FakePin] = []
         self.trigger_statuses: list[TriggerStatus] = []
         self.limit_statuses: list[LimitStatus] = []
+        self.recorder_infos: list[RecorderInfo] = []
         self.derived: tuple[Derived, ...] = ()
         self.limit_options: tuple[SignalLimits, ...] = ()
         self.since_ns = 0  # of the statistics
@@ -355,6 +360,7 @@ class FakeClient:
             entries=sum(len(info.entries) for info in self.elements), max_time_s=10.0, prefix="/log",
             folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
             durable_ticks=self.durable_ticks, held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
+            recorders=sum(not one.state.over for one in self.recorder_infos),
         )  # fmt: skip
 
     def table(self) -> Table:
@@ -543,6 +549,30 @@ class FakeClient:
         text: str = self._recordings_of(lambda folder, place: folder.delete(place, self.name, name))
         self.publish(EventKind.DELETED, text, by=OWN_NAME)
         return text
+
+    def recorders(self) -> list[RecorderInfo]:
+        self._ask()
+        return list(self.recorder_infos)
+
+    def record(
+        self, patterns: Sequence[str] = (), to: str = "", split: str = "1GB", keep: str = "", name: str = ""
+    ) -> RecorderStarted:
+        self._ask()
+        self.calls.append(("record", tuple(patterns), to, split, keep, name))
+        made = RecorderInfo(
+            name or self.name, f"/home/ann/logs/{to or 'recordings'}", RecorderState.RECORDING, list(patterns),
+            *read_split(split), read_keep(keep), "part1.mcap", since_ns=self.now_ns, by=OWN_NAME,
+        )  # fmt: skip
+        self.recorder_infos.append(made)
+        self.publish(EventKind.RECORDING, f"recording '{made.name}'", by=OWN_NAME)
+        return RecorderStarted(made.name, made.folder)
+
+    def stop_recorder(self, name: str = "") -> str:
+        self._ask()
+        self.calls.append(("stop_recorder", name))
+        self.recorder_infos = [one for one in self.recorder_infos if one.name != name]
+        self.publish(EventKind.RECORDING, f"recording '{name}' ended", by=OWN_NAME)
+        return f"recording '{name}' ended: 1 files"
 
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()
