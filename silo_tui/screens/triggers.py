@@ -1,7 +1,7 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The triggers of a logger: how each stands, armed and off, set and tried."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -22,7 +22,6 @@ from silo_tui.screens.trigger_editor import TriggerEditor
 from silo_tui.widgets.bars import color
 
 if TYPE_CHECKING:
-    from silo.ipc.client import Client
     from silo_tui.sessions.recorded import FileSession
 
 MOST_PLOTS = 6
@@ -73,12 +72,12 @@ class TriggersScreen(ConditionsScreen):
         one = self._chosen
         if one is not None:
             armed = one.state in (TriggerWord.OFF, TriggerWord.FIRED)
-            self.context.run_flow(self._told(lambda client: client.arm_trigger(one.options.name, armed=armed)))
+            self.context.run_flow(self.carry_out(lambda client: client.arm_trigger(one.options.name, armed=armed)))
 
     def command_trigger_force(self) -> None:
         one = self._chosen
         if one is not None:
-            self.context.run_flow(self._told(lambda client: client.force_trigger(one.options.name)))
+            self.context.run_flow(self.carry_out(lambda client: client.force_trigger(one.options.name)))
 
     def command_trigger_remove(self) -> None:
         one = self._chosen
@@ -92,7 +91,7 @@ class TriggersScreen(ConditionsScreen):
         body = f"{name}: {one.options.when}\n{kept}\nt switches it off and keeps it."
         question = Question(f"Remove trigger {name}?", body, [Choice("no", "Keep it"), Choice("yes", "Remove", "y")])
         if await self.app.push_screen_wait(question) == "yes":
-            await self._told(lambda client: client.remove_trigger(name))
+            await self.carry_out(lambda client: client.remove_trigger(name))
 
     def command_trigger_edit(self) -> None:
         one = self._chosen
@@ -108,7 +107,7 @@ class TriggersScreen(ConditionsScreen):
 
     def _edited(self, made: TriggerOptions | None) -> None:
         if made is not None:
-            self.context.run_flow(self._told(lambda client: client.set_trigger(made)))
+            self.context.run_flow(self.carry_out(lambda client: client.set_trigger(made)))
 
     def command_trigger_capture(self) -> None:
         one = self._chosen
@@ -130,9 +129,3 @@ class TriggersScreen(ConditionsScreen):
         names = [name for name in file.rows_of if file.rows_of[name].samples]
         named = [name for name in names if file.short_name(name).strip("/") in one.options.when]
         return (named or names)[:MOST_PLOTS]
-
-    async def _told(self, job: "Callable[[Client], str]") -> None:
-        said = await self.context.link.call(job)
-        await self.session.refresh_conditions()
-        self.show()
-        self.say(said)
