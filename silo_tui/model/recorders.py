@@ -68,7 +68,9 @@ def budget_text(one: RecorderInfo) -> str:
 
 def _of(part: int, whole: int) -> str:
     """Return two sizes in the unit of the larger one: `21 of 50 GB`, `0.4 of 2 GB`."""
-    unit, scale = next(((unit, 10.0**power) for unit, power in (("GB", 9), ("MB", 6)) if whole >= 10**power), ("kB", 1e3))
+    unit, scale = next(
+        ((unit, 10.0**power) for unit, power in (("GB", 9), ("MB", 6)) if whole >= 10**power), ("kB", 1e3)
+    )
     some = part / scale
     return f"{some:.1f}".removesuffix(".0") + f" of {whole / scale:.3g} {unit}"
 

@@ -110,7 +110,9 @@ class RecordDialog(Dialog[Wish | None]):
         on = int((values[Field.ENABLED] != 0).sum())
         off = f", {len(rows) - on} of them off" if on < len(rows) else ""
         values[Field.ACTION] = 0  # it records what is published alone, too
-        bytes_s = cost_of([session.table.elements[row] for row in rows], values, session.status.frequency_hz).disk_bytes_s
+        bytes_s = cost_of(
+            [session.table.elements[row] for row in rows], values, session.status.frequency_hz
+        ).disk_bytes_s
         first = f"{text.plural(len(rows), 'signal')}{off}: {text.size(bytes_s)}/s before compression"
         room = read_keep(wish.keep)
         if not bytes_s:
@@ -118,7 +120,9 @@ class RecordDialog(Dialog[Wish | None]):
         if room:
             return f"{first}\nkeeps the newest {duration(room / bytes_s)} or more, then deletes its own oldest parts"
         if self._free_bytes:
-            return f"{first}\nthe disk takes {duration(self._free_bytes / bytes_s)} or more of it, then it stops by itself"
+            return (
+                f"{first}\nthe disk takes {duration(self._free_bytes / bytes_s)} or more of it, then it stops by itself"
+            )
         return first
 
     def on_input_changed(self, event: Input.Changed) -> None:
@@ -160,7 +164,8 @@ async def end(context: Context, session: Session) -> None:
         return
     harmless = Choice("", "Record on" if any(not one.state.over for one in session.recorders) else "Leave them")
     choices = [harmless] + [
-        Choice(one.name, _words(one), str(place) if place < 10 else "") for place, one in enumerate(session.recorders, 1)
+        Choice(one.name, _words(one), str(place) if place < 10 else "")
+        for place, one in enumerate(session.recorders, 1)
     ]
     body = "Its last part is finished, and all its parts stay where they are."
     name = await context.app.push_screen_wait(Question(f"Stop which recording of {session.name}?", body, choices))
