@@ -340,6 +340,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("theme", "", "Theme", "choose other colours", "Go", (), typed=Typed(("theme",), "themes")),
     Command("view", "", "View", "what is on the screen, kept by a name", "Look", (),
             typed=Typed(("view",), "views", ":view [save] NAME", "put a view on the screen, or keep it", 8)),
+    Command("open", "", "Open a file", "look into a saved log of this machine; Esc comes back", "Go", (),
+            typed=Typed(("open",), "logs", ":open FILE", "look into a saved log of this machine", 9)),
     Command("picture", "", "Picture", "the screen as a picture", "Go", (),
             typed=Typed(("picture",), "", ":picture FILE.svg", "the screen as a picture", 7)),
 )

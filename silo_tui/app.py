@@ -350,6 +350,10 @@ class SiloApp(App[None]):
             self.push_screen(HelpScreen(screen.scope, self.context.settings.keys, screen.action_command))
 
     def command_command(self) -> None:
+        self.begin_command("")
+
+    def begin_command(self, word: str) -> None:
+        """Open the command line over any screen, with a word typed already."""
         from silo_tui.screens.command_line import CommandLine
 
         runner = CommandRunner(self.context)
@@ -361,7 +365,7 @@ class SiloApp(App[None]):
         screen = self.context.upper_screen
         on_file = screen is not None and screen.scope in FILE_SCOPES
         words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
-        self.push_screen(CommandLine(runner.complete, words), run)
+        self.push_screen(CommandLine(runner.complete, words, f"{word} " if word else ""), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):

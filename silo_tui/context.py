@@ -283,6 +283,10 @@ class SiloScreen(Leaving[None]):
             handler()
         self.update_keys()
 
+    def begin_command(self, word: str) -> None:
+        """Go on in the command line, with a word typed already."""
+        cast(Any, self.app).begin_command(word)
+
     def on_key(self, event: events.Key) -> None:
         """Say of a key that edits on a logger's screen why it doesn't here; keys with a meaning don't come here."""
         if edits_by(event.key, self.scope, self.context.settings.keys):

@@ -181,7 +181,9 @@ def _what_changes(context: Context, changes: Sequence[PendingChange]) -> Text:
     frequency_hz = session.status.frequency_hz
     now = cost_of(table.elements, table.server, frequency_hz)
     after = cost_of(table.elements, table.values, frequency_hz)
-    return diff_text(changes, table.prefix, cost_text(now, after, session.short_name(after.shortest)))
+    return diff_text(
+        changes, table.prefix, cost_text(now, after, session.short_name(after.shortest), session.status.room_bytes)
+    )
 
 
 async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> bool:

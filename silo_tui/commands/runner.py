@@ -15,6 +15,7 @@ from silo_tui.layouts import files, views
 from silo_tui.model import command_line, text
 from silo_tui.screens import recorder
 from silo_tui.screens.exporting import picture
+from silo_tui.screens.opened import open_path
 from silo_tui.screens.table import TableScreen
 
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
@@ -43,6 +44,7 @@ class CommandRunner:
             "names": lambda: context.session.table.names,
             "types": lambda: SAVED_NAMES,
             "views": lambda: ["save", *files.names()],
+            "logs": lambda: command_line.logs(begun),
             "themes": lambda: sorted(context.app.available_themes),
         }
         source = sources.get(command.typed.completes) if command.typed is not None else None
@@ -132,6 +134,22 @@ class CommandRunner:
         """Carry out `:record [PATTERN ...]`; without a pattern, ask what."""
         context = self._context
         self._context.run_flow(recorder.begin(context, context.session, 0, " ".join(spelled.arguments)))
+
+    def word_open(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:open FILE`."""
+        if not spelled.arguments:
+            raise ValueError("open which file? for example `:open logs/run.silo`; F lists what is on the robot")
+        if not self._context.has_session:
+            raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
+        opening = self._open(" ".join(spelled.arguments))
+        self._context.app.run_worker(opening, group="opening", exclusive=True)
+
+    async def _open(self, path: str) -> None:
+        self._context.say(f"reading {path} …")
+        try:
+            await open_path(self._context, path)
+        except (SiloError, OSError) as error:
+            self._context.fail(f"{path} can't be opened: {error}")
 
     def word_filter(self, spelled: command_line.Spelled) -> None:
         """Carry out `:filter [TERM ...]`."""

@@ -1,5 +1,6 @@
 """Endless recordings as rows of text: what runs, for how long, how fast, how much of its budget is full. Pure."""
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -46,7 +47,7 @@ def row(
     """Return a recorder as a line of so many cells; `names` are those of all elements, `folder` the logger's own."""
     place = one.folder.removeprefix(folder.rstrip("/") + "/")
     since_s = ((time.time_ns() if now_ns is None else now_ns) - one.since_ns) / 1e9
-    known = pace is not None and pace.bytes_s == pace.bytes_s  # noqa: PLR0124 - false for NaN
+    known = pace is not None and not math.isnan(pace.bytes_s)
     if one.state.over:
         rate, budget = one.text or "ended", ""
     else:

@@ -29,8 +29,6 @@ async def open_recording(
 
     One that isn't on this machine is fetched first, which is told.
     """
-    from silo_tui.screens.file_table import FileTableScreen
-
     asked_on = context.upper_screen
     found = await _opened(context, session, folder, file)
     if found is None:
@@ -39,14 +37,28 @@ async def open_recording(
     if context.upper_screen is not asked_on or context.app.screen is not asked_on:
         context.say(f"{file.name} is here: {path}")  # whoever asked went elsewhere meanwhile
         return
-    context.show_file(opened)
-    await context.app.push_screen(FileTableScreen(opened, leave=context.leave_file))
-    context.table_changed()
-    context.status_changed()
+    await _show(context, opened)
     if plotted is not None and (names := plotted(opened)):
         await _show_plots(context, opened, names)
     if path.parent == cache_folder(session.status.host, session.name):
         context.say(f"fetched, {text.size(file.size_bytes)}: {path}")
+
+
+async def open_path(context: Context, path: str) -> None:
+    """Show a log of this machine over the logger that is open. Raises what opening it raises."""
+    from silo_tui.sessions.recorded import open_file
+
+    opened = await asyncio.to_thread(open_file, Path(path).expanduser())
+    await _show(context, opened)
+
+
+async def _show(context: Context, opened: "FileSession") -> None:
+    from silo_tui.screens.file_table import FileTableScreen
+
+    context.show_file(opened)
+    await context.app.push_screen(FileTableScreen(opened, leave=context.leave_file))
+    context.table_changed()
+    context.status_changed()
 
 
 async def _show_plots(context: Context, opened: "FileSession", names: list[str]) -> None:

@@ -412,7 +412,10 @@ class RecordingsScreen(SiloScreen):
             self.say("nothing to delete here")
         elif foreign:
             whose = f"the logger {foreign[0].logger} wrote it" if foreign[0].logger else "it names no logger"
-            self.say(f"{foreign[0].stem} was not saved by this logger ({whose}): delete it on the robot; it is kept")
+            why = f"was not saved by this logger ({whose})"
+            if foreign[0].files[0].folder:
+                why = "is a part of an endless recording, whose budget (keep) deletes the oldest"
+            self.say(f"{foreign[0].stem} {why}: delete it on the robot; it is kept")
         else:
             size = text.size(sum(one.size_bytes for one in targets))
             what = targets[0].stem if len(targets) == 1 else text.plural(len(targets), "recording")

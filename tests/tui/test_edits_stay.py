@@ -3,6 +3,7 @@
 import os
 import threading
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -147,6 +148,21 @@ async def test_equal_edits_stand_in_one_line_with_what_they_cost(fake, opened):
         await screen.shows("12 × /legs/*/*/torque  divider 1 → 5")
         for words in ("memory", "to a file", "topics", "held", "shortest:"):
             assert words in screen.text
+
+
+async def test_the_memory_of_an_edit_stands_beside_what_there_is_of_it(fake, opened, monkeypatch):
+    status = fake.status
+    monkeypatch.setattr(fake, "status", lambda: msgspec.structs.replace(status(), room_bytes=50_000_000))
+    async with opened(fake) as screen:
+        await screen.type(":set size=5000")
+        await screen.press("enter", "a")
+        await screen.shows("of 50.0 MB available")
+        assert "!!" not in screen.text
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
+        await screen.type(":set size=50M")
+        await screen.press("enter", "a")
+        await screen.shows("!! of 50.0 MB available")
 
 
 async def test_a_script_that_differs_in_a_trigger_alone_is_shown_and_loaded(fake, opened):
