@@ -16,6 +16,7 @@ WORDS = {
 }  # fmt: skip
 LOUD = (RecorderState.FAILED,)
 CAUTION = (RecorderState.WAITING, RecorderState.DIED, RecorderState.OTHER)
+USUAL = "recordings"  # the folder, which needs no mention
 BAR = 5
 FULL_SHARE = 0.8  # of the budget, from which it is amber
 RATE_S = 0.5  # least time between two looks that make a rate
@@ -46,6 +47,7 @@ def row(
 ) -> str:
     """Return a recorder as a line of so many cells; `names` are those of all elements, `folder` the logger's own."""
     place = one.folder.removeprefix(folder.rstrip("/") + "/")
+    name = one.name if place == USUAL else f"{place}/{one.name}"
     since_s = ((time.time_ns() if now_ns is None else now_ns) - one.since_ns) / 1e9
     known = pace is not None and not math.isnan(pace.bytes_s)
     if one.state.over:
@@ -54,7 +56,7 @@ def row(
         rate = f"{text.size(pace.bytes_s)}/s" if pace is not None and known else "…"
         budget = budget_text(one)
     cells = (
-        WORDS[one.state], f"{place}/{one.name}", str(len(matching(names, one.patterns))), _since(since_s),
+        WORDS[one.state], name, str(len(matching(names, one.patterns))), _since(since_s),
         rate, budget, str(one.parts + bool(one.part)), text.count(one.lost),
     )  # fmt: skip
     return _line(cells, width)

@@ -64,7 +64,7 @@ class StatusBar(Widget):
         if self.mode:
             line.append("  ")
             line.append(f" {self.mode} ", style="reverse")
-        if not self.mode or self.size.width >= 100:
+        if not (self.mode or status.recorders) or self.size.width >= 100:  # what isn't normal needs the room
             line.append(f"  {status.enabled}/{status.elements}")
         if self.size.width >= 100:
             line.append(" elements")

@@ -237,6 +237,16 @@ async def test_the_palette_finds_what_can_only_be_typed_and_goes_on_in_the_comma
         await screen.until(lambda: screen.session.table.names[screen.session.rows.row] == "/log/imu/temperature")
 
 
+async def test_a_dialog_stands_in_the_middle_and_what_lies_below_is_seen(fake, opened):
+    async with opened(fake, size=(120, 40)) as screen:
+        await screen.press("e")
+        await screen.shows("Edit what of 1 element?")
+        lines = screen.text.splitlines()
+        assert "/base/orientation" in lines[2]
+        title = next(line for line in lines if "Edit what of" in line)
+        assert title.index("Edit what of") > 20
+
+
 @pytest.fixture
 def saved_log(tmp_path):
     """A log of this machine."""
