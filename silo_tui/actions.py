@@ -143,8 +143,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("sort", "o", "Order", "choose an order; its letter again turns it round", "Find and mark", _TABLES, 3,
             typed=Typed(("sort",), "sorts", ":sort div", "order by a column", 6)),
     Command("fold", "z", "Fold", "fold a name space, or unfold a vector into its entries", "Find and mark", _TABLES, 4),
-    Command("component", "n", "Entry", "norm of a vector, its first entry, the next ...", "Look", _TABLE),
-    Command("columns", "C", "Columns", "settings, statistics, timing", "Look", _TABLE),
+    Command("component", "n", "Entry", "norm of a vector, its first entry, the next ...", "Look", _TABLES),
+    Command("columns", "C", "Columns", "settings or values, statistics, timing", "Look", _TABLES),
     Command("zero", "Z", "Zero", "statistics from now on", "Look", _TABLE),
     # ------------------------------------------------------------------------------------------------- editing
     Command("edit", "e,enter", "Edit", "edit the field that ← → chose, else ask which", "Edit", _TABLE, 5, writes=True),

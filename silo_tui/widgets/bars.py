@@ -199,7 +199,8 @@ class InfoLine(Widget):
             parts.append(found)
             parts += [f"? {problem}" for problem in rows.filter.problems[:1]]
         if rows.sort not in STEADY or rows.turned:
-            since = f" since {text.clock(session.table.facts.since_ns)}" if rows.sort in STATISTICS else ""
+            since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all
+            since = f" since {text.clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
             parts.append(f"by {rows.sort} {rows.arrow}{since}")
         if self._said:
             parts.append(self._said)
