@@ -1,6 +1,7 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The table of a logger: its elements with their live columns, and everything that edits them."""
 
+import math
 import time
 from collections.abc import Callable
 from typing import ClassVar
@@ -11,6 +12,7 @@ from textual.timer import Timer
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
+from silo.model import TriggerOptions
 from silo.settings.words import examples
 from silo_tui.actions import bindings_for
 from silo_tui.model import text
@@ -284,6 +286,35 @@ class TableScreen(ElementsScreen):
             self.app.push_screen(
                 Question(f"Edit what of {text.plural(count, 'element')}?", "", choices), self._edit_chosen
             )
+
+    def command_new_of_row(self) -> None:
+        row = self.session.rows.row
+        if row is None or not self.session.table.elements[row].entries:
+            self.say("a trigger or limits are of one element: go to its line")
+            return
+        entry = self.session.rows.entry or 0
+        name = self.session.table.entry_names(row)[entry]
+        short = self.session.short_name(name).lstrip("/")
+        reading = self.session.live.readings.get(self.session.table.names[row])
+        value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
+        level = f"{value:.6g}" if math.isfinite(value) else "0"
+        made = TriggerOptions(short.rpartition("/")[2], f"{short} > {level}", 1.0, 1.0)
+        choices = [Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l")]
+        self.app.push_screen(Question(f"New for {short}?", "", choices), lambda answer: self._make(answer, made, name))
+
+    def _make(self, answer: str | None, made: TriggerOptions, name: str) -> None:
+        """Go to the editor of a trigger, or of limits."""
+        from silo_tui.screens.alarms import AlarmsScreen
+        from silo_tui.screens.triggers import TriggersScreen
+
+        if answer == "trigger":
+            triggers = TriggersScreen(self.session)
+            self.app.push_screen(triggers)
+            triggers.call_after_refresh(triggers.edit, made, is_new=True)
+        elif answer == "limits":
+            alarms = AlarmsScreen(self.session)
+            self.app.push_screen(alarms)
+            alarms.call_after_refresh(alarms.ask_limits, self.session.short_name(name).lstrip("/"), name)
 
     def _open_left(self) -> None:
         from silo_tui.screens.opened import open_saved
