@@ -101,8 +101,8 @@ class ConditionsScreen(SiloScreen, Generic[Status]):
 
     def show(self) -> None:
         """Draw the lines; the cursor stays on what it was on."""
-        if not self.is_mounted:
-            return  # it is about to be
+        if not self._here:
+            return
         width, found = self.size.width, self.all
         lines, known = self._list, self.chosen_id
         self.marks.keep(map(self.key_of, found))
@@ -130,7 +130,14 @@ class ConditionsScreen(SiloScreen, Generic[Status]):
 
     mark_column = 1
 
+    @property
+    def _here(self) -> bool:
+        """Whether its widgets are there: what was asked for may come while the screen is going."""
+        return self.is_mounted and bool(self.query("#conditions-list")) and bool(self.query("#conditions-said"))
+
     def _show_words(self) -> None:
+        if not self._here:
+            return
         parts = [f"{len(self.marks.keys)} marked"] if self.marks.keys else []
         parts += [f"/{self._asked}: {len(self._drawn)} of {len(self.all)}"] if self._asked else []
         parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []

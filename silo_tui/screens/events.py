@@ -81,7 +81,14 @@ class EventsScreen(SiloScreen):
         if self.session.happened is not self._all:
             self._show()
 
+    @property
+    def _here(self) -> bool:
+        """Whether its widgets are there: what was asked for may come while the screen is going."""
+        return self.is_mounted and bool(self.query("#events-list")) and bool(self.query("#events-said"))
+
     def _show(self) -> None:
+        if not self._here:
+            return
         lines, width = self._list, self.size.width
         kept = self._event
         self._all = self.session.happened
@@ -101,6 +108,8 @@ class EventsScreen(SiloScreen):
         return shown
 
     def _tell(self) -> None:
+        if not self._here:
+            return
         count = text.plural(len(self._all), "event")
         words = [f"{count}, {'follows' if self._following else 'g follows'}" if self._all else "nothing happened yet"]
         if self._order is not ORDERS[0] or self._turned:

@@ -24,6 +24,7 @@ from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.elements import WIDE, ElementsScreen
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import LiveSource, Session
+from silo_tui.terminal import pace_of
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FLAGS, ElementTable
 from silo_tui.widgets.fact_columns import ColumnSet, pane_columns
@@ -113,12 +114,17 @@ class TableScreen(ElementsScreen):
     def _judge(self) -> None:
         """Survey once a second, twice where a filter asks for what is measured."""
         session, now_s = self.session, time.monotonic()
-        period_s = JUDGE_S if session.rows.filter.measured else SURVEY_S
+        period_s = max(JUDGE_S if session.rows.filter.measured else SURVEY_S, self._thin_s())
         due = now_s - self._survey_s >= period_s - JUDGE_S / 2
         if self._surveying or not due or self.context.upper_screen is not self or not session.connected:
             return
         self._survey_s, self._surveying = now_s, True
         self.run_worker(self._survey(), group="survey")
+
+    def _thin_s(self) -> float:
+        """Return how long a thin link has to be spared; 0 where it isn't one."""
+        pause_s = pace_of(self.app).statistics_s
+        return pause_s if pause_s > SURVEY_S else 0.0
 
     async def _survey(self) -> None:
         reset, self._reset_wanted = self._reset_wanted, False

@@ -63,7 +63,13 @@ class TriggerEditor(ModalScreen[TriggerOptions | None]):
         return options_of_fields(fields, self._options)
 
     def _tell(self, words: str) -> None:
-        self.query_one("#trigger-told", Static).update(Text(words))
+        for told in self._told:
+            told.update(Text(words))
+
+    @property
+    def _told(self) -> list[Static]:
+        """The line below, none once the editor is going: what it tried may come later."""
+        return list(self.query("#trigger-told").results(Static))
 
     # ------------------------------------------------------------------------------------------------------- trying
 
@@ -77,6 +83,8 @@ class TriggerEditor(ModalScreen[TriggerOptions | None]):
         self._timer = self.set_timer(TRY_AFTER_S, lambda: self.run_worker(self._try(), group="try", exclusive=True))
 
     async def _try(self) -> None:
+        if not self._told:
+            return
         if not self.query_one("#trigger-when", Input).value.strip():
             self._tell("the condition: signals, numbers with units, and or not, prev diff rate mean min max any all")
             return
@@ -93,8 +101,8 @@ class TriggerEditor(ModalScreen[TriggerOptions | None]):
         except SiloError as error:
             self._tell(str(error))
             return
-        width = self.query_one("#trigger-told").content_size.width
-        self._tell("\n".join(tried_lines(tried, width, made.keep)))
+        for told in self._told:
+            self._tell("\n".join(tried_lines(tried, told.content_size.width, made.keep)))
 
     # ------------------------------------------------------------------------------------------------------- ending
 
