@@ -139,7 +139,7 @@ class SiloApp(App[None]):
             return
         if frame.running != session.running and not session.dead:
             self.run_worker(self._refresh_status(), group="status", exclusive=True)
-        if (screen := self.context.upper_screen) is not None:
+        if (screen := self.context.upper_screen) is not None and screen.is_mounted:
             screen.live_changed(frame)
         self._tell_thinness()
 
@@ -153,7 +153,7 @@ class SiloApp(App[None]):
     def _second(self) -> None:
         if terminal.backed_up(self):
             return
-        if (screen := self.context.upper_screen) is not None:
+        if (screen := self.context.upper_screen) is not None and screen.is_mounted:  # else it is about to be
             screen.second_passed()
         self._opener.keep_view()
         session = self._live_session

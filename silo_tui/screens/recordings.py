@@ -32,7 +32,6 @@ FOLLOW_S = 0.25
 FIRST, MOST = 200, 10_000  # how many are asked for
 LOOK_AGAIN_S = 0.3
 FILTER_KEYS = "Enter keeps the filter  Esc clears it"
-GUTTER = 2
 
 
 class RecordingsScreen(SiloScreen):

@@ -105,7 +105,7 @@ class Terminal:
             self._down.append((self._free_s + self._link.delay_s, piece))
 
     def until(self, fact: Callable[[bytes], object], most_s: float = MOST_S) -> float:
-        """Wait for a fact of what arrives from now on; return the seconds it took. TimeoutError says what stands there."""
+        """Wait for a fact of what arrives from now on and return the seconds it took; TimeoutError: what is there."""
         begin_s, begin = time.monotonic(), len(self.seen)
         while not fact(bytes(self.seen[begin:])):
             self.step()
