@@ -104,3 +104,10 @@ async def test_a_screen_that_was_asked_for_as_the_program_ends_is_not_made(opene
     async with opened(fake) as screen:
         screen.app.post_message(events.Key(key, None))
         screen.app.post_message(events.Key("ctrl+q", None))
+
+
+async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake):
+    async with opened(fake) as screen:
+        await screen.press("t", "q")
+        await screen.shows("Quit without applying?")
+        await screen.shows("/base/position")
