@@ -50,11 +50,8 @@ class Choices(OptionList):
             await super().on_event(event)
 
 
-class Dialog(ModalScreen[ResultT], Leaving[ResultT]):
-    """A dialog: first of all a `ModalScreen`, as styles go by the first class that it is made of.
-
-    Over a slow link keys come in one piece: more are on their way to it when the first one closes it.
-    """
+class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual finds styles by the first base
+    """A dialog. Over a slow link keys come in one piece: more are on their way to it when the first one closes it."""
 
     def dismiss(self, result: ResultT | None = None) -> AwaitComplete:
         """Leave with a result; a second time does nothing, where Textual would close what lies below."""
