@@ -24,6 +24,8 @@ from silo.ipc.messages import (
     EditsApplied,
     GetPiece,
     HelloReply,
+    KeptView,
+    KeptViews,
     PinOpened,
     RecorderInfo,
     RecorderStarted,
@@ -229,6 +231,7 @@ class FakeClient:
         self.pins: list[FakePin] = []
         self.trigger_statuses: list[TriggerStatus] = []
         self.limit_statuses: list[LimitStatus] = []
+        self.views_kept: dict[str, str] = {}
         self.recorder_infos: list[RecorderInfo] = []
         self.derived: tuple[Derived, ...] = ()
         self.limit_options: tuple[SignalLimits, ...] = ()
@@ -549,6 +552,23 @@ class FakeClient:
         text: str = self._recordings_of(lambda folder, place: folder.delete(place, self.name, name))
         self.publish(EventKind.DELETED, text, by=OWN_NAME)
         return text
+
+    def kept_views(self) -> KeptViews:
+        self._ask()
+        return KeptViews(f"{FOLDER}/views", sorted(self.views_kept))
+
+    def kept_view(self, name: str) -> KeptView:
+        self._ask()
+        if name not in self.views_kept:
+            raise refused(RefusedWhy.NOT_FOUND, f"there is no view '{name}' on the robot")
+        return KeptView(f"{FOLDER}/views/{name}.yaml", self.views_kept[name])
+
+    def keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
+        self._ask()
+        if name in self.views_kept and not overwrite:
+            raise refused(RefusedWhy.EXISTS, f"there is a view '{name}' on the robot")
+        self.views_kept[name] = text
+        return f"view kept on the robot: {FOLDER}/views/{name}.yaml"
 
     def recorders(self) -> list[RecorderInfo]:
         self._ask()

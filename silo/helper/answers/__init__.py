@@ -9,6 +9,7 @@ from silo.helper.answers import (
     elements,
     events,
     files,
+    layouts,
     recorders,
     samples,
     scripts,
