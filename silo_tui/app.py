@@ -74,6 +74,7 @@ class SiloApp(App[None]):
         self.set_keymap(dict(settings.keys))
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
+        self.context.left = self._opener.forget_view
         self._rate_hz = rate_hz
         self._file = file  # shown instead of a logger
         self._thin_words = ""
@@ -139,8 +140,7 @@ class SiloApp(App[None]):
             return
         if frame.running != session.running and not session.dead:
             self.run_worker(self._refresh_status(), group="status", exclusive=True)
-        if (screen := self.context.upper_screen) is not None and screen.is_mounted:
-            screen.live_changed(frame)
+        self.context.tell_upper(lambda screen: screen.live_changed(frame))
         self._tell_thinness()
 
     def _tell_thinness(self) -> None:
@@ -153,8 +153,7 @@ class SiloApp(App[None]):
     def _second(self) -> None:
         if terminal.backed_up(self):
             return
-        if (screen := self.context.upper_screen) is not None and screen.is_mounted:  # else it is about to be
-            screen.second_passed()
+        self.context.tell_upper(lambda screen: screen.second_passed())
         self._opener.keep_view()
         session = self._live_session
         if session is not None and session.conditions_due and session.fresh:
@@ -342,6 +341,7 @@ class SiloApp(App[None]):
         self.context.leave_file()
 
     def command_quit_now(self) -> None:
+        self.context.left()
         self.exit()
 
     def command_help(self) -> None:
@@ -352,6 +352,10 @@ class SiloApp(App[None]):
             self.push_screen(HelpScreen(screen.scope, self.context.settings.keys, screen.action_command))
 
     def command_command(self) -> None:
+        self.begin_command("")
+
+    def begin_command(self, word: str) -> None:
+        """Open the command line over any screen, with a word typed already."""
         from silo_tui.screens.command_line import CommandLine
 
         runner = CommandRunner(self.context)
@@ -363,7 +367,7 @@ class SiloApp(App[None]):
         screen = self.context.upper_screen
         on_file = screen is not None and screen.scope in FILE_SCOPES
         words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
-        self.push_screen(CommandLine(runner.complete, words), run)
+        self.push_screen(CommandLine(runner.complete, words, f"{word} " if word else ""), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):

@@ -2,8 +2,8 @@
 """What the screens of triggers and of alarms share: a list that keeps its line, filter, order, marks, words, keys."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
-from typing import Any, ClassVar, Generic, TypeVar
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from rich.text import Text
 from textual import events
@@ -22,6 +22,9 @@ FILTER_KEYS = "Enter keeps the filter  Esc clears it"
 MOST_PLOTS = 6
 
 Status = TypeVar("Status")
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
 
 
 class ConditionsScreen(SiloScreen, Generic[Status]):
@@ -72,6 +75,17 @@ class ConditionsScreen(SiloScreen, Generic[Status]):
             await self.context.quietly(self.session.refresh_conditions())
         self.show()
 
+    async def carry_out(self, job: "Callable[[Client], str]") -> None:
+        """Ask for something, and say what came of it: last, as keys are for what comes of it until then.
+
+        The screen may be left meanwhile, so what came of it is told where one is.
+        """
+        said = await self.context.link.call(job)
+        try:
+            await self.session.refresh_conditions()
+        finally:
+            self.context.say(said)
+
     # ------------------------------------------------------------------------------------------------- to be drawn
 
     @abstractmethod
@@ -101,8 +115,8 @@ class ConditionsScreen(SiloScreen, Generic[Status]):
 
     def show(self) -> None:
         """Draw the lines; the cursor stays on what it was on."""
-        if not self._here:
-            return
+        if not self.is_there:
+            return  # it is being made, or goes
         width, found = self.size.width, self.all
         lines, known = self._list, self.chosen_id
         self.marks.keep(map(self.key_of, found))
@@ -130,19 +144,14 @@ class ConditionsScreen(SiloScreen, Generic[Status]):
 
     mark_column = 1
 
-    @property
-    def _here(self) -> bool:
-        """Whether its widgets are there: what was asked for may come while the screen is going."""
-        return self.is_mounted and bool(self.query("#conditions-list")) and bool(self.query("#conditions-said"))
-
     def _show_words(self) -> None:
-        if not self._here:
-            return
         parts = [f"{len(self.marks.keys)} marked"] if self.marks.keys else []
         parts += [f"/{self._asked}: {len(self._drawn)} of {len(self.all)}"] if self._asked else []
         parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []
-        parts.append(self._said or (self.words() if self.all else self.empty))
-        self.query_one("#conditions-said", Static).update(Text(f" {' │ '.join(filter(None, parts))}"))
+        fetching = " │ ".join(one.words for one in self.session.fetches.values())
+        parts.append(self._said or fetching or (self.words() if self.all else self.empty))
+        for line in self.query("#conditions-said").results(Static):  # none of a screen that is gone
+            line.update(Text(f" {' │ '.join(filter(None, parts))}"))
 
     @property
     def _list(self) -> OptionList:
@@ -186,9 +195,8 @@ class ConditionsScreen(SiloScreen, Generic[Status]):
         self.show()
 
     def second_passed(self) -> None:
-        if self.is_mounted:
-            self._banner.update()
-            self.ask()
+        self._banner.update()
+        self.ask()
 
     # ---------------------------------------------------------------------------------------------------- commands
 

@@ -6,12 +6,12 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
-from textual.screen import ModalScreen
 from textual.timer import Timer
 from textual.widgets import Input, Static
 
 from silo.errors import SiloError
 from silo.model import TriggerOptions
+from silo_tui.modal import Dialog
 from silo_tui.model.conditions import fields_of, options_of_fields, tried_lines
 from silo_tui.sessions.live import Session
 
@@ -24,7 +24,7 @@ HINTS = {
 }  # fmt: skip
 
 
-class TriggerEditor(ModalScreen[TriggerOptions | None]):
+class TriggerEditor(Dialog[TriggerOptions | None]):
     """Answers with the trigger on Enter, None on Esc."""
 
     KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"
@@ -63,13 +63,8 @@ class TriggerEditor(ModalScreen[TriggerOptions | None]):
         return options_of_fields(fields, self._options)
 
     def _tell(self, words: str) -> None:
-        for told in self._told:
-            told.update(Text(words))
-
-    @property
-    def _told(self) -> list[Static]:
-        """The line below, none once the editor is going: what it tried may come later."""
-        return list(self.query("#trigger-told").results(Static))
+        for line in self.query("#trigger-told").results(Static):  # none of an editor that was left
+            line.update(Text(words))
 
     # ------------------------------------------------------------------------------------------------------- trying
 
@@ -83,8 +78,8 @@ class TriggerEditor(ModalScreen[TriggerOptions | None]):
         self._timer = self.set_timer(TRY_AFTER_S, lambda: self.run_worker(self._try(), group="try", exclusive=True))
 
     async def _try(self) -> None:
-        if not self._told:
-            return
+        if not self.query("#trigger-when"):
+            return  # it was left
         if not self.query_one("#trigger-when", Input).value.strip():
             self._tell("the condition: signals, numbers with units, and or not, prev diff rate mean min max any all")
             return
@@ -101,8 +96,8 @@ class TriggerEditor(ModalScreen[TriggerOptions | None]):
         except SiloError as error:
             self._tell(str(error))
             return
-        for told in self._told:
-            self._tell("\n".join(tried_lines(tried, told.content_size.width, made.keep)))
+        width = next((line.content_size.width for line in self.query("#trigger-told")), 80)
+        self._tell("\n".join(tried_lines(tried, width, made.keep)))
 
     # ------------------------------------------------------------------------------------------------------- ending
 

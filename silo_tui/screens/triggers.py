@@ -1,7 +1,6 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The triggers of a logger: how each stands, armed and off, set and tried."""
 
-import asyncio
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -10,18 +9,22 @@ from rich.text import Text
 from textual.binding import Binding
 from textual.widgets import OptionList
 
+from silo.files.formats import kind_of
 from silo.ipc.conditions import TriggerStatus, TriggerWord
-from silo.model import TriggerOptions
+from silo.model import SavedFile, TriggerOptions
 from silo_tui.actions import bindings_for
+from silo_tui.model import text
 from silo_tui.model.conditions import CAUTION, LOUD, named_in, times_head, trigger_row
 from silo_tui.model.lists import Order
 from silo_tui.screens.conditions import MOST_PLOTS, ConditionsScreen
 from silo_tui.screens.dialogs import Choice, Question
+from silo_tui.screens.opened import open_saved
 from silo_tui.screens.trigger_editor import TriggerEditor
 from silo_tui.widgets.bars import color
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
+    from silo_tui.sessions.recorded import FileSession
 
 # what is the matter first
 STATES = (
@@ -91,26 +94,27 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     def command_trigger_force(self) -> None:
         self._do(self.targets, lambda client, name: client.force_trigger(name))
 
-    def command_trigger_remove(self) -> None:
-        """Forget the trigger; several after a question."""
-        targets = self.targets
-        if len(targets) < 2:
-            self._remove(targets)
-            return
-        body = "\n".join(f"{one.options.name}: {one.options.when}" for one in targets)
-        choices = [Choice("no", "Keep them"), Choice("yes", f"Forget {len(targets)} triggers", "y")]
-        self.app.push_screen(
-            Question(f"Forget {len(targets)} triggers of {self.session.name}?", body, choices),
-            lambda answer: self._remove(targets) if answer == "yes" else None,
-        )
-
-    def _remove(self, targets: Sequence[TriggerStatus]) -> None:
-        self._do(targets, lambda client, name: client.remove_trigger(name))
-
     def _do(self, targets: Sequence[TriggerStatus], job: "Callable[[Client, str], str]") -> None:
         names = [one.options.name for one in targets]
         if names:
-            self.context.run_flow(self._told(lambda client: "; ".join([job(client, name) for name in names])))
+            self.context.run_flow(self.carry_out(lambda client: "; ".join([job(client, name) for name in names])))
+
+    def command_trigger_remove(self) -> None:
+        targets = self.targets
+        if targets:
+            self.context.run_flow(self._remove(targets))
+
+    async def _remove(self, targets: Sequence[TriggerStatus]) -> None:
+        """Ask, and forget them."""
+        names, one = [each.options.name for each in targets], len(targets) == 1
+        kept = f"{text.plural(sum(each.fires for each in targets), 'fire')} in this run"
+        lines = [f"{each.options.name}: {each.options.when}" for each in targets]
+        lines += [f"{kept}; {'its' if one else 'their'} captures stay where they are."]
+        lines += [f"t switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."]
+        choices = [Choice("no", f"Keep {'it' if one else 'them'}"), Choice("yes", "Remove", "y")]
+        what = f"trigger {names[0]}" if one else f"{len(names)} triggers"
+        if await self.app.push_screen_wait(Question(f"Remove {what}?", "\n".join(lines), choices)) == "yes":
+            await self.carry_out(lambda client: "; ".join([client.remove_trigger(name) for name in names]))
 
     def command_trigger_edit(self) -> None:
         one = self.chosen
@@ -126,38 +130,26 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
 
     def _edited(self, made: TriggerOptions | None) -> None:
         if made is not None:
-            self.context.run_flow(self._told(lambda client: client.set_trigger(made)))
+            self.context.run_flow(self.carry_out(lambda client: client.set_trigger(made)))
 
     def command_trigger_capture(self) -> None:
         one = self.chosen
         if one is None or not one.files:
             self.say("it has captured nothing yet")
             return
-        self.context.run_flow(self._open(one))
+        files = [SavedFile(path, kind, 0) for path in one.files if (kind := kind_of(path)) is not None]
+        self.run_worker(
+            open_saved(self.context, self.session, files, lambda file: self._plotted(file, one)),
+            group="opening", exclusive=True,
+        )  # fmt: skip
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Open what it captured last."""
         self.command_trigger_capture()
 
-    async def _open(self, one: TriggerStatus) -> None:
-        """Plot the signals of the condition as they were captured, the cursor at the fire."""
-        path = next((path for path in one.files if Path(path).exists()), "")
-        if not path:
-            self.say(f"it lies on the robot: {one.files[0]}")
-            return
-        from silo_tui.screens.file_monitor import FileMonitorScreen
-        from silo_tui.sessions.recorded import open_file
-
-        file = await asyncio.to_thread(open_file, path)
+    def _plotted(self, file: "FileSession", one: TriggerStatus) -> list[str]:
+        """Return what is plotted of a capture: the signals of its condition, else the first ones."""
         names = [name for name in file.rows_of if file.rows_of[name].samples]
         known = named_in(one.options.when, file.table.elements, file.status.prefix)
         named = [name for name in known if name in set(names)]
-        monitor = FileMonitorScreen(file, (named or names)[:MOST_PLOTS])
-        await self.app.push_screen(monitor)
-        if file.capture is not None and file.capture.fires_ns:
-            monitor.call_after_refresh(monitor.show_moment_of, file.capture.fires_ns[0])
-
-    async def _told(self, job: "Callable[[Client], str]") -> None:
-        self.say(await self.context.link.call(job))
-        await self.session.refresh_conditions()
-        self.show()
+        return (named or names)[:MOST_PLOTS]

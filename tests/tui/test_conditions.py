@@ -87,6 +87,22 @@ class TestScreens:
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table")
 
+    async def test_a_trigger_is_removed_after_a_question_only(self, fake, opened):
+        fake.trigger_statuses = [FALL]
+        async with opened(fake) as screen:
+            await screen.press("T")
+            await screen.shows("abs(base/roll) > 0.6")
+            await screen.press("x")
+            await screen.shows("Remove trigger fall?")
+            await screen.press("enter")
+            await screen.until(lambda: not screen.app.screen.is_modal)
+            assert fake.trigger_statuses == [FALL]
+            await screen.press("x")
+            await screen.shows("Remove trigger fall?")
+            await screen.press("y")
+            await screen.shows("trigger 'fall' is removed")
+            assert fake.trigger_statuses == []
+
     async def test_a_trigger_is_made_tried_and_set(self, fake, opened):
         async with opened(fake) as screen:
             await screen.press("T")
@@ -198,7 +214,7 @@ class TestLists:
             assert ("arm_trigger", "fall", False) in fake.calls
             await done(screen)
             await screen.press("x")
-            await screen.shows("Forget 2 triggers of robot?")
+            await screen.shows("Remove 2 triggers?")
             await screen.press("escape")
             assert not [call for call in fake.calls if call[0] == "remove_trigger"]
 
