@@ -78,7 +78,7 @@ class TestScreens:
             await screen.press("t")
             await screen.until(lambda: ("arm_trigger", "fall", False) in fake.calls)
             await screen.shows("trigger 'fall' is off")
-            await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen, "the end of it")
+            await done(screen)
             await screen.press("j")
             await screen.shows("low is blind: /log/x is off; switch it on in the table")
             await screen.press("!")
