@@ -74,6 +74,7 @@ from silo.ipc.messages import (
     Recordings,
     Refused,
     RefusedWhy,
+    RemoveDerived,
     RemoveLimits,
     RemoveTrigger,
     ReplyT,
@@ -86,6 +87,7 @@ from silo.ipc.messages import (
     ScriptDiff,
     Scripts,
     ScriptText,
+    SetDerived,
     SetLimits,
     SetTrigger,
     Start,
@@ -200,11 +202,11 @@ class Answers:
         pinned = self._pins.rows(request.pin) if request.pin else None
         if isinstance(pinned, Refused):
             return pinned
-        return check_history(request) or history(request, self._mirror.now, self._mirror.open_reader(), pinned)
+        return check_history(request) or history(request, self._mirror.now, self._mirror.open_watcher(), pinned)
 
     @answers_to(GetSamples)
     def _samples(self, request: GetSamples) -> SampleRows | Refused:
-        source = self._pins.rows(request.pin) if request.pin else self._mirror.open_reader()
+        source = self._pins.rows(request.pin) if request.pin else self._mirror.open_watcher()
         if isinstance(source, Refused):
             return source
         return check_samples(request) or samples(request, self._mirror.now, source)
@@ -220,7 +222,7 @@ class Answers:
 
     @answers_to(OpenPin)
     def _open_pin(self, request: OpenPin) -> PinOpened | Refused:
-        return self._pins.open(request, self._mirror.now, self._mirror.open_reader())
+        return self._pins.open(request, self._mirror.now, self._mirror.open_watcher())
 
     @answers_to(KeepPin)
     def _keep_pin(self, request: KeepPin) -> Done | Refused:
@@ -253,7 +255,8 @@ class Answers:
     def _try_trigger(self, request: TryTrigger) -> TriggerTried:
         from silo.helper.trials import try_trigger
 
-        return try_trigger(request.trigger, self._mirror.open_reader(), self._mirror.now.table.elements)
+        now = self._mirror.now
+        return try_trigger(request.trigger, self._mirror.open_reader(), now.table.elements, now.robot.extras.derived)
 
     @answers_to(GetEvents)
     def _happened(self, request: GetEvents) -> messages.Events | Refused:
@@ -363,6 +366,12 @@ class Answers:
         reply = _must_live(self._mirror.now) or self._robot.ask(_signed(request))
         if isinstance(reply, Done):
             self._events.publish(EventKind.CONDITIONS, reply.text, by=request.client)
+        return reply if isinstance(reply, Done | GoesOn | Refused) else _unexpected(request, reply)
+
+    @answers_to(SetDerived, RemoveDerived)
+    def _derive(self, request: SetDerived | RemoveDerived) -> Done | GoesOn | Refused:
+        # what changed is told to all when the robot process tells it
+        reply = _must_live(self._mirror.now) or self._robot.ask(_signed(request))
         return reply if isinstance(reply, Done | GoesOn | Refused) else _unexpected(request, reply)
 
     @answers_to(ArmTrigger)

@@ -70,7 +70,7 @@ class _Wanted:
 
 def unknown_name(names: Sequence[str], now: LoggerSnapshot) -> str | None:
     """Return the first name that is neither an element nor an entry, None if there is none."""
-    return next((name for name in names if name not in now.places and name not in now.entry_places), None)
+    return next((name for name in names if now.element(name) is None and name not in now.entry_places), None)
 
 
 def pick(
@@ -87,7 +87,7 @@ def pick(
     wanted: dict[tuple[int, int], _Wanted] = {}
     missing: dict[str, str] = {}
     for name in dict.fromkeys(names):
-        whole = name in now.places
+        whole = now.element(name) is not None
         of, number = (name, -1) if whole else now.entry_places[name]
         element = schemas.get(of)
         if element is None or (not whole and number >= len(element.entries)):
@@ -118,7 +118,7 @@ def pick(
 def _why_missing(name: str, now: LoggerSnapshot, schema: SegmentSchema | None) -> str:
     info = now.element(name)
     if info is not None and not info.options.enabled:
-        return "it is off"
+        return "it is off" if not info.expression else info.description.partition(" (off: ")[2][:-1]
     return "nothing was logged yet" if schema is None else "it is not in this recording, start again"
 
 

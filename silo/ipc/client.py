@@ -63,6 +63,7 @@ from silo.ipc.messages import (
     RecordingParts,
     Recordings,
     Refused,
+    RemoveDerived,
     RemoveLimits,
     RemoveTrigger,
     ReplyT,
@@ -73,6 +74,7 @@ from silo.ipc.messages import (
     ScriptDiff,
     Scripts,
     ScriptText,
+    SetDerived,
     SetLimits,
     SetTrigger,
     Start,
@@ -92,7 +94,7 @@ from silo.ipc.messages import (
 )
 from silo.ipc.published import Event, EventKind
 from silo.ipc.words import FileTypes, file_types, full_name, why_silent
-from silo.model import Edit, FileType, LoggedEvent, SavedFile, SignalLimits, Status, Table, TriggerOptions
+from silo.model import Derived, Edit, FileType, LoggedEvent, SavedFile, SignalLimits, Status, Table, TriggerOptions
 from silo.version import VERSION
 
 if TYPE_CHECKING:
@@ -106,6 +108,7 @@ if TYPE_CHECKING:
 
     Leased = View | Stream | Pin
 
+_DERIVE = 'client.derive("power", "joints/tau * joints/qd")'
 RENEW_S = 2.0  # a third of a view's lease
 MAX_SAVES = 64
 LONGEST_S = 1e6  # that anybody waits
@@ -464,7 +467,9 @@ class Client:
                 resume=reply.resume, client=self._name,
             )  # fmt: skip
 
-    def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
+    def survey(
+        self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False, derived: bool = False
+    ) -> Survey:
         """Return quantities of elements or entries, with statistics over all samples since this client asked first.
 
         The statistics end when it hasn't asked for a minute.
@@ -473,6 +478,7 @@ class Client:
             quantities: one or several of `silo.ipc.surveys.QUANTITIES`, such as `"mean"`, `"std"`, `"rate"` (Hz).
             names: elements or entries, at most 20 000; all elements of the table where it is empty.
             reset: begin the statistics anew.
+            derived: without names, the table's derived signals follow its elements.
 
         Returns:
             The survey; its `values` are the bytes of float64 of shape `(quantities, names)`, NaN where a quantity isn't
@@ -486,6 +492,7 @@ class Client:
             quantities=texts("quantities", quantities, "['mean', 'std']"),
             names=texts("names", names, "['/log/joints/q']"),
             reset=reset,
+            derived=derived,
             client=self._name,
         )
         return self._call(request)
@@ -751,6 +758,46 @@ class Client:
             GoesOnError: the robot program takes longer.
         """
         return self._call(RemoveLimits(name=name, client=self._name)).text
+
+    def derive(self, name: str, expression: str, unit: str = "") -> str:
+        """Have a signal computed from others wherever rows are read, also while the logger runs.
+
+            client.derive("power", "joints/tau * joints/qd", unit="W")
+
+        It is watched, plotted and saved as elements are. Given again, it gets a new expression.
+
+        Args:
+            name: with or without the prefix of the logger.
+            expression: may use elements and other derived signals.
+            unit: instead of the one that follows from its signals.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: it can't be computed, and why, or the robot program has ended; nothing was changed.
+            ElementError: name or expression is no text; nothing was changed.
+            GoesOnError: the robot program takes longer.
+        """
+        one = Derived(text("the signal's name", name, _DERIVE), text("expression", expression, _DERIVE), unit)
+        return self._call(SetDerived(derived=one, client=self._name)).text
+
+    def remove_derived(self, name: str) -> str:
+        """Forget a derived signal on which nothing stands, also while the logger runs.
+
+        Args:
+            name: with or without the prefix of the logger.
+
+        Returns:
+            What was done, in words.
+
+        Raises:
+            RefusedError: there is none, or something uses it, or the robot program has ended; nothing was changed.
+            ElementError: the name is no text; nothing was changed.
+            GoesOnError: the robot program takes longer.
+        """
+        name = text("the signal's name", name, 'client.remove_derived("power")')
+        return self._call(RemoveDerived(name=name, client=self._name)).text
 
     # ------------------------------------------------------------------------------------------------------ saving
 

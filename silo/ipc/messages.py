@@ -19,6 +19,7 @@ from silo.errors import RefusedError
 from silo.ipc.conditions import LimitStatus, TriggerStatus
 from silo.ipc.sampled import SampledName, SampledRows
 from silo.model import (
+    Derived,
     Edit,
     Extras,
     FieldChange,
@@ -606,6 +607,7 @@ class GetPiece(SlowAsk[Piece], frozen=True):
 class GetSurvey(SlowAsk[Survey], frozen=True):
     """Quantities (`silo.ipc.surveys`) of some elements or entries, of all elements of the table without `names`.
 
+    These are followed by its derived signals with `derived`.
     Statistics are over every sample since this client asked first, or since its last `reset`; they end when it hasn't
     asked for a minute.
     """
@@ -613,6 +615,7 @@ class GetSurvey(SlowAsk[Survey], frozen=True):
     quantities: list[str]
     names: list[str] = []
     reset: bool = False
+    derived: bool = False
 
 
 class OpenView(Ask[ViewOpened], frozen=True):
@@ -685,6 +688,21 @@ class RemoveLimits(RobotRequest[Done], frozen=True):
     name: str
 
 
+class SetDerived(RobotRequest[Done], frozen=True):
+    """Derive a signal from others, or give one of that name another expression; also while the logger runs.
+
+    The name is whole, or without the logger's prefix.
+    """
+
+    derived: Derived
+
+
+class RemoveDerived(RobotRequest[Done], frozen=True):
+    """Forget a derived signal on which nothing stands."""
+
+    name: str
+
+
 class Unsaved(str, enum.Enum):
     """What becomes of data that is in no file when the buffers are cleared."""
 
@@ -722,7 +740,8 @@ class Save(Do[SaveStarted], frozen=True):
     """Save the data in the helper process. The reply comes at once; progress and result come as events.
 
     `name` replaces the usual file name (a plain name: no `/`, no leading dot). `folder` (absolute) replaces the
-    logger's own; only the robot program may choose it. `why` is kept in the files; without it, who asked.
+    logger's own; only the robot program may choose it, and send its present `extras`. `why` is kept in the files;
+    without it, who asked.
     """
 
     timeout_s: ClassVar[float] = 2.0
@@ -731,6 +750,7 @@ class Save(Do[SaveStarted], frozen=True):
     name: str = ""
     folder: str = ""
     why: str = ""
+    extras: Extras | None = None
 
 
 class DeleteRecording(Do[Done], frozen=True):

@@ -4,6 +4,7 @@
 takes one lock, which `collect()` never touches.
 """
 
+import dataclasses
 import functools
 import logging
 import os
@@ -293,7 +294,8 @@ class Logger(Conditions):
             self._check_open()
             if self._present.run is None:
                 raise StateError("nothing was logged yet: call start() and collect() first")
-            return self._present.run.reader.snapshot()
+            # derived signals and limits as they are, not as they were at the start
+            return dataclasses.replace(self._present.run.reader.snapshot(), extras=self._extras)
 
     def element(self, name: str) -> LoggedElement:
         """Return one element: its options, the newest value, how many samples its buffer holds. Also `log[name]`.
