@@ -55,6 +55,7 @@ class TestScreens:
             await screen.shows("power")
             line = next(line for line in screen.text.splitlines() if "power" in line and "/s" not in line)
             assert line.startswith("=")
+            await screen.press("i")
             await screen.shows("= 2 * imu/acceleration")
             await screen.press("d")
             await screen.shows("is derived (= 2 * imu/acceleration)")
