@@ -45,13 +45,18 @@ def with_derived(recording: Recording) -> Recording:
 
 
 def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: Bound) -> RecordedElement:
-    """The samples from where all its signals have one to where the first of them ends."""
+    """The samples from where all its signals have one to where the first of them ends.
+
+    Of looping buffers readers expect the newest samples: where it ends earlier, NaN follows.
+    """
     info = info_of(one, bound)
     divider = math.gcd(*bound.sources.values())
     sources = [judge.span(source) for source in bound.sources]
     first = max(begin for begin, _ in sources)
     end = min(len(recording.time_ns), *(end for _, end in sources))
-    wanted = np.arange(first, max(first, end), divider, dtype=np.int64)
+    buffer_type = _buffer(recording, bound)
+    until = len(recording.time_ns) if buffer_type is BufferType.LOOPING and end > first else end
+    wanted = np.arange(first, max(first, until), divider, dtype=np.int64)
     ticks: list[NDArray[np.int64]] = []
     values: list[NDArray[np.float64]] = []
     told = bound.logical
@@ -62,14 +67,16 @@ def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: 
         told = told and not bool((judged.codes()[inside] == UNOBSERVABLE).any())
     held = np.searchsorted(np.concatenate(ticks), wanted, "right") - 1 if ticks else wanted[:0]
     columns = np.concatenate(values)[held] if ticks else np.zeros((0, bound.width or 1))
-    dtype = "|b1" if told else "<f8"
+    late = wanted >= end
+    columns[late] = np.nan
+    dtype = "|b1" if told and not late.any() else "<f8"
     return RecordedElement(
         name=one.name,
         unit=info.unit,
         kind=info.kind,
         shape=info.shape,
         divider=divider,
-        buffer_type=_buffer(recording, bound),
+        buffer_type=buffer_type,
         first=first,
         entries=tuple(
             RecordedEntry(one.name + entry.suffix, Entry(entry.suffix, dtype), columns[:, at].astype(dtype))

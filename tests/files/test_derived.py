@@ -13,6 +13,7 @@ from silo.files.derived import with_derived
 from silo.files.formats import read_recording
 from silo.model import BufferType, Derived, Entry, Extras
 from silo.recording import RecordedElement, RecordedEntry, Recording
+from tests.files.test_silo_round_trip import mini_reader, original_stamps
 
 
 def element(name, values, divider=1, first=0):
@@ -68,6 +69,29 @@ def test_signals_of_different_rates_are_told_at_their_common_ticks(logged):
     slow = found["/log/slow"]
     assert (slow.first, slow.divider) == (6, 1)
     assert slow.entries[0].values.tolist() == [(at - 6) // 2 - at // 3 for at in range(6, 12)]
+
+
+def test_the_readers_of_the_original_get_their_values_and_time_stamps(tmp_path):
+    def looping(name, values, divider, first):
+        return dataclasses.replace(element(name, values, divider, first), buffer_type=BufferType.LOOPING)
+
+    made = recording(
+        looping("x", np.arange(8.0), 1, 4),
+        looping("third", np.arange(3.0), 3, 3),
+        element("short", np.arange(9.0)),  # of a buffer that keeps its first samples
+        derived=(("sum", "x + third"), ("brief", "x + short"), ("double", "2 * short")),
+    )
+    write(made, tmp_path, "robot", ["silo"], "run")
+    offset, entries = mini_reader(tmp_path / "run.silo")
+    by_name = {name: (samples, divider, looping, data) for name, _, samples, divider, looping, _, data in entries}
+    for name, stamps, values in (
+        ("/log/sum", range(4, 12), [at - 4 + (at // 3 - 1) for at in range(4, 12)]),
+        ("/log/brief", range(4, 12), [0 + 4, 1 + 5, 2 + 6, 3 + 7, 4 + 8, np.nan, np.nan, np.nan]),
+        ("/log/double", range(9), [2 * at for at in range(9)]),
+    ):
+        samples, divider, looped, data = by_name[name]
+        assert original_stamps(looped, 12, samples, divider, offset) == list(stamps)
+        np.testing.assert_array_equal(np.frombuffer(data), values)
 
 
 def test_what_can_not_be_computed_is_told_once(tmp_path):

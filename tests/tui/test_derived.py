@@ -58,7 +58,7 @@ class TestScreens:
             await screen.press("i")
             await screen.shows("= 2 * imu/acceleration")
             await screen.press("d")
-            await screen.shows("is derived (= 2 * imu/acceleration)")
+            await screen.shows("power is derived: divider, buffer and action")
             await screen.press("m")
             await screen.shows("power")
             await screen.until(lambda: screen.app.screen.__class__.__name__ == "MonitorScreen")
