@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows
+from silo.collecting.rows import Rows, Words, moved, words_of
 from silo.collecting.schema import STAMP_WORDS, TIME_RING, ElementSchema, EntrySchema, RingSchema, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.judging.binding import OFF, Bound, Catalogue, Known
@@ -27,18 +27,21 @@ from silo.values import as_floats
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
 MOST_KEPT = 4  # readings of one signal that may be gone on with: newest values, a plot, a stream
 
-Words = NDArray[np.intp]
 _STAMPS: Words = np.arange(STAMP_WORDS)
 
 
 @dataclass(frozen=True)
 class DerivedSignal:
-    """How one derived signal is computed from rings: `columns` are by ring what is read of it, by (element, entry)."""
+    """How one derived signal is computed from rings: `words` are by ring what is read of its rows.
+
+    `columns` are where its values stand among these words, by ring and (element, entry).
+    """
 
     ring: int
     divider: int
     bound: Bound
     dividers: dict[int, int]
+    words: dict[int, Words]
     columns: dict[int, dict[tuple[int, int], EntrySchema]]
     lookback: Lookback
 
@@ -80,8 +83,16 @@ def derived_plan(schema: SegmentSchema, table: Sequence[ElementInfo], derived: S
         entries = tuple(EntrySchema(each, 8 * (STAMP_WORDS + at)) for at, each in enumerate(info.entries))
         rings.append(ring)
         elements.append(ElementSchema(msgspec.structs.replace(info, options=options), ring.ring, entries))
+        words = {
+            source: np.array(sorted({*_STAMPS.tolist(), *(word for one in some.values() for word in words_of(one))}))
+            for source, some in columns.items()
+        }
+        placed = {
+            source: {key: moved(entry, words[source]) for key, entry in some.items()}
+            for source, some in columns.items()
+        }
         signals[ring.ring] = DerivedSignal(
-            ring.ring, ring.divider, bound, dict(bound.sources), columns, lookback(bound)
+            ring.ring, ring.divider, bound, dict(bound.sources), words, placed, lookback(bound)
         )  # fmt: skip
     extras = msgspec.structs.replace(schema.extras, derived=tuple(derived))
     made = msgspec.structs.replace(schema, rings=tuple(rings), elements=tuple(elements), extras=extras)
@@ -251,7 +262,7 @@ class DerivedReader(SegmentReader):
         found = {}
         for ring, divider in signal.dividers.items():
             first, last = -(-begin // divider), -(-end // divider)
-            rows = super().rows(ring, first, last - first).part(first, last)
+            rows = super().rows(ring, first, last - first, signal.words[ring]).part(first, last)
             columns: dict[tuple[int, int], Any] = {
                 key: as_floats(rows.column(entry)) for key, entry in signal.columns[ring].items()
             }
