@@ -340,6 +340,7 @@ class Status(msgspec.Struct, frozen=True):
     failed_most: dict[str, int] = {}  # the elements with most of them
     recorders: int = 0  # endless recordings that are under way
     derived: int = 0  # signals that are computed from elements
+    room_bytes: int = 0  # that buffers of the next start may take: what is free, and what the present ones have
 
 
 class Table(msgspec.Struct, frozen=True):

@@ -74,6 +74,7 @@ class SiloApp(App[None]):
         self.set_keymap(dict(settings.keys))
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
+        self.context.left = self._opener.forget_view
         self._rate_hz = rate_hz
         self._file = file  # shown instead of a logger
         self._thin_words = ""
@@ -321,7 +322,8 @@ class SiloApp(App[None]):
     def command_events(self) -> None:
         from silo_tui.screens.events import EventsScreen, FileEventsScreen
 
-        kind = EventsScreen if self._file is None else FileEventsScreen
+        on_file = self._file is not None or self.context.file_over_logger
+        kind = FileEventsScreen if on_file else EventsScreen
         self.push_screen(kind(self.context.session))
 
     def command_quit(self) -> None:
@@ -337,6 +339,7 @@ class SiloApp(App[None]):
         self.context.leave_file()
 
     def command_quit_now(self) -> None:
+        self.context.left()
         self.exit()
 
     def command_help(self) -> None:
@@ -347,6 +350,10 @@ class SiloApp(App[None]):
             self.push_screen(HelpScreen(screen.scope, self.context.settings.keys, screen.action_command))
 
     def command_command(self) -> None:
+        self.begin_command("")
+
+    def begin_command(self, word: str) -> None:
+        """Open the command line over any screen, with a word typed already."""
         from silo_tui.screens.command_line import CommandLine
 
         runner = CommandRunner(self.context)
@@ -358,7 +365,7 @@ class SiloApp(App[None]):
         screen = self.context.upper_screen
         on_file = screen is not None and screen.scope in FILE_SCOPES
         words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
-        self.push_screen(CommandLine(runner.complete, words), run)
+        self.push_screen(CommandLine(runner.complete, words, f"{word} " if word else ""), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):

@@ -45,7 +45,7 @@ class Choices(OptionList):
             await super().on_event(event)
 
 
-class Dialog(Leaving[ResultT], ModalScreen[ResultT]):
+class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual finds styles by the first base
     """A dialog. Over a slow link keys come in one piece: more are on their way to it when the first one closes it."""
 
     def dismiss(self, result: ResultT | None = None) -> AwaitComplete:

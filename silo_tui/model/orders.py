@@ -38,11 +38,11 @@ class LiveOrder:
 
     def keys(self, table: TableState) -> Floats:
         """Return a key per element, NaN where nothing is known."""
+        if self.quantity == "signs" and table.signs_known:
+            return ranks(table.signs).astype(float)
         known = table.facts.of(self.quantity, len(table))
         if known is None:
             return np.full(len(table), np.nan)
-        if self.quantity == "signs":
-            return ranks(np.nan_to_num(known).astype(np.int64)).astype(float)
         return known if self.of is None else self.of(known)
 
 

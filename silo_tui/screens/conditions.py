@@ -105,8 +105,10 @@ class ConditionsScreen(SiloScreen):
         self._bar.update()
 
     def _show_words(self) -> None:
-        words = self._said or (self.words() if self._drawn else self.empty)
-        self.query_one("#conditions-said", Static).update(Text(f" {words}"))
+        fetching = " │ ".join(one.words for one in self.session.fetches.values())
+        words = self._said or fetching or (self.words() if self._drawn else self.empty)
+        for line in self.query("#conditions-said").results(Static):  # none of a screen that is gone
+            line.update(Text(f" {words}"))
 
     @property
     def chosen_id(self) -> str:

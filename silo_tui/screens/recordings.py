@@ -2,8 +2,9 @@
 """The recordings in the logger's folder on the robot: listed, opened in place, fetched, deleted."""
 
 import asyncio
+from collections.abc import Coroutine
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from rich.text import Text
 from textual import events
@@ -17,14 +18,15 @@ from silo.ipc.frames import Frame
 from silo.ipc.messages import Recordings, SavedRecording
 from silo_tui.actions import bindings_for
 from silo_tui.context import SiloScreen
+from silo_tui.model import recorders, text
 from silo_tui.model import recordings as rows
-from silo_tui.model import text
+from silo_tui.screens import recorder
 from silo_tui.screens.dialogs import Choice, Prompt, Question
 from silo_tui.screens.opened import open_recording, overlay_recording
 from silo_tui.screens.order import OrderDialog
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, here
-from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
+from silo_tui.widgets.bars import Banner, KeyBar, StatusBar, color
 from silo_tui.widgets.inputs import Fleeting, Line
 
 FOLLOW_S = 0.25
@@ -35,7 +37,7 @@ GUTTER = 2
 
 
 class RecordingsScreen(SiloScreen):
-    """A list; what runs (endless recorders) will stand above it."""
+    """A list of what is saved; what is being recorded stands above it."""
 
     scope = "recordings"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("recordings")
@@ -65,11 +67,11 @@ class RecordingsScreen(SiloScreen):
 
     def on_mount(self) -> None:
         """Ask at once; follow what is fetched."""
-        self.query_one("#recordings-running").display = False
         self._list.focus()
         self.banner.update()
         self._show_rows()
         self.read_again()
+        self._look()
         self.set_interval(FOLLOW_S, self._follow)
 
     def on_resize(self, event: events.Resize) -> None:
@@ -98,7 +100,37 @@ class RecordingsScreen(SiloScreen):
             await asyncio.sleep(LOOK_AGAIN_S)  # what there was no time to look into
         self._tell()
 
+    def _look(self) -> None:
+        """Ask how endless recordings stand."""
+        if self.session.connected and self.context.upper_screen is self:
+            self.run_worker(self._look_at_recorders(), group="recorders", exclusive=True)
+
+    async def _look_at_recorders(self) -> None:
+        await self.context.quietly(self.session.refresh_recorders())
+        self._show_running()
+
+    def _show_running(self) -> None:
+        """Draw what is being recorded; nothing where nothing is."""
+        for lines in self.query("#recordings-running").results(Static):  # none of a screen that is gone
+            lines.display = bool(self.session.recorders)
+            lines.update(Text("\n").join(self._running_lines()))
+
+    def _running_lines(self) -> list[Text]:
+        session, width = self.session, max(40, self.size.width)
+        found = [Text(recorders.head(width), no_wrap=True)]
+        for one in session.recorders:
+            row = recorders.row(one, session.table.names, session.paces.get(one.name), session.status.folder, width)
+            line = Text(row, no_wrap=True, overflow="ellipsis")
+            full = one.keep_bytes and one.size_bytes >= recorders.FULL_SHARE * one.keep_bytes
+            caution = one.state in recorders.CAUTION or full or one.lost
+            name = "error" if one.state in recorders.LOUD else "warning" if caution else "success"
+            line.stylize(f"bold {color(self.app.theme_variables, name)}", 2, 6)
+            found.append(line)
+        return found
+
     def _show_rows(self) -> None:
+        if not self.query("#recordings-list"):
+            return  # the screen is gone
         lines = self._list
         found = self.found.recordings if self.found is not None else []
         kept = self._row.stem if self._row is not None else ""
@@ -143,7 +175,8 @@ class RecordingsScreen(SiloScreen):
             order = [f"by {self._order}"] if self._order != "begun" or self._turned else []
             count = rows.summary(found, len(self._shown), self._words)
             parts = [count, *marked, *order, *parts]
-        self.query_one("#recordings-said", Static).update(" " + " │ ".join(parts))
+        for line in self.query("#recordings-said").results(Static):  # none of a screen that is gone
+            line.update(" " + " │ ".join(parts))
 
     def _follow(self) -> None:
         if self.session.fetches:
@@ -161,15 +194,17 @@ class RecordingsScreen(SiloScreen):
         self.status_bar.update()
         self.banner.update()
         self._show_rows()
+        self._show_running()
 
     def live_changed(self, frame: Frame) -> None:
         """Show the state."""
         self.status_bar.update()
 
     def second_passed(self) -> None:
-        """Paint the times again."""
+        """Paint the times again, and ask how far what runs is."""
         self.status_bar.update()
         self.banner.update()
+        self._look()
 
     def say(self, words: str) -> None:
         """Show the result of something."""
@@ -355,6 +390,19 @@ class RecordingsScreen(SiloScreen):
             finally:
                 self.session.fetches.pop(name, None)
 
+    # --------------------------------------------------------------------------------------------------- recording
+
+    def command_record(self) -> None:
+        free = self.found.free_bytes if self.found is not None else 0
+        self.context.run_flow(self._then_look(recorder.begin(self.context, self.session, free)))
+
+    def command_stop_recording(self) -> None:
+        self.context.run_flow(self._then_look(recorder.end(self.context, self.session)))
+
+    async def _then_look(self, flow: Coroutine[Any, Any, None]) -> None:
+        await flow
+        self._show_running()
+
     # ---------------------------------------------------------------------------------------------------- deleting
 
     def command_delete_recording(self) -> None:
@@ -364,7 +412,10 @@ class RecordingsScreen(SiloScreen):
             self.say("nothing to delete here")
         elif foreign:
             whose = f"the logger {foreign[0].logger} wrote it" if foreign[0].logger else "it names no logger"
-            self.say(f"{foreign[0].stem} was not saved by this logger ({whose}): delete it on the robot; it is kept")
+            why = f"was not saved by this logger ({whose})"
+            if foreign[0].files[0].folder:
+                why = "is a part of an endless recording, whose budget (keep) deletes the oldest"
+            self.say(f"{foreign[0].stem} {why}: delete it on the robot; it is kept")
         else:
             size = text.size(sum(one.size_bytes for one in targets))
             what = targets[0].stem if len(targets) == 1 else text.plural(len(targets), "recording")

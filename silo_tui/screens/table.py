@@ -24,7 +24,7 @@ from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import LiveSource, Session
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FLAGS, ElementTable
-from silo_tui.widgets.fact_columns import ColumnSet, pane_columns
+from silo_tui.widgets.fact_columns import SETS, ColumnSet, pane_columns
 from silo_tui.widgets.inputs import CellEditor, Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
 from silo_tui.widgets.live_pane import TREND, VALUE, LivePane
@@ -173,11 +173,18 @@ class TableScreen(ElementsScreen):
         self._top_wanted = self.session.rows.live  # until what it is by was measured
         self._judge()
 
-    def command_columns(self) -> None:
-        words = self.column_set.step()
+    def show_set(self, name: str) -> bool:
+        """Show another set of live columns; False where there is none of that name."""
+        if name in SETS:
+            self.column_set.name = name
         self._lay_out(self.app.size.width)
         self._survey_s = 0.0
         self._judge()
+        return name in SETS
+
+    def command_columns(self) -> None:
+        words = self.column_set.step()
+        self.show_set(words)
         since = text.clock(self.session.table.facts.since_ns)
         self.say(f"columns: {words}" + (f" of every sample since {since}; Z from now" if words == "statistics" else ""))
         self.table_changed()
@@ -310,9 +317,9 @@ class TableScreen(ElementsScreen):
     def edit_field(self, field: Field) -> None:
         """Turn logging on or off, let one of a few values be chosen, or open the editor over the cell."""
         if self._targets_known():
-            self._sure_of_hidden(lambda: self._edit_field(field))
+            self.sure_of_hidden(lambda: self._edit_field(field))
 
-    def _sure_of_hidden(self, then: Callable[[], None]) -> None:
+    def sure_of_hidden(self, then: Callable[[], None]) -> None:
         """Ask first where what is marked is hidden: nobody sees what would be changed."""
         rows = self.session.rows
         hidden, count = rows.hidden_targets, len(rows.targets())
@@ -388,7 +395,7 @@ class TableScreen(ElementsScreen):
 
     def command_edit_all(self) -> None:
         if self._targets_known():
-            self._sure_of_hidden(lambda: self._open_editor("=", select=False))
+            self.sure_of_hidden(lambda: self._open_editor("=", select=False))
 
     def _set(self, field: Field, value: int) -> None:
         targets = self.session.rows.targets()
@@ -410,7 +417,7 @@ class TableScreen(ElementsScreen):
         self._edited(f"done again: {label}" if label else "nothing to do again")
 
     def command_discard(self) -> None:
-        self._sure_of_hidden(self._discard)
+        self.sure_of_hidden(self._discard)
 
     def _discard(self) -> None:
         count = self.session.table.discard(self.session.rows.targets())

@@ -1,22 +1,28 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The triggers of a logger: how each stands, armed and off, set and tried."""
 
-import asyncio
 from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
 from textual.binding import Binding
 from textual.widgets import OptionList
 
+from silo.files.formats import kind_of
 from silo.ipc.conditions import TriggerStatus, TriggerWord
-from silo.model import TriggerOptions
+from silo.model import SavedFile, TriggerOptions
 from silo_tui.actions import bindings_for
+from silo_tui.model import text
 from silo_tui.model.conditions import CAUTION, LOUD, times_head, trigger_row
 from silo_tui.screens.conditions import ConditionsScreen
+from silo_tui.screens.dialogs import Choice, Question
+from silo_tui.screens.opened import open_saved
 from silo_tui.screens.trigger_editor import TriggerEditor
 from silo_tui.widgets.bars import color
+
+if TYPE_CHECKING:
+    from silo_tui.sessions.recorded import FileSession
 
 MOST_PLOTS = 6
 
@@ -76,7 +82,16 @@ class TriggersScreen(ConditionsScreen):
     def command_trigger_remove(self) -> None:
         one = self._chosen
         if one is not None:
-            self.context.run_flow(self.carry_out(lambda client: client.remove_trigger(one.options.name)))
+            self.context.run_flow(self._remove(one))
+
+    async def _remove(self, one: TriggerStatus) -> None:
+        """Ask, and forget it."""
+        name = one.options.name
+        kept = f"{text.plural(one.fires, 'fire')} in this run; its captures stay where they are."
+        body = f"{name}: {one.options.when}\n{kept}\nt switches it off and keeps it."
+        question = Question(f"Remove trigger {name}?", body, [Choice("no", "Keep it"), Choice("yes", "Remove", "y")])
+        if await self.app.push_screen_wait(question) == "yes":
+            await self.carry_out(lambda client: client.remove_trigger(name))
 
     def command_trigger_edit(self) -> None:
         one = self._chosen
@@ -99,25 +114,18 @@ class TriggersScreen(ConditionsScreen):
         if one is None or not one.files:
             self.say("it has captured nothing yet")
             return
-        self.context.run_flow(self._open(one))
+        files = [SavedFile(path, kind, 0) for path in one.files if (kind := kind_of(path)) is not None]
+        self.run_worker(
+            open_saved(self.context, self.session, files, lambda file: self._plotted(file, one)),
+            group="opening", exclusive=True,
+        )  # fmt: skip
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Open what it captured last."""
         self.command_trigger_capture()
 
-    async def _open(self, one: TriggerStatus) -> None:
-        """Plot the signals of the condition as they were captured, the cursor at the fire."""
-        path = next((path for path in one.files if Path(path).exists()), "")
-        if not path:
-            self.say(f"it lies on the robot: {one.files[0]}")
-            return
-        from silo_tui.screens.file_monitor import FileMonitorScreen
-        from silo_tui.sessions.recorded import open_file
-
-        file = await asyncio.to_thread(open_file, path)
+    def _plotted(self, file: "FileSession", one: TriggerStatus) -> list[str]:
+        """Return what is plotted of a capture: the signals of its condition, else the first ones."""
         names = [name for name in file.rows_of if file.rows_of[name].samples]
         named = [name for name in names if file.short_name(name).strip("/") in one.options.when]
-        monitor = FileMonitorScreen(file, (named or names)[:MOST_PLOTS])
-        await self.app.push_screen(monitor)
-        if file.capture is not None and file.capture.fires_ns:
-            monitor.call_after_refresh(monitor.show_moment_of, file.capture.fires_ns[0])
+        return (named or names)[:MOST_PLOTS]

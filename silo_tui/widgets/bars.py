@@ -64,7 +64,7 @@ class StatusBar(Widget):
         if self.mode:
             line.append("  ")
             line.append(f" {self.mode} ", style="reverse")
-        if not self.mode or self.size.width >= 100:
+        if not (self.mode or status.recorders) or self.size.width >= 100:  # what isn't normal needs the room
             line.append(f"  {status.enabled}/{status.elements}")
         if self.size.width >= 100:
             line.append(" elements")
@@ -84,6 +84,8 @@ class StatusBar(Widget):
         lost = session.lost_total
         line.append(f"  lost {text.count(lost)}", style=f"bold {color(variables, 'error')}" if lost else "")
         line.append_text(self._conditions())
+        if status.recorders:
+            line.append(f"  REC {status.recorders}", style=f"bold {color(variables, 'error')}")
         if not session.may_edit or self._read_only:
             line.append("  read-only", style=color(variables, "warning"))
         if status.durable_ticks >= 0:  # storage="disk"

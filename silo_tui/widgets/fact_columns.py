@@ -9,9 +9,10 @@ from dataclasses import replace
 
 from silo.model import Entry
 from silo_tui.model import text
-from silo_tui.model.facts import BAD, OLD, worst
+from silo_tui.model.facts import BAD, LIMIT_BITS, OLD, worst, worst_of
 from silo_tui.model.fields import Field
 from silo_tui.model.live import entry_text
+from silo_tui.model.orders import LIVE_ORDERS
 from silo_tui.model.table import Rows
 from silo_tui.widgets.live_pane import LIVE_PANE, LivePane, PaneColumn, norm_value
 
@@ -26,6 +27,9 @@ ALL = ("!", "fill", "value", "min", "max", "mean", "std", "rate", "jitter", "tre
 # quantities of the columns that need them of what is on the screen
 QUANTITIES = {"min": "min", "max": "max", "mean": "mean", "std": "std", "rate": "rate", "%": "share",
               "jitter": "jitter", "changed": "changed"}  # fmt: skip
+
+
+_OF_LIMITS = sum(set(LIMIT_BITS.values()))
 
 
 class ColumnSet:
@@ -62,7 +66,7 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
         return PaneColumn(
             lambda pane: _arrow(pane, title) + column.title(pane),
             lambda pane: width(pane) if title in chosen.titles else 0,
-            column.draw, column.right, column.branch, column.entry,
+            column.draw, column.right, column.branch, column.entry, title if title in LIVE_ORDERS else "",
         )  # fmt: skip
 
     def fixed(title: str, width: int, draw: Callable[[LivePane, int], tuple[str, str]]) -> PaneColumn:
@@ -71,6 +75,7 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
             lambda pane: width if title in chosen.titles else 0,
             draw,
             right=True,
+            order=title if title in LIVE_ORDERS else "",
         )
 
     def statistic(title: str) -> PaneColumn:
@@ -80,6 +85,7 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
             entry=lambda pane, row, entry: _number(
                 pane, pane.entry_name(row, entry), title, pane.session.table.elements[row].entries[entry]
             ),
+            order=title,
         )  # fmt: skip
 
     def draw_value(pane: LivePane, row: int) -> tuple[str, str]:
@@ -88,7 +94,7 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
     return (
         PaneColumn(
             lambda pane: _arrow(pane, "!") or "!", lambda pane: 2 if "!" in chosen.titles else 0, _sign,
-            branch=_branch_sign,
+            branch=_branch_sign, order="!",
         ),
         only("fill", fill), only("value", replace(value, draw=draw_value)),
         statistic("min"), statistic("max"), statistic("mean"), statistic("std"),
@@ -114,19 +120,17 @@ def _sign(pane: LivePane, row: int) -> tuple[str, str]:
     session = pane.session
     if not session.fresh and session.live.readings:
         return OLD, "live--quiet"
-    bits = session.table.facts.signs(len(session.table))[row]
-    letters = worst(int(bits)) if session.table.server[Field.ENABLED, row] else ""
-    beyond = session.beyond.get(session.table.names[row], "") if session.beyond else ""
-    if beyond and letters not in BAD:  # what isn't measured rightly says nothing of limits
-        return beyond, "live--lost" if beyond in ("HH", "LL") else "live--caution"
+    bits = int(session.table.signs[row])
+    if not session.table.server[Field.ENABLED, row]:
+        bits &= _OF_LIMITS  # what is off isn't measured; its limits may be judged by others
+    letters = worst(bits)
     return letters, _style(letters)
 
 
 def _branch_sign(pane: LivePane, rows: Rows) -> tuple[str, str]:
-    """Return the worst sign below a branch."""
-    bits = pane.session.table.facts.signs(len(pane.session.table))[rows]
-    letters = next((found for found in ("NN", "==", "<<", "XX") if found in {worst(int(bit)) for bit in set(bits)}), "")
-    return letters, _style(letters)
+    """Return the worst sign below a branch, and how many have it; nothing stands beside it."""
+    letters, count = worst_of(pane.session.table.signs[rows])
+    return (f"{letters:<2} {count} of {len(rows)}" if letters else ""), _style(letters)
 
 
 def _number(pane: LivePane, name: str, quantity: str, entry: Entry | None) -> tuple[str, str]:

@@ -15,6 +15,7 @@ from textual import events
 from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
+from textual.widgets import Static
 
 from silo.ipc.published import NotLive
 from silo.model import BufferType, Entry, State
@@ -25,7 +26,7 @@ from silo_tui.model.table import Rows
 from silo_tui.model.tree import entry_of, row_of
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
-from silo_tui.widgets.element_table import ElementTable
+from silo_tui.widgets.element_table import ElementTable, TableHead
 
 VALUE, TREND = 11, 10
 
@@ -43,6 +44,7 @@ class PaneColumn:
     right: bool = False
     branch: "Callable[[LivePane, Rows], tuple[str, str]] | None" = None  # of the elements below a branch
     entry: "Callable[[LivePane, int, int], tuple[str, str]] | None" = None  # of one entry of an element
+    order: str = ""  # that a click on its head gives
 
 
 class LivePane(Widget):
@@ -88,6 +90,15 @@ class LivePane(Widget):
     def shown(self) -> list[tuple[PaneColumn, int]]:
         """The columns that are shown, and their widths."""
         return [(column, width) for column in self._columns if (width := column.width(self))]
+
+    def order_at(self, x: int) -> str:
+        """Return the order of the column whose head is at a cell of the heads; empty for none."""
+        start = 0
+        for column, width in self.shown:
+            if start < x <= start + width:
+                return column.order
+            start += 1 + width
+        return ""
 
     @property
     def wanted_width(self) -> int:
@@ -179,6 +190,7 @@ class LivePane(Widget):
             if row is None:
                 if column.branch is not None:
                     words, style = column.branch(self, self.session.rows.tree.branches[-1 - line].rows)
+                    return [*pieces, (" " * (place > 0) + words, style)]
             elif entry is None:
                 words, style = column.draw(self, row)
             elif column.entry is not None:
@@ -207,6 +219,19 @@ class LivePane(Widget):
             self._trends = dict.fromkeys(rows, " " * self.trend_width)
             self._trends |= zip(drawn, trends(self.session.columns, names, self.trend_width), strict=True)
         return self._trends[row]
+
+
+class LiveHead(Static):
+    """The heads of the live columns; a click asks for the order by one."""
+
+    def __init__(self, pane: LivePane) -> None:
+        super().__init__("", id="live-head", markup=False)
+        self._pane = pane
+
+    def on_click(self, event: events.Click) -> None:
+        """Ask for the order by this column."""
+        if order := self._pane.order_at(event.x):
+            self.post_message(TableHead.Picked(order))
 
 
 def _fitted(words: str, width: int, column: PaneColumn) -> str:

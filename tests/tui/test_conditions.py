@@ -72,6 +72,7 @@ class TestScreens:
             await screen.press("t")
             await screen.until(lambda: ("arm_trigger", "fall", False) in fake.calls)
             await screen.shows("trigger 'fall' is off")
+            await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen, "the end of it")
             await screen.press("j")
             await screen.shows("low is blind: /log/x is off; switch it on in the table")
             await screen.press("!")
@@ -79,6 +80,22 @@ class TestScreens:
             assert ("force_trigger", "low") in fake.calls
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table")
+
+    async def test_a_trigger_is_removed_after_a_question_only(self, fake, opened):
+        fake.trigger_statuses = [FALL]
+        async with opened(fake) as screen:
+            await screen.press("T")
+            await screen.shows("abs(base/roll) > 0.6")
+            await screen.press("x")
+            await screen.shows("Remove trigger fall?")
+            await screen.press("enter")
+            await screen.until(lambda: not screen.app.screen.is_modal)
+            assert fake.trigger_statuses == [FALL]
+            await screen.press("x")
+            await screen.shows("Remove trigger fall?")
+            await screen.press("y")
+            await screen.shows("trigger 'fall' is removed")
+            assert fake.trigger_statuses == []
 
     async def test_a_trigger_is_made_tried_and_set(self, fake, opened):
         async with opened(fake) as screen:

@@ -11,8 +11,9 @@ import pytest
 
 from silo.errors import ConnectionLostError
 from silo.files import write
+from silo.ipc.conditions import TriggerStatus, TriggerWord
 from silo.ipc.published import EventKind
-from silo.model import BufferType, Entry, FileType, SavedFile, State
+from silo.model import BufferType, Entry, FileType, SavedFile, State, TriggerOptions
 from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.screens.file_monitor import FileMonitorScreen
 from silo_tui.screens.file_table import FileTableScreen
@@ -250,6 +251,55 @@ async def test_after_a_save_one_key_opens_the_file(opened, fake, logs, monkeypat
         await screen.until(lambda: "fall_3" in screen.text.partition("\n")[0], "its name")
         await screen.press("escape")
         await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
+
+
+async def at_the_capture(screen):
+    await screen.press("T")
+    await screen.shows("last capture: robot_20260921_14-00-00_00007_fall_3.silo")
+    await screen.press("enter")
+    await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "plots of the capture")
+
+
+@pytest.fixture
+def captured(fake, logs):
+    """The trigger whose newest capture is among the recordings."""
+    path = logs / "robot_20260921_14-00-00_00007_fall_3.silo"
+    options = TriggerOptions("fall", "legs/LF/HAA/torque > 3", 5.0, 1.0)
+    fake.trigger_statuses = [TriggerStatus(options, TriggerWord.ARMED, 3, 3, 7, BEGIN, files=(str(path),))]
+    return path
+
+
+@pytest.mark.parametrize("place", ["here", "far"])
+async def test_a_capture_is_opened_from_the_triggers_as_any_file_is(opened, fake, captured, monkeypatch, place):
+    fake.run()
+    if place == "far":
+        far(fake, monkeypatch)
+        hidden = "/robot/logs/" + captured.name
+        fake.trigger_statuses = [msgspec.structs.replace(fake.trigger_statuses[0], files=(hidden,))]
+    async with opened(fake) as screen:
+        live = screen.session
+        await at_the_capture(screen)
+        assert screen.app.context.file_over_logger
+        assert screen.session.name == captured.name
+        assert [plotted.name for plotted in screen.app.screen.stack.plots] == ["/log/legs/LF/HAA/torque"]
+        await screen.press("E")
+        await screen.until(lambda: screen.app.screen.scope == "file_events", "what happened in the file")
+        await screen.press("escape", "escape")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "its table")
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.scope == "triggers", "the triggers")
+        assert screen.session is live
+        await screen.shows("legs/LF/HAA/torque > 3")
+
+
+async def test_a_capture_that_is_nowhere_any_more_is_told(opened, fake, captured):
+    captured.unlink()
+    async with opened(fake) as screen:
+        await screen.press("T")
+        await screen.shows("last capture")
+        await screen.press("enter")
+        await screen.until(lambda: "F lists what is there" in " ".join(screen.text.split()), "where it isn't")
+        assert screen.app.screen.scope == "triggers"
 
 
 async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fake, logs):

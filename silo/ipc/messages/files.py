@@ -9,12 +9,13 @@ from silo.model import Extras, FileType
 
 
 class RecordingFile(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One file (or bag folder) of a recording in the logger's folder; `name` is relative to it."""
+    """One file (or bag folder) of a recording; `name` is plain, `folder` is where it lies below the logger's own."""
 
     name: str
     type: FileType
     size_bytes: int
     changed_ns: int  # by the robot's clock
+    folder: str = ""
 
 
 class SavedRecording(msgspec.Struct, frozen=True, omit_defaults=True):
