@@ -3,7 +3,7 @@
 
 import asyncio
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import App
@@ -27,7 +27,7 @@ from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import Problem
 
 if TYPE_CHECKING:
-    from silo_tui.screens.conditions import ConditionsScreen
+    from silo_tui.context import SiloScreen
     from silo_tui.sessions.recorded import FileSession
 
 
@@ -264,20 +264,19 @@ class SiloApp(App[None]):
     def command_triggers(self) -> None:
         from silo_tui.screens.triggers import TriggersScreen
 
-        self._show_conditions(TriggersScreen)
+        self._go_aside("triggers", TriggersScreen)
 
     def command_alarms(self) -> None:
         from silo_tui.screens.alarms import AlarmsScreen
 
-        self._show_conditions(AlarmsScreen)
+        self._go_aside("alarms", AlarmsScreen)
 
-    def _show_conditions(self, kind: "type[ConditionsScreen]") -> None:
-        """Go to a screen of conditions; from one of them to the other in its place."""
-        from silo_tui.screens.conditions import ConditionsScreen
-
-        if isinstance(self.screen, kind) or not self.context.has_session:
+    def _go_aside(self, scope: str, kind: "Callable[[Session], SiloScreen]") -> None:
+        """Go to triggers, alarms, recordings or events; from one of them to another in its place."""
+        screen = self.context.upper_screen
+        if screen is None or screen.scope == scope or not self.context.has_session:
             return
-        if isinstance(self.screen, ConditionsScreen):
+        if screen.aside:
             self.pop_screen()
         self.push_screen(kind(self.context.session))
 
@@ -311,7 +310,7 @@ class SiloApp(App[None]):
     def command_recordings(self) -> None:
         from silo_tui.screens.recordings import RecordingsScreen
 
-        self.push_screen(RecordingsScreen(self.context.session))
+        self._go_aside("recordings", RecordingsScreen)
 
     def command_set_marker(self) -> None:
         from silo_tui.screens.marking import ask_mark
@@ -322,9 +321,12 @@ class SiloApp(App[None]):
     def command_events(self) -> None:
         from silo_tui.screens.events import EventsScreen, FileEventsScreen
 
-        on_file = self._file is not None or self.context.file_over_logger
-        kind = FileEventsScreen if on_file else EventsScreen
-        self.push_screen(kind(self.context.session))
+        screen = self.context.upper_screen
+        if screen is not None and screen.scope in FILE_SCOPES:
+            # of the file that is looked at, which needn't be the open one: a capture lies over its logger
+            self.push_screen(FileEventsScreen(getattr(screen, "session", self.context.session)))
+        else:
+            self._go_aside("events", EventsScreen)
 
     def command_quit(self) -> None:
         if self.context.file_over_logger:
@@ -374,6 +376,10 @@ class SiloApp(App[None]):
     def command_loggers(self) -> None:
         terminal.repaint(self)
         self._opener.list_on()
+
+    def command_look_again(self) -> None:
+        terminal.repaint(self)
+        self._opener.try_again()
 
     def command_demo(self) -> None:
         if self._opener.demo is None:

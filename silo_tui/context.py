@@ -262,6 +262,7 @@ class SiloScreen(Leaving[None]):
     """A full screen of the app: keys from the list of commands, each carried out by the screen or else by the app."""
 
     scope = ""
+    aside = False  # triggers, alarms, recordings, events: who goes from one to another comes back from both at once
 
     @property
     def context(self) -> Context:

@@ -46,6 +46,12 @@ class Opener:
         """Begin the search, or begin it anew."""
         self._app.run_worker(self._search(), group="search", exclusive=True)
 
+    def try_again(self) -> None:
+        """Try again also what could not be opened."""
+        self._failed.clear()
+        if not self._context.has_session:
+            self.search_on()
+
     def list_on(self) -> None:
         """Show the list of loggers; the search ends."""
         self._app.run_worker(self._show_list(), group="search", exclusive=True)

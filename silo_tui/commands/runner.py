@@ -47,7 +47,10 @@ class CommandRunner:
             "logs": lambda: command_line.logs(begun),
             "themes": lambda: sorted(context.app.available_themes),
         }
-        source = sources.get(command.typed.completes) if command.typed is not None else None
+        needs = () if context.has_session else ("sorts", "names")
+        source = (
+            sources.get(command.typed.completes) if command.typed and command.typed.completes not in needs else None
+        )
         return source() if source is not None else ()
 
     def run(self, line: str) -> None:
@@ -68,7 +71,7 @@ class CommandRunner:
             raise RefusedError(f":{spelled.word}: {NOT_EDITED}, no logger to command")
         handler: Callable[[command_line.Spelled], None] | None = getattr(self, f"word_{command.id}", None)
         if handler is None:
-            (file or self._table_screen).action_command(command.id)
+            (file or self._screen_for(command)).action_command(command.id)
         elif self._context.allows(command):
             handler(spelled)
 
@@ -77,6 +80,11 @@ class CommandRunner:
         """The screen of a file, where that is the uppermost."""
         screen = self._context.upper_screen
         return screen if screen is not None and screen.scope in FILE_SCOPES else None
+
+    def _screen_for(self, command: Command) -> SiloScreen:
+        """Return the table, or the list of loggers for what needs none. RefusedError when there is none."""
+        screen = self._context.upper_screen
+        return screen if screen is not None and "any" in command.scopes else self._table_screen
 
     @property
     def _table_screen(self) -> TableScreen:

@@ -55,6 +55,8 @@ LIVE_ORDERS = {
     )
 }  # fmt: skip
 
+FILE_ORDERS = tuple(order for order in LIVE_ORDERS if order != "fill")  # how large a buffer was is not in a file
+
 
 def ordered(keys: Floats, base: NDArray[np.intp], *, falling: bool, unknown: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return `base` ordered by `keys` of all elements: NaN first, what is unknown last, equal ones as before."""

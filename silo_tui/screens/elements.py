@@ -155,12 +155,12 @@ class ElementsScreen(SiloScreen):
         return True
 
     def _show_emptiness(self) -> None:
-        empty = self.query_one("#empty", Static)
         nothing = not len(self.session.rows.shown) and bool(len(self.session.table))
-        empty.display = nothing
-        if nothing:
-            why = self._why_none()
-            empty.update(f"No element passes the filter {self.session.rows.filter.text!r} ({why}). Esc clears it.")
+        for empty in self.query("#empty").results(Static):  # none while the screen goes
+            empty.display = nothing
+            if nothing:
+                why = self._why_none()
+                empty.update(f"No element passes the filter {self.session.rows.filter.text!r} ({why}). Esc clears it.")
 
     # ------------------------------------------------------------------------------------------------ the view
 

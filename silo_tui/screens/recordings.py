@@ -20,6 +20,7 @@ from silo_tui.actions import bindings_for
 from silo_tui.context import SiloScreen
 from silo_tui.model import recorders, text
 from silo_tui.model import recordings as rows
+from silo_tui.model.lists import Marks
 from silo_tui.screens import recorder
 from silo_tui.screens.dialogs import Choice, Prompt, Question
 from silo_tui.screens.opened import open_recording, overlay_recording
@@ -33,13 +34,13 @@ FOLLOW_S = 0.25
 FIRST, MOST = 200, 10_000  # how many are asked for
 LOOK_AGAIN_S = 0.3
 FILTER_KEYS = "Enter keeps the filter  Esc clears it"
-GUTTER = 2
 
 
 class RecordingsScreen(SiloScreen):
     """A list of what is saved; what is being recorded stands above it."""
 
     scope = "recordings"
+    aside = True
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("recordings")
 
     def __init__(self, session: Session) -> None:
@@ -47,7 +48,7 @@ class RecordingsScreen(SiloScreen):
         self.session = session
         self.found: Recordings | None = None
         self._shown: list[SavedRecording] = []
-        self._marked: set[str] = set()
+        self.marks = Marks()
         self._order, self._turned, self._words = "begun", False, ""
         self._said = ""
         self._most = FIRST
@@ -136,7 +137,7 @@ class RecordingsScreen(SiloScreen):
         kept = self._row.stem if self._row is not None else ""
         place = lines.highlighted or 0
         self._shown = rows.arranged(found, self._words, self._order, turned=self._turned)
-        self._marked &= {one.stem for one in found}
+        self.marks.keep(one.stem for one in found)
         width = max(40, self.size.width)
         self.query_one("#recordings-head", Static).update(rows.head(width))
         lines.clear_options()
@@ -151,7 +152,7 @@ class RecordingsScreen(SiloScreen):
         self._tell()
 
     def _line(self, one: SavedRecording, width: int) -> Text:
-        mark = " >" if one.stem in self._marked else "  "
+        mark = " >" if one.stem in self.marks.keys else "  "
         words = Text(mark + rows.row(one, self.session.status.logger or self.session.name, width), no_wrap=True)
         if one.unfinished or one.unread or not self.session.connected:
             words.stylize("dim")
@@ -171,7 +172,7 @@ class RecordingsScreen(SiloScreen):
         if self._said:
             parts.insert(0, self._said)
         elif found is not None:
-            marked = [f"{len(self._marked)} marked"] if self._marked else []
+            marked = [f"{len(self.marks.keys)} marked"] if self.marks.keys else []
             order = [f"by {self._order}"] if self._order != "begun" or self._turned else []
             count = rows.summary(found, len(self._shown), self._words)
             parts = [count, *marked, *order, *parts]
@@ -267,8 +268,17 @@ class RecordingsScreen(SiloScreen):
 
     def command_mark_recording(self) -> None:
         if self._row is not None:
-            self._marked ^= {self._row.stem}
+            self.marks.toggle(self._row.stem)
             self._move(1)
+            self._show_rows()
+
+    def command_mark_recordings(self) -> None:
+        self.marks.toggle_all([one.stem for one in self._shown])
+        self._show_rows()
+
+    def command_range_of_recordings(self) -> None:
+        if self._row is not None:
+            self.say(self.marks.range_to(self._row.stem, [one.stem for one in self._shown]))
             self._show_rows()
 
     def command_order_recordings(self) -> None:
@@ -352,7 +362,7 @@ class RecordingsScreen(SiloScreen):
 
     def _targets(self) -> list[SavedRecording]:
         """Return what is marked and shown, else the row; never what is unfinished."""
-        marked = [one for one in self._shown if one.stem in self._marked]
+        marked = [one for one in self._shown if one.stem in self.marks.keys]
         chosen = marked or ([self._row] if self._row is not None else [])
         return [one for one in chosen if not one.unfinished]
 
@@ -448,8 +458,7 @@ class RecordingsScreen(SiloScreen):
         """Leave the filter, then the marks, then the screen."""
         if self._words:
             self._filter_by("")
-        elif self._marked:
-            self._marked.clear()
+        elif self.marks.clear():
             self._show_rows()
         else:
             self.context.leave_screen()

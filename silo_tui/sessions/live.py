@@ -71,7 +71,6 @@ class Session:
         self.ticks = 0
         self.lost_total = 0
         self.frame_time_ns = 0
-        self.frame_at = 0.0  # monotonic, of the newest frame
         self.lost_since: float | None = None  # monotonic, when the link was lost
         self.saves: dict[int, Event] = {}  # the newest event of each save
         self.fetches: dict[str, Fetching] = {}  # what is on its way here, by name
@@ -311,7 +310,6 @@ class Session:
         frame = self.link.frame() if self.link is not None else None
         if frame is None:
             return None
-        self.frame_at = time.monotonic()
         self.frame_time_ns, self.ticks = frame.time_ns, frame.tick
         self.measured_hz, self.lost_total = frame.measured_hz, frame.lost_total
         if frame.column_ns == self.columns.column_ns:  # else it is of the view before

@@ -4,7 +4,7 @@ They stand in the live pane, beside fill, value and trend, because they change a
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from silo.model import Entry
@@ -14,13 +14,18 @@ from silo_tui.model.fields import Field
 from silo_tui.model.live import entry_text
 from silo_tui.model.orders import LIVE_ORDERS
 from silo_tui.model.table import Rows
-from silo_tui.widgets.live_pane import LIVE_PANE, LivePane, PaneColumn, norm_value
+from silo_tui.widgets.live_pane import LIVE_PANE, LivePane, PaneColumn
 
-SETS = ("settings", "statistics", "timing")
-_OF_SET = {
+LIVE_SETS: Mapping[str, tuple[str, ...]] = {
     "settings": ("!", "fill", "value", "trend"),
     "statistics": ("!", "value", "min", "max", "mean", "std"),
     "timing": ("!", "fill", "value", "rate", "%", "jitter", "changed"),
+}
+# what takes reading whole signals of a file is shown where it is asked for
+FILE_SETS: Mapping[str, tuple[str, ...]] = {
+    "values": ("value", "trend"),
+    "statistics": ("!", "value", "min", "max", "mean", "std"),
+    "timing": ("!", "value", "rate", "%", "jitter", "changed"),
 }
 _WIDE_FROM = 150  # cells of a screen from which settings show statistics too
 ALL = ("!", "fill", "value", "min", "max", "mean", "std", "rate", "jitter", "trend")
@@ -35,21 +40,23 @@ _OF_LIMITS = sum(set(LIMIT_BITS.values()))
 class ColumnSet:
     """Which columns the pane shows now."""
 
-    def __init__(self) -> None:
-        self.name = SETS[0]
+    def __init__(self, sets: Mapping[str, tuple[str, ...]] = LIVE_SETS) -> None:
+        self._sets = sets
+        self.name = next(iter(sets))
         self.screen_width = 80
 
     def step(self) -> str:
         """Go to the next set and return its name."""
-        self.name = SETS[(SETS.index(self.name) + 1) % len(SETS)]
+        names = list(self._sets)
+        self.name = names[(names.index(self.name) + 1) % len(names)]
         return self.name
 
     @property
     def titles(self) -> tuple[str, ...]:
         """The columns of the set."""
-        if self.screen_width >= _WIDE_FROM and self.name != "timing":
+        if self._sets is LIVE_SETS and self.screen_width >= _WIDE_FROM and self.name != "timing":
             return ALL
-        return _OF_SET[self.name]
+        return self._sets[self.name]
 
     @property
     def quantities(self) -> list[str]:
@@ -57,9 +64,12 @@ class ColumnSet:
         return [QUANTITIES[title] for title in self.titles if title in QUANTITIES]
 
 
-def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
-    """Return the columns of a pane, shown as `chosen` says."""
-    fill, value, trend = LIVE_PANE
+def pane_columns(chosen: ColumnSet, known: Sequence[PaneColumn] = LIVE_PANE) -> tuple[PaneColumn, ...]:
+    """Return the columns of a pane, shown as `chosen` says; `known` are its own: value, trend, and fill if it has one.
+
+    Where statistics stand beside it, the value of a vector is its norm, as theirs.
+    """
+    *fill, value, trend = known
 
     def only(title: str, column: PaneColumn) -> PaneColumn:
         width = column.width
@@ -89,14 +99,14 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
         )  # fmt: skip
 
     def draw_value(pane: LivePane, row: int) -> tuple[str, str]:
-        return norm_value(pane, row) if "min" in chosen.titles else value.draw(pane, row)
+        return value.draw(pane, row) if "min" not in chosen.titles or value.norm is None else value.norm(pane, row)
 
     return (
         PaneColumn(
             lambda pane: _arrow(pane, "!") or "!", lambda pane: 2 if "!" in chosen.titles else 0, _sign,
             branch=_branch_sign, order="!",
         ),
-        only("fill", fill), only("value", replace(value, draw=draw_value)),
+        *(only("fill", column) for column in fill), only("value", replace(value, draw=draw_value)),
         statistic("min"), statistic("max"), statistic("mean"), statistic("std"),
         fixed("rate", 7, _rate),
         fixed("%", 4, _share),

@@ -18,9 +18,9 @@ from textual.widget import Widget
 from textual.widgets import Static
 
 from silo.ipc.published import NotLive
-from silo.model import BufferType, Entry, State
+from silo.model import BufferType, ElementInfo, Entry, State
 from silo_tui.model.fields import Field
-from silo_tui.model.live import component_text, fill_share, value_text
+from silo_tui.model.live import Reading, component_text, fill_share, value_text
 from silo_tui.model.sparklines import trends
 from silo_tui.model.table import Rows
 from silo_tui.model.tree import entry_of, row_of
@@ -45,6 +45,7 @@ class PaneColumn:
     branch: "Callable[[LivePane, Rows], tuple[str, str]] | None" = None  # of the elements below a branch
     entry: "Callable[[LivePane, int, int], tuple[str, str]] | None" = None  # of one entry of an element
     order: str = ""  # that a click on its head gives
+    norm: "Callable[[LivePane, int], tuple[str, str]] | None" = None  # instead of `draw` beside statistics
 
 
 class LivePane(Widget):
@@ -270,13 +271,18 @@ def _value(pane: LivePane, row: int, *, norm: bool = False) -> tuple[str, str]:
     if session.running and reading.why in WHY_NOT_LIVE:  # what it kept last isn't its value
         return WHY_NOT_LIVE[reading.why], "live--quiet"
     style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"
+    return value_words(pane, element, reading, norm=norm), style
+
+
+def value_words(pane: LivePane, element: ElementInfo, reading: Reading, *, norm: bool) -> str:
+    """Return a value: all entries of a vector, or the one that was chosen, or its norm."""
     width = pane.value_width - pane.digits_fewer
     # an order by value is one of norms
-    norm = norm or session.rows.sort in {"value", "|value|"}
-    chosen = session.rows.components.get(element.name, 0) or int(norm)
+    norm = norm or pane.session.rows.sort in {"value", "|value|"}
+    chosen = pane.session.rows.components.get(element.name, 0) or int(norm)
     if chosen and len(element.entries) > 1 and all(entry.dtype[1:2] in "biuf" for entry in element.entries):
-        return component_text(element, reading, chosen, width), style
-    return value_text(element, reading, width), style
+        return component_text(element, reading, chosen, width)
+    return value_text(element, reading, width)
 
 
 def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
@@ -288,17 +294,19 @@ def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
     return component_text(element, reading, entry + 2, pane.value_width, named=False), style
 
 
-def norm_value(pane: LivePane, row: int) -> tuple[str, str]:
+def _norm_value(pane: LivePane, row: int) -> tuple[str, str]:
     """Return the newest value as statistics tell it: of a vector its norm, with a sign."""
     return _value(pane, row, norm=True)
 
 
 LIVE_PANE = (
     PaneColumn(lambda pane: "fill", lambda pane: 4, _fill),
-    PaneColumn(lambda pane: "value", lambda pane: pane.value_width, _value, right=True, entry=_entry_value),
+    PaneColumn(
+        lambda pane: "value", lambda pane: pane.value_width, _value, right=True, entry=_entry_value, norm=_norm_value,
+    ),
     PaneColumn(
         lambda pane: "trend",
         lambda pane: pane.trend_width,
         lambda pane, row: (pane.trend(row), "live--trend" if pane.session.fresh else "live--stale"),
     ),
-)
+)  # fmt: skip
