@@ -70,12 +70,14 @@ from silo.ipc.messages import (
     ReadScript,
     Refused,
     RefusedWhy,
+    RemoveDerived,
     RemoveLimits,
     RemoveTrigger,
     Request,
     Restart,
     Save,
     SaveScript,
+    SetDerived,
     SetLimits,
     SetTrigger,
     Start,
@@ -95,7 +97,7 @@ from silo.link.channel import LinkChannel
 from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply, LinkRequest, RobotState
 from silo.logger.answers import answer, robot_state
-from silo.model import Edit, ElementOptions, FileType, Problem, SavedFile, SignalLimits, Table, TriggerOptions
+from silo.model import Derived, Edit, ElementOptions, FileType, Problem, SavedFile, SignalLimits, Table, TriggerOptions
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 NASTY: list[Any] = [
@@ -131,6 +133,7 @@ GOOD: list[Request[Any]] = [
     GetTriggers(), GetLimits(), Acknowledge(names=["/log/x"], who="ann"), Acknowledge(),
     SetTrigger(trigger=TriggerOptions(name="fuzz", when="x > 2")), ArmTrigger(name="fuzz", armed=False),
     TryTrigger(trigger=TriggerOptions(name="fuzz", when="abs(q_1) > 2 or x > 1")), ForceTrigger(name="fuzz"),
+    SetDerived(derived=Derived("fuzz", "2 * x", "V")), RemoveDerived(name="fuzz"),
     RemoveTrigger(name="fuzz"), SetLimits(limits=SignalLimits(name="/log/x", bounds=(-2.0, -1.0, 1.0, 2.0))),
     RemoveLimits(name="/log/x"),
 ]  # fmt: skip

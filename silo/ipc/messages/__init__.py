@@ -127,6 +127,10 @@ from silo.ipc.messages.conditions import (
     Triggers as Triggers,
     TryTrigger as TryTrigger,
 )
+from silo.ipc.messages.derived import (
+    RemoveDerived as RemoveDerived,
+    SetDerived as SetDerived,
+)
 
 if TYPE_CHECKING:
     AnyAsk: TypeAlias = Ask[Any]
