@@ -18,8 +18,9 @@ from silo.calls import told_class
 from silo.display import html_table
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError
 from silo.ipc.connection import Connection, Pending
-from silo.ipc.discovery import Discovery, Found, discover, not_found_text
+from silo.ipc.discovery import Discovery, discover
 from silo.ipc.exchange import checked_reply, client_name, decode_reply, key_of
+from silo.ipc.found import Found
 from silo.ipc.messages import (
     Acknowledge,
     AddMark,
@@ -146,9 +147,10 @@ class Client:
         """Connect to a logger.
 
         Args:
-            logger: what `discover` found, a name, `name.pid` where several have the name, or empty for the only one.
+            logger: what `discover` found, an address (`robot3/anymal`; a bare name, where only one has it, `name.pid`
+                of several on this computer, `host~id/name` of several hosts of one name), or empty for the only one.
             timeout_s: how long to wait for an answer, at least.
-            config: a Zenoh configuration for loggers of other hosts.
+            config: a remote or a Zenoh configuration, to look there alone; `local` for this computer alone.
 
         Returns:
             A client; close it, or use it as a context manager.
@@ -161,24 +163,22 @@ class Client:
             return cls(logger, timeout_s)
         text("logger", logger, 'Client.connect("robot")')
         text("config", config, 'Client.connect("robot", config="client.json5")')
-        discovery = discover(timeout_s, config)
-        named = discovery.named(logger)
-        if not named:
-            raise ConnectionLostError(not_found_text(logger, discovery))
-        if len({found.label for found in named}) > 1:
-            labels = ", ".join(found.label for found in named)
-            raise ConnectionLostError(f"several loggers are running, say which one you mean: {labels}")
-        return cls(named[0], timeout_s)
+        return cls(discover(timeout_s, config).one(logger), timeout_s)
 
     def __repr__(self) -> str:
         found = self.found
-        where = f" on {found.host}" if found.host else ""
+        where = f" on {found.host}" if found.config else ""
         return f"<Client of {found.label}{where}: {'connected' if self.connected else 'not connected'}>"
 
     def _repr_html_(self) -> str:
         found = self.found
         state = "connected" if self.connected else "not connected"
-        rows = [("logger", found.label), ("user", found.user), ("host", found.host or "this one"), ("state", state)]
+        rows = [
+            ("logger", found.label),
+            ("user", found.user),
+            ("host", found.host if found.config else "this one"),
+            ("state", state),
+        ]
         return html_table(f"Client of {found.label}", ("", ""), rows)
 
     # ------------------------------------------------------------------------------------------------ the connection
@@ -1085,9 +1085,10 @@ def connect(logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config
     """Connect to a running logger.
 
     Args:
-        logger: its name, `name.pid` where several have the name, or empty for the only one.
+        logger: its address (`robot3/anymal`; a bare name, where only one has it, `name.pid` of several on this
+            computer, `host~id/name` of several hosts of one name), or empty for the only one.
         timeout_s: how long to wait for an answer, at least.
-        config: a Zenoh configuration for loggers of other hosts.
+        config: a remote or a Zenoh configuration, to look there alone; `local` for this computer alone.
 
     Returns:
         A client; close it, or use it as a context manager.

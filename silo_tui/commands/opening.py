@@ -15,6 +15,7 @@ from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder, Found, FoundLogger
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
+from silo_tui.sessions.target import also_a_file
 
 LOOK_S = 1.0
 DEMO_LOOK_S = 0.1
@@ -113,7 +114,7 @@ class Opener:
         try:
             await self._attach(session, logger)
         except (SiloError, OSError) as error:
-            self._failed[logger.key] = f"{logger.name} (pid {logger.pid}): {error}"
+            self._failed[logger.key] = f"{logger.name} ({logger.where}): {error}"
             context.take_session(None)
             if app.screen_stack:
                 await app.switch_screen(self.first_screen)
@@ -124,6 +125,8 @@ class Opener:
         context.table_changed()
         context.status_changed()
         context.say_settings_problems()
+        if words := also_a_file(self._wanted):
+            context.say(words)
         await self._show_view()
         return True
 
@@ -178,7 +181,6 @@ class Opener:
         return named[0] if len(named) == 1 and named[0].key not in self._failed else None
 
     def _named(self, loggers: Sequence[FoundLogger]) -> list[FoundLogger]:
-        """Return those that are meant by NAME or NAME.PID; the dead only where none of them lives."""
-        wanted = self._wanted
-        named = [each for each in loggers if not wanted or wanted in {each.name, f"{each.name}.{each.pid}"}]
+        """Return those that are meant by a name or an address; the dead only where none of them lives."""
+        named = [each for each in loggers if each.is_meant_by(self._wanted)]
         return [each for each in named if not each.dead] or named
