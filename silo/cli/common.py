@@ -1,7 +1,7 @@
 """What the commands share: which logger is meant, completion of names, tables of plain text."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -53,7 +53,9 @@ def discovered() -> "Discovery":
     kept = ctx.find_root().meta if ctx else {}
     key = f"silo discovery {configuration()}"
     if key not in kept:
-        kept[key] = discover(config=configuration())
+        # over a slow link, opening a session is most of what a command takes
+        holding = ctx.find_root().with_resource(ExitStack()) if ctx else None
+        kept[key] = discover(config=configuration(), holding=holding)
     found: Discovery = kept[key]
     return found
 

@@ -8,6 +8,7 @@ import math
 import re
 import threading
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -93,18 +94,25 @@ class Answer:
     state: str = ""
 
 
-def discover(timeout_s: float = 1.0, config: str = "") -> Discovery:
+def discover(timeout_s: float = 1.0, config: str = "", holding: ExitStack | None = None) -> Discovery:
     """Return loggers that this user may talk to: those of this host, and of the remotes that `silo remote add` made.
 
     With `config` those that this Zenoh configuration or remote reaches, and no others; `local` means this host alone.
     A logger whose robot program died is left out once the program was started again.
 
     A scan of folders takes about a millisecond, a remote some round trips; one that doesn't answer is told in
-    `unreachable`. Raises ConnectionLostError where `config` can't be reached.
+    `unreachable`. Sessions to remotes stay open until `holding` is closed, for what is to be asked next: over a slow
+    link to open one is most of the time. Raises ConnectionLostError where `config` can't be reached.
     """
+    with ExitStack() as mine:
+        held = holding if holding is not None else mine
+        return _discovered(timeout_s, config, held)
+
+
+def _discovered(timeout_s: float, config: str, holding: ExitStack) -> Discovery:
     if config and config != LOCAL:
-        return Discovery(_remote(config, timeout_s), [])
-    far, unreachable = ([], {}) if config == LOCAL else _all_remotes(timeout_s)
+        return Discovery(_remote(config, timeout_s, holding), [])
+    far, unreachable = ([], {}) if config == LOCAL else _all_remotes(timeout_s, holding)
     near = _near()
     known = {found.root for found in near if found.id}
     # a logger of this computer that is seen through a router too is one, and the short way is taken
@@ -121,7 +129,7 @@ def _near() -> list[Found]:
     return [found for found in all_found if not (found.dead and _has_successor(found, all_found))]
 
 
-def _all_remotes(timeout_s: float) -> tuple[list[Found], dict[str, str]]:
+def _all_remotes(timeout_s: float, holding: ExitStack) -> tuple[list[Found], dict[str, str]]:
     """Loggers of all remotes, asked at the same time; those that two remotes reach once."""
     found: dict[str, list[Found]] = {}
     failed: dict[str, str] = {}
@@ -133,7 +141,7 @@ def _all_remotes(timeout_s: float) -> tuple[list[Found], dict[str, str]]:
             failed[name] = why
             return
         try:
-            found[name] = _remote(name, timeout_s)
+            found[name] = _remote(name, timeout_s, holding)
         except SiloError as error:
             now_s = time.monotonic()
             failed[name] = str(error)
@@ -212,10 +220,10 @@ def _root_of_socket(path: Path) -> keys.Root | None:
         return None
 
 
-def _remote(config: str, timeout_s: float) -> list[Found]:
-    with borrowed("", config) as mine:
-        replies = list(mine.session.liveliness().get(keys.ANY_ALIVE, timeout=timeout_s + mine.slack_s))
-        routers = mine.session.info.routers_zid()
+def _remote(config: str, timeout_s: float, holding: ExitStack) -> list[Found]:
+    mine = holding.enter_context(borrowed("", config))
+    replies = list(mine.session.liveliness().get(keys.ANY_ALIVE, timeout=timeout_s + mine.slack_s))
+    routers = mine.session.info.routers_zid()
     roots = {keys.root_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
     if not roots:
         user = user_of(from_file(find_file(config)))

@@ -3,13 +3,13 @@
 Zenoh is loaded when the first look around is made, in a thread.
 """
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from silo.ipc import found
     from silo.ipc.client import Client
-    from silo.ipc.sessions import Borrowed
 
 LOOK_TIMEOUT_S = 1.0
 
@@ -51,7 +51,7 @@ class ClientFinder:
         self._config = config
         self._seen: dict[str, found.Found] = {}
         self._own_name = ""
-        self._kept: dict[str, Borrowed] = {}  # sessions to remotes that answered, so that the next look is quick
+        self._held = ExitStack()  # the sessions of the look before, so that the next is quick
 
     @property
     def own_name(self) -> str:
@@ -64,14 +64,18 @@ class ClientFinder:
         from silo.ipc.exchange import client_name
 
         self._own_name = client_name()
-        there = discover(LOOK_TIMEOUT_S, self._config)
+        held = ExitStack()
+        try:
+            there = discover(LOOK_TIMEOUT_S, self._config, held)
+        finally:
+            self._held.close()
+            self._held = held
         loggers = []
         for each in there.loggers:
             key = each.socket or str(each.root)
             self._seen[key] = each
             who = FoundLogger(each.name, each.pid, each.user or each.host, key, each.dead, each.host, each.addresses)
             loggers.append(who)
-            self._keep(each.config)
         advice = [
             f"{folder.owner} runs {', '.join(folder.loggers) or 'a logger'}, closed to you: {folder.advice}"
             for folder in there.forbidden
@@ -79,18 +83,9 @@ class ClientFinder:
         advice += [f"remote '{remote}': {why}" for remote, why in there.unreachable.items()]
         return Found(tuple(loggers), tuple(advice))
 
-    def _keep(self, config: str) -> None:
-        from silo.ipc.sessions import borrow
-
-        if config and config not in self._kept:
-            self._kept[config] = borrow("", config)
-
     def close(self) -> None:
         """Close the sessions to remotes."""
-        from silo.ipc.sessions import give_back
-
-        while self._kept:
-            give_back(self._kept.popitem()[1])
+        self._held.close()
 
     def connect(self, logger: FoundLogger) -> "Client":
         """Connect to a logger that was found. ConnectionLostError says what to do when it doesn't answer."""
