@@ -1,5 +1,6 @@
 """What the commands share: which logger is meant, completion of names, tables of plain text."""
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -7,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
-from silo.errors import RefusedError, SiloError
+from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo.files.formats import SAVED_NAMES, file_type
 from silo.model import FileType
 
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     from silo.model import ElementInfo
 
 MOST_COMPLETIONS = 100
+TRY_AGAIN_S = 1.0
 
+_Made = TypeVar("_Made")
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
 
@@ -58,6 +61,52 @@ def discovered() -> "Discovery":
         kept[key] = discover(config=configuration(), holding=holding)
     found: Discovery = kept[key]
     return found
+
+
+def patiently(make: Callable[[], _Made]) -> _Made:
+    """Return what `make` does; while a remote can't be reached, say why and do it again.
+
+    Raises ConnectionLostError where all can be reached and what it looks for isn't there.
+    """
+    told = ""
+    while True:
+        made, problem = _tried(make)
+        if made is not None:
+            return made
+        if problem != told:
+            told = problem
+            click.echo(f"{told}\ntrying again every {TRY_AGAIN_S:g} s, until Ctrl-C", err=True)
+        _forget_discovered()
+        _pause()
+
+
+def _tried(make: Callable[[], _Made]) -> tuple[_Made | None, str]:
+    """Return what `make` does, or why a remote can't be reached that may be in a moment."""
+    from silo.ipc.probing import Layer, LayerError
+
+    passing = (Layer.NAME, Layer.ROUTE, Layer.PORT, Layer.ROLE)
+    try:
+        return make(), ""
+    except LayerError as error:
+        if error.layer not in passing:
+            raise
+        return None, str(error)
+    except VersionError:
+        raise
+    except ConnectionLostError as error:
+        if not discovered().unreachable:
+            raise
+        return None, str(error)
+
+
+def _pause() -> None:
+    time.sleep(TRY_AGAIN_S)
+
+
+def _forget_discovered() -> None:
+    ctx = click.get_current_context(silent=True)
+    if ctx is not None:
+        ctx.find_root().meta.pop(f"silo discovery {configuration()}", None)
 
 
 def find_logger(name: str | None) -> "Found":

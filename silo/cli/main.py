@@ -51,6 +51,7 @@ COMMANDS = {
     "demo": LazyCommand("Programs", "silo.cli.programs", "demo", "Run a simulated legged robot that logs."),
     "host": LazyCommand("Programs", "silo.cli.programs", "host", "Log this computer."),
     "remote": LazyCommand("Programs", "silo.cli.remote", "remote", "Reach loggers of other computers."),
+    "router": LazyCommand("Programs", "silo.cli.router", "router", "Let robots and desks meet over one link."),
     "config": LazyCommand("Programs", "silo.cli.config", "config", "List and copy examples of configuration."),
     "completion": LazyCommand("Programs", "silo.cli.completion", "completion", "Completion for your shell."),
 }

@@ -219,6 +219,26 @@ def _let_local_clients_in(settings: zenoh.Config, path: Path) -> None:
     settings.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(_users_file(path))))
 
 
+def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
+    """Return a session in router mode by the file `config`, and what it listens on. Raises ConnectionLostError."""
+    settings, given = from_file(config), written(config)
+    endpoints = _listened(settings)
+    if not endpoints:
+        raise ConnectionLostError(
+            f'{config}: names nothing to listen on; add listen: {{ endpoints: ["tls/0.0.0.0:7447"] }}'
+        )
+    insert(settings, LINK, given)
+    insert(settings, SLOW_ACCEPT, given)
+    insert(settings, FORCED)
+    for key, value in {"mode": "router", "listen/endpoints": endpoints, "scouting/delay": 0}.items():
+        settings.insert_json5(key, json.dumps(value))
+    settings.insert_json5("transport/link/rx/max_message_size", str(MAX_MESSAGE_BYTES))
+    try:
+        return zenoh.open(settings), endpoints
+    except zenoh.ZError as error:
+        raise ConnectionLostError(f"can't listen on {', '.join(endpoints)}: {reason_of(error)}") from error
+
+
 def _listened(settings: zenoh.Config) -> list[str]:
     """Return what a file says to listen on; nothing if it leaves Zenoh's default, which is the whole network."""
     found = endpoints_of(settings, "listen", "peer")

@@ -1,6 +1,8 @@
 """One robot, one address: two robots of one cloned image behind a router, and words that mean one of them or none."""
 
 import json
+import os
+import signal
 import socket
 import tempfile
 from collections.abc import Iterator
@@ -270,3 +272,21 @@ def test_clients_come_back_when_their_router_does(fleet) -> None:
         wait_until(lambda: first.connected and second.connected)
         assert first.status().state is State.STOPPED
         assert first._connection.session().zid() == second._connection.session().zid()
+
+
+@pytest.mark.slow
+def test_a_logger_keeps_its_address_when_its_helper_process_is_killed(bench, client) -> None:
+    (before,) = discover().loggers
+    os.kill(bench.serving.helper_pid, signal.SIGKILL)
+    wait_until(lambda: not client.connected)
+    wait_until(lambda: client.connected)
+    (after,) = discover().loggers
+    assert (after.root, after.id) == (before.root, client.found.id)
+
+
+@pytest.mark.slow
+def test_a_client_without_the_file_beside_the_socket_asks_who_is_there(bench) -> None:
+    Path(f"{bench.serving.socket_path}.key").unlink()
+    with Client.connect("bot") as client:
+        assert client.found.host == HOST
+        assert client.status().logger == "bot"

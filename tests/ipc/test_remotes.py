@@ -393,3 +393,27 @@ def test_init_again_adds_a_user_and_keeps_authority_and_passwords(tmp_path) -> N
 def test_a_user_who_can_not_be_is_refused(word) -> None:
     with pytest.raises(SiloError, match="nothing was made"):
         role_of(word)
+
+
+# ------------------------------------------------------------------------------------------ trying again by itself
+
+
+@pytest.mark.slow
+def test_watch_waits_for_a_way_that_is_not_there_yet(bench, mine, capsys, monkeypatch) -> None:
+    port = free_port()
+    path = config_of(mine / "desk.json5", f"tcp/127.0.0.1:{port}")
+    server = mine / "server.json5"
+    server.write_text(json.dumps({"listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]}}))
+    bench.logger.start()
+    bench.ticks(5)
+
+    def listen() -> None:  # while it waits, somebody begins to listen
+        bench.serving.close()
+        bench.serving = bench.logger.serve(config=server)
+
+    monkeypatch.setattr("silo.cli.common._pause", listen)
+    assert run(["watch", "bot", "x", "-n", "1", "--config", path]) == 0
+    shown = capsys.readouterr()
+    assert "nobody listens on port" in shown.err
+    assert "trying again every 1 s" in shown.err
+    assert "/log/x" in shown.out
