@@ -73,7 +73,8 @@ def make_network(folder: Path, hosts: list[str], port: int, users: dict[str, str
     made = {}
     for name, role in roles.items():
         made[name] = clients / f"{name}.json5"
-        _write(made[name], _client_text(folder, hosts[0], port, name, passwords[name], role))
+        text = _robot_text if role == "robot" else _client_text
+        _write(made[name], text(folder, hosts[0], port, name, passwords[name], role))
     _write(folder / "network.json", json.dumps({"hosts": hosts, "users": roles}, indent=2) + "\n")
     return Made(folder, server, made)
 
@@ -182,6 +183,20 @@ def _server_text(hosts: list[str], port: int, roles: dict[str, str], listen: str
 
 
 def _client_text(folder: Path, host: str, port: int, name: str, password: str, role: str) -> str:
+    return (
+        f"// Lets {name} in as {role}; it holds a password: for {name} alone.\n"
+        f"//     silo remote add robots {name}.json5\n" + _way(folder, host, port, name, password)
+    )
+
+
+def _robot_text(folder: Path, host: str, port: int, name: str, password: str, role: str) -> str:
+    return (
+        f"// Connects robots to the router on {host}; it holds a password.\n"
+        f'//     log.serve(config="{name}.json5")\n' + _way(folder, host, port, name, password)
+    )
+
+
+def _way(folder: Path, host: str, port: int, name: str, password: str) -> str:
     values = {
         "connect": {"endpoints": [f"tls/{_at(host)}:{port}"]},
         "transport": {
@@ -191,10 +206,7 @@ def _client_text(folder: Path, host: str, port: int, name: str, password: str, r
             },
         },
     }
-    return (
-        f"// Lets {name} in as {role}; it holds a password: for {name} alone.\n"
-        f"//     silo remote add robots {name}.json5\n" + json.dumps(values, indent=2) + "\n"
-    )
+    return json.dumps(values, indent=2) + "\n"
 
 
 def _write(path: Path, text: str) -> None:

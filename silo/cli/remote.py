@@ -150,9 +150,10 @@ def rm(name: str) -> None:
 @click.option(
     "--user", "users", multiple=True, metavar="NAME[:ROLE]", help="viewer (looks) or operator (changes, too)."
 )
+@click.option("--robots", is_flag=True, help="For a router: a file for robots, too, by which they connect to it.")
 @click.option("--port", type=click.IntRange(1, 65535), default=PORT, show_default=True, help="Where it listens.")
 @click.option("--listen", default="0.0.0.0", show_default=True, help="On which address of its own.")
-def init(folder: Path, hosts: tuple[str, ...], users: tuple[str, ...], port: int, listen: str) -> None:
+def init(folder: Path, hosts: tuple[str, ...], users: tuple[str, ...], robots: bool, port: int, listen: str) -> None:
     """Make an authority, a certificate for a robot or router, users with roles, and a file to hand out to each.
 
     Again with the same FOLDER, it adds users and renews the certificate; authority and passwords stay.
@@ -161,15 +162,19 @@ def init(folder: Path, hosts: tuple[str, ...], users: tuple[str, ...], port: int
     Examples:
       silo remote init lab --host robot3.local --host 10.0.0.7 --user alice:operator --user bob:viewer
       silo remote init lab --user carol      (one more)
+      silo remote init lab --host router.local --user alice:operator --robots
     """
     from silo.cli.authority import make_network, role_of
 
-    made = make_network(folder, list(hosts), port, dict(map(role_of, users)), listen)
-    click.echo(
-        f'robot:  copy {made.server}/ to it; log.serve(config="server.json5"), or `silo demo --config server.json5`'
-    )
+    roles = {**dict(map(role_of, users)), **({"robots": "robot"} if robots else {})}
+    made = make_network(folder, list(hosts), port, roles, listen)
+    if "robots" in made.clients:
+        click.echo(f"router:  copy {made.server}/ to it; there: silo router --config server.json5")
+    else:
+        click.echo(f'robot:  copy {made.server}/ to it; log.serve(config="server.json5"), or silo demo --config ...')
     for name, path in made.clients.items():
-        click.echo(f"{name}:  give {path}; there: silo remote add NAME {path.name}")
+        how = 'log.serve(config="robots.json5")' if name == "robots" else f"silo remote add NAME {path.name}"
+        click.echo(f"{name}:  give {path}; there: {how}")
     click.echo(
         f"keep {made.folder / 'ca-key.pem'} to yourself. Who listens already learns of new users at its next start."
     )

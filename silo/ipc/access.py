@@ -2,12 +2,17 @@
 
 from typing import Any
 
-ROLES = {"viewer": ("look", "watch"), "operator": ("look", "watch", "change")}
+ROLES = {"viewer": ("look", "watch"), "operator": ("look", "watch", "change"), "robot": ("serve", "served")}
 LOCAL_USER = "local"  # who comes by the Unix socket
 
 _QUERIES = ["query", "reply", "declare_queryable"]
 _VALUES = [
     "put", "delete", "declare_subscriber", "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
+]  # fmt: skip
+# a robot behind a router: it offers and answers, and asks nobody
+_OFFERED = ["put", "delete", "reply", "declare_queryable", "liveliness_token"]
+_ASKED = [
+    "query", "declare_subscriber", "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
 ]  # fmt: skip
 _WATCHED = ("event", "view/*", "stream/*", "topic/**", "alive", "client/*")
 
@@ -34,6 +39,10 @@ def access_control(users: dict[str, str], host: str = "*") -> dict[str, Any]:
         }
         for name, ends in keys.items()
     ]
+    if "robot" in users.values():
+        for name, flow, messages in (("serve", "ingress", _OFFERED), ("served", "egress", _ASKED)):
+            rule = {"id": name, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": ["silo/**"]}
+            rules.append(rule)
     roles = {**users, LOCAL_USER: "operator"}
     return {
         "enabled": True,

@@ -206,14 +206,14 @@ def _server_config(path: Path, config: str | None) -> zenoh.Config:
 def _let_local_clients_in(settings: zenoh.Config, path: Path) -> None:
     """Zenoh asks on the Unix socket for passwords too: who may read the folder finds one there, as user `local`."""
     users = json.loads(settings.get_json("transport/auth/usrpwd/dictionary_file"))
-    if not users:
-        return
+    if not users and not json.loads(settings.get_json("transport/auth/usrpwd/user")):
+        return  # else it asks for one, too: who connects to a router with a password wants one of everybody
     try:
-        lines = Path(users).read_text().rstrip("\n")
+        lines = Path(users).read_text().rstrip("\n") + "\n" if users else ""
     except OSError as error:
         raise ConnectionLostError(f"{users}: can't read the users and passwords: {error.strerror}") from error
     secret = f"local:{secrets.token_hex(16)}\n"
-    for file, text in ((_users_file(path), f"{lines}\n{secret}"), (secret_file(path), secret)):
+    for file, text in ((_users_file(path), f"{lines}{secret}"), (secret_file(path), secret)):
         with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as opened:
             opened.write(text)
     settings.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(_users_file(path))))
@@ -232,7 +232,6 @@ def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
     insert(settings, FORCED)
     for key, value in {"mode": "router", "listen/endpoints": endpoints, "scouting/delay": 0}.items():
         settings.insert_json5(key, json.dumps(value))
-    settings.insert_json5("transport/link/rx/max_message_size", str(MAX_MESSAGE_BYTES))
     try:
         return zenoh.open(settings), endpoints
     except zenoh.ZError as error:
