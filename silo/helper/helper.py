@@ -75,11 +75,12 @@ class _Ended(enum.Enum):
 class Helper:
     """One helper process. `run` returns when it has ended."""
 
-    def __init__(self, robot: Robot, name: str, group: str | None, config: str | None) -> None:
+    def __init__(self, robot: Robot, name: str, group: str | None, config: str | None, drawn: str = "") -> None:
         self._robot = robot
         self._name = name
         self._group = group
         self._config = config
+        self._root = Root(socket.gethostname(), name, drawn)
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._term_s = 0.0  # when SIGTERM came
         self._deleted = ""  # the run whose files somebody deleted
@@ -109,7 +110,7 @@ class Helper:
 
     def _open(self, first: RobotState) -> tuple[zenoh.Session, Path]:
         folder = group_folder(self._group) if self._group else runtime_dir()
-        session, path = open_server(folder, self._name, first.pid, self._config)
+        session, path = open_server(folder, self._name, first.pid, self._config, self._root)
         if self._group:
             share_socket(path, folder)
         return session, path
@@ -117,7 +118,7 @@ class Helper:
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
         mirror = Mirror(first)
         self._take_runs(mirror)
-        root = Root(mirror.host, first.logger)
+        root = self._root
         events = Events(session, root, mirror, EventLog(first.folder, first.logger))
         marks = self._marks = Marks(mirror, events)
         publisher = Publisher(session, root, mirror, events)

@@ -23,6 +23,7 @@ from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkReq
 from silo.logger.answers import Served, answer, robot_state
 from silo.logger.down import DownMark
 from silo.logger.helper_process import HelperProcess
+from silo.logger.identity import drawn_id
 from silo.model import FileType, SavedFile
 
 log = logging.getLogger("silo")
@@ -49,7 +50,7 @@ class Serving:
         """
         self._logger_ref = weakref.ref(logger)
         self._name = logger.options.name
-        self._arguments = ["--name", self._name]
+        self._arguments = ["--name", self._name, "--id", drawn_id()]  # the same for every helper process of it
         if group is not None:
             self._arguments += ["--group", group]
         if config is not None:

@@ -33,6 +33,8 @@ class DemoOptions:
     seed: int = 0
     save: tuple[FileType, ...] = ()
     parent_pid: int | None = None  # end when this process, which started us, is gone
+    group: str | None = None  # for `Logger.serve`
+    config: Path | None = None
 
 
 def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
@@ -55,7 +57,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
     log.update()
     judge(log)
 
-    with log, EndSignals() as ending, log.serve():
+    with log, EndSignals() as ending, log.serve(group=options.group, config=options.config):
         if not options.stopped:
             log.start()
         say(welcome(log))
