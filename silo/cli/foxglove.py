@@ -4,8 +4,8 @@ import secrets
 
 import click
 
+from silo.bridges.listening import LOOPBACK, bound, check_installed
 from silo.cli.common import complete_logger, configuration
-from silo.errors import SiloError
 
 
 @click.command()
@@ -29,12 +29,9 @@ def foxglove(logger: str | None, port: int, bind: str, control: bool, token: boo
       silo foxglove                     (then: Open connection, Foxglove WebSocket, ws://localhost:8765)
       silo foxglove anymal --control    (start, stop and save from the panel "Service Call")
     """
-    try:
-        from silo.bridges.foxglove.program import bound, once, run, services
-        from silo.bridges.foxglove.server import Terms
-    except ImportError as error:
-        raise SiloError(f"{error.name} is missing: pip install 'silo-logger[foxglove]'") from error
-
+    check_installed("websockets", "foxglove")
+    from silo.bridges.foxglove.program import once, run, services
+    from silo.bridges.foxglove.server import Terms
     from silo.ipc.client import Client
 
     config = configuration()  # of this thread's command
@@ -43,9 +40,9 @@ def foxglove(logger: str | None, port: int, bind: str, control: bool, token: boo
         return Client.connect(logger or "", config=config)
 
     name = once(reach)
-    secret = secrets.token_urlsafe(24) if control or token or bind not in ("127.0.0.1", "::1", "localhost") else ""
+    secret = secrets.token_urlsafe(24) if control or token or bind not in LOOPBACK else ""
     offered = services(reach, name) if control else None
-    terms = Terms(name, port, bind, secret, origins, offered)
+    terms = Terms(name, bind, secret, origins, offered)
     with bound(bind, port) as listening:
         host = "localhost" if terms.on_loopback else bind
         address = f"ws://{host}:{listening.getsockname()[1]}{'/' + secret if secret else ''}"

@@ -29,7 +29,7 @@ def refusal(path: str, host: str, origin: str | None, token: str, origins: Seque
     """
     if on_loopback and not _OWN_HOST.fullmatch(host):
         return f"'{host}' is no address of this computer"  # a name that was bent to 127.0.0.1
-    first = path.split("?")[0].strip("/").partition("/")[0]
+    first = path.split("?", maxsplit=1)[0].strip("/").partition("/")[0]
     if token and not hmac.compare_digest(first.encode(), token.encode()):
         return "the address has not the token that silo foxglove printed"
     if origin is None or origin in (*VIEWERS, *origins) or _OWN_ORIGIN.fullmatch(origin):

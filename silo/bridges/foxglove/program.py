@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import os
 import signal
 import socket
 from collections.abc import Callable
@@ -9,28 +10,13 @@ from typing import TYPE_CHECKING
 
 from silo.bridges.feed import Feed
 from silo.bridges.foxglove.server import Server, Terms
-from silo.errors import ConnectionLostError, SiloError
+from silo.errors import ConnectionLostError
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
 
 Connect = Callable[[], "Client"]
 SERVICES = ("start", "stop", "save")
-
-
-def bound(bind: str, port: int) -> socket.socket:
-    """Return a socket that is bound. Raises SiloError for a port that is taken or no port of ours."""
-    family = socket.AF_INET6 if ":" in bind else socket.AF_INET
-    listening = socket.socket(family)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listening.bind((bind, port))
-    except OSError as error:
-        listening.close()
-        raise SiloError(
-            f"can't listen at {bind} port {port}: {error.strerror or error}; `--port 0` takes one that is free"
-        ) from error
-    return listening
 
 
 def services(connect: Connect, prefix: str) -> dict[str, Callable[[], str]]:
@@ -51,16 +37,22 @@ def services(connect: Connect, prefix: str) -> dict[str, Callable[[], str]]:
     return {f"/{prefix}/{name}": call for name, call in zip(SERVICES, (start, stop, save), strict=True)}
 
 
-def run(terms: Terms, connect: Connect, listening: socket.socket, tell: Callable[[str], None]) -> None:
-    """Serve on a socket until Ctrl-C or SIGTERM."""
-    asyncio.run(_run(terms, connect, listening, tell))
+def run(
+    terms: Terms, connect: Connect, listening: socket.socket, tell: Callable[[str], None], ends_with: int | None = None
+) -> None:
+    """Serve on a socket until Ctrl-C or SIGTERM, or until `ends_with`, a descriptor, is at its end."""
+    asyncio.run(_run(terms, connect, listening, tell, ends_with))
 
 
-async def _run(terms: Terms, connect: Connect, listening: socket.socket, tell: Callable[[str], None]) -> None:
+async def _run(
+    terms: Terms, connect: Connect, listening: socket.socket, tell: Callable[[str], None], ends_with: int | None
+) -> None:
     ended = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, ended.set)
+    if ends_with is not None:
+        loop.add_reader(ends_with, lambda: None if os.read(ends_with, 1) else ended.set())
     server = Server(terms, lambda listener: Feed(connect, listener), tell)
     with contextlib.closing(listening):
         await server.serve(listening, ended)

@@ -17,6 +17,7 @@ from silo.bridges.feed import Feed, Listener
 from silo.bridges.foxglove import guard, protocol
 from silo.bridges.foxglove.protocol import Frames, Level, Offer, ServiceCall
 from silo.bridges.foxglove.viewer import Viewer
+from silo.bridges.listening import LOOPBACK
 from silo.bridges.messages import live_topics
 from silo.errors import SiloError
 from silo.ipc.samples import Samples
@@ -34,7 +35,6 @@ class Terms:
     """Where the server listens, and to whom. `services` by name do something and say what; empty: read-only."""
 
     name: str
-    port: int
     bind: str = "127.0.0.1"
     token: str = ""
     origins: tuple[str, ...] = ()
@@ -43,7 +43,7 @@ class Terms:
     @property
     def on_loopback(self) -> bool:
         """Whether other computers can't reach it."""
-        return self.bind in ("127.0.0.1", "::1", "localhost")
+        return self.bind in LOOPBACK
 
 
 class Server:
