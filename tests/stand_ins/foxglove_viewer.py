@@ -15,7 +15,8 @@ class Viewer:
 
     def __init__(self, url: str, subprotocol: str = SDK, origin: str | None = None) -> None:
         # a context manager alone in newer versions
-        opened = connect(url, subprotocols=[subprotocol], origin=origin, max_size=None)
+        # `close_timeout`: who doesn't read what came goes without good-byes
+        opened = connect(url, subprotocols=[subprotocol], origin=origin, max_size=None, close_timeout=0.2)
         self.socket = opened.__enter__()
         self.channels: dict[str, dict[str, Any]] = {}
         self.services: list[str] = []
