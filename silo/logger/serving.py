@@ -88,6 +88,8 @@ class Serving:
                 viewers.close()
             text = f"the helper process of logger '{self._name}' didn't start: {error}"
             raise ConnectionLostError(text) from error
+        if viewers is not None:
+            viewers.begin()
         self._viewers = viewers
         self._thread = threading.Thread(target=self._serve, name="silo-link", daemon=True)
         self._thread.start()

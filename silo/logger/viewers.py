@@ -1,5 +1,6 @@
 """Bridges to other people's viewers that end with the logger: processes of their own, never a thread of the robot's."""
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -13,7 +14,7 @@ class FoxgloveProcess:
     """Serves a logger to Foxglove, Lichtblick and PlotJuggler on a port of this computer, for reading alone."""
 
     def __init__(self, logger: str, port: int) -> None:
-        """Start it. Raises SiloError where the port is taken or `websockets` is missing, OSError.
+        """Start it; it listens, and waits for `begin`. Raises SiloError where the port is taken or `websockets` is missing, OSError.
 
         Args:
             logger: its name.
@@ -39,10 +40,18 @@ class FoxgloveProcess:
         """Its process id."""
         return self._process.pid
 
+    def begin(self) -> None:
+        """Let it connect to the logger, which can be reached now."""
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # it ended; what it said stands in the program's standard error
+            self._process.stdin.write(b"\n")
+            self._process.stdin.flush()
+
     def close(self) -> None:
         """End it; closing twice is fine."""
         if self._process.stdin is not None:
-            self._process.stdin.close()
+            with contextlib.suppress(BrokenPipeError):
+                self._process.stdin.close()
         try:
             self._process.wait(ENDING_S)
         except subprocess.TimeoutExpired:

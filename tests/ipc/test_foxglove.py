@@ -290,7 +290,7 @@ class TestStrangers:
 
 class TestPrograms:
     @pytest.mark.slow
-    def test_serve_has_a_bridge_of_its_own_that_ends_with_it(self, runtime_folder, tmp_path):
+    def test_serve_has_a_bridge_of_its_own_that_ends_with_it_and_says_nothing(self, runtime_folder, tmp_path, capfd):
         with silo.Logger("bot", frequency=100, folder=tmp_path) as log:
             log.array("x", 2)
             with log.serve(foxglove=0) as serving:
@@ -299,6 +299,7 @@ class TestPrograms:
                 pid = serving._viewers.pid
                 viewer.close()
         assert not Path(f"/proc/{pid}").exists()
+        assert capfd.readouterr().err == ""
 
     @pytest.mark.slow
     def test_a_port_that_is_taken_is_said_and_no_helper_is_left(self, runtime_folder, tmp_path):

@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+import os
 import socket
 import sys
 
@@ -20,7 +21,8 @@ def main() -> None:
     log = logging.getLogger("silo.foxglove")
     terms = Terms(arguments.logger.rpartition(".")[0])
     listening = socket.socket(fileno=arguments.fd)
-    run(terms, lambda: Client.connect(arguments.logger), listening, log.warning, ends_with=sys.stdin.fileno())
+    if os.read(sys.stdin.fileno(), 1):  # the logger can be reached now; empty where it never came so far
+        run(terms, lambda: Client.connect(arguments.logger), listening, log.warning, ends_with=sys.stdin.fileno())
 
 
 if __name__ == "__main__":
