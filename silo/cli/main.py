@@ -49,6 +49,9 @@ COMMANDS = {
     "stats": LazyCommand("Saved files", "silo.cli.files", "stats_command", "Minimum, maximum, mean ... of signals."),
     "check": LazyCommand("Saved files", "silo.cli.check", "check_command", "Judge limits and conditions on a log."),
     "diff": LazyCommand("Saved files", "silo.cli.files", "diff_command", "Show how two logs differ."),
+    "foxglove": LazyCommand(
+        "Other viewers", "silo.cli.foxglove", "foxglove", "Show a logger in Foxglove, PlotJuggler."
+    ),
     "demo": LazyCommand("Programs", "silo.cli.programs", "demo", "Run a simulated legged robot that logs."),
     "host": LazyCommand("Programs", "silo.cli.programs", "host", "Log this computer."),
     "remote": LazyCommand("Programs", "silo.cli.remote", "remote", "Reach loggers of other computers."),

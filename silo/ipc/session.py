@@ -12,6 +12,7 @@ import secrets
 import socket
 import time
 from pathlib import Path
+from typing import Any
 
 import zenoh
 

@@ -52,6 +52,7 @@ class NullServing:
     """What `NullLogger.serve` returns: nothing listens."""
 
     alive = False
+    foxglove_port = None
 
     def close(self) -> None:
         """Do nothing."""
@@ -291,7 +292,13 @@ class NullLogger:
         """Do nothing."""
         return ""
 
-    def serve(self, *, group: str | None = None, config: str | os.PathLike[str] | None = None) -> NullServing:
+    def serve(
+        self,
+        *,
+        group: str | None = None,
+        config: str | os.PathLike[str] | None = None,
+        foxglove: int | None = None,
+    ) -> NullServing:
         """Start nothing: nobody listens."""
         return NullServing()
 
