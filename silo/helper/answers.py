@@ -16,6 +16,7 @@ from silo.helper.events import Events, plain
 from silo.helper.history import check_history, history
 from silo.helper.judge import Judge
 from silo.helper.mirror import LoggerSnapshot, Mirror
+from silo.helper.moments import check_moments, find_moments
 from silo.helper.pins import Pins, no_pin
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
@@ -42,6 +43,7 @@ from silo.ipc.messages import (
     DiffScript,
     Done,
     EditsApplied,
+    FindMoments,
     ForceTrigger,
     GetEvents,
     GetHistory,
@@ -62,6 +64,7 @@ from silo.ipc.messages import (
     ListScripts,
     LoadScript,
     Marked,
+    MomentsFound,
     OpenPin,
     OpenStream,
     OpenView,
@@ -230,6 +233,16 @@ class Answers:
     def _close_pin(self, request: ClosePin) -> Done:
         self._pins.close(request.pin)
         return Done("the pin is closed")
+
+    @answers_to(FindMoments)
+    def _find(self, request: FindMoments) -> MomentsFound | Refused:
+        refused = check_moments(request)
+        if refused is not None:
+            return refused
+        held = [found for pin in request.pins if (found := self._pins.rows(pin)) is not None]
+        gone = next((each for each in held if isinstance(each, Refused)), None)
+        pinned = [each for each in held if not isinstance(each, Refused)]
+        return gone or find_moments(request, self._mirror.now, self._mirror.open_reader(), pinned)
 
     @answers_to(GetSurvey)
     def _survey(self, request: GetSurvey) -> Survey | Refused:

@@ -35,6 +35,7 @@ from silo.ipc.messages import (
     DiffScript,
     Done,
     EditsApplied,
+    FindMoments,
     ForceTrigger,
     GetEvents,
     GetHistory,
@@ -92,7 +93,7 @@ from silo.ipc.messages import (
 )
 from silo.ipc.published import Event, EventKind
 from silo.ipc.words import FileTypes, file_types, full_name, why_silent
-from silo.model import Edit, FileType, LoggedEvent, SavedFile, SignalLimits, Status, Table, TriggerOptions
+from silo.model import Edit, FileType, LoggedEvent, SavedFile, SignalLimits, Sought, Status, Table, TriggerOptions
 from silo.version import VERSION
 
 if TYPE_CHECKING:
@@ -103,6 +104,7 @@ if TYPE_CHECKING:
     from silo.ipc.samples import Pin, Samples, Stream
     from silo.ipc.topic import Topic
     from silo.ipc.view import View
+    from silo.judging.moments import Found as FoundMoments
 
     Leased = View | Stream | Pin
 
@@ -463,6 +465,57 @@ class Client:
                 names=request.names, by=request.by, reply_bytes=reply_bytes, pin=request.pin, run=reply.run,
                 resume=reply.resume, client=self._name,
             )  # fmt: skip
+
+    def find(
+        self,
+        names: Sequence[str],
+        what: Sought | str,
+        level: float = 0.0,
+        direction: int = 0,
+        bounds: Sequence[tuple[float | None, float | None]] = (),
+        start_ns: int = -(2**62),
+        end_ns: int = 2**62,
+        around_ns: int = 0,
+        most: int = 100,
+        pins: "Sequence[Pin]" = (),
+        run: str = "",
+    ) -> "dict[str, FoundMoments]":
+        """Look for something in every sample that buffers and pins hold; the helper process looks, nothing is fetched.
+
+        Args:
+            names: 1 to 64 entries.
+            what: `"highest"`, `"lowest"`, `"crossing"`, `"edge"`, `"change"`, `"not finite"`, `"outside"`, `"hole"`.
+            level: what is crossed.
+            direction: 1 for a rising crossing, -1 for a falling one, 0 for either.
+            bounds: of each name the smallest and the largest value that isn't outside, None for none.
+            start_ns: the first time stamp.
+            end_ns: the last time stamp.
+            around_ns: the moments next to this one are in the answer.
+            most: how many of each name; all names together have at most 10 000.
+            pins: what is looked through beside the buffers, where it has what these have no more.
+            run: the run that it is about, as pins name it; the newest where it is empty.
+
+        Returns:
+            By name: `total` moments, of which `before` come before those that are here as `time_ns` and `values`, both
+            of shape `(n,)`; `begin_ns` and `end_ns` say what was looked through, `why` why nothing was.
+
+        Raises:
+            RefusedError: a name or `what` is unknown, a number out of range, or a pin is no more.
+            ElementError: the names are no list of texts; nothing was asked.
+        """
+        from silo.ipc.moments import found_of
+
+        try:
+            sought = Sought(what)
+        except ValueError:
+            words = ", ".join(f"'{one.value}'" for one in Sought)
+            raise RefusedError(f"one can look for {words}, got {what!r}; nothing was asked") from None
+        request = FindMoments(
+            names=texts("names", names, "['/log/joints/q_0']"), what=sought, level=level, direction=direction,
+            bounds=list(bounds), start_ns=start_ns, end_ns=end_ns, around_ns=around_ns, most=most,
+            pins=[pin.id for pin in pins], run=run, client=self._name,
+        )  # fmt: skip
+        return found_of(self._call(request))
 
     def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
         """Return quantities of elements or entries, with statistics over all samples since this client asked first.
