@@ -8,7 +8,7 @@ import asyncio
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.columns import Bins, ColumnGrid, HistoryColumns, Hole, grid_of
+from silo.judging.moments import Found, Looking
 from silo.model import Action, ElementInfo, ElementOptions, LoggedEvent
 from silo.recording import RecordedElement, Recording
 from silo.values import newest_values, numbers
 from silo_tui.model.columns import Floats, Marks
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, signs_of
+from silo_tui.model.searching import found_in
 from silo_tui.model.source import Samples
 
 TILE = 64
@@ -285,6 +287,14 @@ class RecordingSource:
         begin, end = _samples(signal, ticks).tolist()
         first, step = signal.first + begin * signal.divider, signal.divider
         return self._times[first : first + (end - begin) * step : step], signal.values[begin:end]
+
+    async def find(self, looking: Mapping[str, Looking], around_ns: int, most: int) -> tuple[dict[str, Found], str]:
+        """Look for moments in all samples of entries; nothing of a file is out of reach."""
+        found = {}
+        for name, wanted in looking.items():
+            samples = await self.samples(name, self.begin_ns, self.end_ns)
+            found[name] = await asyncio.to_thread(found_in, wanted, samples, around_ns, most)
+        return found, ""
 
     def neighbour(self, name: str, time_ns: int, step: int) -> int:
         """Time of the next (`step` 1) or previous (-1) sample of an entry; the same time where there is none."""

@@ -11,6 +11,7 @@ from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.plots import SECOND_NS, PlotWindow
 from silo_tui.model.recorded import WHOLE
+from silo_tui.model.source import HeldRows
 from silo_tui.screens.file_detail import FileDetailScreen
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.sessions.recorded import FileSession
@@ -87,29 +88,19 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         return self.file.source.begin_ns, self.file.source.end_ns
 
     @property
-    def _older_gone(self) -> bool:
-        return False
+    def held(self) -> HeldRows:
+        """The file."""
+        return self.file.source
+
+    async def bring(self, time_ns: int) -> bool:
+        """Return whether the file has the moment."""
+        return self.file.source.begin_ns <= time_ns <= self.file.source.end_ns
 
     # --------------------------------------------------------------------------------------------------- commands
-
-    def command_first_plot(self) -> None:
-        self.command_plot_top()
-
-    def command_last_plot(self) -> None:
-        self.command_plot_bottom()
 
     def command_all_held(self) -> None:
         self.window.span_s = self.window.spans[-1]
         self._show(self.file.source.end_ns)
-
-    def _step(self, step: int) -> None:
-        plotted = self.stack.plots[self.stack.chosen]
-        there = self.file.source.neighbour(plotted.name, self.file.time_ns, step)
-        if there == self.file.time_ns:
-            self.say(f"that is the {'last' if step > 0 else 'first'} sample of {self.file.short_name(plotted.name)}")
-        else:
-            self._said = ""
-            self._go_to(there)
 
     def command_plot_down(self) -> None:
         super().command_plot_down()

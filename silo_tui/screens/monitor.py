@@ -13,7 +13,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.timer import Timer
 
-from silo.errors import SiloError
+from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo.model import TriggerOptions
 from silo_tui.actions import bindings_for
@@ -24,7 +24,7 @@ from silo_tui.model.overlay import SIGN
 from silo_tui.model.panels import gathered, isolate, join, stacked
 from silo_tui.model.plots import SECOND_NS, SPANS_S, PlotWindow, plots_of
 from silo_tui.model.recorded import SHORT_SPANS_S
-from silo_tui.model.source import PlotSource
+from silo_tui.model.source import HeldRows, PlotSource
 from silo_tui.screens.finding import value_words
 from silo_tui.screens.standing import StandingStill
 from silo_tui.sessions.link import ViewRequest
@@ -117,7 +117,7 @@ class MonitorScreen(StandingStill):
         if self.window.paused:
             self.session.columns = ColumnStore((), 1, 1)
             if self.pause.source is not None:
-                self.run_worker(self.pause.look(*self._shown_ns), group="look", exclusive=True)
+                self.run_worker(self._look(), group="look", exclusive=True)
         else:
             store.adopt(self.stack.store)
             elements = dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())
@@ -145,6 +145,29 @@ class MonitorScreen(StandingStill):
         self.stack.store = store
         await self._fill_texts(end)
         self._show_moment()
+
+    async def _look(self) -> None:
+        """Pin and fetch what is on the screen; where its rows are gone by now, show the oldest that there are."""
+        start_ns, end_ns = self._shown_ns
+        await self.pause.look(start_ns, end_ns, self._column_ns)
+        source, at_ns = self.pause.source, self._at_ns
+        if source is None:
+            return
+        if at_ns is not None and at_ns < source.begin_ns:
+            self._at_ns = source.begin_ns
+        if start_ns + self._column_ns < source.begin_ns and end_ns - source.begin_ns < self.window.span_ns // 2:
+            self._show(end_ns)
+
+    @property
+    def held(self) -> HeldRows:
+        """What the pause holds, and the logger's buffers behind it."""
+        if self.pause.source is None:
+            raise RefusedError("nothing is held: space holds the picture")
+        return self.pause.source
+
+    async def bring(self, time_ns: int) -> bool:
+        """Have a moment pinned, with a window around it."""
+        return await self.pause.bring(time_ns, self.window.span_ns)
 
     async def _fill_ghost(self, store: ColumnStore) -> None:
         """Read what a saved run had in this window, and in the next one: the live one goes on."""
@@ -305,9 +328,10 @@ class MonitorScreen(StandingStill):
         if self.pause.source is not None:
             self._go_on()
             return
+        newest_ns = self._live.end_ns if self.window.paused else 0  # looking back, time goes on
         self._stand_still()
         store, end = self.stack.store, self._end_ns
-        held = self.pause.hold(self.stack.plots, end, self.window.span_ns, store)
+        held = self.pause.hold(self.stack.plots, end, self.window.span_ns, store, newest_ns)
         self.source = self.stack.source = held
         self.window.spans = (*SHORT_SPANS_S, *SPANS_S)
         self.run_worker(self.pause.fetch(store.column_ns, self.window.span_ns), group="pause", exclusive=True)
