@@ -153,7 +153,7 @@ class SiloApp(App[None]):
     def _second(self) -> None:
         if terminal.backed_up(self):
             return
-        if (screen := self.context.upper_screen) is not None:
+        if (screen := self.context.upper_screen) is not None and screen.is_mounted:
             screen.second_passed()
         self._opener.keep_view()
         session = self._live_session

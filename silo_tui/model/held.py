@@ -157,6 +157,11 @@ class HeldSource:
         return tuple(self._pieces)
 
     @property
+    def pinned(self) -> bool:
+        """Whether anything is pinned."""
+        return bool(self._pins)
+
+    @property
     def problem(self) -> str:
         """Why no more is fetched."""
         return self.main.problem

@@ -142,10 +142,6 @@ class RecordingSource:
         last = max(element.first + (element.count - 1) * element.divider for element in elements)
         return int(self._times[first]), int(self._times[last])
 
-    def clamp_end(self, end_ns: int, span_ns: int) -> int:
-        """The right edge of a window so that it lies in the recording."""
-        return min(self.end_ns, max(end_ns, self.begin_ns + span_ns))
-
     # ------------------------------------------------------------------------------------------------ columns
 
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
@@ -295,19 +291,6 @@ class RecordingSource:
             samples = await self.samples(name, self.begin_ns, self.end_ns)
             found[name] = await asyncio.to_thread(found_in, wanted, samples, around_ns, most)
         return found, ""
-
-    def neighbour(self, name: str, time_ns: int, step: int) -> int:
-        """Time of the next (`step` 1) or previous (-1) sample of an entry; the same time where there is none."""
-        signal = self._signals.get(name)
-        if signal is None or not len(signal.values):
-            return time_ns
-        tick = int(np.searchsorted(self._times, time_ns, "right" if step > 0 else "left"))
-        # the first sample at or after that tick, or the last one before it
-        at = -((signal.first - tick) // signal.divider) if step > 0 else (tick - 1 - signal.first) // signal.divider
-        at = max(0, at) if step > 0 else at
-        if not 0 <= at < len(signal.values):
-            return time_ns
-        return int(self._times[signal.first + at * signal.divider])
 
 
 def _info(name: str, element: RecordedElement) -> ElementInfo:

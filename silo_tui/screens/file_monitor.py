@@ -9,10 +9,10 @@ from textual.binding import Binding
 from silo_tui.actions import bindings_for
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
+from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, PlotWindow
 from silo_tui.model.recorded import WHOLE
 from silo_tui.model.source import HeldRows
-from silo_tui.screens.file_detail import FileDetailScreen
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar
@@ -71,6 +71,10 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         """Read the values at the cursor."""
         self.file.read(list(dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())))
         self.stack.readings = self.file.live.readings
+        self.stack.bounds = self.file.bounds
+
+    async def _readings_here(self) -> dict[str, Reading]:
+        return self.file.live.readings
 
     def moment_words(self, time_ns: int) -> str:
         """Return a moment: from the start of the file, and by the clock."""
@@ -111,13 +115,12 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         self._show_moment()
 
     def command_detail(self) -> None:
-        plots, count = self.stack.for_detail()
-        if not plots:
+        from silo_tui.screens.file_detail import FileDetailScreen
+
+        if not self.stack.for_detail()[0]:
             self.say(f"{text.plural(len(self.stack.plots), 'text')}: nothing to draw")
             return
-        self.app.push_screen(
-            FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s, self.window.spans, count)
-        )
+        self.app.push_screen(FileDetailScreen(self))
 
     def command_back(self) -> None:
         self.context.leave_screen()

@@ -49,6 +49,19 @@ class FindDialog(Dialog[Search | None]):
         self.query_one(OptionList).highlighted = 0
         self._say()
 
+    def offer(self, value: str) -> None:
+        """Offer a level, unless one is typed already."""
+        self._value = self._value or value
+        if not self.is_mounted or not self.is_attached:
+            return  # it is made with it, or gone
+        line = self.query_one("#find-level", Input)
+        if line.value:
+            return
+        line.value = value
+        options = self.query_one(OptionList)
+        for choice in choices(value):
+            options.replace_option_prompt(choice.value, f" {choice.key}  {choice.label}")
+
     def _say(self, problem: str = "") -> None:
         where = f"all {self._signals} signals that are plotted" if self._everywhere else self._name
         other = "the chosen signal alone" if self._everywhere else "all plotted"

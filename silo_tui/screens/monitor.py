@@ -6,6 +6,7 @@ What it shows comes from a `PlotSource`, so that a recording can stand in for a 
 
 import asyncio
 from collections.abc import Sequence
+from functools import cached_property
 from typing import ClassVar
 
 from textual import events as textual_events
@@ -20,13 +21,16 @@ from silo_tui.actions import bindings_for
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.find import Search, What, places_of
+from silo_tui.model.held import reading_of
+from silo_tui.model.live import Reading
 from silo_tui.model.overlay import SIGN
-from silo_tui.model.panels import gathered, isolate, join, stacked
-from silo_tui.model.plots import SECOND_NS, SPANS_S, PlotWindow, plots_of
+from silo_tui.model.panels import Panel, gathered, has_curves, isolate, join, sides, stacked
+from silo_tui.model.plots import SECOND_NS, SPANS_S, Plotted, PlotWindow, plots_of
 from silo_tui.model.recorded import SHORT_SPANS_S
+from silo_tui.model.scope import Scope, fitting_span, halfway
 from silo_tui.model.source import HeldRows, PlotSource
 from silo_tui.screens.finding import value_words
-from silo_tui.screens.standing import StandingStill
+from silo_tui.screens.standing import StandingStill, value_here
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
@@ -62,18 +66,36 @@ class MonitorScreen(StandingStill):
         self._mending = False
         self._timer: Timer | None = None
         self._live = source
+        self.between = BetweenTable()
         self.pause = Pause(session, source, self._more_is_here)
 
     def compose(self) -> ComposeResult:
         """Yield status, banner, plots, line of facts, keys."""
-        self.status_bar, self.banner, self.line = self.bars()
         yield self.status_bar
         yield self.banner
         yield self.stack
-        self.between = BetweenTable()
         yield self.between
         yield self.line
         yield KeyBar(self.scope)
+
+    @cached_property
+    def _bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
+        return self.bars()  # a key may come before they are on the screen
+
+    @property
+    def status_bar(self) -> StatusBar:
+        """The line on top."""
+        return self._bars[0]
+
+    @property
+    def banner(self) -> Banner:
+        """What is the matter, below it."""
+        return self._bars[1]
+
+    @property
+    def line(self) -> MonitorLine:
+        """Facts, below the plots."""
+        return self._bars[2]
 
     def bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
         """Return the lines around the plots."""
@@ -83,10 +105,14 @@ class MonitorScreen(StandingStill):
     def on_mount(self) -> None:
         """Show at once; history fills the plots."""
         self.banner.update()
-        if not self.source.live:
+        if not self.source.live and not self.window.paused:
             self.window.paused_end_ns = self.source.end_ns
 
     def on_unmount(self) -> None:
+        """Let go of what is held."""
+        self.let_go()  # Textual calls the handlers of all classes
+
+    def let_go(self) -> None:
         """Let go of what is held."""
         self.pause.release()
 
@@ -200,9 +226,10 @@ class MonitorScreen(StandingStill):
     def live_changed(self, frame: Frame) -> None:
         """Show new columns and values."""
         self.status_bar.update()
-        self.stack.readings = self.session.live.readings
-        self._take_texts(frame)
-        if not self.window.paused:
+        if not self.window.paused:  # else what is shown is of what stands still
+            self.stack.readings = self.session.live.readings
+            self.stack.bounds = self.session.bounds
+            self._take_texts(frame)
             if self.session.running and not self.stack.store.empty:
                 self.stack.store.advance_to(frame.time_ns // self.stack.store.column_ns + 1)
             self.stack.advance()
@@ -211,6 +238,33 @@ class MonitorScreen(StandingStill):
             if self.session.columns is self._asked and self._asked.gapped and not self._mending:
                 self._mending = True  # frames got lost on their way: the logger still has what was in them
                 self.run_worker(self._fill(self._asked, list(self._asked.names)), group="history")
+
+    def _moment_shown(self) -> None:
+        """Read the values of what stands still: those at the cursor, or at the right end."""
+        if self.window.paused and self._live.live:
+            self.run_worker(self._read_moment(), group="moment", exclusive=True)
+
+    async def _read_moment(self) -> None:
+        readings = await self._readings_here()
+        if self.window.paused:
+            self.stack.readings = readings
+            self.stack.bounds = self.session.bounds
+            self.stack.redraw()
+
+    async def _readings_here(self) -> dict[str, Reading]:
+        """Return what held at the cursor, or at the right end of the window; nothing of what can't be had."""
+        if not self.window.paused:
+            return self.session.live.readings
+        await self.pause.settled()
+        at_ns = self._at_ns if self._at_ns is not None and self.window.cursor is not None else self._end_ns
+        plots = (*self.stack.on_screen(), *self.stack.plots[self.stack.chosen : self.stack.chosen + 1])
+        shown = {plotted.element.name: plotted.element for plotted in plots}
+        try:
+            if self.pause.source is not None:
+                return await self.pause.source.readings(list(shown), at_ns)
+            return {name: await reading_of(self._live, element, at_ns) for name, element in shown.items()}
+        except SiloError:
+            return {}
 
     def _take_texts(self, frame: Frame) -> None:
         """Note texts that changed."""
@@ -316,6 +370,25 @@ class MonitorScreen(StandingStill):
             return "DEAD" if self.session.dead else "live" if self.session.connected else "no link"
         return f"-{text.span(max(0, self.source.end_ns - self.window.paused_end_ns) / SECOND_NS)}, End: now"
 
+    @property
+    def live_source(self) -> PlotSource:
+        """What it shows when nothing is held."""
+        return self._live
+
+    @property
+    def pinned_plots(self) -> Sequence[Plotted]:
+        """What a pause holds."""
+        return self.stack.plots
+
+    def take_back(self) -> None:
+        """Show what the pause holds by now, or what comes: another screen used it meanwhile."""
+        self.pause.tell(self._more_is_here)
+        self.source = self.stack.source = self.pause.source or self._live
+        if self.is_mounted:
+            self._more_is_here()
+            self._show_moment()
+            self.request_view()
+
     def _more_is_here(self) -> None:
         self.status_bar.mode = self.pause.head
         self.status_bar.update()
@@ -331,7 +404,7 @@ class MonitorScreen(StandingStill):
         newest_ns = self._live.end_ns if self.window.paused else 0  # looking back, time goes on
         self._stand_still()
         store, end = self.stack.store, self._end_ns
-        held = self.pause.hold(self.stack.plots, end, self.window.span_ns, store, newest_ns)
+        held = self.pause.hold(self.pinned_plots, end, self.window.span_ns, store, newest_ns)
         self.source = self.stack.source = held
         self.window.spans = (*SHORT_SPANS_S, *SPANS_S)
         self.run_worker(self.pause.fetch(store.column_ns, self.window.span_ns), group="pause", exclusive=True)
@@ -368,6 +441,23 @@ class MonitorScreen(StandingStill):
         self.stack.redraw()
         self.line.refresh()
 
+    def command_log_axis(self) -> None:
+        """Go over to powers of ten, or back, all signals of the axis together."""
+        panel, chosen = self.stack.panels[self.stack.chosen_panel], self.stack.chosen_plot
+        if not has_curves(panel) or chosen.entry.dtype[1:2] in "Mm":
+            self.say("only numbers have an axis with powers of ten")
+            return
+        right = sides(panel)
+        side = right[panel.index(chosen)]
+        mine = {plotted.name for plotted, its in zip(panel, right, strict=True) if its is side}
+        if chosen.name in self.window.logs:
+            self.window.logs -= mine
+            self.say("y axis: linear")
+        else:
+            self.window.logs |= mine
+            self.say("y axis: powers of ten (linear next to zero, where there are such values)")
+        self.stack.redraw()
+
     def command_join_plots(self) -> None:
         try:
             self.stack.show_panels(join(self.stack.panels, self.stack.chosen_panel, self.stack.most))
@@ -398,14 +488,32 @@ class MonitorScreen(StandingStill):
                 return
         self.say("these can't be arranged in another way")
 
-    def command_plot_trigger(self) -> None:
-        from silo_tui.screens.trigger_editor import TriggerEditor
+    def command_catch(self) -> None:
+        """Let crossings of the chosen signal stand still: at the level of the cursor, else halfway."""
+        from silo_tui.screens.scope import ScopeScreen
 
+        chosen, panel = self.stack.chosen_plot, self.stack.panels[self.stack.chosen_panel]
+        if not chosen.numeric or not self._live.is_live(chosen.element.name):
+            self.say("the scope needs a signal of numbers that is on")
+            return
+        low, high = self.stack.span_of(chosen)
+        at_cursor = value_here(chosen, self.stack.readings) if self.window.paused and self.window.cursor else ""
+        level = float(at_cursor) if at_cursor else halfway(low, high)
+        plots = [chosen, *(each for each in panel if each != chosen and each.numeric)]
+        settings = Scope(level, span_s=fitting_span(self._live.period_ns(chosen.element.name)))
+        self.app.push_screen(ScopeScreen(self.session, self._live, plots, settings))
+
+    def command_plot_trigger(self) -> None:
         if not self.stack.plots or not self.stack.chosen_plot.numeric:
             self.say("a trigger needs a signal of numbers")
             return
+        self.context.run_flow(self._ask_trigger())
+
+    async def _ask_trigger(self) -> None:
+        from silo_tui.screens.trigger_editor import TriggerEditor
+
         name = self._short(self.stack.chosen_plot.name).lstrip("/")
-        level = self._value_here() or "0"
+        level = value_here(self.stack.chosen_plot, await self._readings_here()) or "0"
         made = TriggerOptions(name.rpartition("/")[2], f"{name} > {level}", 1.0, 1.0)
         self.app.push_screen(TriggerEditor(self.session, made, is_new=True), self._take_trigger)
 
@@ -430,12 +538,58 @@ class MonitorScreen(StandingStill):
 
         if not self.stack.plots:
             return
-        plots, count = self.stack.for_detail()
-        if not plots:
+        if not self.stack.for_detail()[0]:
             self.say("nothing that is on to plot")
             return
-        end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
-        self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s, count))
+        self.app.push_screen(DetailScreen(self))
+
+    def command_next_entry(self) -> None:
+        """Go over to the next entry of the vector."""
+        chosen = self.stack.chosen_plot
+        others = [each for each in plots_of([chosen.element]) if each == chosen or each not in self.stack.plots]
+        if len(others) < 2:
+            self.say("all entries of it are plotted" if len(chosen.element.entries) > 1 else "no vector: one value")
+            return
+        self._replace([others[(others.index(chosen) + 1) % len(others)]], [chosen])
+
+    def command_all_entries(self) -> None:
+        """Plot all entries of the vector, or the chosen one alone."""
+        chosen = self.stack.chosen_plot
+        every = plots_of([chosen.element])
+        shown = [each for each in self.stack.plots if each in every]
+        if len(every) < 2:
+            self.say("no vector: one value")
+        elif len(shown) < len(every):
+            self._replace(every, shown)
+        else:
+            self._replace([chosen], shown)
+
+    def _replace(self, plots: Sequence[Plotted], shown: Sequence[Plotted]) -> None:
+        """Plot some entries in place of others of their element, which share plots no more."""
+        if self.pause.source is not None:
+            self.say("what is held are the plots of when it was: space goes on")
+            return
+        panels: list[Panel] = []
+        for panel in self.stack.panels:
+            rest = tuple(each for each in panel if each not in shown)
+            panels += [rest] if rest else []
+            if self.stack.chosen_plot in panel:
+                panels += stacked(plots)
+        self.stack.show_panels(panels)
+        self.stack.choose(self.stack.plots.index(plots[0]))
+        self._said = ""
+        self.fill_soon()
+
+    def command_zero(self) -> None:
+        self.run_worker(self._zero(), group="zero")
+
+    async def _zero(self) -> None:
+        try:
+            await self.session.survey((), (), reset=True)
+        except SiloError as error:
+            self.say(str(error))
+            return
+        self.say("statistics of the table from now on")
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a pause or a cursor asks for."""

@@ -5,7 +5,9 @@ The window goes over all that is held, cursor A is a moment of it, B another one
 """
 
 import asyncio
+from collections.abc import Mapping
 from datetime import datetime
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +18,9 @@ from silo_tui.model import text
 from silo_tui.model.between import Between, between
 from silo_tui.model.find import Search, What
 from silo_tui.model.happened import gone_words, words
+from silo_tui.model.live import Reading
 from silo_tui.model.panels import Kind, kind_of
-from silo_tui.model.plots import SECOND_NS, PlotWindow
+from silo_tui.model.plots import SECOND_NS, Plotted, PlotWindow
 from silo_tui.model.source import HeldRows, PlotSource
 from silo_tui.screens.exporting import ask_export
 from silo_tui.screens.finding import Found, events, look
@@ -28,10 +31,21 @@ from silo_tui.widgets.bars import MonitorLine
 from silo_tui.widgets.between import BetweenTable
 from silo_tui.widgets.plot_stack import PlotStack
 
+if TYPE_CHECKING:
+    from silo_tui.screens.find import FindDialog
+
 FAR = 10
 STEP_PERIODS = 64  # as far as the next sample is looked for at first
 HELD_PERIODS = 100  # a slow loop is late by many
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
+
+
+def value_here(plotted: Plotted, readings: Mapping[str, Reading]) -> str:
+    """Return the value of a signal as it is typed; empty where there is none."""
+    reading = readings.get(plotted.element.name)
+    if reading is None or plotted.position >= len(reading.newest) or np.isnan(reading.newest[plotted.position]):
+        return ""
+    return f"{reading.newest[plotted.position]:.6g}"
 
 
 class StandingStill(SiloScreen):
@@ -41,7 +55,6 @@ class StandingStill(SiloScreen):
     source: PlotSource
     window: PlotWindow
     stack: PlotStack
-    line: MonitorLine
     between: BetweenTable
     pause: Pause
 
@@ -50,6 +63,11 @@ class StandingStill(SiloScreen):
         self._said = ""
         self._found: Found | None = None
         self._stepping = asyncio.Lock()  # two keys at once are two samples
+
+    @property
+    def line(self) -> MonitorLine:
+        """Facts, below the plots."""
+        raise NotImplementedError
 
     def command_pause(self) -> None:
         raise NotImplementedError
@@ -392,14 +410,19 @@ class StandingStill(SiloScreen):
             return
         self._pause_here()
         name = self._short(self.stack.chosen_plot.name)
-        self.app.push_screen(FindDialog(name, len(self.stack.plots), self._value_here()), self._find)
+        dialog = FindDialog(name, len(self.stack.plots), "")
+        self.app.push_screen(dialog, self._find)
+        self.run_worker(self._offer_level(dialog), group="offer", exclusive=True)
 
-    def _value_here(self) -> str:
-        reading = self.stack.readings.get(self.stack.chosen_plot.element.name)
-        position = self.stack.chosen_plot.position
-        if reading is None or position >= len(reading.newest) or np.isnan(reading.newest[position]):
-            return ""
-        return f"{reading.newest[position]:.6g}"
+    async def _offer_level(self, dialog: "FindDialog") -> None:
+        """Offer the value at the cursor as the level: the dialog doesn't wait for it."""
+        readings = await self._readings_here()
+        self.stack.readings = readings
+        dialog.offer(value_here(self.stack.chosen_plot, readings))
+
+    async def _readings_here(self) -> dict[str, Reading]:
+        """Return what held at the cursor, or at the right end of the window."""
+        raise NotImplementedError
 
     def _find(self, search: Search | None) -> None:
         if search is not None:

@@ -117,6 +117,10 @@ class Pause:
         self._settled = asyncio.Event()
         self._settled.set()
 
+    def tell(self, changed: Callable[[], None]) -> None:
+        """Call this from now on when more is here."""
+        self._changed = changed
+
     async def settled(self) -> None:
         """Wait until it is known what is pinned, or that nothing is."""
         await self._settled.wait()
@@ -214,7 +218,7 @@ class Pause:
             return
         if self._session.connected:
             source.mended()
-            if self._unreached:
+            if self._unreached or not (source.pinned or source.problem):
                 await self._open()
         before = source.pieces
         span_ns = end_ns - start_ns

@@ -324,3 +324,48 @@ async def test_a_full_stop_steps_into_what_no_pin_has(spiked, opened):
         monitor(screen)._go_to(begin)
         await screen.press("comma", "comma")
         await screen.until(lambda: monitor(screen).window.at_ns == begin - 2 * 2_500_000, "two samples before the pin")
+
+
+# ----------------------------------------------------------------------------------- what is shown is of what is pinned
+
+GAIT = "/log/state/gait"
+
+
+async def open_gait(screen):
+    await screen.type("/gait")
+    await screen.press("enter", "m")
+    await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
+
+
+async def test_in_a_pause_words_and_values_are_those_of_the_cursor_not_of_now(fake, opened):
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_gait(screen)
+        words = ("stand", "walk", "trot")  # each for 3 s
+        pinned = words[int(61 / 3) % 3]
+        await screen.shows(f"now {pinned}")
+        await hold(screen)
+        await screen.shows(f"at end {pinned}")
+        fake.advance(3.2)
+        seen_ns = fake.now_ns
+        await screen.until(lambda: screen.session.frame_time_ns == seen_ns, "a live frame")
+        await screen.pilot.pause()
+        assert f"at end {pinned}" in screen.text
+        assert "now " not in screen.text.replace("nowhere", "")
+        await screen.press("left")
+        other = words[int(56 / 3) % 3]
+        await screen.shows(f"at cursor {other}")
+        await screen.until(lambda: f"│{other}" in screen.text, "the word beside the band")
+
+
+async def test_a_crossing_is_offered_at_the_value_under_the_cursor(fake, opened):
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("f", "h")
+        await screen.shows("of 3: 40")
+        fake.advance(1.3)
+        await screen.press("f", "x")
+        await screen.shows("Enter finds it")
+        line = screen.app.screen.query_one("#find-level")
+        await screen.until(lambda: line.value == "40", "the level of the spike")
