@@ -139,8 +139,7 @@ class SiloApp(App[None]):
             return
         if frame.running != session.running and not session.dead:
             self.run_worker(self._refresh_status(), group="status", exclusive=True)
-        if (screen := self.context.upper_screen) is not None:
-            screen.live_changed(frame)
+        self.context.tell_upper(lambda screen: screen.live_changed(frame))
         self._tell_thinness()
 
     def _tell_thinness(self) -> None:
@@ -153,8 +152,7 @@ class SiloApp(App[None]):
     def _second(self) -> None:
         if terminal.backed_up(self):
             return
-        if (screen := self.context.upper_screen) is not None and screen.is_mounted:
-            screen.second_passed()
+        self.context.tell_upper(lambda screen: screen.second_passed())
         self._opener.keep_view()
         session = self._live_session
         if session is not None and session.conditions_due and session.fresh:

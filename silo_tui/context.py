@@ -10,12 +10,11 @@ from typing import Any, cast
 
 from textual import events
 from textual.app import App
-from textual.screen import Screen
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo_tui.actions import BY_ID, Command, edits_by
-from silo_tui.modal import Dialog
+from silo_tui.modal import Dialog, Leaving
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
@@ -153,10 +152,15 @@ class Context:
         return next((screen for screen in reversed(self.app.screen_stack) if isinstance(screen, SiloScreen)), None)
 
     def tell(self, news: "Callable[[SiloScreen], None]") -> None:
-        """Call `news` with every full screen that is on the stack."""
+        """Call `news` with every full screen that is there; one that is being made draws what is new by itself."""
         for screen in self.app.screen_stack:
-            if isinstance(screen, SiloScreen) and screen.is_mounted:
+            if isinstance(screen, SiloScreen) and screen.is_there:
                 news(screen)
+
+    def tell_upper(self, news: "Callable[[SiloScreen], None]") -> None:
+        """Call `news` with the uppermost full screen, if that is there."""
+        if (screen := self.upper_screen) is not None and screen.is_there:
+            news(screen)
 
     def table_changed(self) -> None:
         """Tell the screens that table, pending edits or rows shown changed."""
@@ -170,8 +174,11 @@ class Context:
 
     def say(self, words: str) -> None:
         """Show the result of something on the screen below any dialog."""
-        if (screen := self.upper_screen) is not None:
+        screen = self.upper_screen
+        if screen is not None and screen.is_there:
             screen.say(words)
+        elif screen is not None:
+            screen.call_later(screen.say, words)  # as soon as it was made; one that goes takes nothing any more
 
     def say_settings_problems(self) -> None:
         """Say once what of the settings file was left out."""
@@ -182,7 +189,7 @@ class Context:
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""
         screen = self.upper_screen
-        if screen is not None and screen.say_whole(words):
+        if not self.app.screen_stack or (screen is not None and screen.is_there and screen.say_whole(words)):
             return
         if self.app.screen.is_modal:
             self.say(words.partition("\n")[0])
@@ -250,7 +257,7 @@ class Context:
             screen.request_view()
 
 
-class SiloScreen(Screen[None]):
+class SiloScreen(Leaving[None]):
     """A full screen of the app: keys from the list of commands, each carried out by the screen or else by the app."""
 
     scope = ""

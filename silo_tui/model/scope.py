@@ -105,7 +105,7 @@ def parse_settings(words: str, scope: Scope) -> Scope:
 def picture_of(samples: Mapping[str, Samples], scope: Scope, at_ns: int, columns: int) -> ColumnStore:
     """Return the columns of a capture, its crossing always at the same place."""
     column_ns = max(1, math.ceil(scope.span_s * SECOND_NS / columns))
-    end = scope.post_ns // column_ns + 1
+    end = -(-scope.post_ns // column_ns)
     grid = ColumnGrid(len(samples), end - columns, columns)
     for row, (time_ns, values) in enumerate(samples.values()):
         inside = (time_ns >= at_ns - scope.pre_ns) & (time_ns <= at_ns + scope.post_ns)

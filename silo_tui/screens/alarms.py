@@ -134,11 +134,6 @@ class AlarmsScreen(ConditionsScreen):
 
     async def _told(self, job: "Callable[[Client], str]") -> None:
         try:
-            self.say(await self.context.link.call(job))
+            await self.carry_out(job)
         except RefusedError as error:
-            self.say(str(error))
-            return
-        await self.session.refresh_conditions()
-        said, self._said = self._said, ""
-        self.show()
-        self.say(said)
+            self.context.say(str(error))

@@ -2,7 +2,8 @@
 """What the screens of triggers and of alarms share: a head, a list that keeps its line, a line of words, keys."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from rich.text import Text
 from textual import events
@@ -13,6 +14,9 @@ from textual.widgets.option_list import Option
 from silo_tui.context import SiloScreen
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
 
 
 class ConditionsScreen(SiloScreen):
@@ -57,6 +61,17 @@ class ConditionsScreen(SiloScreen):
             await self.context.quietly(self.session.refresh_conditions())
         self.show()
 
+    async def carry_out(self, job: "Callable[[Client], str]") -> None:
+        """Ask for something, and say what came of it: last, as keys are for what comes of it until then.
+
+        The screen may be left meanwhile, so what came of it is told where one is.
+        """
+        said = await self.context.link.call(job)
+        try:
+            await self.session.refresh_conditions()
+        finally:
+            self.context.say(said)
+
     # ------------------------------------------------------------------------------------------------- to be drawn
 
     @abstractmethod
@@ -73,8 +88,8 @@ class ConditionsScreen(SiloScreen):
 
     def show(self) -> None:
         """Draw the lines; the cursor stays on what it was on."""
-        if not self.is_mounted:
-            return  # it is about to be
+        if not self.is_there:
+            return  # it is being made, or goes
         width = self.size.width
         lines, known = self.query_one(OptionList), self.chosen_id
         rows = self.rows(width)
@@ -119,9 +134,8 @@ class ConditionsScreen(SiloScreen):
         self.show()
 
     def second_passed(self) -> None:
-        if self.is_mounted:
-            self._banner.update()
-            self.ask()
+        self._banner.update()
+        self.ask()
 
     def command_condition_down(self) -> None:
         self._said = ""

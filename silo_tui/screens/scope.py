@@ -44,6 +44,7 @@ from silo_tui.widgets.plot_stack import PlotStack
 LOOK_S = 0.2
 MOST_CROSSINGS = 2000  # that are told of at a look: the newest of them is shown
 FAR = 10
+LATE_PERIODS = 10
 
 
 class _Caught:
@@ -55,8 +56,13 @@ class _Caught:
     end_ns = 0
 
     def __init__(self, live: PlotSource) -> None:
-        self.element, self.period_ns, self.is_live = live.element, live.period_ns, live.is_live
+        self.element, self.is_live = live.element, live.is_live
         self.history, self.samples = live.history, live.samples
+        self._live = live
+
+    def period_ns(self, element: str) -> int:
+        """Return how long a value holds in the picture: a loop that is late by some ticks lost none."""
+        return LATE_PERIODS * self._live.period_ns(element)
 
 
 class ScopeStack(PlotStack):
@@ -189,6 +195,7 @@ class ScopeScreen(SiloScreen):
         self._samples, self._forced = samples, False
         if crossing:
             self.caught, self._between, self.caught_ns = self.caught + 1 + between, between, at_ns
+            self._said = ""
             self._waits_since_s = time.monotonic()
         self._draw(at_ns)
 
@@ -218,15 +225,15 @@ class ScopeScreen(SiloScreen):
         return f"CAUGHT {text.span(float(f'{ago_s:.2g}'))} ago"
 
     def _state(self) -> str:
-        if self._held or (self.settings.mode is Mode.SINGLE and self.caught_ns):
-            return "space arms it again" if not self._held else "space goes on"
-        return "waiting for the next" if self.caught_ns else "waiting"
+        return "waiting" if self.waits else "standing still"
 
     def _words(self) -> Sequence[str]:
         words = [self.settings.words, f"{self.caught} caught"]
         if self._between:
             words.append(f"{self._between} more came between")
-        return [*words, self._said] if self._said else words
+        if self._said:
+            words.append(self._said)
+        return words if self.waits else [*words, "space goes on" if self._held else "space arms it again"]
 
     def _tell(self) -> None:
         self.status_bar.mode = f"SCOPE {self.settings.mode.value}  {self.state_word}"

@@ -6,12 +6,12 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
-from textual.screen import ModalScreen
 from textual.timer import Timer
 from textual.widgets import Input, Static
 
 from silo.errors import SiloError
 from silo.model import TriggerOptions
+from silo_tui.modal import Dialog
 from silo_tui.model.conditions import fields_of, options_of_fields, tried_lines
 from silo_tui.sessions.live import Session
 
@@ -24,7 +24,7 @@ HINTS = {
 }  # fmt: skip
 
 
-class TriggerEditor(ModalScreen[TriggerOptions | None]):
+class TriggerEditor(Dialog[TriggerOptions | None]):
     """Answers with the trigger on Enter, None on Esc."""
 
     KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"

@@ -2,9 +2,9 @@
 """The triggers of a logger: how each stands, armed and off, set and tried."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from rich.text import Text
 from textual.binding import Binding
@@ -17,9 +17,6 @@ from silo_tui.model.conditions import CAUTION, LOUD, times_head, trigger_row
 from silo_tui.screens.conditions import ConditionsScreen
 from silo_tui.screens.trigger_editor import TriggerEditor
 from silo_tui.widgets.bars import color
-
-if TYPE_CHECKING:
-    from silo.ipc.client import Client
 
 MOST_PLOTS = 6
 
@@ -69,17 +66,17 @@ class TriggersScreen(ConditionsScreen):
         one = self._chosen
         if one is not None:
             armed = one.state in (TriggerWord.OFF, TriggerWord.FIRED)
-            self.context.run_flow(self._told(lambda client: client.arm_trigger(one.options.name, armed=armed)))
+            self.context.run_flow(self.carry_out(lambda client: client.arm_trigger(one.options.name, armed=armed)))
 
     def command_trigger_force(self) -> None:
         one = self._chosen
         if one is not None:
-            self.context.run_flow(self._told(lambda client: client.force_trigger(one.options.name)))
+            self.context.run_flow(self.carry_out(lambda client: client.force_trigger(one.options.name)))
 
     def command_trigger_remove(self) -> None:
         one = self._chosen
         if one is not None:
-            self.context.run_flow(self._told(lambda client: client.remove_trigger(one.options.name)))
+            self.context.run_flow(self.carry_out(lambda client: client.remove_trigger(one.options.name)))
 
     def command_trigger_edit(self) -> None:
         one = self._chosen
@@ -95,7 +92,7 @@ class TriggersScreen(ConditionsScreen):
 
     def _edited(self, made: TriggerOptions | None) -> None:
         if made is not None:
-            self.context.run_flow(self._told(lambda client: client.set_trigger(made)))
+            self.context.run_flow(self.carry_out(lambda client: client.set_trigger(made)))
 
     def command_trigger_capture(self) -> None:
         one = self._chosen
@@ -124,8 +121,3 @@ class TriggersScreen(ConditionsScreen):
         await self.app.push_screen(monitor)
         if file.capture is not None and file.capture.fires_ns:
             monitor.call_after_refresh(monitor.show_moment_of, file.capture.fires_ns[0])
-
-    async def _told(self, job: "Callable[[Client], str]") -> None:
-        self.say(await self.context.link.call(job))
-        await self.session.refresh_conditions()
-        self.show()

@@ -224,7 +224,7 @@ class PlotStack(Widget):
         if self.level is not None:
             return 8
         limited = self.bounds and any(plotted.name in self.bounds for plotted in self._plots)
-        return 6 if limited else 4 if self.ghost is not None else 2
+        return 8 if limited else 4 if self.ghost is not None else 2
 
     @property
     def plot_width(self) -> int:

@@ -141,6 +141,8 @@ async def _screen_of(app: SiloApp, size: tuple[int, int] = (80, 24)) -> AsyncIte
     async with app.run_test(size=size, notifications=True) as pilot:
         yield Screen(app, pilot)
         app.release()
+        app.exit()  # as who uses it does: what works in it ends before its screens go
+        await pilot.app._task
 
 
 @pytest.fixture
