@@ -7,7 +7,6 @@ from typing import ClassVar
 from textual.binding import Binding
 
 from silo_tui.actions import bindings_for
-from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, PlotWindow
@@ -113,14 +112,6 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
     def command_plot_up(self) -> None:
         super().command_plot_up()
         self._show_moment()
-
-    def command_detail(self) -> None:
-        from silo_tui.screens.file_detail import FileDetailScreen
-
-        if not self.stack.for_detail()[0]:
-            self.say(f"{text.plural(len(self.stack.plots), 'text')}: nothing to draw")
-            return
-        self.app.push_screen(FileDetailScreen(self))
 
     def command_back(self) -> None:
         self.context.leave_screen()

@@ -536,16 +536,6 @@ class MonitorScreen(StandingStill):
         else:
             self.command_back()
 
-    def command_detail(self) -> None:
-        from silo_tui.screens.detail import DetailScreen
-
-        if not self.stack.plots:
-            return
-        if not self.stack.for_detail()[0]:
-            self.say("nothing that is on to plot")
-            return
-        self.app.push_screen(DetailScreen(self))
-
     def command_next_entry(self) -> None:
         """Go over to the next entry of the vector."""
         chosen = self.stack.chosen_plot
