@@ -16,7 +16,7 @@ from silo_tui.actions import bindings_for
 from silo_tui.context import SiloScreen
 from silo_tui.model import text
 from silo_tui.model.happened import letter, line, matches
-from silo_tui.screens.standing import StandingStill
+from silo_tui.screens.searching import Searching
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting, Line
@@ -170,7 +170,7 @@ class EventsScreen(SiloScreen):
         if not event.at_ns or event.tick < 0:
             self.say("this happened before the first tick: no place in the plots")
             return
-        plots = next((each for each in reversed(self.app.screen_stack) if isinstance(each, StandingStill)), None)
+        plots = next((each for each in reversed(self.app.screen_stack) if isinstance(each, Searching)), None)
         if plots is None:
             self.say("no plots are open: m in the table plots what is marked, then E and Enter")
             return
