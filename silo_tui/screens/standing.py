@@ -384,7 +384,8 @@ class StandingStill(SiloScreen):
             facts.append((self.stack.letter(plotted), self._short(plotted.name), found))
         seconds = (b_ns - a_ns) / SECOND_NS
         times = f"A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}   B-A {seconds:.6g} s"
-        self.between.show(times + (f"  {abs(1 / seconds):.4g} Hz" if seconds else ""), facts)
+        hertz = f"  {abs(1 / seconds):.4g} Hz" if seconds else ""
+        self.between.show(times + (hertz if len(times + hertz) + 2 <= self.size.width else ""), facts)
 
     def command_export_plots(self) -> None:
         self._pause_here()
