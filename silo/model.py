@@ -148,6 +148,19 @@ class Derived(msgspec.Struct, frozen=True):
     unit: str = ""
 
 
+class Sought(str, enum.Enum):
+    """What one looks for in the samples of a signal; `silo.judging.moments` has the rules."""
+
+    HIGHEST = "highest"
+    LOWEST = "lowest"
+    CROSSING = "crossing"
+    EDGE = "edge"
+    CHANGE = "change"
+    NOT_FINITE = "not finite"
+    OUTSIDE = "outside"
+    HOLE = "hole"
+
+
 class SignalLimits(msgspec.Struct, frozen=True, omit_defaults=True):
     """Limits of an element or of one scalar of it; `bounds` are red low, yellow low, yellow high, red high.
 

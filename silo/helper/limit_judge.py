@@ -254,14 +254,16 @@ def _word(state: EntryState, value: float) -> LimitWord:
 def _status(one: _Limited, at: int) -> LimitStatus:
     scalar = one.scalars[at]
     if one.why:
-        return LimitStatus(scalar.name, one.options.name, LimitWord.BLIND, one.unit, why=one.why)
+        return LimitStatus(
+            scalar.name, one.options.name, LimitWord.BLIND, one.unit, why=one.why, bounds=one.options.bounds
+        )
     state, value = one.limit.states[at], float(one.newest[at])
     word = _word(state, value)
     made = LimitStatus(
         scalar.name, one.options.name, word, one.unit, value if math.isfinite(value) else None,
         count=state.count, stale_count=state.stale_count, alarm=bool(state.alarm or state.stale_alarm),
         seen_by=state.acknowledged.who if state.acknowledged else "",
-        why="it has no value yet" if word is LimitWord.BLIND else "",
+        why="it has no value yet" if word is LimitWord.BLIND else "", bounds=one.options.bounds,
     )  # fmt: skip
     return _with_worst(made, one.limit.rule, state, scalar.worst)
 

@@ -38,6 +38,11 @@ class PinnedRows:
         held = self._held.get(ring)
         return held[1].first + len(held[1]) if held is not None else 0
 
+    def first(self, ring: int) -> int:
+        """Return the number of the oldest row that is held."""
+        held = self._held.get(ring)
+        return held[1].first if held is not None else 0
+
     def rows(self, ring: int, since: int, limit: int | None = None, words: Words | None = None) -> Rows:
         """Return rows from `since` on, of each the words at these places."""
         held, rows = self._held[ring]

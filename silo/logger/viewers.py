@@ -14,7 +14,9 @@ class FoxgloveProcess:
     """Serves a logger to Foxglove, Lichtblick and PlotJuggler on a port of this computer, for reading alone."""
 
     def __init__(self, logger: str, port: int) -> None:
-        """Start it; it listens, and waits for `begin`. Raises SiloError where the port is taken or `websockets` is missing, OSError.
+        """Start it; it listens, and waits for `begin`.
+
+        Raises SiloError where the port is taken or `websockets` is missing, OSError.
 
         Args:
             logger: its name.

@@ -24,7 +24,7 @@ from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches
 from silo_tui.model.lists import arranged
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.screens.order import OrderDialog
-from silo_tui.screens.standing import StandingStill
+from silo_tui.screens.searching import Searching
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting, Line
@@ -228,7 +228,7 @@ class EventsScreen(SiloScreen):
         if not event.at_ns or event.tick < 0:
             self.say("this happened before the first tick: no place in the plots")
             return
-        stack = [each for each in self.app.screen_stack if isinstance(each, StandingStill)]
+        stack = [each for each in self.app.screen_stack if isinstance(each, Searching)]
         plots = next((each for each in reversed(stack) if each.session is self.session), None)
         if plots is None:
             self.say("no plots are open: m in the table plots what is marked, then E and Enter")

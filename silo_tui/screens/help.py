@@ -22,7 +22,7 @@ from silo_tui.widgets.inputs import Fleeting, Line
 THREE_FROM, TWO_FROM = 120, 72
 GAP = 2
 PLACES = {
-    "monitor": "plots", "detail": "large plot", "file_monitor": "plots of a file",
+    "monitor": "plots", "scope": "scope", "detail": "large plot", "file_monitor": "plots of a file",
     "file_detail": "large plot of a file", "loggers": "list of loggers",
 }  # fmt: skip
 LAST_GROUPS = ("Logger", "Go")

@@ -24,6 +24,7 @@ from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
 from silo_tui.model.fields import options_of, rows_of
 from silo_tui.model.happened import MOST, of_last_run
+from silo_tui.model.limits import Bounds4
 from silo_tui.model.live import LiveValues
 from silo_tui.model.overlay import Overlay
 from silo_tui.model.recorders import Pace
@@ -80,6 +81,7 @@ class Session:
         self.jitter_s = 0.0  # of the loop, as the newest survey says
         self.triggers: list[TriggerStatus] = []
         self.limits: list[LimitStatus] = []  # worst first
+        self.bounds: dict[str, Bounds4] = {}  # of each scalar with limits: red low, yellow low, yellow high, red high
         self.beyond: dict[str, str] = {}  # the worst sign of each element that is beyond its limits
         self.recorders: list[RecorderInfo] = []  # endless recordings, as they were asked for last
         self.paces: dict[str, Pace] = {}  # how fast each of them writes
@@ -192,9 +194,10 @@ class Session:
         try:
             self.triggers = (await self._link.read(lambda client: client.triggers())).triggers
             self.limits = (await self._link.read(lambda client: client.alarms())).limits
+            self.bounds = {one.name: one.bounds for one in self.limits if any(each is not None for each in one.bounds)}
             self._take_beyond(self._beyond())
         except RefusedError:
-            self.triggers, self.limits = [], []  # of a helper process of an older silo
+            self.triggers, self.limits, self.bounds = [], [], {}  # of a helper process of an older silo
             self._take_beyond({})
             raise
 

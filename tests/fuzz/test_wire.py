@@ -43,6 +43,7 @@ from silo.ipc.messages import (
     Columns,
     DeleteRecording,
     DiffScript,
+    FindMoments,
     ForceTrigger,
     GetEvents,
     GetHistory,
@@ -97,7 +98,18 @@ from silo.link.channel import LinkChannel
 from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply, LinkRequest, RobotState
 from silo.logger.answers import answer, robot_state
-from silo.model import Derived, Edit, ElementOptions, FileType, Problem, SavedFile, SignalLimits, Table, TriggerOptions
+from silo.model import (
+    Derived,
+    Edit,
+    ElementOptions,
+    FileType,
+    Problem,
+    SavedFile,
+    SignalLimits,
+    Sought,
+    Table,
+    TriggerOptions,
+)
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 NASTY: list[Any] = [
@@ -120,6 +132,8 @@ GOOD: list[Request[Any]] = [
     GetSurvey(quantities=["mean", "signs"], names=["/log/x", "/log/q_1"]), GetSurvey(quantities=["value"], reset=True),
     GetSamples(names=["/log/x"], run="a", resume=[(0, 9)]), OpenStream(stream="abc-1", names=["/log/x", "/log/q_2"]),
     CloseStream(stream="abc-1"), OpenPin(pin="abc-1", names=["/log/q"], start_ns=STEM, end_ns=STEM + 10**9),
+    FindMoments(names=["/log/x", "/log/q_1"], what=Sought.HIGHEST), FindMoments(names=["/log/x"], what=Sought.CROSSING,
+    level=0.5, direction=1, around_ns=STEM, most=3, pins=["abc-1"], bounds=[(None, 2.0)]),
     KeepPin(pin="abc-1"), ClosePin(pin="abc-2"),
     ApplyEdits(revision=-1, edits=[Edit("/log/x", ElementOptions(divider=2)), Edit("/log/q", ElementOptions())]),
     ListKeptViews(), KeepView(name="walk", text="sort: div", overwrite=True), ReadKeptView(name="walk"),

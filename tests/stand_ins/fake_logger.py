@@ -45,6 +45,8 @@ from silo.ipc.samples import Samples
 from silo.ipc.surveys import QUANTITIES
 from silo.ipc.versions import PROTOCOL
 from silo.judging.derived import derived_infos
+from silo.judging.moments import Finder, Looking
+from silo.judging.moments import Found as FoundMoments
 from silo.model import (
     Action,
     BufferType,
@@ -60,6 +62,7 @@ from silo.model import (
     RecorderState,
     SavedFile,
     SignalLimits,
+    Sought,
     State,
     Status,
     Table,
@@ -204,7 +207,8 @@ class FakePin:
         begin, end = (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
         size = sum(8 * (2 + some.values[:1].size) * len(some) for some in held.values())
         missing = {name: some.why for name, some in held.items() if some.why}
-        self.opened = PinOpened(self.id, f"run-{client.started_ns}" if len(stamps) else "", begin, end, size, missing)
+        self.opened = PinOpened(self.id, f"run-{client.started_ns}" if len(stamps) else "", begin, end, size, missing,
+            oldest_ns=client.oldest_ns(self.names))  # fmt: skip
 
     def close(self) -> None:
         if self in self.client.pins:
@@ -600,6 +604,11 @@ class FakeClient:
         self.publish(EventKind.RECORDING, f"recording '{name}' ended", by=OWN_NAME)
         return f"recording '{name}' ended: 1 files"
 
+    def oldest_ns(self, names: Sequence[str]) -> int:
+        """The oldest moment that the buffers hold of any of these."""
+        held = [self._held_samples(name).time_ns for name in names]
+        return min([int(stamps[0]) for stamps in held if len(stamps)], default=0)
+
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()
         held = FakePin(self, self.samples(names, start_ns, end_ns + 1))
@@ -621,6 +630,31 @@ class FakeClient:
             )
         if told is not None:
             told(1.0)
+        return found
+
+    def find(
+        self, names: Sequence[str], what: Sought, level: float = 0.0, direction: int = 0,
+        bounds: Sequence[tuple[float | None, float | None]] = (), start_ns: int = -(2**62), end_ns: int = 2**62,
+        around_ns: int = 0, most: int = 100, pins: Sequence[FakePin] = (), run: str = "",
+    ) -> dict[str, FoundMoments]:  # fmt: skip
+        self._ask()
+        found = {}
+        for place, name in enumerate(names):
+            held = self._held_samples(name)
+            parts = [self._of_pin(pin, name) for pin in pins]
+            if not run or run == f"run-{self.started_ns}":
+                parts.append(held)
+            stamps = np.concatenate([some.time_ns for some in parts])
+            values = np.concatenate([some.values for some in parts])
+            stamps, at = np.unique(stamps, return_index=True)
+            wanted = (stamps >= start_ns) & (stamps <= end_ns)
+            limits = bounds[place] if bounds else (None, None)
+            looking = Looking(Sought(what), level, direction, limits, round(1e9 * max(1, held.divider) / HZ))
+            finder = Finder(looking, around_ns, most)
+            finder.measure(values[at][wanted])
+            finder.feed(stamps[wanted], values[at][wanted])
+            found[name] = finder.found
+        self.calls.append(("find", tuple(names), Sought(what).value))
         return found
 
     def _of_pin(self, pin: FakePin, name: str) -> Samples:

@@ -11,6 +11,7 @@ from silo.helper.answers import (
     events,
     files,
     layouts,
+    moments,
     recorders,
     samples,
     scripts,

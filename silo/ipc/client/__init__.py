@@ -21,6 +21,7 @@ from silo.ipc.client.files import FileCalls
 from silo.ipc.client.layouts import KeptViewCalls
 from silo.ipc.client.leases import Leases
 from silo.ipc.client.live import LiveCalls
+from silo.ipc.client.moments import MomentCalls
 from silo.ipc.client.recorders import RecorderCalls
 from silo.ipc.client.samples import SampleCalls
 from silo.ipc.client.saves import Saves
@@ -35,7 +36,17 @@ __all__ = ["Client", "Discovery", "Found", "connect", "discover"]
 
 
 @told_class("client", make="Client")
-class Client(LiveCalls, SampleCalls, EventCalls, FileCalls, RecorderCalls, ConditionCalls, DerivedCalls, KeptViewCalls):
+class Client(
+    LiveCalls,
+    SampleCalls,
+    MomentCalls,
+    EventCalls,
+    FileCalls,
+    RecorderCalls,
+    ConditionCalls,
+    DerivedCalls,
+    KeptViewCalls,
+):
     """A connection to one logger. A context manager."""
 
     def __init__(self, found: Found, timeout_s: float = Ask.timeout_s) -> None:

@@ -83,6 +83,11 @@ from silo.ipc.messages.samples import (
     StreamOpened as StreamOpened,
     by_of as by_of,
 )
+from silo.ipc.messages.moments import (
+    FindMoments as FindMoments,
+    FoundIn as FoundIn,
+    MomentsFound as MomentsFound,
+)
 from silo.ipc.messages.views import (
     CloseView as CloseView,
     GetSurvey as GetSurvey,
