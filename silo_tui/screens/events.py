@@ -81,13 +81,8 @@ class EventsScreen(SiloScreen):
         if self.session.happened is not self._all:
             self._show()
 
-    @property
-    def _here(self) -> bool:
-        """Whether its widgets are there: what was asked for may come while the screen is going."""
-        return self.is_mounted and bool(self.query("#events-list")) and bool(self.query("#events-said"))
-
     def _show(self) -> None:
-        if not self._here:
+        if not self.is_there:
             return
         lines, width = self._list, self.size.width
         kept = self._event
@@ -108,7 +103,7 @@ class EventsScreen(SiloScreen):
         return shown
 
     def _tell(self) -> None:
-        if not self._here:
+        if not self.is_there:
             return
         count = text.plural(len(self._all), "event")
         words = [f"{count}, {'follows' if self._following else 'g follows'}" if self._all else "nothing happened yet"]

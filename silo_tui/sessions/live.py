@@ -259,7 +259,7 @@ class Session:
     async def survey(self, details: Sequence[str], quantities: Sequence[str], *, reset: bool = False) -> None:
         """Measure anew: what filter and order need of all elements, `quantities` of elements and entries `details`."""
         wanted = sorted(self.rows.wanted())
-        found = await self._link.read(lambda client: client.survey(wanted, reset=reset))
+        found = await self._link.read(lambda client: client.survey(wanted, reset=reset, derived=True))
         arrays = np.frombuffer(found.values).reshape(len(wanted), -1)
         if found.revision != self.table.revision or arrays.shape[1] != len(self.table):
             return  # of a table that we haven't read yet
@@ -281,9 +281,22 @@ class Session:
         ValueError says what is out of range; nothing is changed then.
         """
         rows, values = self.rows.targets(), self.table.values
+        if why := self.why_fixed():
+            raise ValueError(why)
+        rows = rows[~self.table.derived[rows]]
         elements = [(self.table.names[row], options_of(values[:, row])) for row in rows]
         made = apply_settings(settings, elements, self.status.frequency_hz)
         return self.table.edit_all(rows, rows_of(made))
+
+    def why_fixed(self) -> str:
+        """Return why none of the targets can be edited, empty where some can."""
+        rows = self.rows.targets()
+        if not len(rows) or not self.table.derived[rows].all():
+            return ""
+        one = self.table.elements[rows[0]]
+        others = f" and {len(rows) - 1} more are" if len(rows) > 1 else " is"
+        name = self.short_name(one.name).lstrip("/")
+        return f"{name}{others} derived: divider, buffer and action are those of its signals"
 
     def watch(self, request: ViewRequest) -> None:
         """Say what the screen shows from now on."""

@@ -24,6 +24,8 @@ from silo.ipc.messages import (
     EditsApplied,
     GetPiece,
     HelloReply,
+    KeptView,
+    KeptViews,
     PinOpened,
     RecorderInfo,
     RecorderStarted,
@@ -42,6 +44,7 @@ from silo.ipc.published import Event, EventKind, NotLive
 from silo.ipc.samples import Samples
 from silo.ipc.surveys import QUANTITIES
 from silo.ipc.versions import PROTOCOL
+from silo.judging.derived import derived_infos
 from silo.model import (
     Action,
     BufferType,
@@ -159,7 +162,7 @@ class FakeView:
         begin = max(self.from_ns, self.seen_ns)
         since_ns = begin if self.seen_ns < 0 else 0
         self.seen_ns = client.now_ns
-        known = {info.name: info for info in client.elements}
+        known = {info.name: info for info in client.infos}
         infos = [known[name] for name in self.values if name in known]
         unpublished = {info.name for info in infos if not info.options.enabled}
         newest, texts = [], {}
@@ -229,6 +232,7 @@ class FakeClient:
         self.pins: list[FakePin] = []
         self.trigger_statuses: list[TriggerStatus] = []
         self.limit_statuses: list[LimitStatus] = []
+        self.views_kept: dict[str, str] = {}
         self.recorder_infos: list[RecorderInfo] = []
         self.derived: tuple[Derived, ...] = ()
         self.limit_options: tuple[SignalLimits, ...] = ()
@@ -258,13 +262,18 @@ class FakeClient:
         return (self.now_ns - self.started_ns) / 1e9 if self.started_ns else 0.0
 
     @property
+    def infos(self) -> list[ElementInfo]:
+        """The elements, then the derived signals."""
+        return [*self.elements, *derived_infos(self.elements, "/log", self.derived)]
+
+    @property
     def ticks(self) -> int:
         end_ns = self.now_ns if self.state is State.RUNNING else self._stopped_ns
         return round((end_ns - self.started_ns) / 1e9 * HZ) if self.started_ns else 0
 
     def recorded(self, name: str) -> ElementOptions:
         """Options of an element in the held recording."""
-        known = next(info.options for info in self.elements if info.name == name)
+        known = next(info.options for info in self.infos if info.name == name)
         return self._recorded.get(name, known)
 
     def is_full(self, name: str) -> bool:
@@ -365,7 +374,7 @@ class FakeClient:
 
     def table(self) -> Table:
         self._ask()
-        return Table(self.revision, list(self.elements))
+        return Table(self.revision, list(self.elements), self.infos[len(self.elements) :])
 
     def scripts(self) -> Scripts:
         self._ask()
@@ -550,6 +559,23 @@ class FakeClient:
         self.publish(EventKind.DELETED, text, by=OWN_NAME)
         return text
 
+    def kept_views(self) -> KeptViews:
+        self._ask()
+        return KeptViews(f"{FOLDER}/views", sorted(self.views_kept))
+
+    def kept_view(self, name: str) -> KeptView:
+        self._ask()
+        if name not in self.views_kept:
+            raise refused(RefusedWhy.NOT_FOUND, f"there is no view '{name}' on the robot")
+        return KeptView(f"{FOLDER}/views/{name}.yaml", self.views_kept[name])
+
+    def keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
+        self._ask()
+        if name in self.views_kept and not overwrite:
+            raise refused(RefusedWhy.EXISTS, f"there is a view '{name}' on the robot")
+        self.views_kept[name] = text
+        return f"view kept on the robot: {FOLDER}/views/{name}.yaml"
+
     def recorders(self) -> list[RecorderInfo]:
         self._ask()
         return list(self.recorder_infos)
@@ -604,8 +630,8 @@ class FakeClient:
 
     def _held_samples(self, name: str) -> Samples:
         """All samples of an element or entry that its buffer holds."""
-        places = {info.name: (info, info.entries) for info in self.elements}
-        for info in self.elements:
+        places = {info.name: (info, info.entries) for info in self.infos}
+        for info in self.infos:
             for entry in info.entries:
                 places.setdefault(info.name + entry.suffix, (info, (entry,)))
         if name not in places:
@@ -640,7 +666,7 @@ class FakeClient:
         count = max(0, last - first + 1) if self.started_ns else 0
         low, high = np.full((len(names), count), np.nan), np.full((len(names), count), np.nan)
         for position, name in enumerate(names):
-            element = next((info for info in self.elements if name.startswith(info.name)), None)
+            element = next((info for info in self.infos if name.startswith(info.name)), None)
             if element is None or not element.options.enabled:
                 continue
             ticks = np.arange(math.ceil((start_ns - self.started_ns) / 1e9 * HZ), self.ticks + 1)
@@ -710,15 +736,18 @@ class FakeClient:
         self.calls.append(("set_limits", limits))
         return f"limits of '{limits.name}' are set"
 
-    def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
+    def survey(
+        self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False, derived: bool = False
+    ) -> Survey:
         self._ask()
         unknown = [quantity for quantity in quantities if quantity not in QUANTITIES]
         if unknown:
             raise refused(RefusedWhy.INVALID, f"no survey: {unknown[0]!r} is no quantity")
         if reset or not self.since_ns:
             self.since_ns = self.now_ns
-        known = {info.name: info for info in self.elements}
-        entries = {info.name + entry.suffix: info for info in self.elements for entry in info.entries}
+        infos = self.infos if derived else self.elements
+        known = {info.name: info for info in infos}
+        entries = {info.name + entry.suffix: info for info in infos for entry in info.entries}
         rows = [
             [self._measured(quantity, name, known.get(name) or entries.get(name)) for name in names or known]
             for quantity in quantities
