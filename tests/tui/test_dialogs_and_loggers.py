@@ -270,7 +270,7 @@ async def test_a_file_of_this_machine_is_opened_over_the_logger_by_a_word_that_t
         await screen.type(f"{tmp_path}/wa")
         await screen.press("tab", "enter")
         await screen.until(lambda: screen.app.screen.scope == "file", "the file")
-        assert "walk.silo" in screen.text.splitlines()[0]
+        await screen.until(lambda: "walk.silo" in screen.text.partition("\n")[0], "its name")
         await screen.press("escape")
         await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
         assert screen.session is live
