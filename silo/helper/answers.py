@@ -360,14 +360,29 @@ class Answers:
 
     @answers_to(SetTrigger, RemoveTrigger, SetLimits, RemoveLimits)
     def _conditions(self, request: SetTrigger | RemoveTrigger | SetLimits | RemoveLimits) -> Done | GoesOn | Refused:
+        if isinstance(request, SetTrigger) and request.lease_s:
+            return self._hold_trigger(request)
+        if isinstance(request, RemoveTrigger) and self._judge.let_go(request.name):
+            return Done(f"trigger '{plain(request.name)}' is let go of")
         reply = _must_live(self._mirror.now) or self._robot.ask(_signed(request))
         if isinstance(reply, Done):
             self._events.publish(EventKind.CONDITIONS, reply.text, by=request.client)
         return reply if isinstance(reply, Done | GoesOn | Refused) else _unexpected(request, reply)
 
+    def _hold_trigger(self, request: SetTrigger) -> Done | Refused:
+        refused = _must_live(self._mirror.now)
+        if refused is not None:
+            return refused
+        is_new = self._judge.hold(request.trigger, request.lease_s, plain(request.client))
+        kept = "held" if is_new else "kept"
+        return Done(f"trigger '{request.trigger.name}' is {kept} for {request.lease_s:g} s")
+
     @answers_to(ArmTrigger)
     def _arm(self, request: ArmTrigger) -> Done | GoesOn | Refused:
         now = self._mirror.now
+        if self._judge.leased.owner(request.name):
+            self._judge.arm(request.name, armed=request.armed)
+            return Done(f"trigger '{request.name}' is {'armed' if request.armed else 'off'}")
         known = next((one for one in now.robot.extras.triggers if one.name == request.name), None)
         if known is None:
             return _no_trigger(request.name, now)
@@ -386,7 +401,7 @@ class Answers:
     @answers_to(ForceTrigger)
     def _force(self, request: ForceTrigger) -> Done | Refused:
         now = self._mirror.now
-        if request.name not in {one.name for one in now.robot.extras.triggers}:
+        if request.name not in self._judge.names():
             return _no_trigger(request.name, now)
         refused = _must_live(now)
         return refused or Done(f"trigger '{request.name}' was fired at tick {self._judge.force(request.name)}")

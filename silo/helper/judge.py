@@ -20,6 +20,7 @@ import msgspec
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import ElementError, SaveError, SegmentError, SiloError
 from silo.helper.events import Events
+from silo.helper.leased_triggers import LeasedTriggers
 from silo.helper.mirror import Mirror
 from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.ipc.published import EventKind
@@ -53,6 +54,7 @@ class Judge:
 
     def __init__(self, mirror: Mirror, events: Events) -> None:
         self._mirror, self._events = mirror, events
+        self.leased = LeasedTriggers()
         self._wake = threading.Event()
         self._ended = False
         self._offered: deque[SegmentReader] = deque()
@@ -120,6 +122,23 @@ class Judge:
         tick: int = self._ordered(lambda: self._force(name))
         return tick
 
+    def hold(self, one: TriggerOptions, lease_s: float, owner: str) -> bool:
+        """Hold a client's trigger for so long; whether it is a new one. Raises ElementError."""
+        now = self._mirror.now
+        is_new = self.leased.set(one, lease_s, owner, now.robot.extras, now.table.elements, now.options)
+        self._wake.set()
+        return is_new
+
+    def let_go(self, name: str) -> bool:
+        """Forget a client's trigger; False where none is held of that name."""
+        found = self.leased.drop(name)
+        self._wake.set()
+        return found
+
+    def names(self) -> list[str]:
+        """Return the names of all triggers."""
+        return [one.name for one in self.leased.beside(self._mirror.now.robot.extras).triggers]
+
     def acknowledge(self, names: list[str], who: str, time_ns: int) -> int:
         """Note that somebody has seen alarms; returns how many there were. Raises ElementError."""
         count: int = self._ordered(lambda: self._judge.acknowledge(names, who, time_ns) if self._judge else 0)
@@ -155,20 +174,26 @@ class Judge:
                     msgspec.structs.replace(known.get(one.name, TriggerStatus(one, TriggerWord.WAITING)), options=one),
                     why,
                 )
-                for one in robot.extras.triggers
+                for one in self.leased.beside(robot.extras).triggers
             ]
             limits = self._standing.limits or tuple(
                 LimitStatus(one.name, one.name, LimitWord.BLIND, why=why or "nothing was logged yet")
                 for one in robot.extras.limits
             )
-            return Standing(self._standing.run, self._standing.tick, tuple(triggers), limits)
+            return Standing(self._standing.run, self._standing.tick, self._owned(triggers), limits)
         run = judge.reader.schema.run
         found = [
             msgspec.structs.replace(one, files=self._files.get((run, one.options.name), ())) for one in judge.triggers()
         ]
         if self._closed:
             found = [_waiting(one, "") for one in found]
-        return Standing(run, judge.reader.ticks, tuple(found), tuple(judge.limits()))
+        return Standing(run, judge.judged, self._owned(found), tuple(judge.limits()))
+
+    def _owned(self, triggers: list[TriggerStatus]) -> tuple[TriggerStatus, ...]:
+        return tuple(
+            msgspec.structs.replace(one, owner=owner) if (owner := self.leased.owner(one.options.name)) else one
+            for one in triggers
+        )
 
     def _force(self, name: str) -> int:
         judge = self._judge
@@ -225,17 +250,20 @@ class Judge:
     def _adopt(self) -> None:
         """Judge what the robot program has by now, where it differs from what the run began with."""
         robot, judge = self._mirror.now.robot, self._judge
-        if robot.segment != self._mirror.segment or (judge is not None and judge.extras == robot.extras):
+        for name, owner in self.leased.expire():
+            log.info("trigger '%s' of %s is forgotten: nobody renewed it", name, owner)
+        extras = self.leased.beside(robot.extras)
+        if robot.segment != self._mirror.segment or (judge is not None and judge.extras == extras):
             return  # of another run, or known
         if judge is None:
-            if not _has_conditions(robot.extras) or self._failed or not self._run:
+            if not _has_conditions(extras) or self._failed or not self._run:
                 return
             reader = self._mirror.open_reader()
             if reader is None or reader.schema.run != self._run:
                 return
-            self._begin(reader, robot.extras, since=reader.ticks)
-        elif judge.extras != robot.extras:
-            judge.adopt(robot.extras)
+            self._begin(reader, extras, since=reader.ticks)
+        else:
+            judge.adopt(extras)
             self._tell_problems(judge)
 
     def _next_run(self, reader: SegmentReader | None) -> None:

@@ -15,7 +15,7 @@ from silo.errors import ElementError
 from silo.helper.judged_rows import JudgedRows
 from silo.helper.limit_judge import LimitJudge
 from silo.helper.spool import Spool
-from silo.ipc.conditions import LimitStatus, TriggerStatus, TriggerWord
+from silo.ipc.conditions import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
 from silo.judging.binding import Bound, bind
 from silo.judging.evaluation import Evaluator
 from silo.judging.extras import trigger_rule
@@ -100,8 +100,8 @@ class SegmentJudge:
         made = _Watched(options, trigger)
         if before is not None:
             # numbers stand in names of files: they go on
-            trigger.captures, trigger.fires, trigger.capture = (
-                before.trigger.captures, before.trigger.fires, before.trigger.capture
+            trigger.captures, trigger.fires, trigger.capture, trigger.before = (
+                before.trigger.captures, before.trigger.fires, before.trigger.capture, before.trigger.before
             )  # fmt: skip
             if _same_but_armed(before.options, options):
                 before.options = options
@@ -127,6 +127,11 @@ class SegmentJudge:
     def wait_s(self) -> float:
         """How long may pass until the next look: a quarter of what the shortest ring holds, 50 ms at most."""
         return max(0.005, min(LONGEST_WAIT_S, self._rows.shortest_s / 4))
+
+    @property
+    def judged(self) -> int:
+        """How many ticks are judged."""
+        return self._until
 
     @property
     def active(self) -> bool:
@@ -183,7 +188,7 @@ class SegmentJudge:
         left_s = trigger.holdoff_left(tick) / self.reader.schema.frequency_hz if state is TriggerWord.HOLDOFF else 0.0
         return TriggerStatus(
             one.options, state, trigger.fires, trigger.captures, last.tick if last else -1, last.time_ns if last else 0,
-            left_s, why,
+            left_s, why, whole=_whole(trigger, tick),
         )  # fmt: skip
 
     def limits(self) -> list[LimitStatus]:
@@ -233,6 +238,8 @@ class SegmentJudge:
             if spool.trigger == options.name and spool.capture.number == capture.number:
                 spool.extend(capture)
                 return
+        if not options.save:
+            return  # it is for looking: what it captured is still in the rings
         found.fired.append((options.name, capture))
         if self._unwritten() + sum(spool.size_bytes for spool in self._spools) > MOST_SPOOL_BYTES:
             found.blind.append(
@@ -260,6 +267,16 @@ class SegmentJudge:
             found.whole.append(spool)
         self._spools = []
         return found
+
+
+def _whole(trigger: Trigger, until: int) -> CapturedSpan | None:
+    """The newest capture all of whose ticks are before `until`."""
+    newest = trigger.capture
+    found = newest if newest is None or newest.last < until else trigger.before
+    if found is None:
+        return None
+    fire = found.fires[0]
+    return CapturedSpan(found.number, found.first, found.last, fire.tick, fire.time_ns, fire.forced)
 
 
 def _same_but_armed(one: TriggerOptions, other: TriggerOptions) -> bool:

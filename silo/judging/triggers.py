@@ -96,6 +96,7 @@ class Trigger:
     captures: int = 0  # begun so far
     fires: int = 0
     capture: Capture | None = None  # the newest one; more fires may extend it
+    before: Capture | None = None  # the one before it
     _ready: bool = True  # rearmed since the last fire
     _turned: bool = False  # the condition turned true while that counted
     _known: int = UNOBSERVABLE  # the last result that was one
@@ -208,6 +209,7 @@ class Trigger:
             self.capture = replace(open_now, last=last, fires=(*open_now.fires[:999], fire))
         else:
             self.captures += 1
+            self.before = open_now
             self.capture = Capture(self.captures, max(tick - rule.pre, 0), last, (fire,))
         if self._new and self._new[-1].number == self.capture.number:
             self._new[-1] = self.capture
