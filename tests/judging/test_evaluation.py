@@ -168,7 +168,10 @@ def test_roundings_are_the_same_for_any_cut(seed, cuts):
             (tick, tick * 10**6, {key: float(rng.normal() * 10.0 ** rng.integers(-6, 7)) for key in keys})
             for tick in range(0, 300, divider) if rng.random() > 0.01
         ])  # fmt: skip
-    for text in ("mean(a, 37ms) - mean(c, 0.1s)", "std(a * b, 23ms)", "sum(v * w) / norm(v)", "mean(rate(c), 40ms)"):
+    for text in (
+        "mean(a, 37ms) - mean(c, 0.1s)", "std(a * b, 23ms)", "sum(v * w) / norm(v)", "mean(rate(c), 40ms)",
+        "std(a, 90ms) - std(v_1, 70ms)", "mean(a, 0.2s) * min(a, 80ms)",
+    ):  # fmt: skip
         bound = bind(text, CATALOGUE)
         (ticks, whole), (cut_ticks, cut) = evaluated(bound, streams), evaluated(bound, streams, cuts)
         assert (ticks == cut_ticks).all()
