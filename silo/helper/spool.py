@@ -26,12 +26,20 @@ class Spool:
         elements = [element for element in reader.schema.elements if element.info.options.action.saves]
         self._rings = {TIME_RING, *(element.ring for element in elements)}
         self._parts: dict[int, list[Rows]] = {ring: [] for ring in self._rings}
-        self._next = {ring: -(-capture.first // self._divider(ring)) for ring in self._rings}
+        # a slow signal brings the sample that holds where the capture begins, and that its time stamp
+        self._next = {ring: capture.first // self._divider(ring) for ring in self._rings}
+        self._next[TIME_RING] = min(self._next[ring] * self._divider(ring) for ring in self._rings)
+        self._begun = dict(self._next)
         self._missing = 0
         self.ended = ""
 
     def _divider(self, ring: int) -> int:
         return self._reader.schema.rings[ring].divider
+
+    @property
+    def run(self) -> str:
+        """The run that it is of."""
+        return self._reader.schema.run
 
     def extend(self, capture: Capture) -> None:
         """Take in that more fires made the capture longer."""
@@ -47,13 +55,24 @@ class Spool:
             rows = self._reader.rows(ring, self._next[ring], stop - self._next[ring])
             if rows.first > self._next[ring]:
                 # they were overwritten before: what is whole begins here
-                self._missing = max(self._missing, (rows.first - self._next[ring]) * self._divider(ring))
+                lost_from = max(self._next[ring] * self._divider(ring), self.capture.first)
+                self._missing = max(self._missing, rows.first * self._divider(ring) - lost_from)
                 self._parts[ring] = []
                 rows = self._reader.rows(ring, rows.first, max(stop - rows.first, 0))
             if len(rows):
                 self._parts[ring].append(Rows(rows.ring, rows.first, rows.words))
                 self._next[ring] = rows.first + len(rows)
         return until > self.capture.last
+
+    def is_held(self) -> bool:
+        """Whether the rings hold all of it so far, and will for a second."""
+        schema = self._reader.schema
+        for ring, begun in self._begun.items():
+            spare = -(-round(schema.frequency_hz) // self._divider(ring))
+            loops = schema.rings[ring].buffer_type is BufferType.LOOPING
+            if loops and self._reader.rows(ring, 0, 1).first + spare > begun:
+                return False
+        return True
 
     @property
     def size_bytes(self) -> int:

@@ -243,7 +243,9 @@ class Window:
         squares = parts[:, 1] - parts[:, 0] * mean_after
         apart = (after.center - before.center) + (mean_after - mean_before)
         # Chan's formula for two sets together: nothing cancels
-        whole = (squares_before - total_before * mean_before) + squares + apart * apart * (counts_before * counts / both)
+        whole = (
+            (squares_before - total_before * mean_before) + squares + apart * apart * (counts_before * counts / both)
+        )
         whole = np.where(counts_before == 0, squares, whole)
         if (counts == 0).any():
             whole = np.where(counts == 0, squares_before - total_before * mean_before, whole)
@@ -267,7 +269,10 @@ class Window:
         if turn >= memory.first:
             self._turn_at(memory.first, turn)
             after = self._extended(self._nothing(), self._part(turn, memory.first + self._high))
-            self._after, self._next = _Side(after.counts[-1:], after.parts[-1:], after.center), memory.first + self._high
+            self._after, self._next = (
+                _Side(after.counts[-1:], after.parts[-1:], after.center),
+                memory.first + self._high,
+            )
 
 
 def _deviation(squares: Floats, counts: Floats) -> Floats:

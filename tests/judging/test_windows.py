@@ -14,7 +14,9 @@ FUNCTIONS = {"min": np.nanmin, "max": np.nanmax, "mean": np.nanmean, "std": np.n
 def fed(window, times, values, breaks, cuts):
     """The results of all batches between the cuts."""
     return np.concatenate([
-        window.feed(times[low:high], values[low:high], np.array([at - low for at in sorted(breaks) if low <= at < high], int))
+        window.feed(times[low:high], values[low:high], np.array(
+            [at - low for at in sorted(breaks) if low <= at < high], int
+        ))
         for low, high in pairwise([0, *cuts, len(times)])
     ])  # fmt: skip
 
