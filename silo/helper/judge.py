@@ -149,7 +149,7 @@ class Judge:
         return count
 
     def _ordered(self, order: Callable[[], Any], *, changes: bool = False) -> Any:
-        """Have the judge thread do it between two looks at the rings; what it changes is stored before it is answered."""
+        """Have the judge thread do it between two looks at the rings; what it changes is stored before the answer."""
         if changes:
             return self._ordered(lambda: self._kept_after(order))
         if not self._thread.is_alive():

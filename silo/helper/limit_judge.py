@@ -84,7 +84,7 @@ class _Limited:
 
 
 def _stirs(state: EntryState) -> bool:
-    return bool(state.level or state.pending_samples or state.is_open)
+    return bool(state.level or state.beyond_yellow or state.is_open)
 
 
 def _is_worse(one: Violation, other: Violation) -> bool:

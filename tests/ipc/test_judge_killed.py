@@ -1,4 +1,4 @@
-"""A helper process that is killed while it judges: its successor goes on, nothing is judged twice and nothing is lost."""
+"""A helper process that is killed while it judges: its successor goes on, nothing is judged twice, nothing is lost."""
 
 import os
 import signal
