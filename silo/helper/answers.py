@@ -435,7 +435,8 @@ class Answers:
         unknown = [name.name for name in plan.unknown]
         # the edits are based on the table that was just compared, whatever the client has seen
         based_on = now.table.revision if request.revision == -1 else request.revision
-        extras = script.extras if script.extras != now.robot.extras else None
+        wanted = script.extras_beside(now.robot.extras)
+        extras = wanted if wanted != now.robot.extras else None
         checked = ApplyEdits(revision=based_on, edits=edits, extras=extras, client=request.client)
         reply = check_edits(checked, now) or self._through(_signed(checked))
         if not isinstance(reply, EditsApplied):

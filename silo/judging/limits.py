@@ -39,8 +39,8 @@ class Level(enum.IntEnum):
 class LimitRule:
     """Bounds of each scalar of a signal: a value at a bound is within it. Infinite where there is none.
 
-    `persistence` samples in a row make a state (those beyond red are beyond yellow too), `hysteresis` is how far inside a bound it ends. `stale_ns`: no value
-    that is new for so long is an alarm too; 0 for never.
+    `persistence` samples in a row make a state (those beyond red are beyond yellow too), `hysteresis` is how far inside
+    a bound it ends. `stale_ns`: no value that is new for so long is an alarm too; 0 for never.
     """
 
     red_low: float = -math.inf
@@ -122,8 +122,8 @@ class EntryState:
     alarm: Level = Level.GREEN
     acknowledged: Acknowledgement | None = None
     since_tick: int = -1  # of the state
-    # the newest samples in a row that are beyond yellow, beyond red, not beyond red, not beyond yellow, and on the other
-    # side than the state: what is beyond red is beyond yellow too
+    # how many of the newest samples in a row are so; what is beyond red is beyond yellow too, opposite is on the other
+    # side than the state
     beyond_yellow: int = 0
     beyond_red: int = 0
     within_red: int = 0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import silo
+import silo.model
 from silo.collecting.segment_reader import SegmentReader
 from silo.helper.segment_judge import MOST_SPOOL_BYTES, SegmentJudge
 
@@ -186,3 +187,31 @@ def test_what_keeps_its_first_samples_hinders_no_trigger(robot):
     (spool,) = robot.judge.step().whole
     log = silo.Log(spool.recording())
     assert len(log["fast/x_0"]) == 31
+
+
+def test_what_is_captured_is_written_and_says_so_when_judging_fails(robot):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="1s")
+    robot.start()
+    robot.ticks(50, [(40, 0)])
+    robot.judge.step()
+    robot.ticks(50)
+
+    found = robot.judge.close("judging failed")
+
+    (spool,) = found.whole
+    assert spool.ended == "judging failed, 991 ticks before its end"
+    assert len(silo.Log(spool.recording())["fast/x_0"].values) == 15
+    assert robot.judge.close("again").whole == []
+
+
+def test_a_trigger_that_is_removed_and_set_again_within_post_has_two_captures(robot):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="100ms")
+    robot.start()
+    robot.ticks(50, [(40, 0)])
+    whole = robot.judge.step().whole
+    extras = robot.judge.extras
+    robot.judge.adopt(silo.model.Extras())
+    robot.judge.adopt(extras)
+    robot.ticks(200, [(10, 0)])
+    whole += robot.judge.step().whole
+    assert [(spool.capture.number, spool.capture.first) for spool in whole] == [(1, 35), (2, 55)]
