@@ -71,8 +71,11 @@ class CaptureList:
 
         Returns the names of what was removed. Raises OSError.
         """
-        files = tuple(CaptureFile(Path(path).name, os.lstat(path).st_ino) for path in paths)
-        self.note(msgspec.structs.replace(entry, files=files))
+        found: list[CaptureFile] = []
+        for path in paths:
+            with contextlib.suppress(FileNotFoundError):  # somebody has taken it away already
+                found.append(CaptureFile(Path(path).name, os.lstat(path).st_ino))
+        self.note(msgspec.structs.replace(entry, files=tuple(found)))
         removed: list[str] = []
         with self._locked() as descriptor:
             entries = _entries(descriptor)

@@ -105,7 +105,8 @@ class JudgedRows:
             return ""
         element, ring = full[0]
         kept = "keeps its first samples only" if ring.buffer_type is BufferType.FIXED else "may not grow any more"
-        return f"'{self._elements[element].info.name}' {kept} (buffer={ring.buffer_type.name.lower()}), and its buffer is full"
+        name, buffer = self._elements[element].info.name, ring.buffer_type.name.lower()
+        return f"'{name}' {kept} (buffer={buffer}), and its buffer is full"
 
     def _read(self, ring: int, until: int) -> tuple[SourceRows, int]:
         cursor, lost = self._cursors[ring], 0

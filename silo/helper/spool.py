@@ -31,6 +31,7 @@ class Spool:
         self._next[TIME_RING] = min(self._next[ring] * self._divider(ring) for ring in self._rings)
         self._begun = dict(self._next)
         self._missing = 0
+        self._schema: SegmentSchema | None = None  # of the rows that there are: 13 ms for 500 elements
         self.ended = ""
 
     def _divider(self, ring: int) -> int:
@@ -47,6 +48,7 @@ class Spool:
 
     def append(self, until: int) -> bool:
         """Copy the rows of ticks before `until` that are new; whether the capture is whole then."""
+        self._schema = None
         end = min(until, self.capture.last + 1)
         for ring in self._rings:
             stop = -(-end // self._divider(ring))
@@ -84,6 +86,11 @@ class Spool:
     @property
     def schema(self) -> SegmentSchema:
         """What the rows hold, every buffer as large as what it has of the capture."""
+        if self._schema is None:
+            self._schema = self._made_schema()
+        return self._schema
+
+    def _made_schema(self) -> SegmentSchema:
         schema = self._reader.schema
         rings = tuple(msgspec.structs.replace(ring, buffer_type=BufferType.LOOPING) for ring in schema.rings)
         elements = []

@@ -16,6 +16,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SHORT = 64  # samples that are gathered: the mean of 50 rows of them takes 40 us
+BLOCK = 128  # rows that are gathered at once: 5000 of them leave the cache and take 7 us each, these 1
 
 
 @dataclass
@@ -79,11 +80,15 @@ class Window:
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             is_short = stops - starts <= SHORT
             if is_short.all():
-                made[:] = self._gathered(starts, stops)
+                for low in range(0, count, BLOCK):
+                    made[low : low + BLOCK] = self._gathered(starts[low : low + BLOCK], stops[low : low + BLOCK])
             elif not is_short.any():
                 self._accumulated(starts, stops, made)
             else:
-                made[is_short] = self._gathered(starts[is_short], stops[is_short])
+                places = np.flatnonzero(is_short)
+                for low in range(0, len(places), BLOCK):
+                    block = places[low : low + BLOCK]
+                    made[block] = self._gathered(starts[block], stops[block])
                 long = np.empty((int(count - is_short.sum()), flat.shape[1]))
                 self._accumulated(starts[~is_short], stops[~is_short], long)
                 made[~is_short] = long
