@@ -1,8 +1,8 @@
 """What conditions cost: `python tests/benchmarks/judging.py [--seconds 20]`.
 
-Expressions per row, in batches as they come (50 rows), large ones and row by row; `log.mark`; and a loop of 500 signals at
-1 kHz with 20 triggers and 100 limits: the share of a core that the helper process takes, and `collect()` with and without
-them, in turns of one run, so that both share the machine's moods. Process time, as others use the machine too.
+Expressions per row, in batches as they come (50 rows), large ones and row by row; `log.mark`; and a loop of 500 signals
+at 1 kHz with 20 triggers and 100 limits: the share of a core that the helper process takes, and `collect()` with and
+without, in turns of one run, so that both share the machine's moods. Process time, as others use the machine too.
 """
 
 import argparse
