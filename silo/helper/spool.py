@@ -70,9 +70,9 @@ class Spool:
         """Whether the rings hold all of it so far, and will for a second."""
         schema = self._reader.schema
         for ring, begun in self._begun.items():
-            spare = -(-round(schema.frequency_hz) // self._divider(ring))
-            loops = schema.rings[ring].buffer_type is BufferType.LOOPING
-            if loops and self._reader.rows(ring, 0, 1).first + spare > begun:
+            layout = schema.rings[ring]
+            soon = self._reader.head(ring) + -(-round(schema.frequency_hz) // layout.divider)
+            if layout.buffer_type is BufferType.LOOPING and soon - layout.capacity >= begun:
                 return False
         return True
 

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -165,3 +166,31 @@ def test_nothing_stays_of_a_logger_that_is_closed(bench, runtime):
     assert list(runtime.glob("*.judge"))
     bench.logger.close()
     wait_until(lambda: not list(runtime.glob("*.judge")))
+
+
+def test_a_helper_process_that_gives_way_leaves_what_is_under_way_to_the_next(bench, client, heard):
+    bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
+    bench.logger.start()
+    bench.ticks(60)
+    heard.wait(EventKind.TRIGGERED)
+    pid = bench.serving.helper_pid
+    Path(bench.serving.socket_path).unlink()  # nobody finds it any more: it ends, and the next one makes another
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    bench.ticks(100)
+    (file,) = heard.wait(EventKind.CAPTURED).files
+    assert silo.open_log(file.path)["x"].values.tolist() == list(range(46, 152))
+
+
+def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, client, heard):
+    bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
+    bench.logger.start()
+    bench.ticks(60)
+    heard.wait(EventKind.TRIGGERED)
+    pid = bench.serving.helper_pid
+    os.kill(pid, signal.SIGSTOP)
+    bench.logger.restart(unsaved="clear")
+    bench.ticks(10)
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    text = heard.wait(EventKind.BLIND).text
+    assert text.startswith("capture 1 of 'high', ticks 45 to 150, is lost: the helper process died before")

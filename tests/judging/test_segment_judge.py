@@ -215,3 +215,17 @@ def test_a_trigger_that_is_removed_and_set_again_within_post_has_two_captures(ro
     robot.ticks(200, [(10, 0)])
     whole += robot.judge.step().whole
     assert [(spool.capture.number, spool.capture.first) for spool in whole] == [(1, 35), (2, 55)]
+
+
+def test_only_what_a_successor_would_not_find_in_the_rings_is_closed_at_a_handover(robot):
+    robot.logger.trigger("early", "fast/x_0 > 50", pre="5ms", post="20s")
+    robot.logger.trigger("late", "fast/x_1 > 50", pre="5ms", post="20s")
+    robot.start()
+    robot.ticks(1000, [(40, 0)])
+    robot.judge.step()
+    robot.ticks(2000, [(1900, 1)])
+    (spool,) = robot.judge.hand_over("the helper process was replaced").whole
+    assert (spool.trigger, spool.capture.first) == ("early", 35)
+    assert spool.ended.startswith("the helper process was replaced")
+    kept = robot.judge.state([], [], closed=False).captures
+    assert [(one.options.name, one.capture.first) for one in kept] == [("late", 2895)]
