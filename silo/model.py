@@ -338,6 +338,7 @@ class Status(msgspec.Struct, frozen=True):
     failed: int = 0  # samples that stand for ones that could not be read, all elements together
     failed_most: dict[str, int] = {}  # the elements with most of them
     recorders: int = 0  # endless recordings that are under way
+    room_bytes: int = 0  # that buffers of the next start may take: what is free, and what the present ones have
 
 
 class Table(msgspec.Struct, frozen=True):

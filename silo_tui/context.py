@@ -10,12 +10,11 @@ from typing import Any, cast
 
 from textual import events
 from textual.app import App
-from textual.screen import Screen
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo_tui.actions import BY_ID, Command, edits_by
-from silo_tui.modal import Dialog
+from silo_tui.modal import Dialog, Leaving
 from silo_tui.sessions import kept
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
@@ -56,6 +55,7 @@ class Context:
         self.script_names: tuple[str, ...] = ()
         self._session: Session | None = None
         self._behind: Session | None = None  # the logger behind a file that was opened over it
+        self.left: Callable[[], None] = lambda: None  # is called when the app is ended on purpose
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = False
 
@@ -153,10 +153,15 @@ class Context:
         return next((screen for screen in reversed(self.app.screen_stack) if isinstance(screen, SiloScreen)), None)
 
     def tell(self, news: "Callable[[SiloScreen], None]") -> None:
-        """Call `news` with every full screen that is on the stack."""
+        """Call `news` with every full screen that is there; one that is being made draws what is new by itself."""
         for screen in self.app.screen_stack:
-            if isinstance(screen, SiloScreen) and screen.is_mounted:
+            if isinstance(screen, SiloScreen) and screen.is_there:
                 news(screen)
+
+    def tell_upper(self, news: "Callable[[SiloScreen], None]") -> None:
+        """Call `news` with the uppermost full screen, if that is there."""
+        if (screen := self.upper_screen) is not None and screen.is_there:
+            news(screen)
 
     def table_changed(self) -> None:
         """Tell the screens that table, pending edits or rows shown changed."""
@@ -170,8 +175,11 @@ class Context:
 
     def say(self, words: str) -> None:
         """Show the result of something on the screen below any dialog."""
-        if (screen := self.upper_screen) is not None:
+        screen = self.upper_screen
+        if screen is not None and screen.is_there:
             screen.say(words)
+        elif screen is not None:
+            screen.call_later(screen.say, words)  # as soon as it was made; one that goes takes nothing any more
 
     def say_settings_problems(self) -> None:
         """Say once what of the settings file was left out."""
@@ -182,7 +190,7 @@ class Context:
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""
         screen = self.upper_screen
-        if screen is not None and screen.say_whole(words):
+        if not self.app.screen_stack or (screen is not None and screen.is_there and screen.say_whole(words)):
             return
         if self.app.screen.is_modal:
             self.say(words.partition("\n")[0])
@@ -250,10 +258,11 @@ class Context:
             screen.request_view()
 
 
-class SiloScreen(Screen[None]):
+class SiloScreen(Leaving[None]):
     """A full screen of the app: keys from the list of commands, each carried out by the screen or else by the app."""
 
     scope = ""
+    aside = False  # triggers, alarms, recordings, events: who goes from one to another comes back from both at once
 
     @property
     def context(self) -> Context:
@@ -274,6 +283,10 @@ class SiloScreen(Screen[None]):
         if handler is not None:
             handler()
         self.update_keys()
+
+    def begin_command(self, word: str) -> None:
+        """Go on in the command line, with a word typed already."""
+        cast(Any, self.app).begin_command(word)
 
     def on_key(self, event: events.Key) -> None:
         """Say of a key that edits on a logger's screen why it doesn't here; keys with a meaning don't come here."""

@@ -1,14 +1,30 @@
-"""What all dialogs have in common: one is left once, and keys that come after that are for the screen below."""
+"""What screens and dialogs have in common: their work ends before their widgets go.
+
+A dialog besides is left once, and keys that come after that are for the screen below.
+"""
 
 from typing import TypeVar
 
 from textual import events
 from textual.await_complete import AwaitComplete
-from textual.screen import ModalScreen
+from textual.screen import ModalScreen, Screen
 from textual.widget import Widget
 from textual.widgets import OptionList
 
 ResultT = TypeVar("ResultT")
+
+
+class Leaving(Screen[ResultT]):
+    """A screen whose workers end before its widgets go: none of them wakes up to a screen without widgets."""
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the screen has its widgets: it was made, and has not begun to go."""
+        return self.is_mounted and self.is_running
+
+    async def _message_loop_exit(self) -> None:
+        self.workers.cancel_node(self)  # Textual does it too, but when the widgets have gone
+        await super()._message_loop_exit()
 
 
 def _handed_on(widget: Widget, event: events.Event) -> bool:
@@ -29,7 +45,7 @@ class Choices(OptionList):
             await super().on_event(event)
 
 
-class Dialog(ModalScreen[ResultT]):
+class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual finds styles by the first base
     """A dialog. Over a slow link keys come in one piece: more are on their way to it when the first one closes it."""
 
     def dismiss(self, result: ResultT | None = None) -> AwaitComplete:

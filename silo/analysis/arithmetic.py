@@ -1,6 +1,6 @@
 """Arithmetic between signals: types that don't wrap around, common stamps, shapes that meet, units.
 
-`silo.analysis.signals` calls it for its operators, `silo.analysis.frames` for the stamps of vectors and orientations.
+`silo.analysis.operators` calls it, `silo.analysis.frames` for the stamps of vectors and orientations.
 """
 
 from collections.abc import Callable

@@ -4,30 +4,28 @@ A signal is a value: every operation returns a new one and leaves the log alone.
 the stamps of the faster one, where the slower one has the value that it held; those of different logs on the time since
 the start of each. Where nothing is in common, or units don't go together, there is an error. NaN samples are left out
 of statistics.
-Frame changes are in `silo.analysis.frames`, tables of other libraries in `silo.analysis.exports`.
+Operators are in `silo.analysis.operators`, frame changes in `silo.analysis.frames`, tables of other libraries in
+`silo.analysis.exports`.
 """
 
-import operator
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, Union
+from typing import TYPE_CHECKING, Any, Literal, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from silo import units
-from silo.analysis import calculus, exports, frames, functions, indexing
-from silo.analysis.arithmetic import combined, compared, wide
-from silo.analysis.samples import Samples, new_times
+from silo.analysis import calculus, exports, frames, indexing
+from silo.analysis.arithmetic import wide
+from silo.analysis.operators import Operators
+from silo.analysis.samples import new_times
 from silo.arguments import shown, text
 from silo.calls import told_class
 from silo.display import html_table
 from silo.errors import ElementError, UnknownNameError
-
-Operand: TypeAlias = Union["Signal", float, int, NDArray[Any]]
-
 
 # what others call it
 _OTHER_NAMES = {
@@ -53,7 +51,7 @@ _OTHER_NAMES = {
 
 @told_class("signal", make="silo.Signal")
 @dataclass(frozen=True, eq=False, repr=False)
-class Signal(Samples):
+class Signal(Operators):
     """Samples `values[i]` at `time_ns[i]`, with what one asks of them; the fields are those of `Samples`."""
 
     # ------------------------------------------------------------------------------------------------ values at times
@@ -279,47 +277,6 @@ class Signal(Samples):
         length = np.sqrt(sum((column**2 for column in columns), np.zeros(len(self))))
         return replace(self, name=f"|{self.name}|", values=length, kind="scalar", components=(), labels={})
 
-    # ------------------------------------------------------------------------------------------------------ arithmetic
-
-    def __add__(self, other: Operand) -> "Signal":
-        return combined(self, other, operator.add, "+")
-
-    def __radd__(self, other: Operand) -> "Signal":
-        return combined(self, other, operator.add, "+", swapped=True)
-
-    def __sub__(self, other: Operand) -> "Signal":
-        return combined(self, other, operator.sub, "-")
-
-    def __rsub__(self, other: Operand) -> "Signal":
-        return combined(self, other, operator.sub, "-", swapped=True)
-
-    def __mul__(self, other: Operand) -> "Signal":
-        return combined(self, other, operator.mul, "*")
-
-    def __rmul__(self, other: Operand) -> "Signal":
-        return combined(self, other, operator.mul, "*", swapped=True)
-
-    def __truediv__(self, other: Operand) -> "Signal":
-        return combined(self, other, operator.truediv, "/")
-
-    def __rtruediv__(self, other: Operand) -> "Signal":
-        return combined(self, other, operator.truediv, "/", swapped=True)
-
-    def __pow__(self, exponent: float) -> "Signal":
-        return combined(self, exponent, operator.pow, "**")
-
-    def __neg__(self) -> "Signal":
-        return replace(self, name=f"-{self.name}", values=-wide(self), labels={})
-
-    def __abs__(self) -> "Signal":
-        return replace(self, name=f"abs({self.name})", values=np.abs(wide(self)), labels={})
-
-    def __mod__(self, other: Operand) -> "Signal":
-        return combined(self, other, operator.mod, "%")
-
-    def __floordiv__(self, other: Operand) -> "Signal":
-        return combined(self, other, operator.floordiv, "//")
-
     # ----------------------------------------------------------------------------------------------------- as an array
 
     def __getitem__(self, key: Any) -> Any:
@@ -327,64 +284,6 @@ class Signal(Samples):
         mask (`[signal > 1]`), or a component (`["x"]`, `[:, 0]`).
         """
         return indexing.chosen(self, key, self.clip)
-
-    def __iter__(self) -> Iterator[Any]:
-        """The samples, oldest first."""
-        return iter(self.values)
-
-    def __lt__(self, other: Operand) -> "Signal":  # type: ignore[misc]
-        return compared(self, other, operator.lt, "<")
-
-    def __le__(self, other: Operand) -> "Signal":  # type: ignore[misc]
-        return compared(self, other, operator.le, "<=")
-
-    def __gt__(self, other: Operand) -> "Signal":  # type: ignore[misc]
-        return compared(self, other, operator.gt, ">")
-
-    def __ge__(self, other: Operand) -> "Signal":  # type: ignore[misc]
-        return compared(self, other, operator.ge, ">=")
-
-    def __eq__(self, other: object) -> "Signal":  # type: ignore[override]  # as arrays do
-        return NotImplemented if other is None else compared(self, other, operator.eq, "==")  # type: ignore[arg-type]
-
-    def __ne__(self, other: object) -> "Signal":  # type: ignore[override]
-        return NotImplemented if other is None else compared(self, other, operator.ne, "!=")  # type: ignore[arg-type]
-
-    __hash__ = object.__hash__
-
-    def __and__(self, other: Operand) -> "Signal":
-        return functions.logical(self, other, np.bitwise_and, "&")
-
-    def __or__(self, other: Operand) -> "Signal":
-        return functions.logical(self, other, np.bitwise_or, "|")
-
-    def __xor__(self, other: Operand) -> "Signal":
-        return functions.logical(self, other, np.bitwise_xor, "^")
-
-    __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
-
-    def __invert__(self) -> "Signal":
-        return functions.ufunc_of(self, np.invert, "__call__", (self,), {})  # type: ignore[no-any-return]
-
-    def __bool__(self) -> bool:
-        if self.values.size == 1:
-            return bool(self.values.reshape(-1)[0])
-        raise ElementError(
-            f"'{self.name}' has {len(self)} samples, so it is neither true nor false: write .any(), .all() or len(...)"
-        )
-
-    def __float__(self) -> float:
-        if self.values.size == 1:
-            return float(self.values.reshape(-1)[0])
-        raise ElementError(f"'{self.name}' has {len(self)} samples: write .mean(), .value(time) or [0] for one number")
-
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **keywords: Any) -> Any:
-        return functions.ufunc_of(self, ufunc, method, inputs, keywords)
-
-    def __array_function__(
-        self, function: Callable[..., Any], types: Any, args: tuple[Any, ...], keywords: dict[str, Any]
-    ) -> Any:
-        return functions.function_of(function, args, keywords)
 
     if not TYPE_CHECKING:  # type checkers know which names there are
 
@@ -396,44 +295,6 @@ class Signal(Samples):
                 near = [] if name.startswith("_") else get_close_matches(name, dir(type(self)), 1, 0.7)
                 way_out = f"did you mean '{near[0]}'?" if near else "help(silo.Signal) lists what there is"
             raise UnknownNameError(f"a signal has no '{name}': {way_out}", name=name)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of `values`: samples first."""
-        return tuple(self.values.shape)
-
-    @property
-    def ndim(self) -> int:
-        """How many dimensions `values` has."""
-        return int(self.values.ndim)
-
-    @property
-    def size(self) -> int:
-        """How many numbers `values` has."""
-        return int(self.values.size)
-
-    def any(self) -> bool:
-        """Return whether any value is true, or not 0."""
-        return bool(np.any(self.numbers("look for truths in")))
-
-    def all(self) -> bool:
-        """Return whether all values are true, or not 0."""
-        return bool(np.all(self.numbers("look for truths in")))
-
-    def when(self) -> NDArray[np.float64]:
-        """Return the times at which a mask becomes true: `(signal > 1).when()`.
-
-        Returns:
-            Seconds since start, shape `(n,)`.
-
-        Raises:
-            ElementError: it is no mask.
-        """
-        if self.values.dtype.kind != "b" or self.values.ndim > 1:
-            raise ElementError(f"'{self.name}' is no mask; write a comparison: (signal > 1).when()")
-        before = np.concatenate([[False], self.values[:-1]])
-        times: NDArray[np.float64] = self.times[self.values & ~before[: len(self.values)]]
-        return times
 
     # ------------------------------------------------------------------------------------------------------- plotting
 

@@ -1,8 +1,8 @@
 """A recording -> CSV: one column per entry (what pandas, PlotJuggler and spreadsheets open), or one row per entry.
 
 Numbers in full precision, strings always quoted (so that `"12"` stays a string), an empty cell for a tick without
-sample. The column layout is written by polars where that is installed (5 times as fast; the values are the same, some
-exponents look different). Reading is in `silo.files.csv_reader`.
+sample. The column layout of a large log is written by polars where that is installed (5 times as fast; the values are
+the same, some exponents look different). Reading is in `silo.files.csv_reader`.
 """
 
 import io
@@ -26,6 +26,7 @@ Layout = Literal["columns", "rows"]
 
 # Cells that are text at the same time: about 100 MB in the plain way, 40 MB with polars.
 CHUNK_CELLS = 1_000_000
+POLARS_FROM = 200_000  # cells; below, loading polars takes longer than writing the table without it
 _SECOND = 1_000_000_000
 
 
@@ -89,7 +90,8 @@ def _columns(recording: Recording, elements: Sequence[RecordedElement]) -> Itera
     names = [entry.name for element in elements for entry in element.entries]
     yield 0.0, ",".join(["time", *(_quoted(name) for name in names)]).encode("utf-8", "backslashreplace") + b"\n"
     stamps = len(recording.time_ns)
-    make = _polars_lines if _polars_can(elements) else _plain_lines
+    large = stamps * (len(names) + 1) >= POLARS_FROM
+    make = _polars_lines if large and _polars_can(elements) else _plain_lines
     rows = max(1, CHUNK_CELLS // (len(names) + 1))
     for start in range(0, stamps, rows):
         stop = min(stamps, start + rows)

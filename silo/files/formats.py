@@ -165,6 +165,12 @@ def file_type(name: str) -> FileType | None:
     return next((kind for kind, one in SAVED.items() if word == one.name), None)
 
 
+def kind_of(path: "str | os.PathLike[str]") -> FileType | None:
+    """The number under which the format of a file's ending is saved, None for one that isn't saved in."""
+    found = format_of(path)
+    return found.saved_as if found is not None else None
+
+
 def format_of(path: "str | os.PathLike[str]") -> Format | None:
     """The format that the ending of a name means, None for an ending that no format has."""
     ending = Path(path).suffix.lower()

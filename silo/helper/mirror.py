@@ -10,6 +10,7 @@ import os
 import socket
 import threading
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import msgspec
 
@@ -22,7 +23,7 @@ from silo.ipc.messages import TableReply
 from silo.link.handover import RunOffer
 from silo.link.messages import RobotState
 from silo.model import ElementInfo, LoggerOptions, State, Status, Storage, Table
-from silo.runtime import user_name
+from silo.runtime import runtime_dir, user_name
 
 FAILED_NAMES = 10  # of the status, which goes with every event
 
@@ -260,9 +261,19 @@ class Mirror:
             held_s=read.held.seconds,
             durable_ticks=durable if options.storage is Storage.DISK else -1,
             recorders=self.recorders,
+            room_bytes=_room(self.segment, reader.size_bytes if reader else 0),
             failed=sum(read.failed.values()),
             failed_most=dict(sorted(read.failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
         )
+
+
+def _room(segment: str, present_bytes: int) -> int:
+    """Return how many bytes the buffers of the next start may take; 0 where the system doesn't tell."""
+    try:
+        place = os.statvfs(Path(segment).parent if segment else runtime_dir())
+    except (OSError, SegmentError):
+        return 0
+    return place.f_bavail * place.f_frsize + present_bytes
 
 
 @dataclass(frozen=True)

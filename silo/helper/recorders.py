@@ -326,6 +326,7 @@ def _info(recorder: RecorderProcess) -> RecorderInfo:
         by=recorder.kept.by,
         text=report.text,
         pid=recorder.pid,
+        written_bytes=report.written_bytes,
     )
 
 

@@ -168,7 +168,7 @@ class Recorder:
             totals.part,
             totals.parts,
             totals.size_bytes,
-            totals.written_bytes,
+            totals.written_bytes + self._writing.open_bytes,
             totals.samples,
             totals.lost,
             totals.finished.pop(0) if totals.finished else "",

@@ -179,7 +179,7 @@ def _flag(word: str) -> Test:
         return lambda table, marked: np.asarray(table.values[Field.ENABLED] == 0)
     if word in _MEASURED_WORDS:
         bits = WORDS.get(word, -1)
-        return lambda table, marked: np.asarray((table.facts.signs(len(table)) & bits) != 0)
+        return lambda table, marked: np.asarray((table.signs & bits) != 0)
     return lambda table, marked: np.asarray(table.pending.any(axis=0))
 
 

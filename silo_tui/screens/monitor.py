@@ -390,8 +390,11 @@ class MonitorScreen(StandingStill):
             self.context.run_flow(self._set_trigger(made))
 
     async def _set_trigger(self, made: TriggerOptions) -> None:
-        self.say(await self.context.link.call(lambda client: client.set_trigger(made)))
-        await self.session.refresh_conditions()
+        said = await self.context.link.call(lambda client: client.set_trigger(made))
+        try:
+            await self.session.refresh_conditions()
+        finally:
+            self.context.say(said)
 
     def command_drop_plot(self) -> None:
         plots = self.stack.plots

@@ -6,12 +6,12 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Horizontal, Vertical
-from textual.screen import ModalScreen
 from textual.timer import Timer
 from textual.widgets import Input, Static
 
 from silo.errors import SiloError
 from silo.model import TriggerOptions
+from silo_tui.modal import Dialog
 from silo_tui.model.conditions import fields_of, options_of_fields, tried_lines
 from silo_tui.sessions.live import Session
 
@@ -24,7 +24,7 @@ HINTS = {
 }  # fmt: skip
 
 
-class TriggerEditor(ModalScreen[TriggerOptions | None]):
+class TriggerEditor(Dialog[TriggerOptions | None]):
     """Answers with the trigger on Enter, None on Esc."""
 
     KEYS_HERE = "Enter Sets it  Tab Next field  Esc Back"
@@ -63,7 +63,8 @@ class TriggerEditor(ModalScreen[TriggerOptions | None]):
         return options_of_fields(fields, self._options)
 
     def _tell(self, words: str) -> None:
-        self.query_one("#trigger-told", Static).update(Text(words))
+        for line in self.query("#trigger-told").results(Static):  # none of an editor that was left
+            line.update(Text(words))
 
     # ------------------------------------------------------------------------------------------------------- trying
 
@@ -77,6 +78,8 @@ class TriggerEditor(ModalScreen[TriggerOptions | None]):
         self._timer = self.set_timer(TRY_AFTER_S, lambda: self.run_worker(self._try(), group="try", exclusive=True))
 
     async def _try(self) -> None:
+        if not self.query("#trigger-when"):
+            return  # it was left
         if not self.query_one("#trigger-when", Input).value.strip():
             self._tell("the condition: signals, numbers with units, and or not, prev diff rate mean min max any all")
             return
@@ -93,7 +96,7 @@ class TriggerEditor(ModalScreen[TriggerOptions | None]):
         except SiloError as error:
             self._tell(str(error))
             return
-        width = self.query_one("#trigger-told").content_size.width
+        width = next((line.content_size.width for line in self.query("#trigger-told")), 80)
         self._tell("\n".join(tried_lines(tried, width, made.keep)))
 
     # ------------------------------------------------------------------------------------------------------- ending

@@ -64,11 +64,17 @@ def may_paint(app: App[Any], wished_hz: float) -> bool:
 
 
 def thin_head(app: App[Any]) -> str:
-    """Return what the head says of a thin link: `THIN 64 kbit/s 210 ms`; empty where all is shown."""
+    """Return what the head says of a thin link, or of a computer too busy to paint as often as is wished.
+
+    `THIN 1.2 of 5 Hz 64 kbit/s 210 ms`, or the rate alone; empty where all is shown.
+    """
     driver = _driver_of(app)
-    if driver is None or not driver.thinness.step:
+    if driver is None:
         return ""
-    return " ".join(["THIN", *link_words(driver.pacer)])
+    rate = driver.painted.words
+    if not driver.thinness.step:
+        return rate
+    return " ".join(filter(None, ["THIN", rate, *link_words(driver.pacer)]))
 
 
 def thin_words(app: App[Any], wished_hz: float) -> str:

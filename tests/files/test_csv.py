@@ -24,6 +24,7 @@ def way(request, monkeypatch):
         monkeypatch.setattr(csv_file, "find_spec", lambda name: None)
     else:
         pytest.importorskip("polars")
+        monkeypatch.setattr(csv_file, "POLARS_FROM", 0)
     return request.param
 
 
@@ -55,8 +56,8 @@ def test_everything_that_csv_can_hold_survives_a_round_trip(
     recording = data.draw(any_recording(types=NUMBERS, names=st.text("ab c\"',#\n/é", max_size=8)))
     path = tmp_path_factory.mktemp("csv") / "x.csv"
     with pytest.MonkeyPatch.context() as patch:
-        if plain:
-            patch.setattr(csv_file, "find_spec", lambda name: None)
+        if not plain:
+            patch.setattr(csv_file, "POLARS_FROM", 0)
         write_csv(recording, path, layout)
     # the table alone, as other tools leave it
     (path.parent / "x.csv.json").unlink()
@@ -90,14 +91,25 @@ def test_both_ways_of_writing_give_the_same_values(plan, recorded, tmp_path, mon
     pytest.importorskip("polars")
     plans = [plan(f"/log/{i}", dtype, divider=1 + i % 3) for i, dtype in enumerate(NUMBERS)]
     recording = recorded(plans, 30)
-    write_csv(recording, tmp_path / "polars.csv")
-    monkeypatch.setattr(csv_file, "find_spec", lambda name: None)
     write_csv(recording, tmp_path / "plain.csv")
+    monkeypatch.setattr(csv_file, "POLARS_FROM", 0)
+    write_csv(recording, tmp_path / "polars.csv")
     tables = [list(csv.reader((tmp_path / f"{way}.csv").open(newline=""))) for way in ("polars", "plain")]
     assert tables[0][0] == tables[1][0]
     for one, other in zip(*tables, strict=True):
         for left, right in zip(one, other, strict=True):
             assert left == right or repr(float(left)) == repr(float(right))
+
+
+def test_polars_is_loaded_for_a_large_table_alone(plan, recorded, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(csv_file, "find_spec", asked.append)
+    recording = recorded([plan("/log/a", size=100)], 100)
+    write_csv(recording, tmp_path / "x.csv")
+    assert not asked
+    monkeypatch.setattr(csv_file, "POLARS_FROM", 200)
+    write_csv(recording, tmp_path / "x.csv")
+    assert asked == ["polars"]
 
 
 def test_a_log_longer_than_a_chunk_has_no_seam(plan, recorded, tmp_path, way, monkeypatch):

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from silo.amounts import read_keep, read_split
 from silo.columns import ColumnGrid, HistoryColumns, bins_of
 from silo.errors import ConnectionLostError, ScriptError
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
@@ -24,6 +25,8 @@ from silo.ipc.messages import (
     GetPiece,
     HelloReply,
     PinOpened,
+    RecorderInfo,
+    RecorderStarted,
     Recordings,
     Refused,
     RefusedWhy,
@@ -42,13 +45,16 @@ from silo.ipc.versions import PROTOCOL
 from silo.model import (
     Action,
     BufferType,
+    Derived,
     Edit,
     ElementInfo,
     ElementOptions,
     Entry,
+    Extras,
     FileType,
     LoggedEvent,
     Problem,
+    RecorderState,
     SavedFile,
     SignalLimits,
     State,
@@ -56,6 +62,7 @@ from silo.model import (
     Table,
     TriggerOptions,
 )
+from silo.settings.extras_diff import diff_extras
 from silo.settings.rules import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
 from silo.version import VERSION
@@ -222,6 +229,9 @@ class FakeClient:
         self.pins: list[FakePin] = []
         self.trigger_statuses: list[TriggerStatus] = []
         self.limit_statuses: list[LimitStatus] = []
+        self.recorder_infos: list[RecorderInfo] = []
+        self.derived: tuple[Derived, ...] = ()
+        self.limit_options: tuple[SignalLimits, ...] = ()
         self.since_ns = 0  # of the statistics
         self.facts: dict[str, dict[str, float]] = {}  # measured values that a test sets, by quantity and name
         self._recorded: dict[str, ElementOptions] = {}  # what the held recording was made with
@@ -350,6 +360,7 @@ class FakeClient:
             entries=sum(len(info.entries) for info in self.elements), max_time_s=10.0, prefix="/log",
             folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
             durable_ticks=self.durable_ticks, held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
+            recorders=sum(not one.state.over for one in self.recorder_infos),
         )  # fmt: skip
 
     def table(self) -> Table:
@@ -378,7 +389,7 @@ class FakeClient:
     def read_script(self, path: str = "") -> ScriptText:
         self._ask()
         if not path:
-            return ScriptText(path=f"{FOLDER}/robot.yaml", text=format_script(self.elements))
+            return ScriptText(path=f"{FOLDER}/robot.yaml", text=format_script(self.elements, extras=self.extras))
         full, text = self._script(path)
         return ScriptText(path=full, text=text)
 
@@ -386,7 +397,18 @@ class FakeClient:
         script, plan = self._plan(path)
         changes = diff_options(self.elements, plan.options)
         unknown = [str(unknown.name) for unknown in plan.unknown]
-        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings)
+        extras = diff_extras(self.extras, script.extras_beside(self.extras))
+        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings, extras)
+
+    @property
+    def extras(self) -> Extras:
+        """What belongs to it beside its elements."""
+        return Extras(self.derived, self.limit_options, tuple(one.options for one in self.trigger_statuses))
+
+    def _take_extras(self, extras: Extras) -> None:
+        self.derived, self.limit_options = extras.derived, extras.limits
+        known = {one.options: one for one in self.trigger_statuses}
+        self.trigger_statuses = [known.get(one, TriggerStatus(one, TriggerWord.ARMED)) for one in extras.triggers]
 
     def _check(self, revision: int) -> None:
         self._ask()
@@ -457,6 +479,8 @@ class FakeClient:
         self._check(revision)
         script, plan = self._plan(path)
         changed = self._take(plan.options)
+        if script.extras is not None:
+            self._take_extras(script.extras)
         self.publish(EventKind.SCRIPT_LOADED, f"script {path} loaded", by=OWN_NAME)
         return EditsApplied(self.revision, changed, [str(unknown.name) for unknown in plan.unknown], script.warnings)
 
@@ -465,7 +489,7 @@ class FakeClient:
         self.calls.append(("save_script", path, overwrite))
         if path in self.files and not overwrite:
             raise refused(RefusedWhy.EXISTS, f"{FOLDER}/{path} exists")
-        self.files[path] = format_script(self.elements)
+        self.files[path] = format_script(self.elements, extras=self.extras)
         self.publish(EventKind.SCRIPT_SAVED, f"script {path} saved", by=OWN_NAME)
         return f"saved {FOLDER}/{path}"
 
@@ -525,6 +549,30 @@ class FakeClient:
         text: str = self._recordings_of(lambda folder, place: folder.delete(place, self.name, name))
         self.publish(EventKind.DELETED, text, by=OWN_NAME)
         return text
+
+    def recorders(self) -> list[RecorderInfo]:
+        self._ask()
+        return list(self.recorder_infos)
+
+    def record(
+        self, patterns: Sequence[str] = (), to: str = "", split: str = "1GB", keep: str = "", name: str = ""
+    ) -> RecorderStarted:
+        self._ask()
+        self.calls.append(("record", tuple(patterns), to, split, keep, name))
+        made = RecorderInfo(
+            name or self.name, f"/home/ann/logs/{to or 'recordings'}", RecorderState.RECORDING, list(patterns),
+            *read_split(split), read_keep(keep), "part1.mcap", since_ns=self.now_ns, by=OWN_NAME,
+        )  # fmt: skip
+        self.recorder_infos.append(made)
+        self.publish(EventKind.RECORDING, f"recording '{made.name}'", by=OWN_NAME)
+        return RecorderStarted(made.name, made.folder)
+
+    def stop_recorder(self, name: str = "") -> str:
+        self._ask()
+        self.calls.append(("stop_recorder", name))
+        self.recorder_infos = [one for one in self.recorder_infos if one.name != name]
+        self.publish(EventKind.RECORDING, f"recording '{name}' ended", by=OWN_NAME)
+        return f"recording '{name}' ended: 1 files"
 
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()

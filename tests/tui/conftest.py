@@ -33,8 +33,9 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
 
 @pytest.fixture(autouse=True)
 def state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where edits that were not applied are kept: never that of who runs the tests."""
+    """Where edits that were not applied, and views, are kept: never that of who runs the tests."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     return tmp_path / "state"
 
 
@@ -141,6 +142,8 @@ async def _screen_of(app: SiloApp, size: tuple[int, int] = (80, 24)) -> AsyncIte
     async with app.run_test(size=size, notifications=True) as pilot:
         yield Screen(app, pilot)
         app.release()
+        app.exit()  # as who uses it does: what works in it ends before its screens go
+        await pilot.app._task
 
 
 @pytest.fixture

@@ -1,0 +1,25 @@
+"""Who is there, the state of the logger, and starting and stopping it."""
+
+from silo.helper.answers.table import Parts, answers_to, must_live, signed
+from silo.ipc.messages import Done, GetStatus, GoesOn, Hello, HelloReply, Refused, Restart, Start, StatusReply, Stop
+from silo.ipc.versions import OLDEST, PROTOCOL
+from silo.version import VERSION
+
+
+@answers_to(Hello)
+def _hello(parts: Parts, _: Hello) -> HelloReply:
+    # a client that gets this from the key `do` too may edit
+    return HelloReply(PROTOCOL, VERSION, parts.mirror.user, True, parts.mirror.status(), OLDEST)
+
+
+@answers_to(GetStatus)
+def _status(parts: Parts, _: GetStatus) -> StatusReply:
+    return StatusReply(parts.mirror.status())
+
+
+@answers_to(Start, Stop, Restart)
+def _control(parts: Parts, request: Start | Stop | Restart) -> StatusReply | GoesOn | Refused:
+    reply = must_live(parts.mirror.now) or parts.robot.ask(signed(request))
+    if isinstance(reply, GoesOn | Refused):
+        return reply
+    return StatusReply(parts.mirror.status(), reply.text if isinstance(reply, Done) else "")

@@ -1,0 +1,152 @@
+"""A client of one logger: what `silo`, `silo-tui` and your own programs use to talk to a helper process.
+
+All calls block until the answer is there, and may be made by any thread. A refusal raises RefusedError (with `why` and
+`problems`), silence ConnectionLostError; the connection comes back by itself. No NumPy is imported before a view, a
+topic or a history is asked for.
+
+The calls stand in a module per topic, `Client` is made of them.
+"""
+
+from collections.abc import Callable
+
+from silo.arguments import real, text
+from silo.calls import told_class
+from silo.display import html_table
+from silo.errors import ConnectionLostError
+from silo.ipc.client.calling import LONGEST_S
+from silo.ipc.client.conditions import ConditionCalls
+from silo.ipc.client.events import EventCalls
+from silo.ipc.client.files import FileCalls
+from silo.ipc.client.leases import Leases
+from silo.ipc.client.live import LiveCalls
+from silo.ipc.client.recorders import RecorderCalls
+from silo.ipc.client.samples import SampleCalls
+from silo.ipc.client.saves import Saves
+from silo.ipc.connection import Connection
+from silo.ipc.discovery import Discovery, Found, discover, not_found_text
+from silo.ipc.exchange import client_name
+from silo.ipc.messages import Ask
+from silo.ipc.published import Event
+
+__all__ = ["Client", "Discovery", "Found", "connect", "discover"]
+
+
+@told_class("client", make="Client")
+class Client(LiveCalls, SampleCalls, EventCalls, FileCalls, RecorderCalls, ConditionCalls):
+    """A connection to one logger. A context manager."""
+
+    def __init__(self, found: Found, timeout_s: float = Ask.timeout_s) -> None:
+        """Connect to a logger that was found; `connect` looks for it.
+
+        Args:
+            found: which logger.
+            timeout_s: how long to wait for an answer, at least.
+
+        Raises:
+            ConnectionLostError: nobody answers.
+        """
+        self._timeout_s = timeout_s
+        self._name = client_name()
+        self._saves = Saves()
+        self._connection = Connection(found, timeout_s, self._name, self._renew)
+        self._leases = Leases(self._connection, self._name)
+        self._connection.on_event(self._saves.note)
+        self._connection.on_link(self._saves.note_link)
+        self._connection.watch()
+
+    @classmethod
+    def connect(cls, logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> "Client":
+        """Connect to a logger.
+
+        Args:
+            logger: what `discover` found, a name, `name.pid` where several have the name, or empty for the only one.
+            timeout_s: how long to wait for an answer, at least.
+            config: a Zenoh configuration for loggers of other hosts.
+
+        Returns:
+            A client; close it, or use it as a context manager.
+
+        Raises:
+            ConnectionLostError: there is none, or several could be meant; the message says what to do.
+        """
+        timeout_s = real("timeout_s", timeout_s, 0, LONGEST_S, "s", include_low=False)
+        if isinstance(logger, Found):
+            return cls(logger, timeout_s)
+        text("logger", logger, 'Client.connect("robot")')
+        text("config", config, 'Client.connect("robot", config="client.json5")')
+        discovery = discover(timeout_s, config)
+        named = discovery.named(logger)
+        if not named:
+            raise ConnectionLostError(not_found_text(logger, discovery))
+        if len({found.label for found in named}) > 1:
+            labels = ", ".join(found.label for found in named)
+            raise ConnectionLostError(f"several loggers are running, say which one you mean: {labels}")
+        return cls(named[0], timeout_s)
+
+    def __repr__(self) -> str:
+        found = self.found
+        where = f" on {found.host}" if found.host else ""
+        return f"<Client of {found.label}{where}: {'connected' if self.connected else 'not connected'}>"
+
+    def _repr_html_(self) -> str:
+        found = self.found
+        state = "connected" if self.connected else "not connected"
+        rows = [("logger", found.label), ("user", found.user), ("host", found.host or "this one"), ("state", state)]
+        return html_table(f"Client of {found.label}", ("", ""), rows)
+
+    @property
+    def found(self) -> Found:
+        """Which logger this is; changes when the robot program was started anew."""
+        return self._connection.found
+
+    @property
+    def connected(self) -> bool:
+        """Whether the helper process answers."""
+        return self._connection.connected
+
+    def on_event(self, callback: Callable[[Event], None]) -> None:
+        """Call back for every event, in a thread of its own.
+
+        Args:
+            callback: must not wait long.
+        """
+        self._connection.on_event(callback)
+
+    def on_link(self, callback: Callable[[bool], None]) -> None:
+        """Call back when the connection is lost or there again.
+
+        Args:
+            callback: gets False when the helper process is gone, True when one is there again.
+        """
+        self._connection.on_link(callback)
+
+    def close(self) -> None:
+        """End views and connection; closing twice is fine."""
+        self._connection.close()
+        self._saves.wake()
+
+    def _renew(self) -> None:
+        self._leases.renew()  # which need the connection first
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def connect(logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> Client:
+    """Connect to a running logger.
+
+    Args:
+        logger: its name, `name.pid` where several have the name, or empty for the only one.
+        timeout_s: how long to wait for an answer, at least.
+        config: a Zenoh configuration for loggers of other hosts.
+
+    Returns:
+        A client; close it, or use it as a context manager.
+
+    Raises:
+        ConnectionLostError: there is none, or several could be meant; the message says what to do.
+    """
+    return Client.connect(logger, timeout_s, config)

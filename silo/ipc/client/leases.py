@@ -1,0 +1,110 @@
+"""Views, streams and pins: what the helper process forgets when nobody renews its lease."""
+
+import itertools
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
+
+from silo.ipc.connection import Connection, Pending
+from silo.ipc.exchange import decode_reply, key_of
+from silo.ipc.messages import (
+    ClosePin,
+    CloseStream,
+    CloseView,
+    Done,
+    OpenStream,
+    OpenView,
+    Refused,
+    Request,
+    StreamOpened,
+    ViewOpened,
+)
+
+if TYPE_CHECKING:
+    from silo.ipc.samples import Pin, Stream
+    from silo.ipc.view import View
+
+Leased: TypeAlias = "View | Stream | Pin"
+
+RENEW_S = 2.0  # a third of a view's lease
+
+
+class Leases:
+    """Renews them while the connection is up, and opens them anew with another helper process."""
+
+    def __init__(self, connection: Connection, name: str) -> None:
+        self._connection = connection
+        self._name = name
+        self._lock = threading.Lock()
+        self._due_s: dict[Leased, float] = {}
+        self._renewals: dict[Leased, Pending] = {}
+        self._session = 1
+        self.numbers = itertools.count(1)  # of views and streams
+
+    def add(self, view: Leased) -> None:
+        """Keep up a lease that was just given."""
+        with self._lock:
+            self._due_s[view] = time.monotonic() + RENEW_S
+
+    def forget(self, view: Leased) -> None:
+        """Let a lease end, and say so to the helper process."""
+        self._connection.forget(view)
+        with self._lock:
+            known = self._due_s.pop(view, None)
+            self._renewals.pop(view, None)
+        if known is not None and self._connection.connected:
+            # nobody waits for the answer: if it gets lost, the lease ends the view
+            request = self._closing(view)
+            Pending(self._connection.session(), key_of(request, self._connection.root), request, 1.0)
+
+    def _closing(self, leased: Leased) -> Request[Done]:
+        renewal = leased.renewal
+        if isinstance(renewal, OpenView):
+            return CloseView(view=renewal.view, client=self._name)
+        if isinstance(renewal, OpenStream):
+            return CloseStream(stream=renewal.stream, client=self._name)
+        return ClosePin(pin=renewal.pin, client=self._name)
+
+    def renew_soon(self, view: Leased) -> None:
+        """Renew a lease in the next round."""
+        with self._lock:
+            if view in self._due_s:
+                self._due_s[view] = 0.0
+
+    def renew(self) -> None:
+        """Renew leases, and open views anew in a new session. Called by the connection's thread; never waits."""
+        now_s = time.monotonic()
+        with self._lock:
+            if self._session != self._connection.sessions:
+                self._session = self._connection.sessions
+                self._renewals.clear()
+                self._due_s = dict.fromkeys(self._due_s, 0.0)
+            due = [view for view, at_s in self._due_s.items() if now_s >= at_s and view not in self._renewals]
+            waiting = list(self._renewals.items())
+        for view, pending in waiting:
+            done, payload = pending.poll()
+            if done:
+                with self._lock:
+                    self._renewals.pop(view, None)
+                self._take_renewal(view, payload)
+        for view in due:
+            request = view.renewal
+            key = key_of(request, self._connection.root)
+            pending = Pending(self._connection.session(), key, request, request.timeout_s)
+            with self._lock:
+                if view in self._due_s:
+                    self._renewals[view] = pending
+                    self._due_s[view] = now_s + RENEW_S
+
+    def _take_renewal(self, view: Leased, payload: bytes | None) -> None:
+        if payload is None:
+            self.renew_soon(view)
+            return
+        reply = decode_reply(payload, "the helper process")
+        if isinstance(reply, ViewOpened | StreamOpened):
+            accept: Callable[[ViewOpened | StreamOpened], None] | None = getattr(view, "accept", None)
+            if accept is not None:
+                accept(reply)
+        elif isinstance(reply, Refused):
+            view.refuse(reply.text)

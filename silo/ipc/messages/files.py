@@ -1,0 +1,138 @@
+"""Saved files: saving, and the recordings in the logger's own folder."""
+
+from typing import ClassVar
+
+import msgspec
+
+from silo.ipc.messages.base import Do, Done, Reply, SlowAsk
+from silo.model import FileType
+
+
+class RecordingFile(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One file (or bag folder) of a recording; `name` is plain, `folder` is where it lies below the logger's own."""
+
+    name: str
+    type: FileType
+    size_bytes: int
+    changed_ns: int  # by the robot's clock
+    folder: str = ""
+
+
+class SavedRecording(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One save: the files of it, all of one `stem`.
+
+    begun_ns: its first time stamp, ns; 0 where its files don't say. why: it was saved, in a few words. logger: which
+    one wrote it. own: this one did, so that it may be deleted here. unfinished: it is being written, or its writer
+    died. unread: its files were not looked into yet, ask again.
+    """
+
+    stem: str
+    files: list[RecordingFile]
+    begun_ns: int = 0
+    span_s: float = 0.0
+    why: str = ""
+    logger: str = ""
+    markers: int = 0
+    own: bool = False
+    unfinished: bool = False
+    unread: bool = False
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of all its files."""
+        return sum(file.size_bytes for file in self.files)
+
+
+class Recordings(Reply, frozen=True):
+    """What is in the logger's own folder, the newest first: at most as many as asked for, of `count`.
+
+    `disk_bytes` is the size of the disk of the folder, `free_bytes` what is free of it.
+    """
+
+    folder: str
+    recordings: list[SavedRecording]
+    count: int
+    disk_bytes: int = 0
+    free_bytes: int = 0
+
+
+class PartOfRecording(msgspec.Struct, frozen=True):
+    """One plain file to fetch; `path` is relative to the logger's folder. Another `mark` means another content."""
+
+    path: str
+    size_bytes: int
+    mark: str
+    changed_ns: int
+
+
+class RecordingParts(Reply, frozen=True):
+    """The plain files that make up a recording: of a bag those in its folder, of a CSV file also the one beside it."""
+
+    name: str
+    is_folder: bool
+    parts: list[PartOfRecording]
+
+
+class Piece(Reply, frozen=True):
+    """A piece of a file: `crc32` is over the `count` bytes that were meant, which are in `data` if they were wished."""
+
+    count: int
+    crc32: int
+    data: bytes = b""
+
+
+class SaveStarted(Reply, frozen=True):
+    """`job` is the number under which events speak of this save."""
+
+    job: int
+
+
+class ListRecordings(SlowAsk[Recordings], frozen=True):
+    """Which recordings are in the logger's own folder? The newest first, at most `most`."""
+
+    most: int = 1000
+
+
+class GetParts(SlowAsk[RecordingParts], frozen=True):
+    """Which plain files make up the recording `name`, a file or bag folder of the list?"""
+
+    name: str
+
+
+class GetPiece(SlowAsk[Piece], frozen=True):
+    """Read `count` bytes from `offset` on of a part of a recording; at most 4 MB, to be summed up only 64 MB.
+
+    Refused (why: CONFLICT) where the file isn't the one with that `mark` any more.
+    """
+
+    path: str
+    mark: str
+    offset: int
+    count: int
+    sum_only: bool = False
+
+
+class Save(Do[SaveStarted], frozen=True):
+    """Save the data in the helper process. The reply comes at once; progress and result come as events.
+
+    `name` replaces the usual file name (a plain name: no `/`, no leading dot). `folder` (absolute) replaces the
+    logger's own; only the robot program may choose it. `why` is kept in the files; without it, who asked.
+    """
+
+    timeout_s: ClassVar[float] = 2.0
+
+    types: list[FileType]
+    name: str = ""
+    folder: str = ""
+    why: str = ""
+
+
+class DeleteRecording(Do[Done], frozen=True):
+    """Delete a recording that this logger wrote: by the name of a file or bag folder that one, by its stem all of them.
+
+    Refused for all that isn't surely of this logger.
+    """
+
+    timeout_s: ClassVar[float] = 30.0
+
+    name: str

@@ -1,0 +1,152 @@
+"""Samples: past ones as rows or columns, all from now on as a stream, and pins that keep them."""
+
+import enum
+
+from silo.errors import RefusedError
+from silo.ipc.messages.base import Ask, Done, Reply, SlowAsk
+from silo.ipc.sampled import SampledName, SampledRows
+
+
+class Columns(Reply, frozen=True, omit_defaults=True):
+    """Minimum and maximum per column: little-endian float64 of shape `(len(names), count)`, NaN without finite value.
+
+    They are offsets from `bases` (by place in `names`, 0 where it isn't named), so that integers beyond 2^53 are exact.
+    `marks` are bytes of the same shape, empty for all 0: see `silo.columns.Mark`, and `Hole` in the upper four bits.
+    `until_ns` is the newest time stamp that is surely in it.
+    """
+
+    names: list[str]
+    first: int
+    count: int
+    column_ns: int
+    low: bytes
+    high: bytes
+    marks: bytes = b""
+    bases: dict[int, int] = {}
+    until_ns: int = 0
+
+
+class SampleRows(Reply, frozen=True, omit_defaults=True):
+    """Raw rows of some names, see `silo.ipc.sampled`. `rows` has at most one stretch per group.
+
+    `resume` has for each group the row to go on with and the row to end before; both are equal where nothing is left.
+    Ask again with it and with `run` until then. `names` explains the rows, and comes with the first reply only.
+    `missing` says of names without rows why, by name.
+    """
+
+    run: str
+    rows: list[SampledRows]
+    resume: list[tuple[int, int]]
+    names: list[SampledName] = []
+    missing: dict[str, str] = {}
+
+
+class StreamOpened(Reply, frozen=True):
+    """How to read the frames of a stream: those of this `generation` have groups as in `names`."""
+
+    stream: str
+    generation: int
+    names: list[SampledName]
+    missing: dict[str, str]
+
+
+class PinOpened(Reply, frozen=True):
+    """What a pin holds: rows of the `run` with time stamps from `begin_ns` to `end_ns`, both included, 0 where none.
+
+    `text` says what of the wish could not be had, and why; empty where all of it is held.
+    """
+
+    pin: str
+    run: str
+    begin_ns: int
+    end_ns: int
+    size_bytes: int
+    missing: dict[str, str] = {}
+    text: str = ""
+
+
+class By(str, enum.Enum):
+    """What the ends of a stretch of samples count."""
+
+    TIME = "time"  # ns
+    TICK = "tick"  # since start
+    ROW = "row"  # samples since start, of each element its own
+
+
+def by_of(word: By | str) -> By:
+    """Return what a word means. Raises RefusedError for one that means nothing."""
+    try:
+        return By(word)
+    except ValueError:
+        raise RefusedError(f"by must be 'time', 'tick' or 'row', got {word!r}; nothing was asked") from None
+
+
+class GetHistory(SlowAsk[Columns], frozen=True):
+    """Past samples in columns of `column_ns`. Column k covers `[k, k + 1) * column_ns`.
+
+    `names` are entry names (`/log/q_x`). At most 4096 columns.
+    """
+
+    names: list[str]
+    start_ns: int
+    end_ns: int
+    column_ns: int
+    pin: str = ""  # of what this pin holds
+
+
+class GetSamples(SlowAsk[SampleRows], frozen=True):
+    """Raw samples of elements or entries, with `start <= time stamp, tick or row < end`; of what a pin holds, if named.
+
+    The reply has at most `reply_bytes` of rows and says how to go on: ask again with its `run` and `resume`.
+    """
+
+    names: list[str]
+    start: int = -(2**62)
+    end: int = 2**62
+    by: By = By.TIME
+    reply_bytes: int = 2**20
+    pin: str = ""
+    run: str = ""
+    resume: list[tuple[int, int]] = []
+
+
+class OpenStream(Ask[StreamOpened], frozen=True):
+    """Open or renew the stream `stream` (an id as of a view): all samples of these names from now on, as they come.
+
+    Frames come each `period_s` on `.../stream/<id>`. Leased as a view is. Frames that the client does not take in time
+    are dropped: its rows are numbered, so that it sees the gap.
+    """
+
+    stream: str
+    names: list[str]
+    period_s: float = 0.05
+
+
+class CloseStream(Ask[Done], frozen=True):
+    """Send no more frames of this stream."""
+
+    stream: str
+
+
+class OpenPin(SlowAsk[PinOpened], frozen=True):
+    """Copy what the buffers hold of these names from `start_ns` to `end_ns`, both included, for later requests.
+
+    `pin` is an id as of a view. The newest part is copied where not all fits. It ends when it isn't kept for 30 s.
+    """
+
+    pin: str
+    names: list[str]
+    start_ns: int
+    end_ns: int
+
+
+class KeepPin(Ask[Done], frozen=True):
+    """I still need this pin; refused (why: NOT_FOUND) where it is no more."""
+
+    pin: str
+
+
+class ClosePin(Ask[Done], frozen=True):
+    """Forget this pin."""
+
+    pin: str

@@ -1,0 +1,71 @@
+"""Who is there, the logger's state, and starting and stopping it."""
+
+import enum
+
+from silo.errors import RefusedError
+from silo.ipc.messages.base import Ask, Reply, RobotRequest
+from silo.model import Status
+
+
+class HelloReply(Reply, frozen=True):
+    """`may_edit` tells whether `do` requests of this client get through. `oldest` to `protocol` are understood."""
+
+    protocol: int
+    version: str
+    user: str
+    may_edit: bool
+    status: Status
+    oldest: int = 1
+
+
+class StatusReply(Reply, frozen=True):
+    """Carries a `Status`; `text` says what else was done, empty for nothing."""
+
+    status: Status
+    text: str = ""
+
+
+class Hello(Ask[HelloReply], frozen=True):
+    """Who am I and what may I do? Answered whatever protocol and `version` the client has.
+
+    May be asked on the key `do` too: only who may change something gets an answer.
+    """
+
+    version: str = ""
+
+
+class GetStatus(Ask[StatusReply], frozen=True):
+    """What is the logger's state?"""
+
+
+class Unsaved(str, enum.Enum):
+    """What becomes of data that is in no file when the buffers are cleared."""
+
+    REFUSE = "refuse"  # then nothing is cleared
+    SAVE = "save"
+    DISCARD = "discard"
+
+
+def unsaved_of(word: Unsaved | str) -> Unsaved:
+    """Return what a word means. Raises RefusedError for one that means nothing."""
+    try:
+        return Unsaved(word)
+    except ValueError:
+        words = ", ".join(repr(one.value) for one in Unsaved)
+        raise RefusedError(f"unsaved must be one of {words}, got {word!r}; nothing was changed") from None
+
+
+class Start(RobotRequest[StatusReply], frozen=True):
+    """Clear the buffers and log."""
+
+    unsaved: Unsaved = Unsaved.REFUSE
+
+
+class Stop(RobotRequest[StatusReply], frozen=True):
+    """Stop logging. Stopping a stopped logger succeeds."""
+
+
+class Restart(RobotRequest[StatusReply], frozen=True):
+    """Stop and start."""
+
+    unsaved: Unsaved = Unsaved.REFUSE

@@ -1,0 +1,292 @@
+"""What a logger has logged: how far it is, its samples, saving them and recording them without end."""
+
+import logging
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from silo.arguments import path, text, texts
+from silo.calls import told_class
+from silo.collecting.run import Run
+from silo.display import MOST_ROWS, html_table
+from silo.errors import SaveError, StateError
+from silo.logger.conditions import Conditions
+from silo.logger.current_run import CurrentRun
+from silo.logger.elements import LoggedElement, look_at, newest_text
+from silo.logger.keywords import FileTypes
+from silo.logger.new_values import NewValues, NewValuesReader
+from silo.logger.options import file_types
+from silo.model import FileType, LoggerOptions, SavedFile, State
+from silo.recording import Recording
+
+if TYPE_CHECKING:
+    from silo.logger.serving import Serving
+
+log = logging.getLogger("silo")
+
+
+@told_class("log")
+class Logged(Conditions):
+    """The state and the data of the current or last run."""
+
+    def __init__(self, options: LoggerOptions) -> None:
+        super().__init__(options)
+        self._present = CurrentRun()
+        self._reason = ""
+        self._new_values = NewValuesReader()
+        self._serving: Serving | None = None
+
+    # ----------------------------------------------------------------------------------------------- the state
+
+    @property
+    def state(self) -> State:
+        """Running or stopped, as clients see it."""
+        return State.RUNNING if self._running else State.STOPPED
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it was closed, for good."""
+        return self._closed
+
+    @property
+    def is_running(self) -> bool:
+        """Whether `collect()` logs."""
+        return self._running
+
+    @property
+    def ticks(self) -> int:
+        """Ticks logged since the last start."""
+        return self._present.ticks
+
+    @property
+    def lost(self) -> int:
+        """Samples that could not be kept since the last start (memory limit, full folder), all elements together."""
+        return self._present.lost
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the logger stopped, empty while it runs or before the first start."""
+        return self._reason
+
+    @property
+    def source_failures(self) -> dict[str, int]:
+        """At how many ticks each element could not be read since start; only attributes and functions that failed."""
+        return self._present.failures
+
+    @property
+    def segment_path(self) -> str:
+        """The file of the current or last run, empty before the first start."""
+        return self._present.path
+
+    @property
+    def present_run(self) -> Run | None:
+        """The current or last run; for the serving thread."""
+        return self._present.run
+
+    # ---------------------------------------------------------------------------------------------------- data
+
+    def snapshot(self) -> Recording:
+        """Return what the buffers hold now, cut at one tick; collection goes on. Raises StateError before the first
+        start.
+        """
+        with self._lock:
+            self._check_open()
+            if self._present.run is None:
+                raise StateError("nothing was logged yet: call start() and collect() first")
+            return self._present.run.reader.snapshot()
+
+    def element(self, name: str) -> LoggedElement:
+        """Return one element: its options, the newest value, how many samples its buffer holds. Also `log[name]`.
+
+        Args:
+            name: the full name, or the name after the prefix.
+
+        Raises:
+            ElementError: there is no such element.
+        """
+        text("the element's name", name, 'log["joints/q"]')
+        with self._lock:
+            info = self._table.elements[self._table.place(name)].info
+            run = None if self._closed else self._present.run
+            return look_at(info, run.reader if run is not None else None)
+
+    def __getitem__(self, name: str) -> LoggedElement:
+        return self.element(name)
+
+    def __repr__(self) -> str:
+        return f"<Logger {self._about()}>"
+
+    def _about(self) -> str:
+        state = "closed" if self._closed else self.state.value
+        reason = f" ({self._reason})" if self._reason and not self._running else ""
+        held = f", {self.ticks} ticks{', not saved' if self.has_unsaved else ''}" if self._present.number else ""
+        pending = f", {len(self._table.pending)} added since" if self._table.pending else ""
+        return f"{self.name}: {len(self)} elements{pending}, {self.options.frequency_hz:g} Hz, {state}{reason}{held}"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (one.name, one.unit, "on" if one.options.enabled else "off", one.options.divider,
+             one.options.action.name.lower(), f"{one.options.buffer_type.name.lower()} {one.options.buffer_size}",
+             one.held, newest_text(one))
+            for one in (self.element(name) for name in list(self)[: MOST_ROWS + 1])
+        ]  # fmt: skip
+        heads = ("element", "unit", "log", "divider", "action", "buffer", "held", "newest")
+        more = f"{len(self)} elements in all" if len(self) > MOST_ROWS else ""
+        return html_table(f"Logger {self._about()}", heads, rows[:MOST_ROWS], more)
+
+    def read_new_values(self, name: str) -> NewValues:
+        """Return all samples of an element since the last such call, oldest first.
+
+        Args:
+            name: the full name, or the name after the prefix.
+
+        Returns:
+            Time stamps of shape `(n,)` in ns, values of shape `(n, *shape of the element)`; `missed` counts samples
+            that were overwritten before they were read.
+
+        Raises:
+            StateError: nothing was logged yet.
+            ElementError: there is no such element.
+        """
+        text("the element's name", name, 'log.read_new_values("joints/q")')
+        with self._lock:
+            self._check_open()
+            info = self._table.elements[self._table.place(name)].info
+            if self._present.run is None:
+                raise StateError("nothing was logged yet: call start() and collect() first")
+            return self._new_values.read(self._present.run.reader, info.name)
+
+    # ---------------------------------------------------------------------------------------- saving, recording
+
+    def save(
+        self,
+        types: FileTypes = (FileType.SILO,),
+        name: str | None = None,
+        folder: str | os.PathLike[str] | None = None,
+    ) -> list[SavedFile]:
+        """Save what the buffers hold to files; collection goes on and nothing is emptied.
+
+        Served loggers save in their helper process.
+
+        Args:
+            types: `"silo"`, `"csv"`, `"bag"`, one or several.
+            name: a file name without ending, instead of `<logger>_<date>_<run number>`.
+            folder: where to, instead of the logger's folder (should that be full, or not be there).
+
+        Returns:
+            The files, in the order of `types`: path, size in bytes.
+
+        Raises:
+            SaveError: the system refuses. Nothing stands under the final name, the data is still in memory.
+            StateError: nothing was logged yet.
+        """
+        chosen = file_types(types)
+        name = text("name", name or "", 'log.save(name="first_walk")')
+        where = path("folder", folder) if folder else Path(self.options.folder)
+        self._check_open()
+        run = self._present.run
+        if run is None:
+            raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
+        ticks = run.segment.ticks
+        if self._serving is not None and self._serving.is_up:
+            saved = self._serving.save(chosen, name, str(where.resolve()) if folder else "")
+        else:
+            from silo.files import write
+
+            saved = write(
+                self.snapshot(), where, self.options.name, chosen, name or None, why="saved by the robot program"
+            )
+        with self._lock:
+            self._present.mark_saved(run, ticks)
+        return saved
+
+    def record(
+        self,
+        patterns: Iterable[str] = (),
+        *,
+        to: str | os.PathLike[str] = "recordings",
+        split: str = "1GB",
+        keep: str = "",
+        name: str = "",
+    ) -> str:
+        """Record every sample from now on to MCAP files, across restarts, until `stop_recording`.
+
+        Needs `serve()`: a process of the helper's writes, the loop has no part in it. The call waits for its first
+        words.
+
+        Args:
+            patterns: elements, namespaces or globs; all elements without any.
+            to: a folder, absolute or relative to the logger's.
+            split: `"1GB"` or `"10min"`, after which a part is finished: from 1 MB, or 1 s to 31 days; empty: never.
+            keep: `"50GB"`, above which its own oldest parts are deleted: from 2 MB; empty: all stay.
+            name: of the recording and its files, instead of the logger's.
+
+        Returns:
+            The name of the recording.
+
+        Raises:
+            ElementError: an argument makes no sense; nothing is recorded.
+            StateError: there is no helper process, call `serve()` first.
+            SaveError: no element matches a pattern, the name is taken, the system refuses, or the helper process is
+                just being started anew.
+        """
+        from silo.amounts import read_keep, read_split
+        from silo.ipc.messages import StartRecorder
+
+        split_bytes, split_s = read_split(split)
+        request = StartRecorder(
+            name=text("name", name, 'log.record(name="walk")'),
+            folder=str(path("to", to)),
+            patterns=texts("patterns", patterns, "log.record(['joints/*'])"),
+            split_bytes=split_bytes,
+            split_s=split_s,
+            keep_bytes=read_keep(keep),
+            client="the robot program",
+        )
+        started = self._served("record").record(request)
+        if started.text:
+            log.warning("%s: %s", self.options.name, started.text)
+        return started.name
+
+    def stop_recording(self, name: str = "") -> str:
+        """Finish an endless recording; waits up to 5 s for the end of its last part.
+
+        Args:
+            name: what `record` returned; empty: the only one.
+
+        Returns:
+            What was done, in words, with its numbers of files and samples.
+
+        Raises:
+            ElementError: the name is no text.
+            StateError: there is no helper process, call `serve()` first.
+            SaveError: there is none, or none of that name, or several without a name; nothing was stopped. Or the
+                helper process is just being started anew.
+        """
+        return self._served("stop_recording").stop_recording(text("name", name, 'log.stop_recording("walk")'))
+
+    def _served(self, call: str) -> "Serving":
+        self._check_open()
+        if self._serving is None or not self._serving.alive:
+            raise StateError(f"{call}() needs a helper process, which records: call serve() first; nothing was changed")
+        if not self._serving.is_up:
+            raise SaveError("the helper process is being started anew: try again in a moment; nothing was changed")
+        return self._serving
+
+    def note_saved(self, run_id: str, ticks: int) -> None:
+        """Take in that the helper process saved the first `ticks` of a run for one of its clients.
+
+        Args:
+            run_id: the run that was saved.
+            ticks: how many of its ticks stand in a file.
+        """
+        with self._lock:
+            run = self._present.run
+            if run is not None and run.id == run_id:
+                self._present.mark_saved(run, ticks)
+
+    @property
+    def has_unsaved(self) -> bool:
+        """Whether ticks were logged that stand in no file."""
+        return self._present.has_unsaved

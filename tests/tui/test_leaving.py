@@ -1,0 +1,97 @@
+"""Screens that go while something for them is under way: no work wakes up without widgets, no word is lost."""
+
+import asyncio
+import threading
+
+import pytest
+
+from silo.ipc.conditions import TriggerStatus, TriggerWord
+from silo.model import TriggerOptions
+from silo_tui.screens.recordings import RecordingsScreen
+from silo_tui.screens.settings import SettingsScreen
+from silo_tui.screens.table import TableScreen
+from silo_tui.screens.triggers import TriggersScreen
+
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
+
+async def gone(screen):
+    """Wait until a screen has lost its widgets; it is not yet told of it."""
+    while screen.children:
+        await asyncio.sleep(0)
+
+
+@pytest.fixture
+def slow_recordings(monkeypatch):
+    """The list of recordings comes when the screen that asked for it has no widgets any more."""
+    asked = []
+
+    def use(screen):
+        answer = screen.session.recordings
+
+        async def late(most):
+            found, asking = await answer(most), screen.app.screen
+            asked.append(asking)
+            await gone(asking)
+            return found
+
+        monkeypatch.setattr(screen.session, "recordings", late)
+        return asked
+
+    return use
+
+
+async def test_what_a_screen_asked_for_may_come_while_it_is_left(opened, fake, tmp_path, slow_recordings):
+    fake.logs = tmp_path
+    async with opened(fake) as screen:
+        asked = slow_recordings(screen)
+        await screen.press("F")
+        await screen.until(lambda: asked, "the question")
+        await screen.press("escape")
+        await screen.until(lambda: not asked[0].is_running and not asked[0].children, "the list is gone")
+        await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
+
+
+async def test_what_a_screen_asked_for_may_come_while_the_program_ends(opened, fake, tmp_path, slow_recordings):
+    fake.logs = tmp_path
+    async with opened(fake) as screen:
+        asked = slow_recordings(screen)
+        await screen.press("F")
+        await screen.until(lambda: asked, "the question")
+    assert isinstance(asked[0], RecordingsScreen)
+    assert not asked[0].children
+
+
+async def test_what_was_asked_of_a_screen_that_was_left_is_told_where_one_is(opened, fake, monkeypatch):
+    fake.trigger_statuses = [TriggerStatus(TriggerOptions("fall", "x > 1", 5.0, 1.0), TriggerWord.ARMED)]
+    answer, arm_trigger = threading.Event(), fake.arm_trigger
+
+    def late(*given, **named):
+        answer.wait()
+        return arm_trigger(*given, **named)
+
+    monkeypatch.setattr(fake, "arm_trigger", late)
+    async with opened(fake) as screen:
+        await screen.press("T")
+        await screen.until(lambda: isinstance(screen.app.screen, TriggersScreen), "the triggers")
+        triggers = screen.app.screen
+        await screen.shows("x > 1")
+        await screen.press("t", "escape", "escape")
+        await screen.until(lambda: isinstance(screen.app.screen, TableScreen) and not triggers.children, "it is left")
+        answer.set()
+        await screen.shows("trigger 'fall' is off")
+
+
+async def test_what_is_said_to_a_screen_that_is_being_made_is_shown_when_it_was_made(opened, fake):
+    async with opened(fake) as screen:
+        screen.app.push_screen(SettingsScreen(screen.app.take_settings))
+        screen.app.context.say("these words came early")
+        await screen.shows("these words came early")
+
+
+async def test_news_leave_a_screen_alone_that_is_being_made(opened, fake, tmp_path):
+    fake.logs = tmp_path
+    async with opened(fake) as screen:
+        screen.app.push_screen(RecordingsScreen(screen.session))
+        screen.app._second()
+        await screen.shows("Nothing is saved")
