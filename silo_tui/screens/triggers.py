@@ -103,7 +103,8 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         lines = [f"{one.options.name}: {one.options.when} ({text.plural(one.fires, 'fire')})" for one in targets]
         body = "\n".join([*lines, "Captures stay where they are.", "t switches off and keeps it."])
         one = len(targets) == 1
-        head = f"Remove trigger {targets[0].options.name}?" if one else f"Remove {len(targets)} triggers?"
+        what = f"trigger {targets[0].options.name}" if one else f"{len(targets)} triggers"
+        head = f"Remove {what} of {self.session.name}?"
         keep = Choice("no", "Keep it" if one else "Keep them")
         if await self.app.push_screen_wait(Question(head, body, [keep, Choice("yes", "Remove", "y")])) == "yes":
             names = [target.options.name for target in targets]

@@ -93,12 +93,12 @@ class TestScreens:
             await screen.press("T")
             await screen.shows("abs(base/roll) > 0.6")
             await screen.press("x")
-            await screen.shows("Remove trigger fall?")
+            await screen.shows("Remove trigger fall of robot?")
             await screen.press("enter")
             await screen.until(lambda: not screen.app.screen.is_modal)
             assert fake.trigger_statuses == [FALL]
             await screen.press("x")
-            await screen.shows("Remove trigger fall?")
+            await screen.shows("Remove trigger fall of robot?")
             await screen.press("y")
             await screen.shows("trigger 'fall' is removed")
             assert fake.trigger_statuses == []
@@ -214,7 +214,7 @@ class TestLists:
             assert ("arm_trigger", "fall", False) in fake.calls
             await done(screen)
             await screen.press("x")
-            await screen.shows("Forget 2 triggers of robot?")
+            await screen.shows("Remove 2 triggers of robot?")
             await screen.press("escape")
             assert not [call for call in fake.calls if call[0] == "remove_trigger"]
 
