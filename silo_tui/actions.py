@@ -283,7 +283,7 @@ COMMANDS: tuple[Command, ...] = (
             "Recordings", _RECORDINGS, 3),
     Command("delete_recording", "x", "Delete", "delete it on the robot, after a question", "Recordings", _RECORDINGS,
             4, writes=True, asks=True),
-    Command("record", "N", "Record", "record all, marked or named signals to MCAP files, for days", "Recordings",
+    Command("record", "N", "Record", "a new recording of all, marked or named signals, for days", "Recordings",
             _RECORDINGS, 5, writes=True, asks=True, typed=Typed(("record",))),
     Command("stop_recording", "t", "Stop", "end a recording that runs; its parts stay", "Recordings", _RECORDINGS, 6,
             writes=True, asks=True),
