@@ -39,6 +39,7 @@ COMMANDS = {
     "record": LazyCommand("Loggers", "silo.cli.record", "record", "Record to MCAP files, for days."),
     "mark": LazyCommand("Loggers", "silo.cli.events", "mark", "Mark the newest tick with some words."),
     "events": LazyCommand("Loggers", "silo.cli.events", "events", "Print what happened, and who did it."),
+    "derive": LazyCommand("Loggers", "silo.cli.derive", "derive", "Compute signals from others."),
     "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
     "trigger": LazyCommand("Loggers", "silo.cli.triggers", "trigger", "Save what was logged around a condition."),
     "alarms": LazyCommand("Loggers", "silo.cli.alarms", "alarms", "Show what is, or was, beyond its limits."),
@@ -48,6 +49,9 @@ COMMANDS = {
     "stats": LazyCommand("Saved files", "silo.cli.files", "stats_command", "Minimum, maximum, mean ... of signals."),
     "check": LazyCommand("Saved files", "silo.cli.check", "check_command", "Judge limits and conditions on a log."),
     "diff": LazyCommand("Saved files", "silo.cli.files", "diff_command", "Show how two logs differ."),
+    "foxglove": LazyCommand(
+        "Other viewers", "silo.cli.foxglove", "foxglove", "Show a logger in Foxglove, PlotJuggler."
+    ),
     "demo": LazyCommand("Programs", "silo.cli.programs", "demo", "Run a simulated legged robot that logs."),
     "host": LazyCommand("Programs", "silo.cli.programs", "host", "Log this computer."),
     "remote": LazyCommand("Programs", "silo.cli.remote", "remote", "Reach loggers of other computers."),

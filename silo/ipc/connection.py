@@ -38,6 +38,7 @@ RETRY_S = 0.2
 HELLO_TIMEOUT_S = 1.0
 DEAD_SCAN_S = 0.5
 TOKEN_POLL_S = 0.001
+LOOK_S = 1.0
 REACH_S = 2.0  # its thread looks for the way again and again, and is to end soon
 
 log = logging.getLogger("silo.client")
@@ -222,12 +223,17 @@ class Connection:
     def _watch(self) -> None:
         main = threading.main_thread()
         scanned_s = 0.0
+        looked_s = time.monotonic()
         while not self._stop.wait(POLL_S) and main.is_alive():
             if self._session is None:
                 self._try_again()
                 continue
             self._hand_out_events()
-            if self._is_gone():
+            gone = self._is_gone()
+            if not gone and time.monotonic() - looked_s > LOOK_S:
+                looked_s = time.monotonic()
+                gone = self._has_left()
+            if gone:
                 self._lose()
                 continue
             if self._dead and time.monotonic() - scanned_s > DEAD_SCAN_S:
@@ -242,6 +248,10 @@ class Connection:
             # a PUT after it is of another helper process, to which Zenoh connected by itself: it knows no view of ours
             gone = gone or sample.kind == zenoh.SampleKind.DELETE
         return gone
+
+    def _has_left(self) -> bool:
+        """Whether the helper process ended although Zenoh told nothing: it may end while its token is being told."""
+        return bool(self.found.socket) and owner_is_gone(Path(self.found.socket))
 
     def _hand_out_events(self) -> None:
         while (sample := self._events.try_recv()) is not None:

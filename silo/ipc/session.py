@@ -12,6 +12,7 @@ import secrets
 import socket
 import time
 from pathlib import Path
+from typing import Any
 
 import zenoh
 
@@ -36,6 +37,13 @@ MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL
 MAX_MESSAGE_BYTES = 8 * 2**20  # about 60,000 edits; a larger message is dropped before it is put together
 OPEN_TRIES = 5
 _BESIDE = (".lock", ".dead", ".secret", ".users", ".key")  # what may lie beside a socket
+
+
+# µs, in a client: as long as the lease. A request of 8 MB takes more than the queue holds, and where the robot's
+# processors were busy for 0.2 s the connection was closed in the midst of it.
+_CLIENT_WAIT: dict[str, Any] = {
+    "transport": {"link": {"tx": {"queue": {"congestion_control": {"block": {"wait_before_close": 2_000_000}}}}}}
+}
 
 
 def socket_path(folder: Path, logger: str, pid: int, copy: int = 0) -> Path:
@@ -257,6 +265,7 @@ def open_client(path: Path | None, config: str | None = None, reached: Reached |
         insert(settings, scaled(reached.rtt_s) if reached.rtt_s else SLOW_ACCEPT, given)
     insert(settings, FORCED)
     settings.insert_json5("mode", '"client"')
+    insert(settings, _CLIENT_WAIT, given)
     if path is not None:
         if not path.exists():
             raise ConnectionLostError(f"{path}: nobody listens there any more")
