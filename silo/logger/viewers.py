@@ -14,11 +14,15 @@ class FoxgloveProcess:
     """Serves a logger to Foxglove, Lichtblick and PlotJuggler on a port of this computer, for reading alone."""
 
     def __init__(self, logger: str, port: int) -> None:
-        """Start it; it listens, and waits for `begin`. Raises SiloError where the port is taken or `websockets` is missing, OSError.
+        """Start it; it listens, and waits for `begin`.
 
         Args:
             logger: its name.
             port: of 127.0.0.1; 0: one that is free.
+
+        Raises:
+            SiloError: the port is taken, or `websockets` is missing.
+            OSError: no process can be started.
         """
         check_installed("websockets", "foxglove")
         home = str(Path(__file__).resolve().parents[2])
