@@ -9,6 +9,7 @@ from difflib import get_close_matches
 
 import click
 
+from silo.cli.common import config_option
 from silo.errors import ConnectionLostError, SiloError
 from silo.version import VERSION
 
@@ -38,6 +39,7 @@ COMMANDS = {
     "record": LazyCommand("Loggers", "silo.cli.record", "record", "Record to MCAP files, for days."),
     "mark": LazyCommand("Loggers", "silo.cli.events", "mark", "Mark the newest tick with some words."),
     "events": LazyCommand("Loggers", "silo.cli.events", "events", "Print what happened, and who did it."),
+    "derive": LazyCommand("Loggers", "silo.cli.derive", "derive", "Compute signals from others."),
     "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
     "trigger": LazyCommand("Loggers", "silo.cli.triggers", "trigger", "Save what was logged around a condition."),
     "alarms": LazyCommand("Loggers", "silo.cli.alarms", "alarms", "Show what is, or was, beyond its limits."),
@@ -53,6 +55,8 @@ COMMANDS = {
     "ros2": LazyCommand("Other viewers", "silo.cli.ros2", "ros2", "Show a logger to ROS 2, by rmw_zenoh."),
     "demo": LazyCommand("Programs", "silo.cli.programs", "demo", "Run a simulated legged robot that logs."),
     "host": LazyCommand("Programs", "silo.cli.programs", "host", "Log this computer."),
+    "remote": LazyCommand("Programs", "silo.cli.remote", "remote", "Reach loggers of other computers."),
+    "router": LazyCommand("Programs", "silo.cli.router", "router", "Let robots and desks meet over one link."),
     "config": LazyCommand("Programs", "silo.cli.config", "config", "List and copy examples of configuration."),
     "completion": LazyCommand("Programs", "silo.cli.completion", "completion", "Completion for your shell."),
 }
@@ -71,7 +75,7 @@ class LazyGroup(click.Group):
         if entry is None:
             return None
         command: click.Command = getattr(importlib.import_module(entry.module), entry.attribute)
-        return command
+        return config_option(command)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -93,14 +97,19 @@ class LazyGroup(click.Group):
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
-    "--config", envvar="SILO_CONFIG", default="", metavar="FILE", help="Reach loggers of other hosts by this."
+    "--config",
+    envvar="SILO_CONFIG",
+    default="",
+    metavar="NAME|FILE",
+    help="Look at this remote, or Zenoh configuration, alone; `local`: at this computer alone. Also after the command.",
 )
 @click.version_option(VERSION, prog_name="silo")
 @click.pass_context
 def cli(ctx: click.Context, config: str) -> None:
     """Log, see, configure and save the signals of robots.
 
-    LOGGER may be left out of every command while exactly one logger runs.
+    LOGGER is a name, or HOST/NAME where several have the name (`silo ls` shows them). It may be left out of every
+    command while exactly one logger runs. Those of other computers are seen by `silo remote add`.
 
     \b
     Examples:

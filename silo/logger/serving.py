@@ -23,6 +23,7 @@ from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkReq
 from silo.logger.answers import Served, answer, robot_state
 from silo.logger.down import DownMark
 from silo.logger.helper_process import HelperProcess
+from silo.logger.identity import drawn_id
 from silo.logger.viewers import FoxgloveProcess
 from silo.model import FileType, SavedFile
 
@@ -60,7 +61,7 @@ class Serving:
         viewers = None if foxglove is None else FoxgloveProcess(logger.options.name, foxglove)
         self._logger_ref = weakref.ref(logger)
         self._name = logger.options.name
-        self._arguments = ["--name", self._name]
+        self._arguments = ["--name", self._name, "--id", drawn_id()]  # the same for every helper process of it
         if group is not None:
             self._arguments += ["--group", group]
         if config is not None:
@@ -289,8 +290,11 @@ class Serving:
         number = next(self._numbers)
         started: concurrent.futures.Future[SaveFuture] = concurrent.futures.Future()
         self._replies[number] = started
+        logger = self._logger_ref()
+        # what was derived just now may not have been told yet
+        extras = logger.extras if logger is not None else None
         try:
-            request = Save(types=types, name=name, folder=folder, client="the robot program")
+            request = Save(types=types, name=name, folder=folder, extras=extras, client="the robot program")
             self._send(LinkRequest(number, request))
         except OSError as error:
             raise SaveError("the helper process died before it could save: call save() again") from error

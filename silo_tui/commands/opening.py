@@ -1,11 +1,13 @@
 """Finding a logger and opening it: at the beginning, from the list, and again after the robot program was restarted."""
 
 import asyncio
+import math
+import time
 from collections.abc import Sequence
 
-from silo.errors import RefusedError, SiloError
+from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo_tui.commands import flows
-from silo_tui.commands.runner import CommandRunner, open_view
+from silo_tui.commands.runner import CommandRunner, view_shown
 from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import Layout
@@ -15,8 +17,10 @@ from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder, Found, FoundLogger
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
+from silo_tui.sessions.target import also_a_file
 
 LOOK_S = 1.0
+AGAIN_S = 5.0  # after a logger didn't answer: a link may be cut for a moment
 DEMO_LOOK_S = 0.1
 
 
@@ -34,7 +38,8 @@ class Opener:
         self._view = view  # put on the screen of the first logger that is opened
         self.rate_hz = rate_hz
         self._kept: Layout | None = None
-        self._failed: dict[str, str] = {}  # by key, why it could not be opened: not tried again by itself
+        self._failed: dict[str, str] = {}  # by key, why it could not be opened
+        self._again_s: dict[str, float] = {}  # by key, when it is tried again; never, where that can't help
 
     @property
     def first_screen(self) -> LoggersScreen:
@@ -44,6 +49,12 @@ class Opener:
     def search_on(self) -> None:
         """Begin the search, or begin it anew."""
         self._app.run_worker(self._search(), group="search", exclusive=True)
+
+    def try_again(self) -> None:
+        """Try again also what could not be opened."""
+        self._failed.clear()
+        if not self._context.has_session:
+            self.search_on()
 
     def list_on(self) -> None:
         """Show the list of loggers; the search ends."""
@@ -56,6 +67,7 @@ class Opener:
     async def _open_chosen(self, logger: FoundLogger) -> None:
         if not await flows.may_leave(self._context):
             return
+        self.forget_view()
         self._app.workers.cancel_group(self._app, "search")
         if not await self._open(logger):
             self.search_on()
@@ -113,41 +125,71 @@ class Opener:
         try:
             await self._attach(session, logger)
         except (SiloError, OSError) as error:
-            self._failed[logger.key] = f"{logger.name} (pid {logger.pid}): {error}"
+            self._failed[logger.key] = f"{logger.name} ({logger.where}): {error}"
+            passes = isinstance(error, ConnectionLostError) and not isinstance(error, VersionError)
+            self._again_s[logger.key] = time.monotonic() + AGAIN_S if passes else math.inf
             context.take_session(None)
             if app.screen_stack:
                 await app.switch_screen(self.first_screen)
             return False
         self._failed.pop(logger.key, None)
+        self._again_s.pop(logger.key, None)
         if not app.screen_stack:
             return True
+        words = await self._show_view()  # first: the question about edits that were kept stands above it
         context.table_changed()
         context.status_changed()
         context.say_settings_problems()
-        await self._show_view()
+        if words := "; ".join(filter(None, [words, also_a_file(self._wanted)])):
+            context.say(words)
         return True
 
-    async def _show_view(self) -> None:
-        """Put the view that was asked for on the screen, or the one that was left last, if that is wished."""
-        context, view = self._context, self._view
+    async def _show_view(self) -> str:
+        """Put on the screen what was asked for, what was left last, or what a lost terminal showed; return what to say.
+
+        What is `left behind` is put there once.
+        """
+        context, view, wish = self._context, self._view, self._context.settings.view
+        name = context.session.name
         self._view = ""
+        left = files.left_behind(name)
         try:
             if view:
-                await open_view(context, view)
-            elif context.settings.view == "last" and (file := files.last_of(context.session.name)).exists():
-                await views.show(context, files.load_file(file)[0])
-        except (RefusedError, ValueError) as error:
-            context.say(str(error))
+                return await view_shown(context, view)
+            if wish == "last" and (file := files.last_of(name)).exists():
+                return await views.show(context, files.load_file(file)[0])
+            if wish == "lost" and left:
+                when = time.strftime("%H:%M", time.localtime(left[-1].stat().st_mtime))
+                missing = await views.show(context, files.load_file(left[-1])[0])
+                return "; ".join(filter(None, [f"as it was at {when}, when the terminal was lost", missing]))
+        except (RefusedError, ValueError, OSError) as error:
+            return str(error)
+        finally:
+            for path in left:
+                path.unlink(missing_ok=True)
+        return ""
 
     def keep_view(self) -> None:
         """Keep what is on the screen for the next time, if that is wished."""
-        layout = views.capture(self._context) if self._context.settings.view == "last" else None
-        if layout is not None and layout != self._kept:
-            self._kept = layout
-            try:
-                files.save(files.last_of(self._context.session.name), layout)
-            except SiloError as error:
-                self._context.say(str(error))
+        wish = self._context.settings.view
+        layout = views.capture(self._context) if wish in ("last", "lost") else None
+        if layout is None or layout == self._kept:
+            return
+        self._kept = layout
+        name = self._context.session.name
+        try:
+            if wish == "lost" and layout == Layout():
+                files.left_by_us(name).unlink(missing_ok=True)
+            else:
+                files.save(files.last_of(name) if wish == "last" else files.left_by_us(name), layout)
+        except (SiloError, OSError) as error:
+            self._context.say(str(error))
+
+    def forget_view(self) -> None:
+        """Leave nothing behind of a logger that was left on purpose."""
+        if self._context.logger_session is not None:
+            files.left_by_us(self._context.logger_session.name).unlink(missing_ok=True)
+        self._kept = None
 
     async def _let_go(self) -> None:
         """Close the logger that is open; in a thread, because a frozen one takes seconds."""
@@ -175,10 +217,10 @@ class Opener:
         if self.demo is not None:
             return next((each for each in loggers if self.demo.owns(each.pid)), None)
         named = self._named(loggers)
-        return named[0] if len(named) == 1 and named[0].key not in self._failed else None
+        only = named[0] if len(named) == 1 else None
+        return only if only is not None and time.monotonic() >= self._again_s.get(only.key, 0.0) else None
 
     def _named(self, loggers: Sequence[FoundLogger]) -> list[FoundLogger]:
-        """Return those that are meant by NAME or NAME.PID; the dead only where none of them lives."""
-        wanted = self._wanted
-        named = [each for each in loggers if not wanted or wanted in {each.name, f"{each.name}.{each.pid}"}]
+        """Return those that are meant by a name or an address; the dead only where none of them lives."""
+        named = [each for each in loggers if each.is_meant_by(self._wanted)]
         return [each for each in named if not each.dead] or named

@@ -94,6 +94,7 @@ class DetailScreen(SiloScreen):
         self._peak: int | None = None
         self._top_hz = 0.0
         self._timer: Timer | None = None
+        self._turned = 0  # which of the signals stands first now
 
     def compose(self) -> ComposeResult:
         """Yield title, plot, keys."""
@@ -357,6 +358,50 @@ class DetailScreen(SiloScreen):
     def command_detail_swap(self) -> None:
         if len(self.plots) > 1:
             self.plots[0], self.plots[1] = self.plots[1], self.plots[0]
+        self.draw_soon()
+
+    def command_detail_down(self) -> None:
+        self._turn_to(1)
+
+    def command_detail_up(self) -> None:
+        self._turn_to(-1)
+
+    def command_detail_top(self) -> None:
+        self._turn_to(-self._turned)
+
+    def command_detail_bottom(self) -> None:
+        self._turn_to(len(self.plots) - 1 - self._turned)
+
+    def _turn_to(self, step: int) -> None:
+        """Show another one of the signals, alone; the others come behind it."""
+        if len(self.plots) < 2:
+            self.say("this is the only signal: mark several, then m and Enter")
+            return
+        self._turned = (self._turned + step) % len(self.plots)
+        step %= len(self.plots)
+        self.plots = self.plots[step:] + self.plots[:step]
+        self.count, self._said, self._peak = 1, "", None
+        self.draw_soon()
+
+    def command_detail_oldest(self) -> None:
+        self._show_held(self.source.begin_ns + self._span_ns)
+
+    def command_detail_newest(self) -> None:
+        self.end_ns = self.source.end_ns
+        self.draw_soon()
+
+    def command_detail_all(self) -> None:
+        held_s = (self.source.end_ns - self.source.begin_ns) / SECOND_NS
+        if self.source.begin_ns:
+            self.span_s = next((span for span in SPANS_S if span >= held_s), SPANS_S[-1])
+        self._show_held(self.source.end_ns)
+
+    def _show_held(self, end_ns: int) -> None:
+        """Let the window end there; live nobody knows what is held, as it goes at any moment."""
+        if not self.source.begin_ns:
+            self.say("live, older rows go at any moment: Esc, space holds them, then Enter again")
+            return
+        self.end_ns = min(end_ns, self.source.end_ns)
         self.draw_soon()
 
     def command_detail_refresh(self) -> None:

@@ -92,12 +92,6 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
 
     # --------------------------------------------------------------------------------------------------- commands
 
-    def command_first_plot(self) -> None:
-        self.command_plot_top()
-
-    def command_last_plot(self) -> None:
-        self.command_plot_bottom()
-
     def command_all_held(self) -> None:
         self.window.span_s = self.window.spans[-1]
         self._show(self.file.source.end_ns)
