@@ -15,7 +15,7 @@ SERVICES = ("start", "stop", "save")
 
 
 def services(connect: Connect, prefix: str) -> dict[str, Callable[[], str]]:
-    """Return what viewers may call, by name: each connects, does it, and says what came of it."""
+    """Return what others may call, by name: each connects, does it, and says what came of it."""
 
     def start() -> str:
         with connect() as client:
@@ -32,13 +32,28 @@ def services(connect: Connect, prefix: str) -> dict[str, Callable[[], str]]:
     return {f"/{prefix}/{name}": call for name, call in zip(SERVICES, (start, stop, save), strict=True)}
 
 
-def reached(connect: Connect) -> str:
-    """Return the name of the logger that is there. Raises ConnectionLostError where none is."""
-    with connect() as client:
-        name = client.status().logger
+def pinned(connect: "Callable[[str], Client]", wanted: str) -> tuple[str, Connect]:
+    """Return the name of the logger that is meant now, and what connects to it and to no other.
+
+    The robot program may end and be started anew; what has another name or is of another computer is never taken for
+    it, even where it is the only one left. Raises ConnectionLostError where there is none, or several could be meant.
+    """
+    with connect(wanted) as client:
+        first, name = client.found, client.status().logger
     if not name:
         raise ConnectionLostError("the logger has no name")
-    return name
+    again = wanted or (f"{first.host}/{first.name}" if first.host else first.name)
+
+    def reach() -> "Client":
+        client = connect(again)
+        found = client.found
+        same = found.name == first.name and found.host == first.host
+        if same and (found.machine == first.machine or not (found.machine and first.machine)):
+            return client
+        client.close()
+        raise ConnectionLostError(f"{found.label} isn't the robot that this began with; start it anew for that one")
+
+    return name, reach
 
 
 def trigger_response(text: str, *, success: bool) -> bytes:

@@ -34,18 +34,15 @@ def ros2(logger: str | None, router: str, domain: int, distro: str, control: boo
     from silo.bridges.feed import Feed
     from silo.bridges.ros2.graph import Graph, joined
     from silo.bridges.ros2.names import Distribution, Node, ros_name
-    from silo.bridges.services import reached, services
+    from silo.bridges.services import pinned, services
     from silo.ipc.client import Client
 
     config = configuration()  # of this thread's command
 
-    def reach() -> Client:
-        return Client.connect(logger or "", config=config)
-
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    name = reached(reach)
+    name, reach = pinned(lambda wanted: Client.connect(wanted, config=config), logger or "")
     offered = services(reach, ros_name(name)) if control else {}
     with joined(router) as session:
         node = Node(domain, str(session.zid()), ros_name(name))
