@@ -3,7 +3,7 @@
 
 import asyncio
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from textual.app import App
@@ -27,7 +27,7 @@ from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import Problem
 
 if TYPE_CHECKING:
-    from silo_tui.screens.conditions import ConditionsScreen
+    from silo_tui.context import SiloScreen
     from silo_tui.sessions.recorded import FileSession
 
 
@@ -74,6 +74,7 @@ class SiloApp(App[None]):
         self.set_keymap(dict(settings.keys))
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
+        self.context.left = self._opener.forget_view
         self._rate_hz = rate_hz
         self._file = file  # shown instead of a logger
         self._thin_words = ""
@@ -270,20 +271,19 @@ class SiloApp(App[None]):
     def command_triggers(self) -> None:
         from silo_tui.screens.triggers import TriggersScreen
 
-        self._show_conditions(TriggersScreen)
+        self._go_aside("triggers", TriggersScreen)
 
     def command_alarms(self) -> None:
         from silo_tui.screens.alarms import AlarmsScreen
 
-        self._show_conditions(AlarmsScreen)
+        self._go_aside("alarms", AlarmsScreen)
 
-    def _show_conditions(self, kind: "type[ConditionsScreen]") -> None:
-        """Go to a screen of conditions; from one of them to the other in its place."""
-        from silo_tui.screens.conditions import ConditionsScreen
-
-        if isinstance(self.screen, kind) or not self.context.has_session:
+    def _go_aside(self, scope: str, kind: "Callable[[Session], SiloScreen]") -> None:
+        """Go to triggers, alarms, recordings or events; from one of them to another in its place."""
+        screen = self.context.upper_screen
+        if screen is None or screen.scope == scope or not self.context.has_session:
             return
-        if isinstance(self.screen, ConditionsScreen):
+        if screen.aside:
             self.pop_screen()
         self.push_screen(kind(self.context.session))
 
@@ -317,7 +317,7 @@ class SiloApp(App[None]):
     def command_recordings(self) -> None:
         from silo_tui.screens.recordings import RecordingsScreen
 
-        self.push_screen(RecordingsScreen(self.context.session))
+        self._go_aside("recordings", RecordingsScreen)
 
     def command_set_marker(self) -> None:
         from silo_tui.screens.marking import ask_mark
@@ -328,8 +328,12 @@ class SiloApp(App[None]):
     def command_events(self) -> None:
         from silo_tui.screens.events import EventsScreen, FileEventsScreen
 
-        kind = EventsScreen if self._file is None else FileEventsScreen
-        self.push_screen(kind(self.context.session))
+        screen = self.context.upper_screen
+        if screen is not None and screen.scope in FILE_SCOPES:
+            # of the file that is looked at, which needn't be the open one: a capture lies over its logger
+            self.push_screen(FileEventsScreen(getattr(screen, "session", self.context.session)))
+        else:
+            self._go_aside("events", EventsScreen)
 
     def command_quit(self) -> None:
         if self.context.file_over_logger:
@@ -344,6 +348,7 @@ class SiloApp(App[None]):
         self.context.leave_file()
 
     def command_quit_now(self) -> None:
+        self.context.left()
         self.exit()
 
     def command_help(self) -> None:
@@ -354,6 +359,10 @@ class SiloApp(App[None]):
             self.push_screen(HelpScreen(screen.scope, self.context.settings.keys, screen.action_command))
 
     def command_command(self) -> None:
+        self.begin_command("")
+
+    def begin_command(self, word: str) -> None:
+        """Open the command line over any screen, with a word typed already."""
         from silo_tui.screens.command_line import CommandLine
 
         runner = CommandRunner(self.context)
@@ -365,7 +374,7 @@ class SiloApp(App[None]):
         screen = self.context.upper_screen
         on_file = screen is not None and screen.scope in FILE_SCOPES
         words = "goto filter sort picture theme help quit" if on_file else "view theme start stop help quit"
-        self.push_screen(CommandLine(runner.complete, words), run)
+        self.push_screen(CommandLine(runner.complete, words, f"{word} " if word else ""), run)
 
     def command_palette(self) -> None:
         if not isinstance(self.screen, CommandPalette):
@@ -374,6 +383,10 @@ class SiloApp(App[None]):
     def command_loggers(self) -> None:
         terminal.repaint(self)
         self._opener.list_on()
+
+    def command_look_again(self) -> None:
+        terminal.repaint(self)
+        self._opener.try_again()
 
     def command_demo(self) -> None:
         if self._opener.demo is None:

@@ -55,6 +55,7 @@ class Context:
         self.script_names: tuple[str, ...] = ()
         self._session: Session | None = None
         self._behind: Session | None = None  # the logger behind a file that was opened over it
+        self.left: Callable[[], None] = lambda: None  # is called when the app is ended on purpose
         self.came_back: Callable[[], None] = lambda: None  # catches up with the logger behind a file
         self._flow_running = False
 
@@ -261,6 +262,7 @@ class SiloScreen(Leaving[None]):
     """A full screen of the app: keys from the list of commands, each carried out by the screen or else by the app."""
 
     scope = ""
+    aside = False  # triggers, alarms, recordings, events: who goes from one to another comes back from both at once
 
     @property
     def context(self) -> Context:
@@ -281,6 +283,10 @@ class SiloScreen(Leaving[None]):
         if handler is not None:
             handler()
         self.update_keys()
+
+    def begin_command(self, word: str) -> None:
+        """Go on in the command line, with a word typed already."""
+        cast(Any, self.app).begin_command(word)
 
     def on_key(self, event: events.Key) -> None:
         """Say of a key that edits on a logger's screen why it doesn't here; keys with a meaning don't come here."""

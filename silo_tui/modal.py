@@ -19,8 +19,13 @@ class Leaving(Screen[ResultT]):
 
     @property
     def is_there(self) -> bool:
-        """Whether the screen has its widgets: it was made, and has not begun to go."""
-        return self.is_mounted and self.is_running
+        """Whether the screen has its widgets: it was made, and neither it nor the program has begun to go."""
+        return self.is_mounted and self.is_running and self.is_attached
+
+    async def on_event(self, event: events.Event) -> None:
+        """Leave out what comes to a screen that gets no widgets, as the program ends before they were made."""
+        if self.is_attached or self.children or isinstance(event, events.Unmount):
+            await super().on_event(event)
 
     async def _message_loop_exit(self) -> None:
         self.workers.cancel_node(self)  # Textual does it too, but when the widgets have gone
@@ -45,7 +50,7 @@ class Choices(OptionList):
             await super().on_event(event)
 
 
-class Dialog(Leaving[ResultT], ModalScreen[ResultT]):
+class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual finds styles by the first base
     """A dialog. Over a slow link keys come in one piece: more are on their way to it when the first one closes it."""
 
     def dismiss(self, result: ResultT | None = None) -> AwaitComplete:

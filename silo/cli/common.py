@@ -118,7 +118,8 @@ def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem
         reply = ask_once(found.socket, found.config, GetTable(), 1.0, found.host, found.name)
     except (SiloError, click.UsageError):
         return []
-    return [CompletionItem(name) for name in next_names([e.name for e in reply.table.elements], incomplete)]
+    names = [info.name for info in (*reply.table.elements, *reply.table.derived)]
+    return [CompletionItem(name) for name in next_names(names, incomplete)]
 
 
 def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:

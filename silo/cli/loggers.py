@@ -190,7 +190,8 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
     logger, patterns = split_logger(words)
     with _telling_what_was_left(logger), connect(logger) as client:
         status = client.status()
-        elements = client.table().elements if patterns or all_elements or as_json else []
+        table = client.table() if patterns or all_elements or as_json else None
+        elements = [*table.elements, *table.derived] if table is not None else []
     if patterns:
         from silo.cli.edits import select
 
@@ -237,6 +238,7 @@ def _show_status(status: "Status") -> None:
         *_failed(status),
         *_durable(status),
         ("elements", f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"),
+        *([("derived", f"{many(status.derived, 'signal')}: `silo derive ls`")] if status.derived else []),
         *_endless(status),
         ("time limit", limit),
         ("memory", f"{status.segment_bytes / 1e6:.1f} MB"),
@@ -295,9 +297,9 @@ def _show_elements(elements: "list[ElementInfo]") -> None:
             type_of(one),
             "on" if one.options.enabled else "off",
             str(one.options.divider),
-            one.options.action.name.lower(),
-            one.options.buffer_type.name.lower(),
-            str(one.options.buffer_size),
+            one.options.action.name.lower() if not one.expression else "derived",
+            one.options.buffer_type.name.lower() if not one.expression else "-",
+            str(one.options.buffer_size) if not one.expression else "-",
             one.description,
         )
         for one in elements

@@ -38,6 +38,7 @@ COMMANDS = {
     "record": LazyCommand("Loggers", "silo.cli.record", "record", "Record to MCAP files, for days."),
     "mark": LazyCommand("Loggers", "silo.cli.events", "mark", "Mark the newest tick with some words."),
     "events": LazyCommand("Loggers", "silo.cli.events", "events", "Print what happened, and who did it."),
+    "derive": LazyCommand("Loggers", "silo.cli.derive", "derive", "Compute signals from others."),
     "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
     "trigger": LazyCommand("Loggers", "silo.cli.triggers", "trigger", "Save what was logged around a condition."),
     "alarms": LazyCommand("Loggers", "silo.cli.alarms", "alarms", "Show what is, or was, beyond its limits."),

@@ -68,7 +68,8 @@ def demo(
 ) -> None:
     """Run a simulated legged robot that logs 500 elements at 400 Hz, until Ctrl-C.
 
-    It walks and trots through a mission of half a minute. Among its sensors are a flaky, a stuck and a noisy one.
+    It walks and trots through a mission of half a minute, and slips at random: base/tilt is derived and has limits, the
+    trigger 'slip' waits to be armed. Among its sensors are a flaky, a stuck and a noisy one.
 
     \b
     Examples:

@@ -149,7 +149,7 @@ def diff(words: tuple[str, ...], exit_code: bool, as_json: bool) -> int:
         if as_json:
             found = client.diff_script(path)
             show_json(found)
-            differs = bool(found.changes)
+            differs = bool(found.changes or found.extras)
         else:
             differs = _diff(client, path)
         return EXIT_DIFFERENT if exit_code and differs else 0
@@ -158,12 +158,15 @@ def diff(words: tuple[str, ...], exit_code: bool, as_json: bool) -> int:
 def _diff(client: "Client", path: str) -> bool:
     """Print the differences; whether there are any."""
     found = client.diff_script(path)
-    show_changes(found.changes)
+    show_changes([*found.changes, *found.extras])
     _warn(found.warnings)
     _warn_unknown(found.unknown)
     names = len({change.name for change in found.changes})
-    click.echo(f"{found.path}: {many(names, 'element')} would change" if names else f"{found.path}: no difference")
-    return bool(names)
+    others = len({change.name for change in found.extras})
+    told = [many(names, "element")] * bool(names)
+    told += [f"{others} of derived signals, limits, triggers"] * bool(others)
+    click.echo(f"{found.path}: {' and '.join(told)} would change" if told else f"{found.path}: no difference")
+    return bool(told)
 
 
 def _warn(warnings: list[str]) -> None:

@@ -103,19 +103,25 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
 
 
 def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | None, *, as_json: bool) -> None:
-    table = client.table().elements
+    found = client.table()
+    table = [*found.elements, *found.derived]
     chosen = [table[place] for place in select([e.name for e in table], patterns)] if patterns else table
-    silent = [e.name for e in chosen if not e.options.enabled]
-    chosen = [e for e in chosen if e.name not in set(silent)]
+    blind = [e for e in chosen if e.expression and not e.options.enabled]
+    silent = [e.name for e in chosen if not e.options.enabled and not e.expression]
+    chosen = [e for e in chosen if e.options.enabled]
     if not table:
         raise ElementError("the logger has no elements yet: nothing to watch")
+    if not chosen and blind:
+        raise ElementError(f"{blind[0].name} {blind[0].description}: nothing to watch")
     if not chosen:
         raise ElementError(
             f"{silent[0]}{f' and {len(silent) - 1} more' if len(silent) > 1 else ''}: off; "
             "`silo set PATTERN on` switches it on, while the logger is stopped"
         )
     if not patterns:
-        silent, chosen = [], _first(chosen, as_json)
+        silent, blind, chosen = [], [], _first(chosen, as_json)
+    for one in blind:
+        click.echo(f"{one.name} {one.description}", err=True)
     for name in silent[:10]:
         click.echo(f"{name}: off", err=True)
     if len(silent) > 10:

@@ -35,6 +35,7 @@ from silo.files.bag_facts import (
 from silo.files.bag_groups import MessageGroup, group_channels
 from silo.files.mcap_write import McapFile
 from silo.files.ros_types import Channel, MessageType, channels_of, is_text
+from silo.files.silo_format import markers_of
 from silo.files.texts import presentable
 from silo.recording import Progress, RecordedElement, RecordedEntry, Recording
 
@@ -357,6 +358,7 @@ def metadata_yaml(
         "custom_data:",
         f"  silo_logger: {json.dumps(recording.logger)}",
         f"  silo_why: {json.dumps(recording.why)}",
+        f'  silo_markers: "{markers_of(recording)}"',
         "ros_distro: silo",
     ]
     return "\n".join(lines) + "\n"

@@ -73,10 +73,14 @@ class Format(msgspec.Struct, frozen=True):
         return f"{self.ending} (a folder; {', '.join(self.endings[1:])}, too)" if self.folder else self.ending
 
     def load_writer(self) -> "Writer":
-        """The function that writes a recording: `write(recording, path, progress)`."""
+        """The function that writes a recording with its derived signals: `write(recording, path, progress)`."""
         function = _function(self.writer)
 
         def write(recording: "Recording", path: Path, progress: "Progress | None") -> None:
+            if recording.extras.derived:
+                from silo.files.derived import with_derived
+
+                recording = with_derived(recording)
             function(recording, path, progress=progress)
 
         return write
@@ -163,6 +167,12 @@ def file_type(name: str) -> FileType | None:
     """The number under which a format is saved, by its name or ending in any case; None if there is no such format."""
     word = name.lower().removeprefix(".")
     return next((kind for kind, one in SAVED.items() if word == one.name), None)
+
+
+def kind_of(path: "str | os.PathLike[str]") -> FileType | None:
+    """The number under which the format of a file's ending is saved, None for one that isn't saved in."""
+    found = format_of(path)
+    return found.saved_as if found is not None else None
 
 
 def format_of(path: "str | os.PathLike[str]") -> Format | None:

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from silo.kinds import SCALAR
-from silo.model import NO_EXTRAS, BufferType, Extras, LoggedEvent
+from silo.model import MARKER, NO_EXTRAS, BufferType, Extras, LoggedEvent
 from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording
 
 BANNER = (
@@ -99,7 +99,10 @@ class ElementFacts(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What the header can't say of the log as a whole; `span` are the first and the last time stamp, ns."""
+    """What the header can't say of the log as a whole; `span` are the first and the last time stamp, ns.
+
+    `markers` counts the events that somebody set, which stand further on, for lists of files.
+    """
 
     logger: str
     version: int = 1
@@ -110,6 +113,7 @@ class LogFacts(msgspec.Struct, frozen=True, omit_defaults=True):
     why: str = ""
     span: tuple[int, int] = (0, 0)
     extras: Extras = NO_EXTRAS
+    markers: int = 0
 
 
 def file_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
@@ -233,7 +237,13 @@ def log_facts(recording: Recording) -> LogFacts:
         why=plain_text(recording.why),
         span=(int(recording.time_ns[0]), int(recording.time_ns[-1])) if len(recording.time_ns) else (0, 0),
         extras=recording.extras,
+        markers=markers_of(recording),
     )
+
+
+def markers_of(recording: Recording) -> int:
+    """Return how many of the events of a recording somebody set."""
+    return sum(event.kind == MARKER for event in recording.events)
 
 
 def event_facts(event: LoggedEvent) -> LoggedEvent:

@@ -21,7 +21,7 @@ _FIRST = 64 << 10  # in it stand the facts of logs of up to about 1,000 entries
 _MOST = 16 << 20  # and of 300,000
 _BAG_FACTS = 16 << 10
 _LOG_DECODER = msgspec.json.Decoder(form.LogFacts)
-_TEXT = re.compile(rb"^    (silo_logger|silo_why): (\".*\")$", re.MULTILINE)
+_TEXT = re.compile(rb"^    (silo_logger|silo_why|silo_markers): (\".*\")$", re.MULTILINE)
 _BEGIN = re.compile(
     rb"^  starting_time:\n    nanoseconds_since_epoch: (\d{1,19})\n  duration:\n    nanoseconds: (\d{1,19})$", re.M
 )
@@ -36,6 +36,7 @@ class Summary:
     why: str = ""
     begin_ns: int = 0
     end_ns: int = 0
+    markers: int = 0
 
 
 def read_summary(folder: int, name: str) -> Summary | None:
@@ -107,7 +108,7 @@ def _of_facts(text: bytes) -> Summary | None:
         facts = _LOG_DECODER.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return None
-    return Summary(facts.logger, facts.why, *facts.span)
+    return Summary(facts.logger, facts.why, *facts.span, facts.markers)
 
 
 def _of_bag(folder: int, name: str) -> Summary | None:
@@ -120,7 +121,14 @@ def _of_bag(folder: int, name: str) -> Summary | None:
     if "silo_logger" not in said or begin is None:
         return None  # of other tools
     first = int(begin[1])
-    return Summary(said["silo_logger"], said.get("silo_why", ""), first, first + int(begin[2]))
+    markers = said.get("silo_markers", "0")
+    return Summary(
+        said["silo_logger"],
+        said.get("silo_why", ""),
+        first,
+        first + int(begin[2]),
+        int(markers) if markers.isascii() and markers.isdecimal() and len(markers) < 10 else 0,
+    )
 
 
 def _is_text(value: bytes) -> bool:

@@ -4,6 +4,7 @@ Two threads: one judges and copies rows before they are overwritten, one writes 
 """
 
 import concurrent.futures
+import dataclasses
 import logging
 import queue
 import shutil
@@ -311,6 +312,9 @@ class Judge:
         happened = self._events.log.of_run(spool.schema.run)
         first, last = spool.capture.first, spool.capture.last
         recording = with_events(spool.recording(), [event for event in happened if first <= event.tick <= last])
+        if spool.schema.run == self._mirror.run:  # derived signals and limits as they are by now
+            extras = msgspec.structs.replace(self._mirror.now.robot.extras, capture=recording.extras.capture)
+            recording = dataclasses.replace(recording, extras=extras)
         folder, logger = self._mirror.now.robot.folder, recording.logger
         Path(folder).mkdir(parents=True, exist_ok=True)
         run = next_run_number(folder, logger)

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows
+from silo.collecting.rows import Rows, Words
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.helper.mirror import LoggerSnapshot
-from silo.helper.picking import Group, Picked, RingSource, Words, bounds, pick, unknown_name
+from silo.helper.picking import Group, Picked, RingSource, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import unknown
 from silo.ipc.messages import By, FindMoments, FoundIn, MomentsFound, Refused, RefusedWhy

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from silo.collecting.rows import Rows
+from silo.collecting.rows import Rows, Words
 from silo.collecting.schema import SegmentSchema
-from silo.helper.picking import Group, Words
+from silo.helper.picking import Group
 
 
 class PinnedRows:

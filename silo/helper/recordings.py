@@ -22,6 +22,8 @@ from silo.files.csv_facts import SIDECAR
 from silo.files.formats import SAVED
 from silo.files.naming import logger_of
 from silo.files.summaries import Summary, opened_file, opened_folder, read_summary
+from silo.helper.recorded_parts import ENDING as RECORDED
+from silo.helper.recorded_parts import Part, part_named, part_summary, parts_below, row_of
 from silo.ipc.fetching import mark_of
 from silo.ipc.messages import (
     GetPiece,
@@ -74,14 +76,20 @@ class RecordingFolder:
             until_s = time.monotonic() + READ_S
             looked = [self._recording(folder, logger, stem, files, until_s) for stem, files in shown]
             disk = os.fstatvfs(folder)
+            recorded = [self._part_row(folder, part) for part in parts_below(folder)]
         rows = [row for row in looked if row is not None]
-        count = len(newest) - (len(shown) - len(rows))  # without those that turned out to be others' files
+        # without those that turned out to be others' files
+        count = len(newest) - (len(shown) - len(rows)) + len(recorded)
+        rows += recorded
+        rows = sorted(rows, key=_changed, reverse=True)[: max(0, min(most, MAX_LISTED))] if recorded else rows
         free, size = disk.f_bavail * disk.f_frsize, disk.f_blocks * disk.f_frsize
         return Recordings(place, rows, count, size, free)
 
     def parts(self, place: str, name: str) -> RecordingParts:
         """Return the plain files of a recording. Raises RecordingRefusedError."""
         with _opened(place) as folder, _told(name):
+            if part := _recorded_part(folder, name):
+                return RecordingParts(name, False, [_of_part(part)])
             self._recognised(folder, name)
             if _kind(name) is not FileType.BAG:
                 names = [name, name + SIDECAR] if _kind(name) is FileType.CSV else [name]
@@ -98,6 +106,9 @@ class RecordingFolder:
         name, _, inner = request.path.partition("/")
         owner = name.removesuffix(SIDECAR) if not inner and name.endswith(f".csv{SIDECAR}") else name
         with _opened(place) as folder, _told(request.path):
+            if part := _recorded_part(folder, request.path):
+                with opened_folder(folder, part.folder) as inside, opened_file(inside, part.name) as file:
+                    return _piece(file, request)
             self._recognised(folder, owner)
             if not inner:
                 with opened_file(folder, name) as file:
@@ -153,11 +164,25 @@ class RecordingFolder:
             files=told,
             begun_ns=best.begin_ns,
             span_s=(best.end_ns - best.begin_ns) / 1e9,
+            markers=max((one.markers for one in summaries), default=0),
             why=best.why,
             logger=best.logger,
             own=bool(summaries) and not unread and all(not _foreign(stem, one, logger) for one in summaries),
             unread=unread,
         )
+
+    def _part_row(self, folder: int, part: Part) -> SavedRecording:
+        key = (f"{part.folder}/{part.name}", part.mark)
+        with self._lock:
+            known = self._known.get(key)
+        if known is None:
+            try:
+                known = part_summary(folder, part)
+            except OSError:
+                known = Summary()  # it vanished, or may not be read
+            with self._lock:
+                self._known[key] = known
+        return row_of(part, known)
 
     def _summary(self, folder: int, name: str, mark: str, until_s: float = 0.0) -> Summary | None:
         key = (name, mark)
@@ -240,6 +265,21 @@ def _looked_at(folder: int, entry: "os.DirEntry[str]") -> _File | None:
         inner = [os.stat(each, dir_fd=inside, follow_symlinks=False) for each in _names(inside)]
     newest = max((each.st_mtime_ns for each in inner), default=about.st_mtime_ns)
     return _File(name, FileType.BAG, sum(each.st_size for each in inner), newest, mark_of(inner), unfinished)
+
+
+def _changed(one: SavedRecording) -> tuple[int, str]:
+    return max(file.changed_ns for file in one.files), one.stem
+
+
+def _recorded_part(folder: int, name: str) -> Part | None:
+    """Return the part of an endless recording that a plain name means, None where there is none."""
+    if not name.endswith(RECORDED) or "/" in name:
+        return None
+    return part_named(folder, name)
+
+
+def _of_part(part: Part) -> PartOfRecording:
+    return PartOfRecording(part.name, part.about.st_size, part.mark, part.about.st_mtime_ns)
 
 
 def _mark(folder: int, name: str) -> str:

@@ -30,6 +30,7 @@ POLL_S = 0.05
 RETRY_S = 0.2
 HELLO_TIMEOUT_S = 1.0
 DEAD_SCAN_S = 0.5
+LOOK_S = 1.0
 
 log = logging.getLogger("silo.client")
 _event_decoder = msgspec.msgpack.Decoder(Event)
@@ -197,12 +198,17 @@ class Connection:
     def _watch(self) -> None:
         main = threading.main_thread()
         scanned_s = 0.0
+        looked_s = time.monotonic()
         while not self._stop.wait(POLL_S) and main.is_alive():
             if self._session is None:
                 self._try_again()
                 continue
             self._hand_out_events()
-            if self._is_gone():
+            gone = self._is_gone()
+            if not gone and time.monotonic() - looked_s > LOOK_S:
+                looked_s = time.monotonic()
+                gone = self._has_left()
+            if gone:
                 self._lose()
                 continue
             if self._dead and time.monotonic() - scanned_s > DEAD_SCAN_S:
@@ -217,6 +223,10 @@ class Connection:
             # a PUT after it is of another helper process, to which Zenoh connected by itself: it knows no view of ours
             gone = gone or sample.kind == zenoh.SampleKind.DELETE
         return gone
+
+    def _has_left(self) -> bool:
+        """Whether the helper process ended although Zenoh told nothing: it may end while its token is being told."""
+        return bool(self.found.socket) and owner_is_gone(Path(self.found.socket))
 
     def _hand_out_events(self) -> None:
         while (sample := self._events.try_recv()) is not None:

@@ -35,11 +35,17 @@ _COMMON: dict[str, Any] = {
             "tx": {
                 "lease": 2000,
                 "keep_alive": 4,
+                # µs: a client that is frozen must not hold up the helper process
                 "queue": {"congestion_control": {"block": {"wait_before_close": 200_000}}},
             }
         },
     },
 }
+
+
+# µs, in a client: as long as the lease. A request of 8 MB takes more than the queue holds, and where the robot's
+# processors were busy for 0.2 s the connection was closed in the midst of it.
+_CLIENT_WAIT = {"transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000}
 
 
 def socket_path(folder: Path, logger: str, pid: int, copy: int = 0) -> Path:
@@ -238,6 +244,7 @@ def open_client(path: Path | None, config: str | None = None) -> zenoh.Session:
     settings = zenoh.Config() if config is None else _from_file(config)
     settings.insert_json5("mode", '"client"')
     _insert(settings, _COMMON)
+    _insert(settings, _CLIENT_WAIT)
     if path is not None:
         if not path.exists():
             raise ConnectionLostError(f"{path}: nobody listens there any more")

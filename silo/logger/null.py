@@ -135,6 +135,9 @@ class NullLogger:
     def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
         """Derive nothing."""
 
+    def remove_derived(self, name: str) -> None:
+        """Forget nothing."""
+
     def limit(
         self,
         name: str,

@@ -268,8 +268,11 @@ class Serving:
         number = next(self._numbers)
         started: concurrent.futures.Future[SaveFuture] = concurrent.futures.Future()
         self._replies[number] = started
+        logger = self._logger_ref()
+        # what was derived just now may not have been told yet
+        extras = logger.extras if logger is not None else None
         try:
-            request = Save(types=types, name=name, folder=folder, client="the robot program")
+            request = Save(types=types, name=name, folder=folder, extras=extras, client="the robot program")
             self._send(LinkRequest(number, request))
         except OSError as error:
             raise SaveError("the helper process died before it could save: call save() again") from error

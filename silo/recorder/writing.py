@@ -258,8 +258,13 @@ class Writing:
             self.totals.finished.append(str(part.final))
         self._count_bytes()
 
+    @property
+    def open_bytes(self) -> int:
+        """Bytes of the part that is being written."""
+        return self._part.size_bytes if self._part is not None else 0
+
     def _count_bytes(self) -> None:
-        open_bytes = self._part.size_bytes if self._part is not None else 0
+        open_bytes = self.open_bytes
         self.totals.size_bytes = self._ledger.size_bytes + open_bytes
 
     def _fail(self, text: str) -> None:

@@ -11,6 +11,7 @@ from rich.text import Text
 from silo.amounts import duration
 from silo.errors import RefusedError
 from silo.ipc.messages import RefusedWhy, Unsaved
+from silo.model import FieldChange
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.changes import cost_of
@@ -178,9 +179,12 @@ def _what_changes(context: Context, changes: Sequence[PendingChange]) -> Text:
     """Return the edits in groups, and what the table takes before and after."""
     session, table = context.session, context.session.table
     frequency_hz = session.status.frequency_hz
-    now = cost_of(table.elements, table.server, frequency_hz)
-    after = cost_of(table.elements, table.values, frequency_hz)
-    return diff_text(changes, table.prefix, cost_text(now, after, session.short_name(after.shortest)))
+    own = table.elements[: table.own]  # what is derived takes no memory
+    now = cost_of(own, table.server[:, : table.own], frequency_hz)
+    after = cost_of(own, table.values[:, : table.own], frequency_hz)
+    return diff_text(
+        changes, table.prefix, cost_text(now, after, session.short_name(after.shortest), session.status.room_bytes)
+    )
 
 
 async def _carry_out(context: Context, *, around: bool, unsaved: Unsaved) -> bool:
@@ -231,8 +235,8 @@ async def _settle_conflicts(context: Context) -> bool:
     return True
 
 
-async def _chosen_script(context: Context, path: str) -> str:
-    """Return the script to load once its difference was seen; empty: none is to be loaded."""
+async def _chosen_script(context: Context, path: str) -> tuple[str, list[FieldChange]]:
+    """Return the script to load once its difference was seen, with what it changes beside elements; "" for none."""
     from silo_tui.screens.scripts import ScriptsDialog, script_diff_text
 
     link, name, seen = context.link, _script_name(path), False
@@ -243,23 +247,23 @@ async def _chosen_script(context: Context, path: str) -> str:
         name = chosen or ""
         seen = dialog.previewed == name
     if not name:
-        return ""
+        return "", []
     diff = await link.read(lambda client: client.diff_script(name))
-    if not diff.changes:
+    if not diff.changes and not diff.extras:
         unknown = f"; {len(diff.unknown)} names of it are not in the table" if diff.unknown else ""
         context.say(f"{name} says what the logger has already: nothing to load{unknown}")
-        return ""
+        return "", []
     if seen:
-        return name
+        return name, diff.extras
     choices = [Choice("load", f"Load {name}", "l"), Choice("no", "Don't")]
     question = Question(f"Load {diff.path}?", script_diff_text(diff), choices)
-    return name if await context.app.push_screen_wait(question) == "load" else ""
+    return (name if await context.app.push_screen_wait(question) == "load" else ""), diff.extras
 
 
 async def load_script(context: Context, path: str = "") -> None:
     """Choose a script, shows what it would change, loads it."""
     session, link = context.session, context.link
-    name = await _chosen_script(context, path)
+    name, extras = await _chosen_script(context, path)
     if not name:
         return
     fields, elements = session.table.pending_count
@@ -284,12 +288,21 @@ async def load_script(context: Context, path: str = "") -> None:
         if around:
             await session.start(unsaved)
     await session.reload()
+    if extras:
+        await session.refresh_conditions()
     context.table_changed()
     context.status_changed()
     unknown = f"; {len(loaded.unknown)} names of it are not in the table" if loaded.unknown else ""
-    context.say(f"loaded {name}: {text.plural(loaded.changed, 'element')} changed{unknown}")
+    context.say(f"loaded {name}: {text.plural(loaded.changed, 'element')} changed{_extras_words(extras)}{unknown}")
     if loaded.warnings:
         context.app.notify("\n".join(loaded.warnings[:6]), severity="warning", timeout=6, markup=False)
+
+
+def _extras_words(extras: Sequence[FieldChange]) -> str:
+    """Return which derived signals, limits and triggers a script changed, the first few by name."""
+    names = list(dict.fromkeys(change.name for change in extras))
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return f"; {', '.join(names[:3])}{more}" if names else ""
 
 
 def _script_name(given: str) -> str:
@@ -344,6 +357,7 @@ async def leave(context: Context) -> None:
         if not await _confirmed(context, "Quit without applying?", body, "Quit"):
             return
         forget_edits(context)
+    context.left()
     context.app.exit()
 
 

@@ -1,11 +1,12 @@
 """Finding a logger and opening it: at the beginning, from the list, and again after the robot program was restarted."""
 
 import asyncio
+import time
 from collections.abc import Sequence
 
 from silo.errors import RefusedError, SiloError
 from silo_tui.commands import flows
-from silo_tui.commands.runner import CommandRunner, open_view
+from silo_tui.commands.runner import CommandRunner, view_shown
 from silo_tui.context import Context
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import Layout
@@ -45,6 +46,12 @@ class Opener:
         """Begin the search, or begin it anew."""
         self._app.run_worker(self._search(), group="search", exclusive=True)
 
+    def try_again(self) -> None:
+        """Try again also what could not be opened."""
+        self._failed.clear()
+        if not self._context.has_session:
+            self.search_on()
+
     def list_on(self) -> None:
         """Show the list of loggers; the search ends."""
         self._app.run_worker(self._show_list(), group="search", exclusive=True)
@@ -56,6 +63,7 @@ class Opener:
     async def _open_chosen(self, logger: FoundLogger) -> None:
         if not await flows.may_leave(self._context):
             return
+        self.forget_view()
         self._app.workers.cancel_group(self._app, "search")
         if not await self._open(logger):
             self.search_on()
@@ -121,33 +129,60 @@ class Opener:
         self._failed.pop(logger.key, None)
         if not app.screen_stack:
             return True
+        words = await self._show_view()  # first: the question about edits that were kept stands above it
         context.table_changed()
         context.status_changed()
         context.say_settings_problems()
-        await self._show_view()
+        if words:
+            context.say(words)
         return True
 
-    async def _show_view(self) -> None:
-        """Put the view that was asked for on the screen, or the one that was left last, if that is wished."""
-        context, view = self._context, self._view
+    async def _show_view(self) -> str:
+        """Put on the screen what was asked for, what was left last, or what a lost terminal showed; return what to say.
+
+        What is `left behind` is put there once.
+        """
+        context, view, wish = self._context, self._view, self._context.settings.view
+        name = context.session.name
         self._view = ""
+        left = files.left_behind(name)
         try:
             if view:
-                await open_view(context, view)
-            elif context.settings.view == "last" and (file := files.last_of(context.session.name)).exists():
-                await views.show(context, files.load_file(file)[0])
-        except (RefusedError, ValueError) as error:
-            context.say(str(error))
+                return await view_shown(context, view)
+            if wish == "last" and (file := files.last_of(name)).exists():
+                return await views.show(context, files.load_file(file)[0])
+            if wish == "lost" and left:
+                when = time.strftime("%H:%M", time.localtime(left[-1].stat().st_mtime))
+                missing = await views.show(context, files.load_file(left[-1])[0])
+                return "; ".join(filter(None, [f"as it was at {when}, when the terminal was lost", missing]))
+        except (RefusedError, ValueError, OSError) as error:
+            return str(error)
+        finally:
+            for path in left:
+                path.unlink(missing_ok=True)
+        return ""
 
     def keep_view(self) -> None:
         """Keep what is on the screen for the next time, if that is wished."""
-        layout = views.capture(self._context) if self._context.settings.view == "last" else None
-        if layout is not None and layout != self._kept:
-            self._kept = layout
-            try:
-                files.save(files.last_of(self._context.session.name), layout)
-            except SiloError as error:
-                self._context.say(str(error))
+        wish = self._context.settings.view
+        layout = views.capture(self._context) if wish in ("last", "lost") else None
+        if layout is None or layout == self._kept:
+            return
+        self._kept = layout
+        name = self._context.session.name
+        try:
+            if wish == "lost" and layout == Layout():
+                files.left_by_us(name).unlink(missing_ok=True)
+            else:
+                files.save(files.last_of(name) if wish == "last" else files.left_by_us(name), layout)
+        except (SiloError, OSError) as error:
+            self._context.say(str(error))
+
+    def forget_view(self) -> None:
+        """Leave nothing behind of a logger that was left on purpose."""
+        if self._context.logger_session is not None:
+            files.left_by_us(self._context.logger_session.name).unlink(missing_ok=True)
+        self._kept = None
 
     async def _let_go(self) -> None:
         """Close the logger that is open; in a thread, because a frozen one takes seconds."""

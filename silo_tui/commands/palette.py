@@ -1,11 +1,14 @@
-"""The command palette: every command of the screen, found by what it is called and what it does."""
+"""The command palette: every command of the screen, what can only be typed, and saved files to open.
 
+What takes an argument goes on in the command line, with its word typed already.
+"""
+
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import cast
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 
-from silo_tui.actions import Command, commands_for
+from silo_tui.actions import COMMANDS, FILE_SCOPES, commands_for, typed_on_file
 from silo_tui.context import SiloScreen
 
 
@@ -14,27 +17,33 @@ class CommandProvider(Provider):
 
     async def discover(self) -> Hits:
         """Return everything, before anything is typed."""
-        for command in self._commands():
-            yield DiscoveryHit(self._title(command), partial(self._do, command.id), help=command.help)
+        for title, words, do in self._offers():
+            yield DiscoveryHit(title, do, help=words)
 
     async def search(self, query: str) -> Hits:
         """Return what matches."""
         matcher = self.matcher(query)
-        for command in self._commands():
-            score = max(matcher.match(command.label), matcher.match(command.help))
+        for title, words, do in self._offers():
+            score = max(matcher.match(title), matcher.match(words))
             if score > 0:
-                yield Hit(
-                    score, matcher.highlight(self._title(command)), partial(self._do, command.id), help=command.help
-                )
+                yield Hit(score, matcher.highlight(title), do, help=words)
 
-    def _commands(self) -> list[Command]:
-        if not isinstance(self.screen, SiloScreen):
-            return []
-        keys = self.screen.context.settings.keys
-        return [command for command in commands_for(self.screen.scope, keys) if not command.hidden]
-
-    def _title(self, command: Command) -> str:
-        return f"{command.label}  ({command.key_text})"
-
-    def _do(self, command_id: str) -> None:
-        cast(SiloScreen, self.screen).action_command(command_id)
+    def _offers(self) -> Iterator[tuple[str, str, Callable[[], None]]]:
+        """Yield title, meaning and what is done: by key, by a word to type, by a file to open."""
+        screen = self.screen
+        if not isinstance(screen, SiloScreen):
+            return
+        known = [command for command in commands_for(screen.scope, screen.context.settings.keys) if not command.hidden]
+        for command in known:
+            yield f"{command.label}  ({command.key_text})", command.help, partial(screen.action_command, command.id)
+        if not any(command.id == "command" for command in known):
+            return
+        there = {command.id for command in known}
+        on_file = screen.scope in FILE_SCOPES
+        for command in COMMANDS:
+            typed = command.typed
+            if typed is None or (on_file and not typed_on_file(command)) or (command.id in there and not typed.usage):
+                continue
+            for word in typed.words if command.id not in there else typed.words[:1]:
+                words = typed.help or command.help
+                yield f":{typed.usage.lstrip(':') or word}", words, partial(screen.begin_command, word)

@@ -2,20 +2,28 @@
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from silo.arguments import path as file_path
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
-from silo.settings.words import completions, read_settings
+from silo.ipc.messages import RefusedWhy
+from silo.settings.words import Settings, completions, read_settings
 from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
 from silo_tui.context import NOT_EDITED, Context, SiloScreen
 from silo_tui.layouts import files, views
+from silo_tui.layouts.layout import Layout, read, write
 from silo_tui.model import command_line, text
+from silo_tui.screens import recorder
+from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.exporting import picture
+from silo_tui.screens.opened import open_path
 from silo_tui.screens.table import TableScreen
+from silo_tui.sessions.live import why
 
+ROBOT = "robot:"  # in front of the name of a view that the robot keeps
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 
 
@@ -42,9 +50,13 @@ class CommandRunner:
             "names": lambda: context.session.table.names,
             "types": lambda: SAVED_NAMES,
             "views": lambda: ["save", *files.names()],
+            "logs": lambda: command_line.logs(begun),
             "themes": lambda: sorted(context.app.available_themes),
         }
-        source = sources.get(command.typed.completes) if command.typed is not None else None
+        needs = () if context.has_session else ("sorts", "names")
+        source = (
+            sources.get(command.typed.completes) if command.typed and command.typed.completes not in needs else None
+        )
         return source() if source is not None else ()
 
     def run(self, line: str) -> None:
@@ -65,7 +77,7 @@ class CommandRunner:
             raise RefusedError(f":{spelled.word}: {NOT_EDITED}, no logger to command")
         handler: Callable[[command_line.Spelled], None] | None = getattr(self, f"word_{command.id}", None)
         if handler is None:
-            (file or self._table_screen).action_command(command.id)
+            (file or self._screen_for(command)).action_command(command.id)
         elif self._context.allows(command):
             handler(spelled)
 
@@ -74,6 +86,11 @@ class CommandRunner:
         """The screen of a file, where that is the uppermost."""
         screen = self._context.upper_screen
         return screen if screen is not None and screen.scope in FILE_SCOPES else None
+
+    def _screen_for(self, command: Command) -> SiloScreen:
+        """Return the table, or the list of loggers for what needs none. RefusedError when there is none."""
+        screen = self._context.upper_screen
+        return screen if screen is not None and "any" in command.scopes else self._table_screen
 
     @property
     def _table_screen(self) -> TableScreen:
@@ -108,16 +125,45 @@ class CommandRunner:
 
     def word_set(self, spelled: command_line.Spelled) -> None:
         """Carry out `:set div=5 size=10s ...` for all targets."""
-        context = self._context
         if not spelled.arguments:
             raise ValueError("set what? for example `:set div=5 buf=loop size=10s act=both on=yes`")
-        changed = context.session.change(read_settings(spelled.arguments))
+        wanted = read_settings(spelled.arguments)
+        self._table_screen.sure_of_hidden(lambda: self._set(wanted))
+
+    def _set(self, wanted: Settings) -> None:
+        context = self._context
+        try:
+            changed = context.session.change(wanted)
+        except (ValueError, SiloError) as error:
+            context.fail(str(error))
+            return
         context.table_changed()
         context.say(
             f"{text.plural(changed, 'field')} changed; u takes {'it' if changed == 1 else 'them'} back"
             if changed
             else "nothing to change"
         )
+
+    def word_record(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:record [PATTERN ...]`; without a pattern, ask what."""
+        context = self._context
+        self._context.run_flow(recorder.begin(context, context.session, 0, " ".join(spelled.arguments)))
+
+    def word_open(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:open FILE`."""
+        if not spelled.arguments:
+            raise ValueError("open which file? for example `:open logs/run.silo`; F lists what is on the robot")
+        if not self._context.has_session:
+            raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
+        opening = self._open(" ".join(spelled.arguments))
+        self._context.app.run_worker(opening, group="opening", exclusive=True)
+
+    async def _open(self, path: str) -> None:
+        self._context.say(f"reading {path} …")
+        try:
+            await open_path(self._context, path)
+        except (SiloError, OSError) as error:
+            self._context.fail(f"{path} can't be opened: {error}")
 
     def word_filter(self, spelled: command_line.Spelled) -> None:
         """Carry out `:filter [TERM ...]`."""
@@ -175,17 +221,19 @@ class CommandRunner:
         elif spelled.arguments:
             self._context.run_flow(open_view(self._context, " ".join(spelled.arguments)))
         else:
-            known = files.names()
-            self._context.say(f"views: {', '.join(known)}" if known else "no views yet; `:view save NAME` makes one")
+            self._context.run_flow(tell_views(self._context))
 
     def _save_view(self, name: str) -> None:
         layout = views.capture(self._context)
         if layout is None:
             raise RefusedError("no logger is open: there is nothing to keep")
+        plots = f" with {text.plural(len(layout.plots), 'plot')}" if layout.plots else ""
+        if name.startswith(ROBOT):
+            self._context.run_flow(keep_on_robot(self._context, name.removeprefix(ROBOT), layout))
+            return
         file = files.place(name)
         again = file.exists()
         files.save(file, layout)
-        plots = f" with {text.plural(len(layout.plots), 'plot')}" if layout.plots else ""
         self._context.say(f"view {name} {'written over' if again else 'kept'}{plots}; silo-tui --view {name} opens it")
 
     def word_picture(self, spelled: command_line.Spelled) -> None:
@@ -209,9 +257,45 @@ class CommandRunner:
 
 async def open_view(context: Context, name: str) -> None:
     """Put a view on the screen; say what of it isn't there. RefusedError where there is none of that name."""
+    context.say(await view_shown(context, name))
+
+
+async def view_shown(context: Context, name: str) -> str:
+    """Put a view on the screen; return what is to be said of it. RefusedError where there is none of that name.
+
+    `robot:NAME` is one that the robot keeps.
+    """
     try:
-        layout, problems = files.load(name)
+        if name.startswith(ROBOT):
+            plain = name.removeprefix(ROBOT)
+            layout, problems = read((await context.link.read(lambda client: client.kept_view(plain))).text)
+        else:
+            layout, problems = files.load(name)
     except ValueError as error:
         raise RefusedError(str(error)) from error
     missing = await views.show(context, layout)
-    context.say("; ".join(filter(None, [f"view {name}", missing, *problems[:1]])))
+    return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))
+
+
+async def tell_views(context: Context) -> None:
+    """Say which views there are, here and on the robot."""
+    known = files.names()
+    with suppress(SiloError):  # an older silo, or no link: those of this machine are there all the same
+        known += [ROBOT + name for name in (await context.link.read(lambda client: client.kept_views())).names]
+    none = "no views yet; `:view save NAME` makes one, `:view save robot:NAME` one for all who look at this robot"
+    context.say(f"views: {', '.join(known)}" if known else none)
+
+
+async def keep_on_robot(context: Context, name: str, layout: Layout) -> None:
+    """Keep a view on the robot; over one of that name after a question."""
+    link = context.link
+    try:
+        said = await link.call(lambda client: client.keep_view(name, write(layout)))
+    except RefusedError as refused:
+        if why(refused) is not RefusedWhy.EXISTS:
+            raise
+        question = Question(f"Write over view {name}?", str(refused), [Choice("no", "No"), Choice("yes", "Write", "y")])
+        if await context.app.push_screen_wait(question) != "yes":
+            return
+        said = await link.call(lambda client: client.keep_view(name, write(layout), overwrite=True))
+    context.say(f"{said}; silo-tui --view {ROBOT}{name} opens it")

@@ -1,5 +1,9 @@
-"""Views as files, in `views/` beside the settings. `.last-NAME` is what was on the screen of a logger at last."""
+"""Views as files, in `views/` beside the settings.
 
+`.last-NAME` is what was on the screen of a logger at last, `.left-NAME.PID` what a process has there that hasn't ended.
+"""
+
+import os
 import re
 from difflib import get_close_matches
 from pathlib import Path
@@ -7,6 +11,7 @@ from pathlib import Path
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file
 from silo_tui.layouts.layout import Layout, read, write
+from silo_tui.sessions.kept import lives
 from silo_tui.settings.reading import folder, read_text
 
 ENDING = ".yaml"
@@ -23,6 +28,32 @@ def place(name: str) -> Path:
 def last_of(logger: str) -> Path:
     """Return the file of what was on the screen of a logger at last."""
     return folder() / "views" / f".last-{re.sub(r'[^A-Za-z0-9_.-]', '_', logger)[:80]}{ENDING}"
+
+
+def left_by_us(logger: str) -> Path:
+    """Return the file of what is on the screen of a logger now, for the case that this terminal is lost."""
+    return folder() / "views" / f".left-{_plain(logger)}.{os.getpid()}{ENDING}"
+
+
+def left_behind(logger: str) -> list[Path]:
+    """Return what processes that are no more had on the screen when they ended without being asked to, newest last."""
+    found = []
+    for path in (folder() / "views").glob(f".left-{_plain(logger)}.*{ENDING}"):
+        pid = path.name.removesuffix(ENDING).rpartition(".")[2]
+        if pid.isdecimal() and not lives(int(pid)):
+            found.append(path)
+    return sorted(found, key=_changed)
+
+
+def _changed(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+def _plain(logger: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]", "_", logger)[:80]
 
 
 def names() -> list[str]:

@@ -17,12 +17,17 @@ class Layout:
     """Names are without the logger's prefix, so that a view of one robot fits the next; no plots: the table alone."""
 
     sort: str = "name"
+    turned: bool = False  # the order the other way round
     filter: str = ""
     columns: tuple[str, ...] = ()
+    set: str = "settings"  # of live columns, as C steps through them
+    folded: tuple[str, ...] = ()  # name spaces
+    unfolded: tuple[str, ...] = ()  # vectors that show their entries
+    components: Mapping[str, str] = field(default_factory=dict)  # of vectors: the suffix of an entry, or norm
     plots: tuple[tuple[str, ...], ...] = ()  # signals that share a plot
     chosen: str = ""
     span_s: float = 10.0
-    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # held, by plot
+    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # held, by plot: its signals with |
 
 
 def _text(node: yaml.Node) -> str:
@@ -50,6 +55,19 @@ def _panels(node: yaml.Node) -> tuple[tuple[str, ...], ...]:
         return tuple(panel for panel in found if panel)
     _texts(node)  # nothing, or what says that it is no list
     return ()
+
+
+def _truth(node: yaml.Node) -> bool:
+    word = _text(node).lower()
+    if word not in ("true", "false"):
+        raise ValueError(f"true or false, not {describe(node)}")
+    return word == "true"
+
+
+def _components(node: yaml.Node) -> dict[str, str]:
+    if not isinstance(node, yaml.MappingNode) and not is_null(node):
+        raise ValueError(f"lines such as `base/position: norm`, not {describe(node)}")
+    return {_text(name): _text(word) for name, word in pairs(node)}
 
 
 def _number(node: yaml.Node) -> float:
@@ -82,7 +100,8 @@ def _scales(node: yaml.Node) -> dict[str, tuple[float, float]]:
 
 
 FIELDS: dict[str, Callable[[yaml.Node], Any]] = {
-    "sort": _text, "filter": _text, "columns": _texts, "plots": _panels, "chosen": _text, "span_s": _span,
+    "sort": _text, "turned": _truth, "filter": _text, "columns": _texts, "set": _text, "folded": _texts,
+    "unfolded": _texts, "components": _components, "plots": _panels, "chosen": _text, "span_s": _span,
     "scales": _scales,
 }  # fmt: skip
 
@@ -116,8 +135,10 @@ def write(layout: Layout) -> str:
         value = getattr(layout, each.name)
         if value != getattr(Layout(), each.name):
             kept[each.name] = value
-    if "columns" in kept:
-        kept["columns"] = list(kept["columns"])
+    for name in kept.keys() & {"columns", "folded", "unfolded"}:
+        kept[name] = list(kept[name])
+    if "components" in kept:
+        kept["components"] = dict(kept["components"])
     if "plots" in kept:
         kept["plots"] = [list(panel) if len(panel) > 1 else panel[0] for panel in kept["plots"]]
     if "scales" in kept:

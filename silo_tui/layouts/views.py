@@ -1,10 +1,17 @@
 """Between the screens and a `Layout`: `capture` takes it from them, `show` puts it on them."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 from silo_tui.context import Context
 from silo_tui.layouts.layout import Layout
+from silo_tui.model.orders import TREE
 from silo_tui.model.plots import SPANS_S
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
+from silo_tui.sessions.live import Session
+
+NORM = "norm"
 
 
 def _table_of(context: Context) -> TableScreen | None:
@@ -21,20 +28,62 @@ def capture(context: Context) -> Layout | None:
     if table is None or not context.has_session or context.file_over_logger or not len(context.session.table):
         return None
     rows, short = context.session.rows, context.session.short_name
-    layout = Layout(sort=rows.sort, filter=rows.filter.text, columns=table.table.chosen_columns)
+    layout = Layout(
+        rows.sort,
+        rows.turned,
+        rows.filter.text,
+        table.table.chosen_columns,
+        table.column_set.name,
+        tuple(sorted(rows.folded)),
+        tuple(sorted(short(name) for name in rows.unfolded)),
+        _components_of(context.session),
+    )
     if monitor is None or not monitor.is_mounted:
         return layout
     stack, window = monitor.stack, monitor.window
     held = window.scales if window.fixed_scale else {}
-    return Layout(
-        layout.sort,
-        layout.filter,
-        layout.columns,
+    return replace(
+        layout,
         plots=tuple(tuple(short(plotted.name) for plotted in panel) for panel in stack.panels),
         chosen=short(stack.plots[stack.chosen].name) if stack.plots else "",
         span_s=window.span_s,
-        scales={short(name): ends for name, ends in held.items() if ends[0] < ends[1]},
+        scales={_of_parts(key, short): ends for key, ends in held.items() if ends[0] < ends[1]},
     )
+
+
+def _of_parts(key: str, named: Callable[[str], str]) -> str:
+    """Return the key of a scale, the names of the signals that share it with `|` between them, by other names."""
+    return "|".join(map(named, key.split("|")))
+
+
+def _components_of(session: Session) -> dict[str, str]:
+    """Return what is shown of vectors, in words: an entry's suffix, or their norm."""
+    found = {}
+    for name, chosen in sorted(session.rows.components.items()):
+        row = session.table.row(name)
+        if row is not None:
+            entries = session.table.elements[row].entries
+            found[session.short_name(name)] = NORM if chosen == 1 else entries[chosen - 2].suffix
+    return found
+
+
+def _show_rows(session: Session, layout: Layout) -> None:
+    """Fold, unfold, and choose entries of vectors; what this logger doesn't have is left out."""
+    rows, table = session.rows, session.table
+    by_short = {session.short_name(element.name): element for element in table.elements}
+    by_short |= {element.name: element for element in table.elements}
+    rows.folded = frozenset(layout.folded)
+    rows.unfolded = {
+        by_short[name].name: len(by_short[name].entries)
+        for name in layout.unfolded
+        if name in by_short and len(by_short[name].entries) > 1
+    }
+    rows.components = {}
+    for name, word in layout.components.items():
+        element = by_short.get(name)
+        places = [NORM, *(entry.suffix for entry in element.entries)] if element is not None else []
+        if element is not None and word in places and len(places) > 2:
+            rows.components[element.name] = places.index(word) + 1
 
 
 async def show(context: Context, layout: Layout) -> str:
@@ -45,12 +94,15 @@ async def show(context: Context, layout: Layout) -> str:
     session, rows = context.session, context.session.rows
     missing = []
     if layout.sort in rows.sorts:
-        rows.sort = layout.sort
+        rows.sort, rows.turned = layout.sort, layout.turned and layout.sort != TREE
     else:
         missing.append(f"order {layout.sort}")
+    _show_rows(session, layout)
     rows.set_filter(layout.filter)
     missing += [f"column {title}" for title in table.table.choose_columns(layout.columns)]
-    context.table_changed()
+    if not table.show_set(layout.set):
+        missing.append(f"set of columns {layout.set}")
+    table.order_changed()
     while context.app.screen is not table and len(context.app.screen_stack) > 1:
         await context.app.pop_screen()
     entries = {
@@ -70,7 +122,9 @@ async def show(context: Context, layout: Layout) -> str:
         panels = [tuple(each for each in panel if each is not None) for panel in found]
         stack.show_panels([panel for panel in panels if panel])
         window.span_s = min(SPANS_S, key=lambda span: abs(span - layout.span_s))
-        window.scales.update({entries[name][1]: ends for name, ends in layout.scales.items() if name in entries})
+        for key, ends in layout.scales.items():
+            if all(name in entries for name in key.split("|")):
+                window.scales[_of_parts(key, lambda name: entries[name][1])] = ends
         window.fixed_scale = bool(layout.scales)
         chosen = entries[layout.chosen][1] if layout.chosen in entries else ""
         stack.chosen = next((at for at, each in enumerate(stack.plots) if each.name == chosen), 0)
@@ -78,4 +132,5 @@ async def show(context: Context, layout: Layout) -> str:
             await context.app.push_screen(monitor)
     if gone:
         missing.append(f"{len(gone)} of {len(names)} plots ({', '.join(gone[:3])}{' …' if len(gone) > 3 else ''})")
+    context.table_changed()  # last: what it may ask lies above what is shown now
     return "not on this logger: " + ", ".join(missing) if missing else ""

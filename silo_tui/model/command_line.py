@@ -3,8 +3,9 @@
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from silo.files.formats import file_type
+from silo.files.formats import LOG_ENDINGS, file_type
 from silo.model import FileType
 
 
@@ -40,6 +41,19 @@ def read_save(arguments: Sequence[str]) -> tuple[list[FileType], str]:
         else:
             name = argument
     return types or [FileType.SILO], name
+
+
+def logs(begun: str) -> list[str]:
+    """Return paths of logs and folders that what is typed of one may become, as it is typed."""
+    typed, _, last = begun.rpartition("/")
+    before = f"{typed}/" if "/" in begun else ""
+    try:
+        found = sorted(Path(before or ".").expanduser().iterdir())
+    except OSError:
+        return []
+    shown = [path for path in found if path.name.startswith(last) and (last or not path.name.startswith("."))]
+    folders = [f"{before}{path.name}/" for path in shown if path.is_dir() and not path.name.endswith(LOG_ENDINGS)]
+    return [f"{before}{path.name}" for path in shown if path.name.endswith(LOG_ENDINGS)] + folders
 
 
 def complete(line: str, words: Sequence[str], choices: Sequence[str]) -> list[str]:

@@ -1,11 +1,13 @@
 """How triggers and limits stand, in the words of their screens: rows of plain text, and what the head says. Pure."""
 
+import re
 import time
 from collections.abc import Sequence
+from fnmatch import fnmatchcase
 
 from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.ipc.messages import TriggerTried
-from silo.model import FileType, TriggerOptions
+from silo.model import ElementInfo, FileType, TriggerOptions
 from silo_tui.model import text
 
 LOUD = (TriggerWord.FIRING,)
@@ -32,6 +34,18 @@ def trigger_row(one: TriggerStatus, width: int, now_ns: int | None = None) -> st
     when = when if len(when) <= room else f"{when[: room - 1]}…"
     pre, post = (text.span(float(f"{value:.4g}")) if value else "0 s" for value in (options.pre_s, options.post_s))
     return f"  {state:<10} {options.name[:10]:<10} {when:<{room}} {pre:>6} {post:>6} {one.fires:>5}  {last}"
+
+
+def named_in(when: str, elements: Sequence[ElementInfo], prefix: str) -> list[str]:
+    """Return the elements that stand in a condition: by name without the logger's prefix, an entry's, or a glob."""
+    words = [word for word in re.findall(r"[\w/*?]+", when) if any(char.isalpha() for char in word)]
+    found = []
+    for element in elements:
+        short = element.name.removeprefix(prefix.rstrip("/")).strip("/")
+        names = [short, *(short + entry.suffix for entry in element.entries if entry.suffix)]
+        if any(fnmatchcase(name, word.strip("/")) for name in names for word in words):
+            found.append(element.name)
+    return found
 
 
 def ago(seconds: float) -> str:

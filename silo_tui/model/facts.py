@@ -14,16 +14,23 @@ from numpy.typing import NDArray
 from silo.columns import Floats
 from silo.ipc.surveys import FROZEN, LOST, NOT_FINITE, SLOW
 
+# of limits, which the survey knows nothing of
+RED_HIGH, RED_LOW, YELLOW_HIGH, YELLOW_LOW = 1 << 16, 1 << 17, 1 << 18, 1 << 19
+LIMIT_BITS = {"HH": RED_HIGH, "LL": RED_LOW, "H": YELLOW_HIGH, "L": YELLOW_LOW, "==": FROZEN}
 # worst first, as process control writes them: every font has letters
-SIGNS = ((NOT_FINITE, "NN"), (FROZEN, "=="), (SLOW, "<<"), (LOST, "XX"))
+SIGNS = (
+    (RED_HIGH, "HH"), (RED_LOW, "LL"), (NOT_FINITE, "NN"), (FROZEN, "=="), (YELLOW_HIGH, "H"), (YELLOW_LOW, "L"),
+    (SLOW, "<<"), (LOST, "XX"),
+)  # fmt: skip
 OLD = "~~"  # of no row in particular: nothing comes, or it can't be carried live
 MEANINGS = {
-    "NN": "nan or inf among its newest values", "==": "frozen: it does not change any more",
+    "HH LL": "beyond its red limit, above or below", "H L": "beyond its yellow limit, above or below",
+    "NN": "nan or inf among its newest values", "==": "frozen: it does not change any more, or a limit calls it stale",
     "<<": "slow: fewer samples than its divider asks for", "XX": "samples lost: the buffer could not keep them",
     OLD: "the value is old: no link, or the program is dead",
 }  # fmt: skip
 WORDS = {"nan": NOT_FINITE, "frozen": FROZEN, "slow": SLOW}
-BAD = frozenset({"NN", "XX"})
+BAD = frozenset({"HH", "LL", "NN", "XX"})
 
 
 @dataclass(frozen=True)
@@ -56,6 +63,13 @@ class Facts:
 def worst(bits: int) -> str:
     """Return the two letters of the worst of some signs; empty for none."""
     return next((letters for bit, letters in SIGNS if bits & bit), "")
+
+
+def worst_of(bits: NDArray[np.int64]) -> tuple[str, int]:
+    """Return the two letters of the worst sign that some rows have, and how many have it; "" and 0 for none."""
+    together = int(np.bitwise_or.reduce(bits, initial=0))
+    bit, letters = next(((bit, letters) for bit, letters in SIGNS if together & bit), (0, ""))
+    return letters, int(((bits & bit) != 0).sum())
 
 
 def ranks(bits: NDArray[np.int64]) -> NDArray[np.int64]:

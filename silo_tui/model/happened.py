@@ -3,11 +3,14 @@
 Pure functions on lines of the event log.
 """
 
+import csv
+import io
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timezone
 
 from silo.model import LoggedEvent
 from silo_tui.model import text
+from silo_tui.model.lists import Order
 
 LETTERS = {
     "marker": "M", "triggered": "T", "captured": "T", "started": "S", "stopped": "S", "closed": "S", "edited": "E",
@@ -60,6 +63,27 @@ def matches(event: LoggedEvent, asked: str) -> bool:
         if found == without:
             return False
     return True
+
+
+KINDS = "MTXHES "
+ORDERS: tuple[Order[LoggedEvent], ...] = (
+    Order("time", "t", "time, the newest first", lambda event: 0, True),  # as they were written
+    Order("kind", "k", "kind: marks, triggers, losses ...", lambda event: (KINDS.find(letter(event)), -event.time_ns)),
+    Order("who", "w", "who did it", lambda event: (event.who.casefold(), -event.time_ns)),
+)
+
+
+def csv_text(events: Sequence[LoggedEvent]) -> str:
+    """Return a line per event: time (UTC, ISO), tick, kind, words, who."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["time", "time_ns", "tick", "kind", "what", "who", "run"])
+    for event in events:
+        seconds, rest = divmod(event.time_ns, 10**9)
+        clock = f"{datetime.fromtimestamp(seconds, timezone.utc):%Y-%m-%dT%H:%M:%S}.{rest:09}Z"
+        tick = event.tick if event.tick >= 0 else ""
+        writer.writerow([clock, event.time_ns, tick, event.kind, event.text, event.who, event.run])
+    return out.getvalue()
 
 
 def line(event: LoggedEvent, width: int, logger: str) -> str:

@@ -38,11 +38,11 @@ class LiveOrder:
 
     def keys(self, table: TableState) -> Floats:
         """Return a key per element, NaN where nothing is known."""
+        if self.quantity == "signs" and table.signs_known:
+            return ranks(table.signs).astype(float)
         known = table.facts.of(self.quantity, len(table))
         if known is None:
             return np.full(len(table), np.nan)
-        if self.quantity == "signs":
-            return ranks(np.nan_to_num(known).astype(np.int64)).astype(float)
         return known if self.of is None else self.of(known)
 
 
@@ -54,6 +54,8 @@ LIVE_ORDERS = {
         LiveOrder("max", "max"), LiveOrder("min", "min", False), LiveOrder("mean", "mean"), LiveOrder("std", "std"),
     )
 }  # fmt: skip
+
+FILE_ORDERS = tuple(order for order in LIVE_ORDERS if order != "fill")  # how large a buffer was is not in a file
 
 
 def ordered(keys: Floats, base: NDArray[np.intp], *, falling: bool, unknown: NDArray[np.bool_]) -> NDArray[np.intp]:

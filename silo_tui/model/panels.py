@@ -62,9 +62,13 @@ def refusal(panel: Panel, other: Panel, most: int = MAX_SERIES) -> str:
 
 
 def join(panels: Sequence[Panel], at: int, most: int = MAX_SERIES) -> list[Panel]:
-    """Return the panels with the one at `at` and the next one as one. Raises ValueError where they can't be."""
-    if at + 1 >= len(panels):
+    """Return the panels with the one at `at` and the next one as one, the last with the one above it.
+
+    Raises ValueError where they can't be.
+    """
+    if len(panels) < 2:
         raise ValueError("there is no next plot to join with")
+    at = min(at, len(panels) - 2)
     if reason := refusal(panels[at], panels[at + 1], most):
         raise ValueError(reason)
     return [*panels[:at], panels[at] + panels[at + 1], *panels[at + 2 :]]

@@ -108,6 +108,11 @@ class RecordingSource:
         return int(self._times[-1])
 
     @property
+    def time_ns(self) -> Stamps:
+        """Shape `(n,)`: the time stamps of all ticks, which never fall; not to be written to."""
+        return self._times
+
+    @property
     def happened(self) -> Sequence[LoggedEvent]:
         """What happened, as the file has it."""
         return self.recording.events

@@ -5,14 +5,13 @@ Plain functions of what a robot told; nothing is asked or drawn here.
 
 import re
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from datetime import datetime
-from typing import Any
 
 from silo.ipc.messages import RecordingFile, Recordings, SavedRecording
 from silo.model import FileType
-from silo_tui.model import text
+from silo_tui.model import lists, text
+from silo_tui.model.lists import Order
 
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
 PREFERENCE = (FileType.SILO, FileType.BAG, FileType.CSV)  # of one save, the first is the one that is opened
@@ -25,18 +24,7 @@ def begun_ns(one: SavedRecording) -> int:
     return one.begun_ns if one.begun_ns >= EPOCH_FROM_NS else min(file.changed_ns for file in one.files)
 
 
-@dataclass(frozen=True)
-class Order:
-    """One way to order the list, with the letter that chooses it. `backwards`: the largest first, at first."""
-
-    name: str
-    letter: str
-    words: str
-    key: Callable[[SavedRecording], Any]
-    backwards: bool = False
-
-
-ORDERS = (
+ORDERS: tuple[Order[SavedRecording], ...] = (
     Order("begun", "b", "begun, the newest first", lambda one: (begun_ns(one), one.stem), True),
     Order("name", "n", "name", lambda one: one.stem.casefold()),
     Order("why", "w", "why", lambda one: (one.why.casefold(), -begun_ns(one))),
@@ -48,20 +36,13 @@ BY_NAME = {order.name: order for order in ORDERS}
 
 def arranged(found: Sequence[SavedRecording], words: str, order: str, *, turned: bool) -> list[SavedRecording]:
     """Return what passes a filter, in an order; `turned`: the other way round."""
-    kind = BY_NAME[order]
-    passing = [one for one in found if passes(one, words)]
-    return sorted(passing, key=kind.key, reverse=kind.backwards != turned)
+    return lists.arranged((one for one in found if passes(one, words)), BY_NAME[order], turned=turned)
 
 
 def passes(one: SavedRecording, words: str) -> bool:
     """Whether a recording has all these words in name, why, types or logger; `a|b` either, `-a` not."""
     types = " ".join(file.type.name for file in one.files)
-    whole = f"{one.stem} {one.why} {types} {one.logger}{' part' if one.unfinished else ''}".casefold()
-    for word in words.casefold().split():
-        wanted, not_wanted = word.removeprefix("-"), word.startswith("-") and len(word) > 1
-        if any(each and each in whole for each in wanted.split("|")) == not_wanted:
-            return False
-    return True
+    return lists.passes(f"{one.stem} {one.why} {types} {one.logger}{' part' if one.unfinished else ''}", words)
 
 
 def best_file(one: SavedRecording) -> RecordingFile:

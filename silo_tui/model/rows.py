@@ -9,7 +9,7 @@ import numpy as np
 from silo.ipc.surveys import NOT_FINITE
 from silo_tui.model import filter as filters
 from silo_tui.model.fact_terms import quantities_in
-from silo_tui.model.orders import ADDED, LIVE_ORDERS, NAME, TREE, ordered
+from silo_tui.model.orders import ADDED, FILE_ORDERS, LIVE_ORDERS, NAME, TREE, ordered
 from silo_tui.model.table import Mask, Rows, TableState
 from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn, orders_of
 from silo_tui.model.tree import Branch, Tree, entry_of, list_of, parts_of, row_of, tree_of
@@ -33,7 +33,7 @@ class RowList:
     def __init__(self, table: TableState, columns: Sequence[TableColumn[Any]] = LIVE_COLUMNS) -> None:
         self.table = table
         self.filter = filters.parse("")
-        self.sorts = (TREE, *orders_of(columns), *(LIVE_ORDERS if columns is LIVE_COLUMNS else ()))
+        self.sorts = (TREE, *orders_of(columns), *(LIVE_ORDERS if columns is LIVE_COLUMNS else FILE_ORDERS))
         self._columns = columns
         self.sort = NAME
         self.turned = False  # the order the other way round

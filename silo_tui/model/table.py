@@ -5,7 +5,7 @@ each with the server's value that it was made on. What is pending and what is in
 of it is stored, so that it can't go stale.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.model import Edit, ElementInfo, Table
-from silo_tui.model.facts import NOTHING
+from silo_tui.model.facts import LIMIT_BITS, NOTHING
 from silo_tui.model.fields import Field, Ints, options_of, phrase_for, rows_of
 
 Mask = NDArray[np.bool_]
@@ -69,8 +69,11 @@ class TableState:
         self.folded: list[str] = []
         self.prefix = ""  # that all names share, without a slash at its end; not shown
         self.facts = NOTHING  # the newest survey
+        self._beyond: dict[str, str] = {}  # the worst word of each element that is beyond its limits
+        self._beyond_bits: NDArray[np.int64] = np.zeros(0, np.int64)
         self.revision = -1
         self.version = 0  # grows with every change, so that caches can tell
+        self.own = 0  # how many of the elements are the logger's own: the rows after them are derived
         self._row_of: dict[str, int] = {}
         self._server = np.zeros((FIELDS, 0), np.int64)
         self._edited = np.zeros((FIELDS, 0), np.bool_)
@@ -110,6 +113,11 @@ class TableState:
         pending = self.pending
         return int(pending.sum()), int(pending.any(axis=0).sum())
 
+    @property
+    def derived(self) -> Mask:
+        """Shape `(n,)`: rows that are computed from others, and have no options of their own."""
+        return np.arange(len(self.elements)) >= self.own
+
     def row(self, name: str) -> int | None:
         """Return the row of an element, None when there is none of that name."""
         return self._row_of.get(name)
@@ -127,6 +135,25 @@ class TableState:
     def is_live(self, row: int) -> bool:
         """Return whether the element can be watched now: whether it is enabled."""
         return bool(self._server[Field.ENABLED, row])
+
+    @property
+    def signs(self) -> NDArray[np.int64]:
+        """Shape `(n,)`: bits of what is the matter with each row, as the survey and the limits say."""
+        return self.facts.signs(len(self)) | self._beyond_bits
+
+    @property
+    def signs_known(self) -> bool:
+        """Whether anything was told of signs yet."""
+        return self.facts.of("signs", len(self)) is not None or bool(self._beyond)
+
+    def take_beyond(self, words: Mapping[str, str]) -> None:
+        """Take over which elements are beyond their limits, with the worst word of each."""
+        self._beyond = dict(words)
+        self._beyond_bits = np.zeros(len(self), np.int64)
+        for name, word in self._beyond.items():
+            row = self.row(name)
+            if row is not None:
+                self._beyond_bits[row] |= LIMIT_BITS.get(word, 0)
 
     def changes(self) -> list[PendingChange]:
         """Return all pending edits in words, in table order."""
@@ -155,8 +182,12 @@ class TableState:
         return self.edit_all(rows, wanted, label)
 
     def edit_all(self, which: Sequence[int] | Rows, wanted: Ints, label: str = "") -> int:
-        """Wants `wanted`, shape `(5, len(which))`, in those rows; one undo step. Returns how many cells changed."""
+        """Wants `wanted`, shape `(5, len(which))`, in those rows; one undo step. Returns how many cells changed.
+
+        Rows that are derived stay as they are.
+        """
         rows: Rows = np.asarray(which, np.intp)
+        rows, wanted = rows[rows < self.own], wanted[:, rows < self.own]
         changed = self.values[:, rows] != wanted
         some = changed.any(axis=0)
         if not some.any():
@@ -234,12 +265,15 @@ class TableState:
 
         Edits that the new table already fulfils are done; edits of elements that are gone are dropped.
         """
-        names = [element.name for element in table.elements]
-        server = rows_of([element.options for element in table.elements])
+        elements = [*table.elements, *table.derived]
+        names = [element.name for element in elements]
+        server = rows_of([element.options for element in elements])
         if names != self.names:
             self._carry_over(names, server)
-        self.elements, self.revision, self._server = list(table.elements), table.revision, server
+        self.elements, self.own = elements, len(table.elements)
+        self.revision, self._server = table.revision, server
         self._edited &= self._wanted != server
+        self.take_beyond(self._beyond)
         self.version += 1
 
     def forget_history(self) -> None:

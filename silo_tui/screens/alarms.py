@@ -13,6 +13,7 @@ from silo.ipc.conditions import LimitStatus, LimitWord
 from silo.model import SignalLimits
 from silo_tui.actions import bindings_for
 from silo_tui.model.conditions import alarms_words, limit_head, limit_row
+from silo_tui.model.lists import Order
 from silo_tui.screens.conditions import ConditionsScreen
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.screens.monitor import MonitorScreen
@@ -25,37 +26,48 @@ if TYPE_CHECKING:
 MOST_LINES = 500
 
 
-class AlarmsScreen(ConditionsScreen):
+class AlarmsScreen(ConditionsScreen[LimitStatus]):
     """A line for each scalar that is or was over, and for what is blind."""
 
     scope = "alarms"
+    mark_column = 2
+    orders = (
+        Order("!", "!", "worst first, what nobody has seen before what was", lambda one: 0),
+        Order("signal", "n", "name", lambda one: one.name.casefold()),
+        Order("since", "s", "the newest first", lambda one: one.since_ns, True),
+        Order("count", "c", "count, the largest first", lambda one: one.count + one.stale_count, True),
+        Order("seen", "k", "not seen first", lambda one: (not one.alarm, one.seen_by)),
+    )
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("alarms")
 
     def head(self, width: int) -> str:
         return limit_head(width)
 
-    def rows(self, width: int) -> Sequence[tuple[str, Text]]:
-        shown = [one for one in self.session.limits if one.violated or one.word is LimitWord.BLIND]
-        blind = sum(one.word is LimitWord.BLIND for one in self.session.limits)
-        watched = len(self.session.limits)
-        self.empty = (
-            f"Nothing over its limits. {watched} watched, {blind} blind" if watched else "No limits. N gives some"
-        )
-        return [(one.name, self._row(one, width)) for one in shown[:MOST_LINES]]
+    @property
+    def all(self) -> Sequence[LimitStatus]:
+        return [one for one in self.session.limits if one.violated or one.word is LimitWord.BLIND][:MOST_LINES]
 
-    def _row(self, one: LimitStatus, width: int) -> Text:
+    @property
+    def empty(self) -> str:  # type: ignore[override]  # what it says counts
+        watched, blind = len(self.session.limits), sum(one.word is LimitWord.BLIND for one in self.session.limits)
+        return f"Nothing over its limits. {watched} watched, {blind} blind" if watched else "No limits. N gives some"
+
+    def key_of(self, one: LimitStatus) -> str:
+        return one.name
+
+    def signals_of(self, one: LimitStatus) -> Sequence[str]:
+        element = self._element_of(one)
+        return [element] if element is not None else []
+
+    def row_of(self, one: LimitStatus, width: int) -> Text:
         line = Text(limit_row(one, self.session.short_name(one.name), width), no_wrap=True, overflow="ellipsis")
         red = one.word in (LimitWord.RED_HIGH, LimitWord.RED_LOW)
         if one.is_over or one.word is LimitWord.BLIND:
             line.stylize(f"bold {color(self.app.theme_variables, 'error' if red else 'warning')}", 0, 2)
         return line
 
-    @property
-    def _chosen(self) -> LimitStatus | None:
-        return next((one for one in self.session.limits if one.name == self.chosen_id), None)
-
     def words(self) -> str:
-        one = self._chosen
+        one = self.chosen
         if one is not None and one.why:
             return f"{one.name} is blind: {one.why}"
         return alarms_words(self.session.limits)
@@ -63,34 +75,31 @@ class AlarmsScreen(ConditionsScreen):
     # ------------------------------------------------------------------------------------------------- commands
 
     def command_acknowledge(self) -> None:
-        one = self._chosen
-        if one is not None:
-            self.context.run_flow(self._told(lambda client: client.acknowledge([one.name])))
+        names = [one.name for one in self.targets]
+        if names:
+            self.context.run_flow(self._told(lambda client: client.acknowledge(names)))
 
     def command_alarm_worst(self) -> None:
-        one = self._chosen
+        one = self.chosen
         if one is None:
             return
         monitor = self._plot(one)
         if monitor is not None and one.worst_ns:
             monitor.call_after_refresh(monitor.show_moment_of, one.worst_ns)
 
-    def command_alarm_plots(self) -> None:
-        one = self._chosen
-        if one is not None:
-            self._plot(one)
-
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Go to its worst sample."""
         self.command_alarm_worst()
 
+    def _element_of(self, one: LimitStatus) -> str | None:
+        """Return the element that a scalar is of; None of what is derived."""
+        found = self.session.table.elements
+        return next((info.name for info in found for each in info.entries if info.name + each.suffix == one.name), None)
+
     def _plot(self, one: LimitStatus) -> MonitorScreen | None:
-        entries = {
-            info.name + entry.suffix: info.name for info in self.session.table.elements for entry in info.entries
-        }
-        element = entries.get(one.name)
+        element = self._element_of(one)
         if element is None:
-            self.say(f"{self.session.short_name(one.name)} is derived: it can't be plotted here")
+            self.say(f"{self.session.short_name(one.name)} is no longer in the table")
             return None
         monitor = MonitorScreen(self.session, LiveSource(self.session), [element])
         places = [place for place, plotted in enumerate(monitor.stack.plots) if plotted.name == one.name]
@@ -99,14 +108,15 @@ class AlarmsScreen(ConditionsScreen):
         return monitor
 
     def command_alarm_limits(self) -> None:
-        one = self._chosen
+        one = self.chosen
         if one is not None:
-            self._ask_limits(self.session.short_name(one.limits).lstrip("/"), one.limits)
+            self.ask_limits(self.session.short_name(one.limits).lstrip("/"), one.limits)
 
     def command_alarm_new(self) -> None:
-        self._ask_limits("", "")
+        self.ask_limits("", "")
 
-    def _ask_limits(self, shown: str, name: str) -> None:
+    def ask_limits(self, shown: str, name: str) -> None:
+        """Ask for limits of a signal, shown by its short name."""
         body = "signal = red low, yellow low, yellow high, red high\n- for none; nothing behind = takes them away"
         prompt = Prompt("Limits", body, f"{shown} = " if shown else "", "joints/torque = -40, -30, 30, 40")
         self.app.push_screen(prompt, lambda line: self._take_limits(line, name, shown))
@@ -116,7 +126,7 @@ class AlarmsScreen(ConditionsScreen):
             return
         typed, _, bounds = line.rpartition("=")
         typed = typed.strip()
-        wanted = name if typed == shown and name else typed
+        wanted = name if typed in (shown, "") and name else typed  # the line may have been typed over
         words = [word.strip() for word in bounds.split(",")]
         if wanted and words == [""]:
             self.context.run_flow(self._told(lambda client: client.remove_limits(wanted)))

@@ -14,9 +14,10 @@ class CommandLine(Dialog[str | None]):
     KEYS_HERE = "Enter does it  Tab completes  Esc leaves"
     AUTO_FOCUS = ""
 
-    def __init__(self, complete: Callable[[str], list[str]], words: str) -> None:
-        """`words` are some of those that may be typed."""
+    def __init__(self, complete: Callable[[str], list[str]], words: str, begun: str = "") -> None:
+        """`words` are some of those that may be typed, `begun` is typed already."""
         super().__init__()
+        self._begun = begun
         self._complete, self._words = complete, words
 
     def compose(self) -> ComposeResult:
@@ -25,7 +26,7 @@ class CommandLine(Dialog[str | None]):
 
     def on_mount(self) -> None:
         """Take the keys."""
-        self.query_one(Line).begin("")
+        self.query_one(Line).begin(self._begun)
 
     def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
         """Answer with the line."""

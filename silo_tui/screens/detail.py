@@ -88,6 +88,7 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         self._asked = stack.store
         self.plot = DetailPlot()
         self.plot.display = False
+        self._turned = 0  # which of the signals stands first now
         self.take_back()
 
     def compose(self) -> ComposeResult:
@@ -314,6 +315,30 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         if len(self.plots) > 1:
             self.plots[0], self.plots[1] = self.plots[1], self.plots[0]
             self.stack.show_panels([tuple(self.plots[: self.count])])
+        self.request_view()
+
+    def command_detail_down(self) -> None:
+        self._turn_to(1)
+
+    def command_detail_up(self) -> None:
+        self._turn_to(-1)
+
+    def command_detail_top(self) -> None:
+        self._turn_to(-self._turned)
+
+    def command_detail_bottom(self) -> None:
+        self._turn_to(len(self.plots) - 1 - self._turned)
+
+    def _turn_to(self, step: int) -> None:
+        """Show another one of the signals, alone; the others come behind it."""
+        if len(self.plots) < 2:
+            self.say("this is the only signal: mark several, then m and Enter")
+            return
+        self._turned = (self._turned + step) % len(self.plots)
+        step %= len(self.plots)
+        self.plots = self.plots[step:] + self.plots[:step]
+        self.count, self._said, self._peak = 1, "", None
+        self.stack.show_panels([tuple(self.plots[:1])])
         self.request_view()
 
     def command_detail_refresh(self) -> None:

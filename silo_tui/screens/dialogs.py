@@ -222,13 +222,18 @@ def groups_text(changes: Sequence[Change], prefix: str = "", begin: int = 0, end
     return lines
 
 
-def cost_text(now: Cost, after: Cost, short_name: str) -> Text:
-    """Return what a table takes now and will take, with a sign at what gets worse."""
+def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> Text:
+    """Return what a table takes now and will take, with a sign at what gets worse.
+
+    `room_bytes` are those that its buffers may take, 0 where that isn't known; more than these can't be started.
+    """
     lines = Text()
     lines.append(f"{'':<10}{'now':>16}{'after':>16}\n", style="dim")
     held = [_between(each.shortest_s, each.longest_s) for each in (now, after)]
     memory = [text.size(each.memory_bytes) for each in (now, after)]
-    _cost(lines, "memory", memory, after.memory_bytes > now.memory_bytes)
+    room = f"of {text.size(room_bytes)} available" if room_bytes else ""
+    over = bool(room_bytes) and after.memory_bytes > room_bytes
+    _cost(lines, "memory", memory, after.memory_bytes > now.memory_bytes, room, over=over)
     disk = [text.size(each.disk_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "to a file", disk, after.disk_bytes_s > now.disk_bytes_s)
     topics = [text.size(each.topic_bytes_s) + "/s" for each in (now, after)]
@@ -243,7 +248,8 @@ def _between(shortest_s: float, longest_s: float) -> str:
     return f"{shortest.removesuffix(' s')} … {longest}" if longest.endswith(" s") else f"{shortest} … {longest}"
 
 
-def _cost(lines: Text, title: str, amounts: Sequence[str], worse: bool, note: str = "") -> None:
+def _cost(lines: Text, title: str, amounts: Sequence[str], worse: bool, note: str = "", *, over: bool = False) -> None:
     old, new = amounts
-    lines.append(f"{title:<10}{old:>16}{new:>16} {'▲' if worse else ' '} ")
-    lines.append(note + "\n", style="dim")
+    lines.append(f"{title:<10}{old:>16}{new:>16} ")
+    lines.append("!! " if over else "▲  " if worse else "   ", style="bold" if over else "")
+    lines.append(f"{note}\n", style="bold" if over else "dim")

@@ -18,7 +18,7 @@ from silo_tui.widgets.bars import Banner, InfoLine, KeyBar, StatusBar
 from silo_tui.widgets.element_table import ElementTable, TableHead
 from silo_tui.widgets.inputs import Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
-from silo_tui.widgets.live_pane import LivePane
+from silo_tui.widgets.live_pane import LiveHead, LivePane
 
 WIDE = 110
 INSPECTOR_FROM = 170  # cells from which the inspector opens by itself
@@ -51,7 +51,7 @@ class ElementsScreen(SiloScreen):
         self.inspector = inspector
         self.status_bar, self.banner = bars
         self.info = InfoLine(session)
-        self.live_head = Static("", id="live-head", markup=False)
+        self.live_head = LiveHead(pane)
         self.table_head = TableHead(table)
         self._read_only = read_only
         self._inspector_wanted: bool | None = None
@@ -155,12 +155,12 @@ class ElementsScreen(SiloScreen):
         return True
 
     def _show_emptiness(self) -> None:
-        empty = self.query_one("#empty", Static)
         nothing = not len(self.session.rows.shown) and bool(len(self.session.table))
-        empty.display = nothing
-        if nothing:
-            why = self._why_none()
-            empty.update(f"No element passes the filter {self.session.rows.filter.text!r} ({why}). Esc clears it.")
+        for empty in self.query("#empty").results(Static):  # none while the screen goes
+            empty.display = nothing
+            if nothing:
+                why = self._why_none()
+                empty.update(f"No element passes the filter {self.session.rows.filter.text!r} ({why}). Esc clears it.")
 
     # ------------------------------------------------------------------------------------------------ the view
 
@@ -259,10 +259,9 @@ class ElementsScreen(SiloScreen):
         self.table_changed()
 
     def on_table_head_picked(self, event: TableHead.Picked) -> None:
-        """Sort by the column whose head was clicked."""
-        self.session.rows.sort = event.order
-        self.say(f"sorted by {event.order}")
-        self.table_changed()
+        """Order by the column whose head was clicked; a second click turns the order round."""
+        self._order_by(event.order)
+        self.table_head.refresh()
 
     def command_inspector(self) -> None:
         self._inspector_wanted = not self.inspector.display

@@ -1,7 +1,10 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """What happened: the event log of a logger, or of a file, newest first; Enter goes there in the plots."""
 
+import asyncio
+import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import ClassVar
 
 from rich.text import Text
@@ -11,11 +14,16 @@ from textual.binding import Binding
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
+from silo.errors import SiloError
+from silo.files.atomic import atomic_file
 from silo.model import LoggedEvent
 from silo_tui.actions import bindings_for
 from silo_tui.context import SiloScreen
 from silo_tui.model import text
-from silo_tui.model.happened import letter, line, matches
+from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches
+from silo_tui.model.lists import arranged
+from silo_tui.screens.dialogs import Prompt
+from silo_tui.screens.order import OrderDialog
 from silo_tui.screens.searching import Searching
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
@@ -29,6 +37,7 @@ class EventsScreen(SiloScreen):
     """A list of lines that follows the newest one until one moves in it."""
 
     scope = "events"
+    aside = True
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("events")
 
     def __init__(self, session: Session) -> None:
@@ -39,6 +48,7 @@ class EventsScreen(SiloScreen):
         self._shown: list[LoggedEvent] = []
         self._all: Sequence[LoggedEvent] = ()
         self._said = ""
+        self._order, self._turned = ORDERS[0], False
 
     def compose(self) -> ComposeResult:
         """Yield head, lines, message, the line of the filter, keys."""
@@ -72,10 +82,13 @@ class EventsScreen(SiloScreen):
             self._show()
 
     def _show(self) -> None:
+        if not self.is_there:
+            return
         lines, width = self._list, self.size.width
         kept = self._event
         self._all = self.session.happened
-        self._shown = [event for event in reversed(self._all) if matches(event, self._asked)]
+        passing = (event for event in self._all if matches(event, self._asked))
+        self._shown = arranged(passing, self._order, turned=self._turned)
         lines.clear_options()
         lines.add_options(Option(self._line(event, width)) for event in self._shown)
         if self._shown:
@@ -90,8 +103,12 @@ class EventsScreen(SiloScreen):
         return shown
 
     def _tell(self) -> None:
+        if not self.is_there:
+            return
         count = text.plural(len(self._all), "event")
         words = [f"{count}, {'follows' if self._following else 'g follows'}" if self._all else "nothing happened yet"]
+        if self._order is not ORDERS[0] or self._turned:
+            words.append(f"by {self._order.name}{', turned round' if self._turned else ''}")
         if self._asked:
             words.append(f"/{self._asked}: {len(self._shown)} of {len(self._all)}")
         if self._said:
@@ -133,6 +150,47 @@ class EventsScreen(SiloScreen):
         self._following, self._said = True, ""
         self._show()
 
+    def command_order_events(self) -> None:
+        letters = {order.name: order.letter for order in ORDERS}
+        words = {order.name: order.words for order in ORDERS}
+        arrow = "↓" if self._order.backwards != self._turned else "↑"
+        self.app.push_screen(OrderDialog(list(letters), self._order.name, arrow, letters, words), self._by)
+
+    def _by(self, name: str | None) -> None:
+        if name is not None:
+            self._turned = not self._turned if name == self._order.name else False
+            self._order = next(order for order in ORDERS if order.name == name)
+            self._said = ""
+            self._show()
+
+    def command_read_events(self) -> None:
+        self.run_worker(self._read_again(), group="events", exclusive=True)
+
+    async def _read_again(self) -> None:
+        await self.context.quietly(self.session.learn_events())
+        self._show()
+        self.say("read again")
+
+    def command_write_events(self) -> None:
+        if not self._shown:
+            self.say("nothing to write: no event is shown")
+            return
+        body = f"{text.plural(len(self._shown), 'event')} as {'filtered' if self._asked else 'shown'}, to a CSV file."
+        self.app.push_screen(Prompt("Write the events to a file on this machine", body, "events.csv"), self._write)
+
+    def _write(self, given: str | None) -> None:
+        if given:
+            self.run_worker(self._written(Path(os.path.expanduser(given)), list(self._shown)))  # noqa: PTH111
+
+    async def _written(self, path: Path, shown: Sequence[LoggedEvent]) -> None:
+        path = path if path.suffix else path.with_suffix(".csv")
+        try:
+            await asyncio.to_thread(_write_csv, path, shown)
+        except (SiloError, OSError) as error:
+            self.context.fail(str(error))
+        else:
+            self.context.say(f"{text.plural(len(shown), 'event')} written: {path.absolute()}")
+
     def command_filter_events(self) -> None:
         self.query_one(KeyBar).show_instead(FILTER_KEYS)
         self.query_one(Line).begin(self._asked)
@@ -170,7 +228,8 @@ class EventsScreen(SiloScreen):
         if not event.at_ns or event.tick < 0:
             self.say("this happened before the first tick: no place in the plots")
             return
-        plots = next((each for each in reversed(self.app.screen_stack) if isinstance(each, Searching)), None)
+        stack = [each for each in self.app.screen_stack if isinstance(each, Searching)]
+        plots = next((each for each in reversed(stack) if each.session is self.session), None)
         if plots is None:
             self.say("no plots are open: m in the table plots what is marked, then E and Enter")
             return
@@ -185,6 +244,11 @@ class EventsScreen(SiloScreen):
             self._show()
         else:
             self.context.leave_screen()
+
+
+def _write_csv(path: Path, shown: Sequence[LoggedEvent]) -> None:
+    with atomic_file(path) as file:
+        file.write(csv_text(shown).encode("utf-8", "backslashreplace"))
 
 
 class FileEventsScreen(EventsScreen, inherit_bindings=False):

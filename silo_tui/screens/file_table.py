@@ -2,6 +2,7 @@
 """What is in a file: the table of a logger with other columns and without what edits."""
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from typing import ClassVar
 
@@ -9,6 +10,7 @@ from textual.binding import Binding
 
 from silo_tui.actions import bindings_for
 from silo_tui.model.columns import ColumnStore
+from silo_tui.model.facts import NOTHING
 from silo_tui.model.table_columns import FILE_COLUMNS, FileRow
 from silo_tui.screens.elements import ElementsScreen
 from silo_tui.sessions.recorded import FileSession
@@ -17,6 +19,7 @@ from silo_tui.widgets.live_pane import TREND
 from silo_tui.widgets.recorded import FileBanner, FileBar, RecordedInspector, RecordedPane
 
 VALUES = 96  # from this width values stand beside the table
+TELLS_AFTER_S = 0.3
 
 
 class FileTableScreen(ElementsScreen):
@@ -33,8 +36,11 @@ class FileTableScreen(ElementsScreen):
         )
         inspector: RecordedInspector = RecordedInspector(session)
         bars = FileBar(session), FileBanner(session)
-        super().__init__(session, table, RecordedPane(session, table), inspector, bars, read_only=True)
+        pane = RecordedPane(session, table)
+        super().__init__(session, table, pane, inspector, bars, read_only=True)
         self.file = session
+        self.column_set = pane.column_set
+        self._top_wanted = False  # by who chose an order, until it is known
         self.plots = inspector
         self._leave = leave  # to what it was opened from
 
@@ -48,7 +54,10 @@ class FileTableScreen(ElementsScreen):
 
     def lay_out_pane(self, width: int, rest: int) -> None:
         """Show values and trends where there is room: the inspector has the value too, and a plot."""
-        self.pane.lay_out(12 if rest >= VALUES else 0, trend=rest >= VALUES)
+        room = rest >= VALUES
+        few = self.column_set.name != "values" or (self.session.rows.live and not room)
+        self.table.choose(FILE_COLUMNS[:1] if few else FILE_COLUMNS)
+        self.pane.lay_out(12 if room or few else 0, trend=room)
 
     def request_view(self) -> None:
         """Read values and columns of what is on the screen."""
@@ -74,6 +83,57 @@ class FileTableScreen(ElementsScreen):
         self.live_head.update(self.pane.head)
         self.pane.live_changed()
         self.inspector.refresh()
+        self._measure(rows)
+
+    # ---------------------------------------------------------------------------------------- what has to be reckoned
+
+    def _measure(self, rows: Sequence[int]) -> None:
+        """Reckon what filter, order and columns need and isn't known yet of this moment."""
+        names = [name for row in rows for name in (self.session.table.names[row], self.pane.shown_name(row))]
+        details = list(dict.fromkeys([*names, *self.table.entries_on_screen()]))
+        if self.file.unmeasured(details, self.column_set.quantities):
+            self.run_worker(self._measured(details), group="facts", exclusive=True)
+        elif self.session.table.facts.time_ns not in (0, self.file.time_ns):
+            self.session.table.facts = NOTHING  # of another moment, and nobody asks for them any more
+
+    async def _measured(self, details: Sequence[str]) -> None:
+        begun_s, told = time.monotonic(), False
+
+        def tell(done: int) -> None:
+            nonlocal told
+            if told or time.monotonic() - begun_s >= TELLS_AFTER_S:
+                told = True
+                self.say(f"reading all samples: {done} of {len(self.session.table)} elements")
+
+        await self.file.measure(details, self.column_set.quantities, tell)
+        if told:
+            self.say("")
+        rows = self.session.rows
+        rows.refresh()
+        if self._top_wanted:
+            rows.move_to(0)
+            self._top_wanted = False
+        self.table_changed()
+        self._show_filter()
+
+    def order_changed(self) -> None:
+        """Show the order with what is known, and its column; what it needs is reckoned then."""
+        super().order_changed()
+        self._top_wanted = self.session.rows.live
+        self._lay_out(self.app.size.width)
+
+    def action_command(self, command_id: str) -> None:
+        """Do what a key asks for; who moved on isn't taken to the top any more."""
+        self._top_wanted = False
+        super().action_command(command_id)
+
+    def command_columns(self) -> None:
+        words = self.column_set.step()
+        self._lay_out(self.app.size.width)
+        self.say(f"columns: {words}" + (" of every sample in the file" if words == "statistics" else ""))
+        self.table_changed()
+
+    # ------------------------------------------------------------------------------------------- trends and plots
 
     async def _read_trends(self, store: ColumnStore) -> None:
         await self._read(store, self.file.source.begin_ns, self.file.source.end_ns)

@@ -30,6 +30,7 @@ LAST_GROUPS = ("Logger", "Go")
 SIGNS = (
     ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
     (">", "marked: edits and the monitor are about all that is marked"),
+    ("=", "derived: computed from others; its options are those of its signals"),
 )  # fmt: skip
 FILE_SIGNS = (
     (">", "marked: the plots are of all that is marked"), ("= 1.23", "the value that held at the cursor"),

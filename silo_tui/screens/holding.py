@@ -4,6 +4,7 @@ Without it, what is typed into a dialog that is slow to come would edit the tabl
 """
 
 import time
+from typing import Any, cast
 
 from textual import events
 from textual.app import ComposeResult
@@ -88,6 +89,7 @@ width: 1fr; padding: 0 1; margin-bottom: 1; background: $panel; }"
             self.ended = True
             self.dismiss()
         elif event.key == "ctrl+q":
+            cast(Any, self.app).context.left()
             self.app.exit()
         else:
             self._keys.append(event)

@@ -88,6 +88,22 @@ class LoggersScreen(SiloScreen):
         """Move the cursor up."""
         self.query_one(OptionList).action_cursor_up()
 
+    def command_first_logger(self) -> None:
+        """Move the cursor to the first line."""
+        self.query_one(OptionList).action_first()
+
+    def command_last_logger(self) -> None:
+        """Move the cursor to the last line."""
+        self.query_one(OptionList).action_last()
+
+    def command_loggers_down(self) -> None:
+        """Move the cursor a page down."""
+        self.query_one(OptionList).action_page_down()  # type: ignore[no-untyped-call]  # textual's
+
+    def command_loggers_up(self) -> None:
+        """Move the cursor a page up."""
+        self.query_one(OptionList).action_page_up()  # type: ignore[no-untyped-call]  # textual's
+
     def command_open_logger(self) -> None:
         """Choose with Enter where the list has no focus."""
         self.query_one(OptionList).action_select()

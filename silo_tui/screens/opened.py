@@ -1,8 +1,9 @@
 """Opening a recording of the robot in place: the screens of a file above those of the logger, and back."""
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from silo.errors import SiloError
 from silo.ipc.messages import RecordingFile
@@ -18,10 +19,16 @@ if TYPE_CHECKING:
     from silo_tui.sessions.recorded import FileSession
 
 
-async def open_recording(context: Context, session: Session, folder: str, file: RecordingFile) -> None:
-    """Show a recording; one that isn't on this machine is fetched first, which is told."""
-    from silo_tui.screens.file_table import FileTableScreen
+Plots: TypeAlias = "Callable[[FileSession], list[str]]"
 
+
+async def open_recording(
+    context: Context, session: Session, folder: str, file: RecordingFile, plotted: "Plots | None" = None
+) -> None:
+    """Show a recording, with plots over its table where `plotted` says of what; at the first fire of a capture.
+
+    One that isn't on this machine is fetched first, which is told.
+    """
     asked_on = context.upper_screen
     found = await _opened(context, session, folder, file)
     if found is None:
@@ -30,12 +37,37 @@ async def open_recording(context: Context, session: Session, folder: str, file: 
     if context.upper_screen is not asked_on or context.app.screen is not asked_on:
         context.say(f"{file.name} is here: {path}")  # whoever asked went elsewhere meanwhile
         return
+    await _show(context, opened)
+    if plotted is not None and (names := plotted(opened)):
+        await _show_plots(context, opened, names)
+    if path.parent == cache_folder(session.status.host, session.name):
+        context.say(f"fetched, {text.size(file.size_bytes)}: {path}")
+
+
+async def open_path(context: Context, path: str) -> None:
+    """Show a log of this machine over the logger that is open. Raises what opening it raises."""
+    from silo_tui.sessions.recorded import open_file
+
+    opened = await asyncio.to_thread(open_file, Path(path).expanduser())
+    await _show(context, opened)
+
+
+async def _show(context: Context, opened: "FileSession") -> None:
+    from silo_tui.screens.file_table import FileTableScreen
+
     context.show_file(opened)
     await context.app.push_screen(FileTableScreen(opened, leave=context.leave_file))
     context.table_changed()
     context.status_changed()
-    if path.parent == cache_folder(session.status.host, session.name):
-        context.say(f"fetched, {text.size(file.size_bytes)}: {path}")
+
+
+async def _show_plots(context: Context, opened: "FileSession", names: list[str]) -> None:
+    from silo_tui.screens.file_monitor import FileMonitorScreen
+
+    monitor = FileMonitorScreen(opened, names)
+    await context.app.push_screen(monitor)
+    if opened.capture is not None and opened.capture.fires_ns:
+        monitor.call_after_refresh(monitor.show_moment_of, opened.capture.fires_ns[0])
 
 
 async def overlay_recording(context: Context, session: Session, folder: str, file: RecordingFile, name: str) -> None:
@@ -69,8 +101,13 @@ async def _opened(
         session.fetches.pop(file.name, None)
 
 
-async def open_saved(context: Context, session: Session, files: list[SavedFile]) -> None:
-    """Show what was just saved, or saved when the robot program died; without `files`, the newest of these."""
+async def open_saved(
+    context: Context, session: Session, files: list[SavedFile], plotted: "Plots | None" = None
+) -> None:
+    """Show what was just saved or captured, or saved when the robot program died; without `files`, the newest of these.
+
+    `plotted` says of what plots are shown at once.
+    """
     try:
         listed = await session.recordings()
     except SiloError as error:
@@ -78,7 +115,7 @@ async def open_saved(context: Context, session: Session, files: list[SavedFile])
         if local is None:
             context.fail(str(error))
         else:  # the link is cut, or its helper process has ended: the file is there all the same
-            await open_recording(context, session, *local)
+            await open_recording(context, session, *local, plotted)
         return
     names = {PurePath(file.path).name for file in files}
     died = [one for one in listed.recordings if one.why.startswith("program died")]
@@ -87,7 +124,7 @@ async def open_saved(context: Context, session: Session, files: list[SavedFile])
         context.say(f"it is not in {listed.folder}; F lists what is there")
         return
     newest = max(found, key=begun_ns)
-    await open_recording(context, session, listed.folder, best_file(newest))
+    await open_recording(context, session, listed.folder, best_file(newest), plotted)
 
 
 def _on_this_machine(files: list[SavedFile]) -> tuple[str, RecordingFile] | None:

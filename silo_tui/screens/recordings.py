@@ -2,8 +2,9 @@
 """The recordings in the logger's folder on the robot: listed, opened in place, fetched, deleted."""
 
 import asyncio
+from collections.abc import Coroutine
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from rich.text import Text
 from textual import events
@@ -17,27 +18,29 @@ from silo.ipc.frames import Frame
 from silo.ipc.messages import Recordings, SavedRecording
 from silo_tui.actions import bindings_for
 from silo_tui.context import SiloScreen
+from silo_tui.model import recorders, text
 from silo_tui.model import recordings as rows
-from silo_tui.model import text
+from silo_tui.model.lists import Marks
+from silo_tui.screens import recorder
 from silo_tui.screens.dialogs import Choice, Prompt, Question
 from silo_tui.screens.opened import open_recording, overlay_recording
 from silo_tui.screens.order import OrderDialog
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, here
-from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
+from silo_tui.widgets.bars import Banner, KeyBar, StatusBar, color
 from silo_tui.widgets.inputs import Fleeting, Line
 
 FOLLOW_S = 0.25
 FIRST, MOST = 200, 10_000  # how many are asked for
 LOOK_AGAIN_S = 0.3
 FILTER_KEYS = "Enter keeps the filter  Esc clears it"
-GUTTER = 2
 
 
 class RecordingsScreen(SiloScreen):
-    """A list; what runs (endless recorders) will stand above it."""
+    """A list of what is saved; what is being recorded stands above it."""
 
     scope = "recordings"
+    aside = True
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("recordings")
 
     def __init__(self, session: Session) -> None:
@@ -45,7 +48,7 @@ class RecordingsScreen(SiloScreen):
         self.session = session
         self.found: Recordings | None = None
         self._shown: list[SavedRecording] = []
-        self._marked: set[str] = set()
+        self.marks = Marks()
         self._order, self._turned, self._words = "begun", False, ""
         self._said = ""
         self._most = FIRST
@@ -65,11 +68,11 @@ class RecordingsScreen(SiloScreen):
 
     def on_mount(self) -> None:
         """Ask at once; follow what is fetched."""
-        self.query_one("#recordings-running").display = False
         self._list.focus()
         self.banner.update()
         self._show_rows()
         self.read_again()
+        self._look()
         self.set_interval(FOLLOW_S, self._follow)
 
     def on_resize(self, event: events.Resize) -> None:
@@ -98,13 +101,43 @@ class RecordingsScreen(SiloScreen):
             await asyncio.sleep(LOOK_AGAIN_S)  # what there was no time to look into
         self._tell()
 
+    def _look(self) -> None:
+        """Ask how endless recordings stand."""
+        if self.session.connected and self.context.upper_screen is self:
+            self.run_worker(self._look_at_recorders(), group="recorders", exclusive=True)
+
+    async def _look_at_recorders(self) -> None:
+        await self.context.quietly(self.session.refresh_recorders())
+        self._show_running()
+
+    def _show_running(self) -> None:
+        """Draw what is being recorded; nothing where nothing is."""
+        for lines in self.query("#recordings-running").results(Static):  # none of a screen that is gone
+            lines.display = bool(self.session.recorders)
+            lines.update(Text("\n").join(self._running_lines()))
+
+    def _running_lines(self) -> list[Text]:
+        session, width = self.session, max(40, self.size.width)
+        found = [Text(recorders.head(width), "dim", no_wrap=True)]
+        for one in session.recorders:
+            row = recorders.row(one, session.table.names, session.paces.get(one.name), session.status.folder, width)
+            line = Text(row, no_wrap=True, overflow="ellipsis")
+            full = one.keep_bytes and one.size_bytes >= recorders.FULL_SHARE * one.keep_bytes
+            caution = one.state in recorders.CAUTION or full or one.lost
+            name = "error" if one.state in recorders.LOUD else "warning" if caution else "success"
+            line.stylize(f"bold {color(self.app.theme_variables, name)}", 2, 6)
+            found.append(line)
+        return found
+
     def _show_rows(self) -> None:
+        if not self.query("#recordings-list"):
+            return  # the screen is gone
         lines = self._list
         found = self.found.recordings if self.found is not None else []
         kept = self._row.stem if self._row is not None else ""
         place = lines.highlighted or 0
         self._shown = rows.arranged(found, self._words, self._order, turned=self._turned)
-        self._marked &= {one.stem for one in found}
+        self.marks.keep(one.stem for one in found)
         width = max(40, self.size.width)
         self.query_one("#recordings-head", Static).update(rows.head(width))
         lines.clear_options()
@@ -119,7 +152,7 @@ class RecordingsScreen(SiloScreen):
         self._tell()
 
     def _line(self, one: SavedRecording, width: int) -> Text:
-        mark = " >" if one.stem in self._marked else "  "
+        mark = " >" if one.stem in self.marks.keys else "  "
         words = Text(mark + rows.row(one, self.session.status.logger or self.session.name, width), no_wrap=True)
         if one.unfinished or one.unread or not self.session.connected:
             words.stylize("dim")
@@ -139,11 +172,12 @@ class RecordingsScreen(SiloScreen):
         if self._said:
             parts.insert(0, self._said)
         elif found is not None:
-            marked = [f"{len(self._marked)} marked"] if self._marked else []
+            marked = [f"{len(self.marks.keys)} marked"] if self.marks.keys else []
             order = [f"by {self._order}"] if self._order != "begun" or self._turned else []
             count = rows.summary(found, len(self._shown), self._words)
             parts = [count, *marked, *order, *parts]
-        self.query_one("#recordings-said", Static).update(" " + " │ ".join(parts))
+        for line in self.query("#recordings-said").results(Static):  # none of a screen that is gone
+            line.update(" " + " │ ".join(parts))
 
     def _follow(self) -> None:
         if self.session.fetches:
@@ -161,15 +195,17 @@ class RecordingsScreen(SiloScreen):
         self.status_bar.update()
         self.banner.update()
         self._show_rows()
+        self._show_running()
 
     def live_changed(self, frame: Frame) -> None:
         """Show the state."""
         self.status_bar.update()
 
     def second_passed(self) -> None:
-        """Paint the times again."""
+        """Paint the times again, and ask how far what runs is."""
         self.status_bar.update()
         self.banner.update()
+        self._look()
 
     def say(self, words: str) -> None:
         """Show the result of something."""
@@ -232,8 +268,17 @@ class RecordingsScreen(SiloScreen):
 
     def command_mark_recording(self) -> None:
         if self._row is not None:
-            self._marked ^= {self._row.stem}
+            self.marks.toggle(self._row.stem)
             self._move(1)
+            self._show_rows()
+
+    def command_mark_recordings(self) -> None:
+        self.marks.toggle_all([one.stem for one in self._shown])
+        self._show_rows()
+
+    def command_range_of_recordings(self) -> None:
+        if self._row is not None:
+            self.say(self.marks.range_to(self._row.stem, [one.stem for one in self._shown]))
             self._show_rows()
 
     def command_order_recordings(self) -> None:
@@ -317,7 +362,7 @@ class RecordingsScreen(SiloScreen):
 
     def _targets(self) -> list[SavedRecording]:
         """Return what is marked and shown, else the row; never what is unfinished."""
-        marked = [one for one in self._shown if one.stem in self._marked]
+        marked = [one for one in self._shown if one.stem in self.marks.keys]
         chosen = marked or ([self._row] if self._row is not None else [])
         return [one for one in chosen if not one.unfinished]
 
@@ -355,6 +400,19 @@ class RecordingsScreen(SiloScreen):
             finally:
                 self.session.fetches.pop(name, None)
 
+    # --------------------------------------------------------------------------------------------------- recording
+
+    def command_record(self) -> None:
+        free = self.found.free_bytes if self.found is not None else 0
+        self.context.run_flow(self._then_look(recorder.begin(self.context, self.session, free)))
+
+    def command_stop_recording(self) -> None:
+        self.context.run_flow(self._then_look(recorder.end(self.context, self.session)))
+
+    async def _then_look(self, flow: Coroutine[Any, Any, None]) -> None:
+        await flow
+        self._show_running()
+
     # ---------------------------------------------------------------------------------------------------- deleting
 
     def command_delete_recording(self) -> None:
@@ -364,7 +422,10 @@ class RecordingsScreen(SiloScreen):
             self.say("nothing to delete here")
         elif foreign:
             whose = f"the logger {foreign[0].logger} wrote it" if foreign[0].logger else "it names no logger"
-            self.say(f"{foreign[0].stem} was not saved by this logger ({whose}): delete it on the robot; it is kept")
+            why = f"was not saved by this logger ({whose})"
+            if foreign[0].files[0].folder:
+                why = "is a part of an endless recording, whose budget (keep) deletes the oldest"
+            self.say(f"{foreign[0].stem} {why}: delete it on the robot; it is kept")
         else:
             size = text.size(sum(one.size_bytes for one in targets))
             what = targets[0].stem if len(targets) == 1 else text.plural(len(targets), "recording")
@@ -397,8 +458,7 @@ class RecordingsScreen(SiloScreen):
         """Leave the filter, then the marks, then the screen."""
         if self._words:
             self._filter_by("")
-        elif self._marked:
-            self._marked.clear()
+        elif self.marks.clear():
             self._show_rows()
         else:
             self.context.leave_screen()

@@ -1,5 +1,7 @@
 """Choosing a script on the robot, with what loading it would change."""
 
+from collections.abc import Sequence
+
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.containers import Vertical, VerticalScroll
@@ -8,6 +10,8 @@ from textual.widgets.option_list import Option
 
 from silo.errors import SiloError
 from silo.ipc.messages import ScriptDiff, Scripts
+from silo.model import FieldChange
+from silo.settings.extras_diff import NONE
 from silo_tui.model import text
 from silo_tui.screens.dialogs import ListDialog, groups_text
 from silo_tui.sessions.link import Link
@@ -65,15 +69,33 @@ class ScriptsDialog(ListDialog):
             self.previewed = name
 
 
+def _extras_text(extras: Sequence[FieldChange]) -> Text:
+    """Return differences of derived signals, limits and triggers, those of one below its name."""
+    lines = Text()
+    for name in dict.fromkeys(change.name for change in extras):
+        lines.append(f"{name}\n", style="bold")
+        for change in extras:
+            if change.name == name:
+                lines.append(f"  {change.field} {change.old} → {change.new}\n" if change.field else _whole(change))
+    return lines
+
+
+def _whole(change: FieldChange) -> str:
+    return f"  new: {change.new}\n" if change.old == NONE else f"  taken away: {change.old}\n"
+
+
 def script_diff_text(diff: ScriptDiff) -> Text:
     """Return what a script would change, in words."""
     lines = Text()
-    if not diff.changes:
+    if not diff.changes and not diff.extras:
         lines.append("It would change nothing.\n")
-    else:
+    elif diff.changes:
         elements = len({change.name for change in diff.changes})
         lines.append(f"It would change {text.plural(elements, 'element')}:\n")
     lines.append_text(groups_text(diff.changes))
+    if diff.extras:
+        lines.append("\n" * bool(diff.changes) + "Beside elements it would change:\n")
+        lines.append_text(_extras_text(diff.extras))
     if diff.warnings:
         lines.append("\n" + "\n".join(diff.warnings) + "\n")
     if diff.unknown:

@@ -1,6 +1,7 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The table of a logger: its elements with their live columns, and everything that edits them."""
 
+import math
 import time
 from collections.abc import Callable
 from typing import ClassVar
@@ -11,6 +12,7 @@ from textual.timer import Timer
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
+from silo.model import TriggerOptions
 from silo.settings.words import examples
 from silo_tui.actions import bindings_for
 from silo_tui.model import text
@@ -22,9 +24,10 @@ from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.elements import WIDE, ElementsScreen
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import LiveSource, Session
+from silo_tui.terminal import pace_of
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FLAGS, ElementTable
-from silo_tui.widgets.fact_columns import ColumnSet, pane_columns
+from silo_tui.widgets.fact_columns import LIVE_SETS, ColumnSet, pane_columns
 from silo_tui.widgets.inputs import CellEditor, Fleeting, Line
 from silo_tui.widgets.inspector import Inspector
 from silo_tui.widgets.live_pane import TREND, VALUE, LivePane
@@ -111,12 +114,17 @@ class TableScreen(ElementsScreen):
     def _judge(self) -> None:
         """Survey once a second, twice where a filter asks for what is measured."""
         session, now_s = self.session, time.monotonic()
-        period_s = JUDGE_S if session.rows.filter.measured else SURVEY_S
+        period_s = max(JUDGE_S if session.rows.filter.measured else SURVEY_S, self._thin_s())
         due = now_s - self._survey_s >= period_s - JUDGE_S / 2
         if self._surveying or not due or self.context.upper_screen is not self or not session.connected:
             return
         self._survey_s, self._surveying = now_s, True
         self.run_worker(self._survey(), group="survey")
+
+    def _thin_s(self) -> float:
+        """Return how long a thin link has to be spared; 0 where it isn't one."""
+        pause_s = pace_of(self.app).statistics_s
+        return pause_s if pause_s > SURVEY_S else 0.0
 
     async def _survey(self) -> None:
         reset, self._reset_wanted = self._reset_wanted, False
@@ -173,11 +181,18 @@ class TableScreen(ElementsScreen):
         self._top_wanted = self.session.rows.live  # until what it is by was measured
         self._judge()
 
-    def command_columns(self) -> None:
-        words = self.column_set.step()
+    def show_set(self, name: str) -> bool:
+        """Show another set of live columns; False where there is none of that name."""
+        if name in LIVE_SETS:
+            self.column_set.name = name
         self._lay_out(self.app.size.width)
         self._survey_s = 0.0
         self._judge()
+        return name in LIVE_SETS
+
+    def command_columns(self) -> None:
+        words = self.column_set.step()
+        self.show_set(words)
         since = text.clock(self.session.table.facts.since_ns)
         self.say(f"columns: {words}" + (f" of every sample since {since}; Z from now" if words == "statistics" else ""))
         self.table_changed()
@@ -285,6 +300,35 @@ class TableScreen(ElementsScreen):
                 Question(f"Edit what of {text.plural(count, 'element')}?", "", choices), self._edit_chosen
             )
 
+    def command_new_of_row(self) -> None:
+        row = self.session.rows.row
+        if row is None or not self.session.table.elements[row].entries:
+            self.say("a trigger or limits are of one element: go to its line")
+            return
+        entry = self.session.rows.entry or 0
+        name = self.session.table.entry_names(row)[entry]
+        short = self.session.short_name(name).lstrip("/")
+        reading = self.session.live.readings.get(self.session.table.names[row])
+        value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
+        level = f"{value:.6g}" if math.isfinite(value) else "0"
+        made = TriggerOptions(short.rpartition("/")[2], f"{short} > {level}", 1.0, 1.0)
+        choices = [Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l")]
+        self.app.push_screen(Question(f"New for {short}?", "", choices), lambda answer: self._make(answer, made, name))
+
+    def _make(self, answer: str | None, made: TriggerOptions, name: str) -> None:
+        """Go to the editor of a trigger, or of limits."""
+        from silo_tui.screens.alarms import AlarmsScreen
+        from silo_tui.screens.triggers import TriggersScreen
+
+        if answer == "trigger":
+            triggers = TriggersScreen(self.session)
+            self.app.push_screen(triggers)
+            triggers.call_after_refresh(triggers.edit, made, is_new=True)
+        elif answer == "limits":
+            alarms = AlarmsScreen(self.session)
+            self.app.push_screen(alarms)
+            alarms.call_after_refresh(alarms.ask_limits, self.session.short_name(name).lstrip("/"), name)
+
     def _open_left(self) -> None:
         from silo_tui.screens.opened import open_saved
 
@@ -297,9 +341,9 @@ class TableScreen(ElementsScreen):
             self.edit_field(Field(int(answer)))
 
     def _targets_known(self) -> bool:
-        if len(self.session.rows.targets()):
+        if len(self.session.rows.targets()) and not (why := self.session.why_fixed()):
             return True
-        self.say("nothing to edit here")
+        self.say(why if len(self.session.rows.targets()) else "nothing to edit here")
         return False
 
     def on_element_table_picked(self, event: ElementTable.Picked) -> None:
@@ -310,9 +354,9 @@ class TableScreen(ElementsScreen):
     def edit_field(self, field: Field) -> None:
         """Turn logging on or off, let one of a few values be chosen, or open the editor over the cell."""
         if self._targets_known():
-            self._sure_of_hidden(lambda: self._edit_field(field))
+            self.sure_of_hidden(lambda: self._edit_field(field))
 
-    def _sure_of_hidden(self, then: Callable[[], None]) -> None:
+    def sure_of_hidden(self, then: Callable[[], None]) -> None:
         """Ask first where what is marked is hidden: nobody sees what would be changed."""
         rows = self.session.rows
         hidden, count = rows.hidden_targets, len(rows.targets())
@@ -388,7 +432,7 @@ class TableScreen(ElementsScreen):
 
     def command_edit_all(self) -> None:
         if self._targets_known():
-            self._sure_of_hidden(lambda: self._open_editor("=", select=False))
+            self.sure_of_hidden(lambda: self._open_editor("=", select=False))
 
     def _set(self, field: Field, value: int) -> None:
         targets = self.session.rows.targets()
@@ -410,7 +454,7 @@ class TableScreen(ElementsScreen):
         self._edited(f"done again: {label}" if label else "nothing to do again")
 
     def command_discard(self) -> None:
-        self._sure_of_hidden(self._discard)
+        self.sure_of_hidden(self._discard)
 
     def _discard(self) -> None:
         count = self.session.table.discard(self.session.rows.targets())

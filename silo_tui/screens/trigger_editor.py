@@ -63,7 +63,8 @@ class TriggerEditor(Dialog[TriggerOptions | None]):
         return options_of_fields(fields, self._options)
 
     def _tell(self, words: str) -> None:
-        self.query_one("#trigger-told", Static).update(Text(words))
+        for line in self.query("#trigger-told").results(Static):  # none of an editor that was left
+            line.update(Text(words))
 
     # ------------------------------------------------------------------------------------------------------- trying
 
@@ -77,6 +78,8 @@ class TriggerEditor(Dialog[TriggerOptions | None]):
         self._timer = self.set_timer(TRY_AFTER_S, lambda: self.run_worker(self._try(), group="try", exclusive=True))
 
     async def _try(self) -> None:
+        if not self.query("#trigger-when"):
+            return  # it was left
         if not self.query_one("#trigger-when", Input).value.strip():
             self._tell("the condition: signals, numbers with units, and or not, prev diff rate mean min max any all")
             return
@@ -93,7 +96,7 @@ class TriggerEditor(Dialog[TriggerOptions | None]):
         except SiloError as error:
             self._tell(str(error))
             return
-        width = self.query_one("#trigger-told").content_size.width
+        width = next((line.content_size.width for line in self.query("#trigger-told")), 80)
         self._tell("\n".join(tried_lines(tried, width, made.keep)))
 
     # ------------------------------------------------------------------------------------------------------- ending

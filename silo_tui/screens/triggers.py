@@ -1,52 +1,74 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The triggers of a logger: how each stands, armed and off, set and tried."""
 
-import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rich.text import Text
 from textual.binding import Binding
 from textual.widgets import OptionList
 
+from silo.files.formats import kind_of
 from silo.ipc.conditions import TriggerStatus, TriggerWord
-from silo.model import TriggerOptions
+from silo.model import SavedFile, TriggerOptions
 from silo_tui.actions import bindings_for
-from silo_tui.model.conditions import CAUTION, LOUD, times_head, trigger_row
-from silo_tui.screens.conditions import ConditionsScreen
+from silo_tui.model import text
+from silo_tui.model.conditions import CAUTION, LOUD, named_in, times_head, trigger_row
+from silo_tui.model.lists import Order
+from silo_tui.screens.conditions import MOST_PLOTS, ConditionsScreen
+from silo_tui.screens.dialogs import Choice, Question
+from silo_tui.screens.opened import open_saved
 from silo_tui.screens.trigger_editor import TriggerEditor
 from silo_tui.widgets.bars import color
 
-MOST_PLOTS = 6
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
+    from silo_tui.sessions.recorded import FileSession
+
+# what is the matter first
+STATES = (
+    TriggerWord.FIRING, TriggerWord.BLIND, TriggerWord.OTHER, TriggerWord.HOLDOFF, TriggerWord.ARMED, TriggerWord.FIRED,
+    TriggerWord.WAITING, TriggerWord.OFF,
+)  # fmt: skip
 
 
-class TriggersScreen(ConditionsScreen):
+class TriggersScreen(ConditionsScreen[TriggerStatus]):
     """A line for each trigger."""
 
     scope = "triggers"
     empty = "No triggers. N makes one; on a plot it takes its level"
+    orders = (
+        Order("made", "g", "as they were made", lambda one: 0),
+        Order("name", "n", "name", lambda one: one.options.name.casefold()),
+        Order("state", "!", "state, what fires first", lambda one: STATES.index(one.state)),
+        Order("count", "c", "count, the largest first", lambda one: one.fires, True),
+        Order("last", "l", "last time, the newest first", lambda one: one.last_ns, True),
+    )
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("triggers")
 
     def head(self, width: int) -> str:
         return times_head(width)
 
-    def rows(self, width: int) -> Sequence[tuple[str, Text]]:
-        return [(one.options.name, self._row(one, width)) for one in self.session.triggers]
+    @property
+    def all(self) -> Sequence[TriggerStatus]:
+        return self.session.triggers
 
-    def _row(self, one: TriggerStatus, width: int) -> Text:
+    def key_of(self, one: TriggerStatus) -> str:
+        return one.options.name
+
+    def signals_of(self, one: TriggerStatus) -> Sequence[str]:
+        return named_in(one.options.when, self.session.table.elements, self.session.table.prefix)
+
+    def row_of(self, one: TriggerStatus, width: int) -> Text:
         name = "error" if one.state in LOUD else "warning" if one.state in CAUTION else "success"
         line = Text(trigger_row(one, width), no_wrap=True, overflow="ellipsis")
         quiet = one.state in (TriggerWord.OFF, TriggerWord.WAITING)
         line.stylize("" if quiet else f"bold {color(self.app.theme_variables, name)}", 2, 12)
         return line
 
-    @property
-    def _chosen(self) -> TriggerStatus | None:
-        return next((one for one in self.session.triggers if one.options.name == self.chosen_id), None)
-
     def words(self) -> str:
-        one = self._chosen
+        one = self.chosen
         if one is None:
             return ""
         name = one.options.name
@@ -63,23 +85,39 @@ class TriggersScreen(ConditionsScreen):
     # ------------------------------------------------------------------------------------------------- commands
 
     def command_trigger_toggle(self) -> None:
-        one = self._chosen
-        if one is not None:
-            armed = one.state in (TriggerWord.OFF, TriggerWord.FIRED)
-            self.context.run_flow(self.carry_out(lambda client: client.arm_trigger(one.options.name, armed=armed)))
+        """Arm what is off, or switch off; of several, all as the first."""
+        targets = self.targets
+        if targets:
+            armed = targets[0].state in (TriggerWord.OFF, TriggerWord.FIRED)
+            self._do(targets, lambda client, name: client.arm_trigger(name, armed=armed))
 
     def command_trigger_force(self) -> None:
-        one = self._chosen
-        if one is not None:
-            self.context.run_flow(self.carry_out(lambda client: client.force_trigger(one.options.name)))
+        self._do(self.targets, lambda client, name: client.force_trigger(name))
+
+    def _do(self, targets: Sequence[TriggerStatus], job: "Callable[[Client, str], str]") -> None:
+        names = [one.options.name for one in targets]
+        if names:
+            self.context.run_flow(self.carry_out(lambda client: "; ".join([job(client, name) for name in names])))
 
     def command_trigger_remove(self) -> None:
-        one = self._chosen
-        if one is not None:
-            self.context.run_flow(self.carry_out(lambda client: client.remove_trigger(one.options.name)))
+        targets = self.targets
+        if targets:
+            self.context.run_flow(self._remove(targets))
+
+    async def _remove(self, targets: Sequence[TriggerStatus]) -> None:
+        """Ask, and forget them."""
+        names, one = [each.options.name for each in targets], len(targets) == 1
+        kept = f"{text.plural(sum(each.fires for each in targets), 'fire')} in this run"
+        lines = [f"{each.options.name}: {each.options.when}" for each in targets]
+        lines += [f"{kept}; {'its' if one else 'their'} captures stay where they are."]
+        lines += [f"t switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."]
+        choices = [Choice("no", f"Keep {'it' if one else 'them'}"), Choice("yes", "Remove", "y")]
+        what = f"trigger {names[0]}" if one else f"{len(names)} triggers"
+        if await self.app.push_screen_wait(Question(f"Remove {what}?", "\n".join(lines), choices)) == "yes":
+            await self.carry_out(lambda client: "; ".join([client.remove_trigger(name) for name in names]))
 
     def command_trigger_edit(self) -> None:
-        one = self._chosen
+        one = self.chosen
         if one is not None:
             self.edit(one.options, is_new=False)
 
@@ -95,29 +133,23 @@ class TriggersScreen(ConditionsScreen):
             self.context.run_flow(self.carry_out(lambda client: client.set_trigger(made)))
 
     def command_trigger_capture(self) -> None:
-        one = self._chosen
+        one = self.chosen
         if one is None or not one.files:
             self.say("it has captured nothing yet")
             return
-        self.context.run_flow(self._open(one))
+        files = [SavedFile(path, kind, 0) for path in one.files if (kind := kind_of(path)) is not None]
+        self.run_worker(
+            open_saved(self.context, self.session, files, lambda file: self._plotted(file, one)),
+            group="opening", exclusive=True,
+        )  # fmt: skip
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Open what it captured last."""
         self.command_trigger_capture()
 
-    async def _open(self, one: TriggerStatus) -> None:
-        """Plot the signals of the condition as they were captured, the cursor at the fire."""
-        path = next((path for path in one.files if Path(path).exists()), "")
-        if not path:
-            self.say(f"it lies on the robot: {one.files[0]}")
-            return
-        from silo_tui.screens.file_monitor import FileMonitorScreen
-        from silo_tui.sessions.recorded import open_file
-
-        file = await asyncio.to_thread(open_file, path)
+    def _plotted(self, file: "FileSession", one: TriggerStatus) -> list[str]:
+        """Return what is plotted of a capture: the signals of its condition, else the first ones."""
         names = [name for name in file.rows_of if file.rows_of[name].samples]
-        named = [name for name in names if file.short_name(name).strip("/") in one.options.when]
-        monitor = FileMonitorScreen(file, (named or names)[:MOST_PLOTS])
-        await self.app.push_screen(monitor)
-        if file.capture is not None and file.capture.fires_ns:
-            monitor.call_after_refresh(monitor.show_moment_of, file.capture.fires_ns[0])
+        known = named_in(one.options.when, file.table.elements, file.status.prefix)
+        named = [name for name in known if name in set(names)]
+        return (named or names)[:MOST_PLOTS]

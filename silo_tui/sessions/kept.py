@@ -32,7 +32,7 @@ def left_behind(host: str, logger: str) -> dict[Path, KeptEdits]:
     found = {}
     for path in sorted(_folder().glob(f"{_stem(host, logger)}.*.json")):
         pid = path.name.split(".")[-2]
-        kept = read(path) if pid.isdecimal() and not _lives(int(pid)) else None
+        kept = read(path) if pid.isdecimal() and not lives(int(pid)) else None
         if kept is not None and kept.edits:
             found[path] = kept
     return found
@@ -47,7 +47,8 @@ def _stem(host: str, logger: str) -> str:
     return re.sub(r"[^\w-]", "_", f"{host or 'here'}-{logger}")
 
 
-def _lives(pid: int) -> bool:
+def lives(pid: int) -> bool:
+    """Return whether another process of that number runs."""
     if pid == os.getpid():
         return False  # this process has just begun with this logger
     try:

@@ -16,7 +16,7 @@ from silo.columns import MAX_COLUMNS, HistoryColumns
 from silo.errors import RefusedError
 from silo.ipc.conditions import LimitStatus, TriggerStatus
 from silo.ipc.frames import Frame
-from silo.ipc.messages import Recordings, RefusedWhy, Unsaved
+from silo.ipc.messages import RecorderInfo, Recordings, RefusedWhy, Unsaved
 from silo.ipc.published import Event, EventKind
 from silo.model import ElementInfo, LoggedEvent, SavedFile, State, Status
 from silo.settings.words import Settings, apply_settings
@@ -27,6 +27,7 @@ from silo_tui.model.happened import MOST, of_last_run
 from silo_tui.model.limits import Bounds4
 from silo_tui.model.live import LiveValues
 from silo_tui.model.overlay import Overlay
+from silo_tui.model.recorders import Pace
 from silo_tui.model.rows import RowList
 from silo_tui.model.source import Samples
 from silo_tui.model.table import TableState
@@ -71,7 +72,6 @@ class Session:
         self.ticks = 0
         self.lost_total = 0
         self.frame_time_ns = 0
-        self.frame_at = 0.0  # monotonic, of the newest frame
         self.lost_since: float | None = None  # monotonic, when the link was lost
         self.saves: dict[int, Event] = {}  # the newest event of each save
         self.fetches: dict[str, Fetching] = {}  # what is on its way here, by name
@@ -83,6 +83,8 @@ class Session:
         self.limits: list[LimitStatus] = []  # worst first
         self.bounds: dict[str, Bounds4] = {}  # of each scalar with limits: red low, yellow low, yellow high, red high
         self.beyond: dict[str, str] = {}  # the worst sign of each element that is beyond its limits
+        self.recorders: list[RecorderInfo] = []  # endless recordings, as they were asked for last
+        self.paces: dict[str, Pace] = {}  # how fast each of them writes
         self.conditions_due = True  # something happened to them since they were asked for
         self._entry_counts: dict[tuple[str, ...], list[int]] = {}
 
@@ -172,6 +174,20 @@ class Session:
         """Run a call that may take minutes."""
         return await self._link.aside(job)
 
+    async def refresh_recorders(self) -> None:
+        """Ask how endless recordings stand; of an older silo, which has none, nothing."""
+        try:
+            self.recorders = await self._link.read(lambda client: client.recorders())
+        except RefusedError:
+            self.recorders = []
+        now_s = time.monotonic()
+        self.paces = {
+            one.name: self.paces[one.name].next(now_s, one.written_bytes)
+            if one.name in self.paces
+            else Pace(now_s, one.written_bytes)
+            for one in self.recorders
+        }
+
     async def refresh_conditions(self) -> None:
         """Ask how triggers and limits stand."""
         self.conditions_due = False
@@ -179,15 +195,15 @@ class Session:
             self.triggers = (await self._link.read(lambda client: client.triggers())).triggers
             self.limits = (await self._link.read(lambda client: client.alarms())).limits
             self.bounds = {one.name: one.bounds for one in self.limits if any(each is not None for each in one.bounds)}
-            self.beyond = self._beyond()
+            self._take_beyond(self._beyond())
         except RefusedError:
-            self.triggers, self.limits, self.bounds, self.beyond = (
-                [],
-                [],
-                {},
-                {},
-            )  # of a helper process of an older silo
+            self.triggers, self.limits, self.bounds = [], [], {}  # of a helper process of an older silo
+            self._take_beyond({})
             raise
+
+    def _take_beyond(self, words: dict[str, str]) -> None:
+        self.beyond = words
+        self.table.take_beyond(words)
 
     def _beyond(self) -> dict[str, str]:
         found: dict[str, str] = {}
@@ -246,7 +262,7 @@ class Session:
     async def survey(self, details: Sequence[str], quantities: Sequence[str], *, reset: bool = False) -> None:
         """Measure anew: what filter and order need of all elements, `quantities` of elements and entries `details`."""
         wanted = sorted(self.rows.wanted())
-        found = await self._link.read(lambda client: client.survey(wanted, reset=reset))
+        found = await self._link.read(lambda client: client.survey(wanted, reset=reset, derived=True))
         arrays = np.frombuffer(found.values).reshape(len(wanted), -1)
         if found.revision != self.table.revision or arrays.shape[1] != len(self.table):
             return  # of a table that we haven't read yet
@@ -268,9 +284,22 @@ class Session:
         ValueError says what is out of range; nothing is changed then.
         """
         rows, values = self.rows.targets(), self.table.values
+        if why := self.why_fixed():
+            raise ValueError(why)
+        rows = rows[~self.table.derived[rows]]
         elements = [(self.table.names[row], options_of(values[:, row])) for row in rows]
         made = apply_settings(settings, elements, self.status.frequency_hz)
         return self.table.edit_all(rows, rows_of(made))
+
+    def why_fixed(self) -> str:
+        """Return why none of the targets can be edited, empty where some can."""
+        rows = self.rows.targets()
+        if not len(rows) or not self.table.derived[rows].all():
+            return ""
+        one = self.table.elements[rows[0]]
+        others = f" and {len(rows) - 1} more are" if len(rows) > 1 else " is"
+        name = self.short_name(one.name).lstrip("/")
+        return f"{name}{others} derived: divider, buffer and action are those of its signals"
 
     def watch(self, request: ViewRequest) -> None:
         """Say what the screen shows from now on."""
@@ -284,7 +313,6 @@ class Session:
         frame = self.link.frame() if self.link is not None else None
         if frame is None:
             return None
-        self.frame_at = time.monotonic()
         self.frame_time_ns, self.ticks = frame.time_ns, frame.tick
         self.measured_hz, self.lost_total = frame.measured_hz, frame.lost_total
         if frame.column_ns == self.columns.column_ns:  # else it is of the view before

@@ -3,12 +3,15 @@
 It has no link, so that nothing of it can be asked of a robot; `time_ns` is the moment whose values are shown.
 """
 
+import asyncio
 import contextlib
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
+
+import numpy as np
 
 from silo.analysis import reports
 from silo.analysis.log import Log, LogWarning, open_log
@@ -16,12 +19,15 @@ from silo.errors import ElementError, FileFormatError
 from silo.judging.extras import bind_limits, scalar_names, table_catalogue
 from silo.model import ElementInfo, State, Status, Table
 from silo.recording import Recording
+from silo_tui.model.facts import Facts
+from silo_tui.model.file_facts import FileFacts
 from silo_tui.model.limits import Bounds4
 from silo_tui.model.recorded import RecordingSource
 from silo_tui.model.table_columns import FILE_COLUMNS
 from silo_tui.sessions.live import Session
 
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
+SLICE_S = 0.05  # of reading, after which another wish is followed
 
 
 class FileSession(Session):
@@ -33,6 +39,7 @@ class FileSession(Session):
         recording = log.recording
         self.capture = recording.extras.capture  # where a trigger fired
         self.source = RecordingSource(recording, list(log))
+        self._facts = FileFacts(recording, list(log), self.source.time_ns)
         size_bytes = path.stat().st_size if path.is_file() else 0
         self.report = reports.report(recording, log.path, size_bytes)
         self.rows_of = dict(zip(log, self.report.elements, strict=True))
@@ -73,6 +80,38 @@ class FileSession(Session):
         """Bring the values of these elements at the moment shown."""
         self.live.readings.update(self.source.readings(names, self.time_ns))
         self.live.time_ns = self.time_ns
+
+    def unmeasured(self, details: Sequence[str], quantities: Sequence[str]) -> bool:
+        """Return whether something isn't known yet of what filter and order need, or `quantities` of `details`."""
+        facts = self.table.facts
+        if facts.time_ns != self.time_ns:
+            return bool(self._wanted(quantities))
+        missing = [name for name in details if not set(quantities) <= set(facts.details.get(name, ()))]
+        return bool(missing and quantities) or not self._wanted(quantities) <= set(facts.quantities)
+
+    def _wanted(self, quantities: Sequence[str]) -> set[str]:
+        """Return what is needed of all elements; signs only beside other things, so that nothing is read in vain."""
+        rows = self.rows
+        return rows.wanted() if rows.filter.measured or rows.live or quantities else set()
+
+    async def measure(self, details: Sequence[str], quantities: Sequence[str], tell: Callable[[int], None]) -> None:
+        """Reckon what filter and order need of all elements, and `quantities` of elements and entries `details`.
+
+        It is read in a thread, in slices: cancelled, it ends after one of them. `tell` gets how many elements are done.
+        """
+        at_ns, old = self.time_ns, self.table.facts
+        known = dict(old.quantities) if old.time_ns == at_ns else {}
+        wanted = sorted(self._wanted(quantities) - known.keys())
+        found = {quantity: np.full(len(self._facts), np.nan) for quantity in wanted}
+        done = 0
+        while wanted and done < len(self._facts):
+            done = await asyncio.to_thread(self._facts.survey, wanted, at_ns, found, done, SLICE_S)
+            tell(done)
+        told = {name: dict(some) for name, some in old.details.items()} if old.time_ns == at_ns else {}
+        for name in details if quantities else ():
+            if not set(quantities) <= told.setdefault(name, {}).keys():
+                told[name].update(await asyncio.to_thread(self._facts.of, name, quantities, at_ns))
+        self.table.facts = Facts({**known, **found}, 0, at_ns, told)
 
 
 def _bounds_of(recording: Recording, elements: Sequence[ElementInfo]) -> dict[str, Bounds4]:

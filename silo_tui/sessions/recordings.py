@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import msgspec
+
 from silo.ipc.messages import RecordingFile
 from silo.model import FileType
 from silo_tui.model import text
@@ -54,12 +56,15 @@ class Fetching:
 
 def here(folder: str | os.PathLike[str], file: RecordingFile) -> Path | None:
     """Return where a recording lies in a folder of this machine; None where no such file, or another one, is there."""
-    path = Path(folder) / file.name
-    return path if as_listed(path, file.type) == file else None
+    path = Path(folder) / file.folder / file.name
+    return path if as_listed(path, file.type, file.folder) == file else None
 
 
-def as_listed(path: Path, kind: FileType) -> RecordingFile | None:
-    """Return a file or bag folder of this machine as a robot would list it; None where it can't be read."""
+def as_listed(path: Path, kind: FileType, below: str = "") -> RecordingFile | None:
+    """Return a file or bag folder of this machine as a robot would list it; None where it can't be read.
+
+    `below` is in which folder below that of the logger it lies.
+    """
     try:
         inner = list(path.iterdir()) if path.is_dir() else [path]
         stats = [each.stat() for each in inner]
@@ -68,7 +73,7 @@ def as_listed(path: Path, kind: FileType) -> RecordingFile | None:
     if not stats or not all(os.access(each, os.R_OK) for each in inner):
         return None
     size, changed = sum(each.st_size for each in stats), max(each.st_mtime_ns for each in stats)
-    return RecordingFile(path.name, kind, size, changed)
+    return RecordingFile(path.name, kind, size, changed, below)
 
 
 def cache_folder(host: str, logger: str) -> Path:
@@ -80,7 +85,7 @@ def cache_folder(host: str, logger: str) -> Path:
 
 def bring_here(client: "Client", folder: str, file: RecordingFile, cache: Path, fetching: Fetching) -> Path:
     """Return a path of this machine where the recording can be opened; fetched into the cache if it must be."""
-    found = here(folder, file) or here(cache, file)
+    found = here(folder, file) or here(cache, msgspec.structs.replace(file, folder=""))
     if found is not None:
         return found
     path = client.fetch(file.name, cache, fetching.progress, replace=True)

@@ -36,7 +36,10 @@ OPTIONS = (
     ),
     Option("mouse", "take the mouse", ("auto", "on", "off"), ("not over SSH: it prevents selecting text", "", "")),
     Option("rate", "refreshes a second", low=0.5, high=10.0),
-    Option("view", "open with the view that was left last", ("off", "last")),
+    Option(
+        "view", "open with what was on the screen", ("lost", "last", "off"),
+        ("after a terminal or a link that was lost", "always, as it was left", ""),
+    ),
     Option("columns", "columns of the table, none: all", tuple(each.title for each in LIVE_COLUMNS), several=True),
 )  # fmt: skip
 OPTION = {option.name: option for option in OPTIONS}
@@ -50,7 +53,7 @@ class Settings:
     dots: str = "auto"
     mouse: str = "auto"
     rate: float = 5.0
-    view: str = "off"
+    view: str = "lost"
     columns: tuple[str, ...] = ()
     keys: Mapping[str, str] = field(default_factory=dict)
 

@@ -14,7 +14,7 @@ from textual.driver import Driver
 from silo_tui.terminal.driver import CellDriver
 from silo_tui.terminal.pacing import link_words
 from silo_tui.terminal.signals import end_on_signals, mouse_wanted, over_ssh
-from silo_tui.terminal.thinness import Pace
+from silo_tui.terminal.thinness import Pace, head_words
 
 __all__ = [
     "CellDriver", "Pace", "backed_up", "driver_class", "end_on_signals", "may_paint", "mouse_wanted", "over_ssh",
@@ -63,12 +63,13 @@ def may_paint(app: App[Any], wished_hz: float) -> bool:
     return driver is None or driver.may_paint(wished_hz)
 
 
-def thin_head(app: App[Any]) -> str:
-    """Return what the head says of a thin link: `THIN 64 kbit/s 210 ms`; empty where all is shown."""
+def thin_head(app: App[Any], room: int) -> str:
+    """Return what the head says of a thin link, or of a computer too busy to paint as often as is wished.
+
+    `THIN 1.2 of 5 Hz 64 kbit/s 210 ms`, as much of it as has room, or the rate alone; empty where all is shown.
+    """
     driver = _driver_of(app)
-    if driver is None or not driver.thinness.step:
-        return ""
-    return " ".join(["THIN", *link_words(driver.pacer)])
+    return head_words(driver.thinness, driver.painted, link_words(driver.pacer), room) if driver is not None else ""
 
 
 def thin_words(app: App[Any], wished_hz: float) -> str:

@@ -29,7 +29,7 @@ from silo_tui.terminal.cells import UNKNOWN, Grid, difference
 from silo_tui.terminal.pacing import Pacer
 from silo_tui.terminal.parser import QUERY, SYNC_BEGIN, SYNC_END, Follower, Through
 from silo_tui.terminal.styles import Styles
-from silo_tui.terminal.thinness import FAT_BYTES_PER_S, LAG_S, Thinness
+from silo_tui.terminal.thinness import FAT_BYTES_PER_S, LAG_S, Painted, Thinness
 
 ESCAPE_S = 0.1  # as long as Textual waits for the rest of an escape sequence
 URGENT_S = 1.0  # what is painted so soon after a key is its echo
@@ -69,6 +69,7 @@ class CellDriver(LinuxDriver):
         super().__init__(app, debug=debug, mouse=mouse, size=size)
         self.pacer = Pacer()
         self.thinness = Thinness()
+        self.painted = Painted()
         self._styles = Styles()
         width, height = self._get_terminal_size()
         self._follower = Follower(width, height, self._styles, self._hand_on)
@@ -127,10 +128,11 @@ class CellDriver(LinuxDriver):
         fat = self.pacer.paced and self.pacer.bytes_per_s > FAT_BYTES_PER_S
         self.thinness.note(late=(self.behind or lags) and not fat, now_s=now_s)
         # a timer that comes a little early is still in time
-        if self.behind or now_s < self._painted_s + 0.9 / self.thinness.value_hz(wished_hz):
-            return False
-        self._painted_s = now_s
-        return True
+        paint = not self.behind and now_s >= self._painted_s + 0.9 / self.thinness.value_hz(wished_hz)
+        self.painted.note(wished_hz, painted=paint, now_s=now_s)
+        if paint:
+            self._painted_s = now_s
+        return paint
 
     # ---------------------------------------------------------------------------------------------- writing
 

@@ -16,12 +16,12 @@ LATE_SHARE = 0.34
 
 @dataclass(frozen=True)
 class Pace:
-    """How often values and trends are painted, and how exactly."""
+    """How often values, trends and statistics are painted, and how exactly."""
 
     value_share: float = 1.0  # of the wished rate
     trend_s: float = 1.0
     digits_fewer: int = 0
-    statistics: bool = True
+    statistics_s: float = 1.0
 
 
 # in this order less is shown: trends, last digits, statistics, values
@@ -31,12 +31,42 @@ STEPS = (
     Pace(trend_s=8.0),
     Pace(trend_s=8.0, digits_fewer=1),
     Pace(trend_s=8.0, digits_fewer=2),
-    Pace(trend_s=8.0, digits_fewer=2, statistics=False),
-    Pace(0.5, 8.0, 2, statistics=False),
-    Pace(0.25, 8.0, 2, statistics=False),
-    Pace(0.1, 8.0, 2, statistics=False),
+    Pace(trend_s=8.0, digits_fewer=2, statistics_s=8.0),
+    Pace(0.5, 8.0, 2, 8.0),
+    Pace(0.25, 8.0, 2, 8.0),
+    Pace(0.1, 8.0, 2, 8.0),
 )
 SLOWEST_HZ = 0.5
+RATE_S = 3.0  # over which the rate of paints is measured
+BELOW = 0.8  # of the wished rate: less is told; timers are not that exact
+
+
+class Painted:
+    """How often values are painted, by the clock: what the terminal and this computer really take."""
+
+    def __init__(self) -> None:
+        self._asked_s: deque[tuple[float, bool]] = deque()  # when it was asked whether to paint, and what came of it
+        self._wished_hz = 0.0
+
+    def note(self, wished_hz: float, *, painted: bool, now_s: float) -> None:
+        """Take whether values were painted when it was their turn."""
+        if wished_hz != self._wished_hz:
+            self._asked_s.clear()
+            self._wished_hz = wished_hz
+        self._asked_s.append((now_s, painted))
+        while self._asked_s[0][0] < now_s - RATE_S - 1 / wished_hz:
+            self._asked_s.popleft()
+
+    @property
+    def words(self) -> str:
+        """`1.2 of 5 Hz` where that is less than wished; empty else, and until enough was seen."""
+        if not self._asked_s:
+            return ""
+        span_s = self._asked_s[-1][0] - self._asked_s[0][0]
+        hz = sum(painted for _, painted in list(self._asked_s)[1:]) / span_s if span_s else 0.0
+        if span_s < RATE_S - 1 / self._wished_hz or hz >= BELOW * self._wished_hz:
+            return ""
+        return f"{hz:.2g} of {self._wished_hz:.2g} Hz"
 
 
 class Thinness:
@@ -65,7 +95,8 @@ class Thinness:
             return ""
         pace, value_hz = self.pace, self.value_hz(wished_hz)
         parts = [f"values {value_hz:.2g} of {wished_hz:.2g} Hz"] if value_hz < wished_hz else []
-        parts.append(f"trends every {pace.trend_s:.0f} s")
+        what = "trends and statistics" if pace.statistics_s > 1.0 else "trends"
+        parts.append(f"{what} every {pace.trend_s:.0f} s")
         if pace.digits_fewer:
             parts.append(f"{pace.digits_fewer} digit{'s' * (pace.digits_fewer > 1)} fewer")
         return f"thin link: {', '.join(parts)}; keys go first"
@@ -92,3 +123,11 @@ class Thinness:
                 self._good_s = GOOD_S
             return True
         return False
+
+
+def head_words(thinness: Thinness, painted: Painted, link: list[str], room: int) -> str:
+    """Return what the head says, in `room` cells: that the link is thin, the rate, what is known of the link."""
+    parts = list(filter(None, ["THIN", painted.words, *link] if thinness.step else [painted.words]))
+    while len(parts) > 1 and len(" ".join(parts)) > room:
+        parts.pop()  # a number that is cut would be another one
+    return " ".join(parts)

@@ -20,6 +20,8 @@ from silo_tui.sessions.live import Session
 from silo_tui.terminal import thin_head
 
 STATISTICS = ("max", "min", "mean", "std")
+# how what a dead program left is opened: Enter has a meaning of its own on most screens
+OPENS = {"table": " Enter opens it.", "recordings": " It is in this list.", "": " F lists it."}
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
 
@@ -64,7 +66,7 @@ class StatusBar(Widget):
         if self.mode:
             line.append("  ")
             line.append(f" {self.mode} ", style="reverse")
-        if not self.mode or self.size.width >= 100:
+        if not (self.mode or status.recorders) or self.size.width >= 100:  # what isn't normal needs the room
             line.append(f"  {status.enabled}/{status.elements}")
         if self.size.width >= 100:
             line.append(" elements")
@@ -84,13 +86,15 @@ class StatusBar(Widget):
         lost = session.lost_total
         line.append(f"  lost {text.count(lost)}", style=f"bold {color(variables, 'error')}" if lost else "")
         line.append_text(self._conditions())
+        if status.recorders:
+            line.append(f"  REC {status.recorders}", style=f"bold {color(variables, 'error')}")
         if not session.may_edit or self._read_only:
             line.append("  read-only", style=color(variables, "warning"))
         if status.durable_ticks >= 0:  # storage="disk"
             durable = f"  durable to tick {text.count(status.durable_ticks)}"
             if line.cell_len + len(durable) <= self.size.width:
                 line.append(durable)
-        if thin := thin_head(self.app):
+        if thin := thin_head(self.app, self.size.width - line.cell_len - 2):
             line.append(f"  {thin}", style=color(variables, "warning"))
         return line
 
@@ -141,7 +145,8 @@ class Banner(Widget):
             return f"No link to {session.name} for {age}. Values are {age} old; trying again by itself.{kept}"
         if session.dead:
             reason = session.status.reason
-            opens = " Enter opens it." if session.left_files or ": saved " in reason or "; saved " in reason else ""
+            saved = session.left_files or ": saved " in reason or "; saved " in reason
+            opens = OPENS.get(getattr(self.screen, "scope", ""), OPENS[""]) if saved else ""
             return f"{session.name} died: {reason or 'nothing is known of why'}{opens}"
         if len(session.table) and not session.table.live.any() and session.running:
             return "Nothing is logged, every element is off: mark elements, press t, then a to apply."
@@ -199,7 +204,8 @@ class InfoLine(Widget):
             parts.append(found)
             parts += [f"? {problem}" for problem in rows.filter.problems[:1]]
         if rows.sort not in STEADY or rows.turned:
-            since = f" since {text.clock(session.table.facts.since_ns)}" if rows.sort in STATISTICS else ""
+            since_ns = session.table.facts.since_ns  # 0 of a file: its statistics are of all
+            since = f" since {text.clock(since_ns)}" if rows.sort in STATISTICS and since_ns else ""
             parts.append(f"by {rows.sort} {rows.arrow}{since}")
         if self._said:
             parts.append(self._said)

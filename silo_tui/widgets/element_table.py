@@ -27,6 +27,8 @@ from silo_tui.model.tree import entry_of, row_of
 from silo_tui.sessions.live import Session
 
 FLAGS = 2
+DERIVED = "="  # the sign of what is computed from others
+NOT_OF_DERIVED = (Field.ACTION, Field.BUFFER_TYPE, Field.BUFFER_SIZE)
 MAX_STRIPS = 4000
 
 
@@ -58,7 +60,8 @@ class ElementTable(ScrollView, can_focus=True):
         super().__init__()
         self.session = session
         self.field = Field.ENABLED
-        self._all_columns = self._columns = columns
+        self._all_columns = self._columns = self._offered = columns
+        self._wanted: tuple[str, ...] = ()
         self._facts = facts or (lambda row, values: LiveRow(session.table.elements[row], values))
         self._strips: dict[tuple[object, ...], Strip] = {}
         self._styles: dict[str, Style] = {}
@@ -132,8 +135,9 @@ class ElementTable(ScrollView, can_focus=True):
         return found
 
     def choose(self, columns: Sequence[TableColumn[Any]]) -> None:
-        """Show other columns."""
-        self._columns = columns
+        """Offer other columns; of these the chosen ones are shown."""
+        self._offered = columns
+        self._columns = [column for column in columns if not self._wanted or column.title in self._wanted]
         self._strips.clear()
         self.refresh()
 
@@ -142,14 +146,14 @@ class ElementTable(ScrollView, can_focus=True):
     @property
     def chosen_columns(self) -> tuple[str, ...]:
         """The titles of the columns that were chosen; none: all."""
-        return () if len(self._columns) == len(self._all_columns) else tuple(each.title for each in self._columns)
+        return self._wanted
 
     def choose_columns(self, titles: Collection[str]) -> list[str]:
         """Show the columns of these titles, all where there is none; return those that there aren't."""
-        self._columns = [column for column in self._all_columns if column.title in titles] or self._all_columns
-        self._strips.clear()
-        self.refresh()
-        return [title for title in titles if not any(column.title == title for column in self._all_columns)]
+        known = tuple(column.title for column in self._all_columns if column.title in titles)
+        self._wanted = known if len(known) < len(self._all_columns) else ()
+        self.choose(self._offered)
+        return [title for title in titles if title not in known]
 
     def rows_changed(self) -> None:
         """Follow a change of the rows, their order or their values."""
@@ -285,9 +289,7 @@ class ElementTable(ScrollView, can_focus=True):
         name = f"{indent}{sign} {branch.label}"
         width = self.name_width
         yield Segment(self._fitted(name, width), self._style(*base, *(["table--marked"] if marked else [])))
-        bits = self.session.table.facts.signs(len(self.session.table))[branch.rows]
-        some = int((bits != 0).sum())
-        words = f" {len(branch.rows)}" + (f"   {some} of them with a sign" if some else "")
+        words = f" {len(branch.rows)}"
         room = self.size.width - FLAGS - width
         yield Segment(self._fitted(words, room), self._style(*base, *([] if is_cursor else ["table--quiet"])))
 
@@ -315,6 +317,9 @@ class ElementTable(ScrollView, can_focus=True):
             flag, flag_style = "!", "table--conflict"
         elif pending.any():
             flag, flag_style = "*", "table--pending"
+        derived = row >= self.session.table.own
+        if derived:
+            flag, flag_style = DERIVED, "table--quiet"
         yield Segment(flag, self._style(*base, flag_style))
         yield Segment(">" if marked else " ", self._style(*base, *(["table--marked"] if marked else [])))
         width = self.name_width
@@ -324,7 +329,8 @@ class ElementTable(ScrollView, can_focus=True):
         quiet = [] if is_cursor else ["table--quiet"]  # grey on the cursor's line is hard to read in 16 colours
         facts = self._facts(row, values)
         for column, cell_width in self.shown:
-            word = self._fitted(column.words(facts, cell_width), cell_width, right=column.right)
+            shown = "-" if derived and column.field in NOT_OF_DERIVED else column.words(facts, cell_width)
+            word = self._fitted(shown, cell_width, right=column.right)
             if column.field is None:
                 alarm = column.alarm is not None and column.alarm(facts)
                 yield Segment(" " + word, self._style(*base, *(["table--conflict"] if alarm else quiet)))
@@ -400,7 +406,7 @@ class TableHead(ScrollView):
         """Return the one line."""
         plain, chosen = self.get_component_rich_style("head--text"), self.get_component_rich_style("head--field")
         sort = self._table.rows.sort
-        mark = {TREE: " ↓name", NAME: " ↓name", ADDED: " ↓added"}.get(sort, " name")
+        mark = " ↓name" if sort == TREE else f" {self._table.rows.arrow}{sort}" if sort in (NAME, ADDED) else " name"
         segments = [Segment(" " * (FLAGS - 1) + mark.ljust(self._table.name_width + 1), plain)]
         for column, width in self._table.shown:
             word = ((self._table.rows.arrow if sort == column.order else "") + column.title)[:width]

@@ -4,22 +4,28 @@ They stand in the live pane, beside fill, value and trend, because they change a
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from silo.model import Entry
 from silo_tui.model import text
-from silo_tui.model.facts import BAD, OLD, worst
+from silo_tui.model.facts import BAD, LIMIT_BITS, OLD, worst, worst_of
 from silo_tui.model.fields import Field
 from silo_tui.model.live import entry_text
+from silo_tui.model.orders import LIVE_ORDERS
 from silo_tui.model.table import Rows
-from silo_tui.widgets.live_pane import LIVE_PANE, LivePane, PaneColumn, norm_value
+from silo_tui.widgets.live_pane import LIVE_PANE, LivePane, PaneColumn
 
-SETS = ("settings", "statistics", "timing")
-_OF_SET = {
+LIVE_SETS: Mapping[str, tuple[str, ...]] = {
     "settings": ("!", "fill", "value", "trend"),
     "statistics": ("!", "value", "min", "max", "mean", "std"),
     "timing": ("!", "fill", "value", "rate", "%", "jitter", "changed"),
+}
+# what takes reading whole signals of a file is shown where it is asked for
+FILE_SETS: Mapping[str, tuple[str, ...]] = {
+    "values": ("value", "trend"),
+    "statistics": ("!", "value", "min", "max", "mean", "std"),
+    "timing": ("!", "value", "rate", "%", "jitter", "changed"),
 }
 _WIDE_FROM = 150  # cells of a screen from which settings show statistics too
 ALL = ("!", "fill", "value", "min", "max", "mean", "std", "rate", "jitter", "trend")
@@ -28,24 +34,29 @@ QUANTITIES = {"min": "min", "max": "max", "mean": "mean", "std": "std", "rate": 
               "jitter": "jitter", "changed": "changed"}  # fmt: skip
 
 
+_OF_LIMITS = sum(set(LIMIT_BITS.values()))
+
+
 class ColumnSet:
     """Which columns the pane shows now."""
 
-    def __init__(self) -> None:
-        self.name = SETS[0]
+    def __init__(self, sets: Mapping[str, tuple[str, ...]] = LIVE_SETS) -> None:
+        self._sets = sets
+        self.name = next(iter(sets))
         self.screen_width = 80
 
     def step(self) -> str:
         """Go to the next set and return its name."""
-        self.name = SETS[(SETS.index(self.name) + 1) % len(SETS)]
+        names = list(self._sets)
+        self.name = names[(names.index(self.name) + 1) % len(names)]
         return self.name
 
     @property
     def titles(self) -> tuple[str, ...]:
         """The columns of the set."""
-        if self.screen_width >= _WIDE_FROM and self.name != "timing":
+        if self._sets is LIVE_SETS and self.screen_width >= _WIDE_FROM and self.name != "timing":
             return ALL
-        return _OF_SET[self.name]
+        return self._sets[self.name]
 
     @property
     def quantities(self) -> list[str]:
@@ -53,16 +64,19 @@ class ColumnSet:
         return [QUANTITIES[title] for title in self.titles if title in QUANTITIES]
 
 
-def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
-    """Return the columns of a pane, shown as `chosen` says."""
-    fill, value, trend = LIVE_PANE
+def pane_columns(chosen: ColumnSet, known: Sequence[PaneColumn] = LIVE_PANE) -> tuple[PaneColumn, ...]:
+    """Return the columns of a pane, shown as `chosen` says; `known` are its own: value, trend, and fill if it has one.
+
+    Where statistics stand beside it, the value of a vector is its norm, as theirs.
+    """
+    *fill, value, trend = known
 
     def only(title: str, column: PaneColumn) -> PaneColumn:
         width = column.width
         return PaneColumn(
             lambda pane: _arrow(pane, title) + column.title(pane),
             lambda pane: width(pane) if title in chosen.titles else 0,
-            column.draw, column.right, column.branch, column.entry,
+            column.draw, column.right, column.branch, column.entry, title if title in LIVE_ORDERS else "",
         )  # fmt: skip
 
     def fixed(title: str, width: int, draw: Callable[[LivePane, int], tuple[str, str]]) -> PaneColumn:
@@ -71,6 +85,7 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
             lambda pane: width if title in chosen.titles else 0,
             draw,
             right=True,
+            order=title if title in LIVE_ORDERS else "",
         )
 
     def statistic(title: str) -> PaneColumn:
@@ -80,17 +95,18 @@ def pane_columns(chosen: ColumnSet) -> tuple[PaneColumn, ...]:
             entry=lambda pane, row, entry: _number(
                 pane, pane.entry_name(row, entry), title, pane.session.table.elements[row].entries[entry]
             ),
+            order=title,
         )  # fmt: skip
 
     def draw_value(pane: LivePane, row: int) -> tuple[str, str]:
-        return norm_value(pane, row) if "min" in chosen.titles else value.draw(pane, row)
+        return value.draw(pane, row) if "min" not in chosen.titles or value.norm is None else value.norm(pane, row)
 
     return (
         PaneColumn(
             lambda pane: _arrow(pane, "!") or "!", lambda pane: 2 if "!" in chosen.titles else 0, _sign,
-            branch=_branch_sign,
+            branch=_branch_sign, order="!",
         ),
-        only("fill", fill), only("value", replace(value, draw=draw_value)),
+        *(only("fill", column) for column in fill), only("value", replace(value, draw=draw_value)),
         statistic("min"), statistic("max"), statistic("mean"), statistic("std"),
         fixed("rate", 7, _rate),
         fixed("%", 4, _share),
@@ -114,19 +130,17 @@ def _sign(pane: LivePane, row: int) -> tuple[str, str]:
     session = pane.session
     if not session.fresh and session.live.readings:
         return OLD, "live--quiet"
-    bits = session.table.facts.signs(len(session.table))[row]
-    letters = worst(int(bits)) if session.table.server[Field.ENABLED, row] else ""
-    beyond = session.beyond.get(session.table.names[row], "") if session.beyond else ""
-    if beyond and letters not in BAD:  # what isn't measured rightly says nothing of limits
-        return beyond, "live--lost" if beyond in ("HH", "LL") else "live--caution"
+    bits = int(session.table.signs[row])
+    if not session.table.server[Field.ENABLED, row]:
+        bits &= _OF_LIMITS  # what is off isn't measured; its limits may be judged by others
+    letters = worst(bits)
     return letters, _style(letters)
 
 
 def _branch_sign(pane: LivePane, rows: Rows) -> tuple[str, str]:
-    """Return the worst sign below a branch."""
-    bits = pane.session.table.facts.signs(len(pane.session.table))[rows]
-    letters = next((found for found in ("NN", "==", "<<", "XX") if found in {worst(int(bit)) for bit in set(bits)}), "")
-    return letters, _style(letters)
+    """Return the worst sign below a branch, and how many have it; nothing stands beside it."""
+    letters, count = worst_of(pane.session.table.signs[rows])
+    return (f"{letters:<2} {count} of {len(rows)}" if letters else ""), _style(letters)
 
 
 def _number(pane: LivePane, name: str, quantity: str, entry: Entry | None) -> tuple[str, str]:

@@ -15,17 +15,18 @@ from textual import events
 from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
+from textual.widgets import Static
 
 from silo.ipc.published import NotLive
-from silo.model import BufferType, Entry, State
+from silo.model import BufferType, ElementInfo, Entry, State
 from silo_tui.model.fields import Field
-from silo_tui.model.live import component_text, fill_share, value_text
+from silo_tui.model.live import Reading, component_text, fill_share, value_text
 from silo_tui.model.sparklines import trends
 from silo_tui.model.table import Rows
 from silo_tui.model.tree import entry_of, row_of
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
-from silo_tui.widgets.element_table import ElementTable
+from silo_tui.widgets.element_table import ElementTable, TableHead
 
 VALUE, TREND = 11, 10
 
@@ -43,6 +44,8 @@ class PaneColumn:
     right: bool = False
     branch: "Callable[[LivePane, Rows], tuple[str, str]] | None" = None  # of the elements below a branch
     entry: "Callable[[LivePane, int, int], tuple[str, str]] | None" = None  # of one entry of an element
+    order: str = ""  # that a click on its head gives
+    norm: "Callable[[LivePane, int], tuple[str, str]] | None" = None  # instead of `draw` beside statistics
 
 
 class LivePane(Widget):
@@ -88,6 +91,15 @@ class LivePane(Widget):
     def shown(self) -> list[tuple[PaneColumn, int]]:
         """The columns that are shown, and their widths."""
         return [(column, width) for column in self._columns if (width := column.width(self))]
+
+    def order_at(self, x: int) -> str:
+        """Return the order of the column whose head is at a cell of the heads; empty for none."""
+        start = 0
+        for column, width in self.shown:
+            if start < x <= start + width:
+                return column.order
+            start += 1 + width
+        return ""
 
     @property
     def wanted_width(self) -> int:
@@ -179,6 +191,7 @@ class LivePane(Widget):
             if row is None:
                 if column.branch is not None:
                     words, style = column.branch(self, self.session.rows.tree.branches[-1 - line].rows)
+                    return [*pieces, (" " * (place > 0) + words, style)]
             elif entry is None:
                 words, style = column.draw(self, row)
             elif column.entry is not None:
@@ -207,6 +220,19 @@ class LivePane(Widget):
             self._trends = dict.fromkeys(rows, " " * self.trend_width)
             self._trends |= zip(drawn, trends(self.session.columns, names, self.trend_width), strict=True)
         return self._trends[row]
+
+
+class LiveHead(Static):
+    """The heads of the live columns; a click asks for the order by one."""
+
+    def __init__(self, pane: LivePane) -> None:
+        super().__init__("", id="live-head", markup=False)
+        self._pane = pane
+
+    def on_click(self, event: events.Click) -> None:
+        """Ask for the order by this column."""
+        if order := self._pane.order_at(event.x):
+            self.post_message(TableHead.Picked(order))
 
 
 def _fitted(words: str, width: int, column: PaneColumn) -> str:
@@ -245,13 +271,18 @@ def _value(pane: LivePane, row: int, *, norm: bool = False) -> tuple[str, str]:
     if session.running and reading.why in WHY_NOT_LIVE:  # what it kept last isn't its value
         return WHY_NOT_LIVE[reading.why], "live--quiet"
     style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"
+    return value_words(pane, element, reading, norm=norm), style
+
+
+def value_words(pane: LivePane, element: ElementInfo, reading: Reading, *, norm: bool) -> str:
+    """Return a value: all entries of a vector, or the one that was chosen, or its norm."""
     width = pane.value_width - pane.digits_fewer
     # an order by value is one of norms
-    norm = norm or session.rows.sort in {"value", "|value|"}
-    chosen = session.rows.components.get(element.name, 0) or int(norm)
+    norm = norm or pane.session.rows.sort in {"value", "|value|"}
+    chosen = pane.session.rows.components.get(element.name, 0) or int(norm)
     if chosen and len(element.entries) > 1 and all(entry.dtype[1:2] in "biuf" for entry in element.entries):
-        return component_text(element, reading, chosen, width), style
-    return value_text(element, reading, width), style
+        return component_text(element, reading, chosen, width)
+    return value_text(element, reading, width)
 
 
 def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
@@ -263,17 +294,19 @@ def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
     return component_text(element, reading, entry + 2, pane.value_width, named=False), style
 
 
-def norm_value(pane: LivePane, row: int) -> tuple[str, str]:
+def _norm_value(pane: LivePane, row: int) -> tuple[str, str]:
     """Return the newest value as statistics tell it: of a vector its norm, with a sign."""
     return _value(pane, row, norm=True)
 
 
 LIVE_PANE = (
     PaneColumn(lambda pane: "fill", lambda pane: 4, _fill),
-    PaneColumn(lambda pane: "value", lambda pane: pane.value_width, _value, right=True, entry=_entry_value),
+    PaneColumn(
+        lambda pane: "value", lambda pane: pane.value_width, _value, right=True, entry=_entry_value, norm=_norm_value,
+    ),
     PaneColumn(
         lambda pane: "trend",
         lambda pane: pane.trend_width,
         lambda pane, row: (pane.trend(row), "live--trend" if pane.session.fresh else "live--stale"),
     ),
-)
+)  # fmt: skip

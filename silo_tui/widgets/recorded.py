@@ -8,14 +8,15 @@ from silo.columns import coarser
 from silo.model import ElementInfo
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore, Piece
-from silo_tui.model.live import Reading, offset_text, value_text
+from silo_tui.model.live import Reading, component_text, offset_text
 from silo_tui.model.plots import Plotted, PlotWindow, plots_of, trend
 from silo_tui.model.table_columns import span_words, type_word
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar, color
 from silo_tui.widgets.element_table import ElementTable
+from silo_tui.widgets.fact_columns import FILE_SETS, ColumnSet, pane_columns
 from silo_tui.widgets.inspector import Inspector, Lines
-from silo_tui.widgets.live_pane import LivePane, PaneColumn
+from silo_tui.widgets.live_pane import LivePane, PaneColumn, value_words
 from silo_tui.widgets.plot_stack import PlotStack
 
 MAX_LABELS = 8
@@ -25,7 +26,8 @@ class RecordedPane(LivePane):
     """The value at the moment shown, and the whole file as a trend."""
 
     def __init__(self, session: FileSession, table: ElementTable) -> None:
-        super().__init__(session, table, FILE_PANE)
+        self.column_set = ColumnSet(FILE_SETS)
+        super().__init__(session, table, pane_columns(self.column_set, FILE_PANE))
         self.file = session
 
     def trend(self, row: int) -> str:
@@ -39,13 +41,25 @@ class RecordedPane(LivePane):
         return trend(Piece(*together, store.base(place)), self.trend_width)
 
 
-def _value(pane: LivePane, row: int) -> tuple[str, str]:
+def _value(pane: LivePane, row: int, *, norm: bool = False) -> tuple[str, str]:
     """Return the value that held at the moment shown."""
     element = pane.session.table.elements[row]
     reading = pane.session.live.readings.get(element.name)
     if reading is None or not reading.held:
         return "-", "live--quiet"
-    return value_text(element, reading, pane.value_width), "live--value"
+    return value_words(pane, element, reading, norm=norm), "live--value"
+
+
+def _norm_value(pane: LivePane, row: int) -> tuple[str, str]:
+    return _value(pane, row, norm=True)
+
+
+def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
+    element = pane.session.table.elements[row]
+    reading = pane.session.live.readings.get(element.name)
+    if reading is None or not reading.held:
+        return "-", "live--quiet"
+    return component_text(element, reading, entry + 2, pane.value_width, named=False), "live--value"
 
 
 def _moment(pane: LivePane) -> str:
@@ -54,9 +68,11 @@ def _moment(pane: LivePane) -> str:
 
 
 FILE_PANE = (
-    PaneColumn(_moment, lambda pane: pane.value_width, _value, right=True),
+    PaneColumn(
+        _moment, lambda pane: pane.value_width, _value, right=True, entry=_entry_value, norm=_norm_value,
+    ),
     PaneColumn(lambda pane: "all", lambda pane: pane.trend_width, lambda pane, row: (pane.trend(row), "live--trend")),
-)
+)  # fmt: skip
 
 
 class RecordedInspector(Inspector):

@@ -215,6 +215,23 @@ def test_a_difference_says_what_loading_would_change_and_changes_nothing(side, c
     assert (diff.unknown, options(client, X).divider) == (["/log/old"], 1)
 
 
+TRIGGERS = "triggers:\n  - name: high\n    when: x > 3\n    pre_s: 2\n"
+
+
+def test_a_difference_in_triggers_alone_is_told_and_loaded(side, client):
+    side.add_script("a.yaml", client.read_script().text + TRIGGERS)
+    diff = client.diff_script("a.yaml")
+    assert not diff.changes
+    assert [(change.name, change.field, change.old, change.new) for change in diff.extras] == [
+        ("trigger high", "", "none", "x > 3, pre 2 s")
+    ]
+    client.load_script("a.yaml")
+    assert client.diff_script("a.yaml").extras == []
+    side.add_script("b.yaml", client.read_script().text.replace("pre_s: 2", "pre_s: 3"))
+    diff = client.diff_script("b.yaml").extras
+    assert [(change.field, change.old, change.new) for change in diff] == [("pre", "2 s", "3 s")]
+
+
 def test_loading_a_script_changes_the_table_and_tells_what_it_didn_t_know(side, client):
     side.add_script("a.yaml", SCRIPT)
     before = client.table().revision

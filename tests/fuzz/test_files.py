@@ -3,6 +3,7 @@
 2,000 damaged files of each format; `SILO_FUZZ_INPUTS=100000` takes so many. The number of a failure makes it again.
 """
 
+import functools
 import json
 import os
 import random
@@ -54,6 +55,8 @@ WORDS = [
     b"O",
 ]
 TARGETS = ["silo", "csv", "mcap", "sidecar", "rows", "checked", "bag"]
+ENDINGS = {"sidecar": "csv", "rows": "csv", "checked": "silo"}
+WAYS = 10  # in which a log is damaged before the next one is written, which takes longer than to read it
 
 
 def a_recording(rng: random.Random) -> Recording:
@@ -142,33 +145,46 @@ def little_room() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
-def make(target: str, number: int) -> Path:
-    """The damaged file of this number, in the working folder: a `.silo` file holds its path, so that it is short."""
-    rng = random.Random(f"{target} {number}")
-    recording = a_recording(rng)
-    path = Path("x.csv" if target in ("csv", "rows", "sidecar") else "x.mcap" if target == "mcap" else "x.silo")
-    if target == "bag":
-        return a_damaged_bag(recording, rng)
+@functools.lru_cache(maxsize=1)
+def whole(target: str, number: int) -> tuple[Path, dict[Path, bytes]]:
+    """The log of this number, and its files, in the working folder: a `.silo` file holds its path, so it is short."""
+    recording = a_recording(random.Random(f"{target} {number}"))
+    path = Path("bag" if target == "bag" else f"x.{ENDINGS.get(target, target)}")
+    if path.is_dir():
+        shutil.rmtree(path)
     if target == "rows":
         from silo.files.csv_file import write_csv
 
         write_csv(recording, path, "rows")
     else:
         writer_for(path)(recording, path, None)
+    files = sorted(path.iterdir()) if target == "bag" else sorted(Path().glob("x.*"))
+    return path, {file: file.read_bytes() for file in files}
+
+
+def make(target: str, number: int) -> Path:
+    """The damaged log of this number, in the working folder."""
+    rng = random.Random(f"{target} {number}")
+    path, files = whole(target, number // WAYS)
+    if target == "bag":
+        shutil.rmtree(path)
+        path.mkdir()
+    for file, data in files.items():
+        file.write_bytes(data)
+    if target == "bag":
+        damage_bag(sorted(files), rng)
+        return path
     hurt = Path("x.csv.json") if target == "sidecar" else path
-    data = damaged(hurt.read_bytes(), rng)
+    data = damaged(files[hurt], rng)
     hurt.write_bytes(with_right_checksum(data) if target == "checked" else data)
     if target in ("csv", "rows") and number % 2:
         Path("x.csv.json").unlink()
     return path
 
 
-def a_damaged_bag(recording: Recording, rng: random.Random) -> Path:
-    """A bag folder with one of its files damaged or gone."""
-    folder = Path("bag")
-    shutil.rmtree(folder, ignore_errors=True)
-    writer_for(folder)(recording, folder, None)
-    hurt = rng.choice(sorted(folder.iterdir()))
+def damage_bag(files: list[Path], rng: random.Random) -> None:
+    """Damage one of the files of a bag, or take it away."""
+    hurt = rng.choice(files)
     how = rng.randrange(8)
     if how == 0:
         hurt.unlink()
@@ -176,7 +192,6 @@ def a_damaged_bag(recording: Recording, rng: random.Random) -> Path:
         hurt.rename(hurt.with_name("other" + hurt.suffix))
     else:
         hurt.write_bytes(damaged(hurt.read_bytes(), rng))
-    return folder
 
 
 def look_at_all(path: Path) -> None:

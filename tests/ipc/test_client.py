@@ -150,6 +150,14 @@ def test_closed_logger_says_goodbye(bench, client, heard, until) -> None:
     assert not client.connected
 
 
+def test_end_that_zenoh_does_not_tell_is_noticed(bench, client, until, monkeypatch) -> None:
+    links: list[bool] = []
+    client.on_link(links.append)
+    monkeypatch.setattr(client._connection, "_is_gone", lambda: False)
+    bench.logger.close()
+    until(lambda: links == [False])
+
+
 def test_logger_that_is_served_again_is_found_again(bench, client, until) -> None:
     bench.serving.close()
     until(lambda: not client.connected)

@@ -1,17 +1,20 @@
 """The recordings of a logger's folder: what is listed, what may be read, and what may be deleted, whatever is asked."""
 
+import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from silo.files import write
+from silo.files.bag import write_bag
 from silo.files.convert import convert
 from silo.helper import recordings as module
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
 from silo.ipc.messages import GetPiece, RefusedWhy
-from silo.model import BufferType, Entry, FileType
+from silo.model import BufferType, Entry, FileType, LoggedEvent
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 SECOND = 10**9
@@ -48,6 +51,74 @@ def refusal(call, *arguments) -> RefusedWhy:
 
 
 # -------------------------------------------------------------------------------------------------------- listing
+
+
+@pytest.mark.parametrize("kind", ["silo", "csv", "bag"])
+def test_markers_that_somebody_set_are_counted(tmp_path, kind):
+    events = [LoggedEvent("marker", f"push {n}", tick=n) for n in range(3)] + [LoggedEvent("started", "it runs")]
+    write(replace(recording(), events=events), tmp_path, "bot", [kind], None, why="saved by ann")
+    assert [row.markers for row in listed(tmp_path).recordings] == [3]
+
+
+def recorded(folder: Path, name: str = "walk_1") -> Path:
+    """Write a part as a recorder does, with its list beside it."""
+    folder.mkdir(exist_ok=True)
+    part = folder / f"{name}.mcap"
+    write_bag(recording(), part)
+    entries = [{"name": part.name, "inode": part.stat().st_ino, "size_bytes": part.stat().st_size}]
+    (folder / ".walk.recorder.json").write_text(json.dumps({"recorder": "walk", "parts": entries}))
+    return part
+
+
+def test_parts_of_endless_recordings_are_listed_with_their_folder_and_times(tmp_path):
+    saved(tmp_path)
+    part = recorded(tmp_path / "recordings")
+    row = next(row for row in listed(tmp_path).recordings if row.stem == "recordings/walk_1")
+    assert (row.why, row.begun_ns, row.span_s, row.own) == ("recording walk", BEGIN, 5.0, False)
+    assert [(file.name, file.folder, file.size_bytes) for file in row.files] == [
+        (part.name, "recordings", part.stat().st_size)
+    ]
+    assert listed(tmp_path).count == 2
+    assert len(listed(tmp_path, 1).recordings) == 1
+
+
+def test_a_part_is_read_in_pieces_by_its_plain_name(tmp_path):
+    part = recorded(tmp_path / "recordings")
+    folder = RecordingFolder()
+    (told,) = folder.parts(str(tmp_path), part.name).parts
+    data = folder.piece(str(tmp_path), GetPiece(path=told.path, mark=told.mark, offset=0, count=told.size_bytes)).data
+    assert data == part.read_bytes()
+
+
+def test_of_folders_below_only_files_that_a_recorder_wrote_are_told_of(tmp_path):
+    part = recorded(tmp_path / "recordings")
+    (part.parent / "mine.mcap").write_bytes(part.read_bytes())
+    (tmp_path / "others").mkdir()
+    (tmp_path / "others" / "theirs.mcap").write_bytes(part.read_bytes())
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.symlink_to(part.parent)
+    folder = RecordingFolder()
+    assert [row.stem for row in listed(tmp_path).recordings] == ["recordings/walk_1"]
+    for name in ("mine.mcap", "theirs.mcap"):
+        assert refusal(folder.parts, str(tmp_path), name) is RefusedWhy.INVALID
+    (part.parent / ".walk.recorder.json").write_text("{")
+    assert listed(tmp_path).recordings == []
+
+
+def test_a_part_that_was_cut_is_listed_without_times(tmp_path):
+    part = recorded(tmp_path / "recordings")
+    os.truncate(part, part.stat().st_size - 5)
+    (row,) = listed(tmp_path).recordings
+    assert (row.begun_ns, row.span_s) == (0, 0.0)
+
+
+def test_a_part_is_not_deleted_by_a_client(tmp_path):
+    part = recorded(tmp_path / "recordings")
+    folder = RecordingFolder()
+    for name in (part.name, "recordings/walk_1", f"recordings/{part.name}"):
+        with pytest.raises(RecordingRefusedError):
+            folder.delete(str(tmp_path), "bot", name)
+    assert part.exists()
 
 
 def test_the_files_of_one_save_are_one_recording_that_says_when_how_long_and_why(tmp_path):

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from silo.amounts import read_keep, read_split
 from silo.columns import ColumnGrid, HistoryColumns, bins_of
 from silo.errors import ConnectionLostError, ScriptError
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
@@ -23,7 +24,11 @@ from silo.ipc.messages import (
     EditsApplied,
     GetPiece,
     HelloReply,
+    KeptView,
+    KeptViews,
     PinOpened,
+    RecorderInfo,
+    RecorderStarted,
     Recordings,
     Refused,
     RefusedWhy,
@@ -39,18 +44,22 @@ from silo.ipc.published import Event, EventKind, NotLive
 from silo.ipc.samples import Samples
 from silo.ipc.surveys import QUANTITIES
 from silo.ipc.versions import PROTOCOL
+from silo.judging.derived import derived_infos
 from silo.judging.moments import Finder, Looking
 from silo.judging.moments import Found as FoundMoments
 from silo.model import (
     Action,
     BufferType,
+    Derived,
     Edit,
     ElementInfo,
     ElementOptions,
     Entry,
+    Extras,
     FileType,
     LoggedEvent,
     Problem,
+    RecorderState,
     SavedFile,
     SignalLimits,
     Sought,
@@ -59,6 +68,7 @@ from silo.model import (
     Table,
     TriggerOptions,
 )
+from silo.settings.extras_diff import diff_extras
 from silo.settings.rules import edit_problems, refusal
 from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
 from silo.version import VERSION
@@ -155,7 +165,7 @@ class FakeView:
         begin = max(self.from_ns, self.seen_ns)
         since_ns = begin if self.seen_ns < 0 else 0
         self.seen_ns = client.now_ns
-        known = {info.name: info for info in client.elements}
+        known = {info.name: info for info in client.infos}
         infos = [known[name] for name in self.values if name in known]
         unpublished = {info.name for info in infos if not info.options.enabled}
         newest, texts = [], {}
@@ -226,6 +236,10 @@ class FakeClient:
         self.pins: list[FakePin] = []
         self.trigger_statuses: list[TriggerStatus] = []
         self.limit_statuses: list[LimitStatus] = []
+        self.views_kept: dict[str, str] = {}
+        self.recorder_infos: list[RecorderInfo] = []
+        self.derived: tuple[Derived, ...] = ()
+        self.limit_options: tuple[SignalLimits, ...] = ()
         self.since_ns = 0  # of the statistics
         self.facts: dict[str, dict[str, float]] = {}  # measured values that a test sets, by quantity and name
         self._recorded: dict[str, ElementOptions] = {}  # what the held recording was made with
@@ -252,13 +266,18 @@ class FakeClient:
         return (self.now_ns - self.started_ns) / 1e9 if self.started_ns else 0.0
 
     @property
+    def infos(self) -> list[ElementInfo]:
+        """The elements, then the derived signals."""
+        return [*self.elements, *derived_infos(self.elements, "/log", self.derived)]
+
+    @property
     def ticks(self) -> int:
         end_ns = self.now_ns if self.state is State.RUNNING else self._stopped_ns
         return round((end_ns - self.started_ns) / 1e9 * HZ) if self.started_ns else 0
 
     def recorded(self, name: str) -> ElementOptions:
         """Options of an element in the held recording."""
-        known = next(info.options for info in self.elements if info.name == name)
+        known = next(info.options for info in self.infos if info.name == name)
         return self._recorded.get(name, known)
 
     def is_full(self, name: str) -> bool:
@@ -354,11 +373,12 @@ class FakeClient:
             entries=sum(len(info.entries) for info in self.elements), max_time_s=10.0, prefix="/log",
             folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
             durable_ticks=self.durable_ticks, held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
+            recorders=sum(not one.state.over for one in self.recorder_infos),
         )  # fmt: skip
 
     def table(self) -> Table:
         self._ask()
-        return Table(self.revision, list(self.elements))
+        return Table(self.revision, list(self.elements), self.infos[len(self.elements) :])
 
     def scripts(self) -> Scripts:
         self._ask()
@@ -382,7 +402,7 @@ class FakeClient:
     def read_script(self, path: str = "") -> ScriptText:
         self._ask()
         if not path:
-            return ScriptText(path=f"{FOLDER}/robot.yaml", text=format_script(self.elements))
+            return ScriptText(path=f"{FOLDER}/robot.yaml", text=format_script(self.elements, extras=self.extras))
         full, text = self._script(path)
         return ScriptText(path=full, text=text)
 
@@ -390,7 +410,18 @@ class FakeClient:
         script, plan = self._plan(path)
         changes = diff_options(self.elements, plan.options)
         unknown = [str(unknown.name) for unknown in plan.unknown]
-        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings)
+        extras = diff_extras(self.extras, script.extras) if script.extras is not None else []
+        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings, extras)
+
+    @property
+    def extras(self) -> Extras:
+        """What belongs to it beside its elements."""
+        return Extras(self.derived, self.limit_options, tuple(one.options for one in self.trigger_statuses))
+
+    def _take_extras(self, extras: Extras) -> None:
+        self.derived, self.limit_options = extras.derived, extras.limits
+        known = {one.options: one for one in self.trigger_statuses}
+        self.trigger_statuses = [known.get(one, TriggerStatus(one, TriggerWord.ARMED)) for one in extras.triggers]
 
     def _check(self, revision: int) -> None:
         self._ask()
@@ -461,6 +492,8 @@ class FakeClient:
         self._check(revision)
         script, plan = self._plan(path)
         changed = self._take(plan.options)
+        if script.extras is not None:
+            self._take_extras(script.extras)
         self.publish(EventKind.SCRIPT_LOADED, f"script {path} loaded", by=OWN_NAME)
         return EditsApplied(self.revision, changed, [str(unknown.name) for unknown in plan.unknown], script.warnings)
 
@@ -469,7 +502,7 @@ class FakeClient:
         self.calls.append(("save_script", path, overwrite))
         if path in self.files and not overwrite:
             raise refused(RefusedWhy.EXISTS, f"{FOLDER}/{path} exists")
-        self.files[path] = format_script(self.elements)
+        self.files[path] = format_script(self.elements, extras=self.extras)
         self.publish(EventKind.SCRIPT_SAVED, f"script {path} saved", by=OWN_NAME)
         return f"saved {FOLDER}/{path}"
 
@@ -535,6 +568,47 @@ class FakeClient:
         held = [self._held_samples(name).time_ns for name in names]
         return min([int(stamps[0]) for stamps in held if len(stamps)], default=0)
 
+    def kept_views(self) -> KeptViews:
+        self._ask()
+        return KeptViews(f"{FOLDER}/views", sorted(self.views_kept))
+
+    def kept_view(self, name: str) -> KeptView:
+        self._ask()
+        if name not in self.views_kept:
+            raise refused(RefusedWhy.NOT_FOUND, f"there is no view '{name}' on the robot")
+        return KeptView(f"{FOLDER}/views/{name}.yaml", self.views_kept[name])
+
+    def keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
+        self._ask()
+        if name in self.views_kept and not overwrite:
+            raise refused(RefusedWhy.EXISTS, f"there is a view '{name}' on the robot")
+        self.views_kept[name] = text
+        return f"view kept on the robot: {FOLDER}/views/{name}.yaml"
+
+    def recorders(self) -> list[RecorderInfo]:
+        self._ask()
+        return list(self.recorder_infos)
+
+    def record(
+        self, patterns: Sequence[str] = (), to: str = "", split: str = "1GB", keep: str = "", name: str = ""
+    ) -> RecorderStarted:
+        self._ask()
+        self.calls.append(("record", tuple(patterns), to, split, keep, name))
+        made = RecorderInfo(
+            name or self.name, f"/home/ann/logs/{to or 'recordings'}", RecorderState.RECORDING, list(patterns),
+            *read_split(split), read_keep(keep), "part1.mcap", since_ns=self.now_ns, by=OWN_NAME,
+        )  # fmt: skip
+        self.recorder_infos.append(made)
+        self.publish(EventKind.RECORDING, f"recording '{made.name}'", by=OWN_NAME)
+        return RecorderStarted(made.name, made.folder)
+
+    def stop_recorder(self, name: str = "") -> str:
+        self._ask()
+        self.calls.append(("stop_recorder", name))
+        self.recorder_infos = [one for one in self.recorder_infos if one.name != name]
+        self.publish(EventKind.RECORDING, f"recording '{name}' ended", by=OWN_NAME)
+        return f"recording '{name}' ended: 1 files"
+
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()
         held = FakePin(self, self.samples(names, start_ns, end_ns + 1))
@@ -590,8 +664,8 @@ class FakeClient:
 
     def _held_samples(self, name: str) -> Samples:
         """All samples of an element or entry that its buffer holds."""
-        places = {info.name: (info, info.entries) for info in self.elements}
-        for info in self.elements:
+        places = {info.name: (info, info.entries) for info in self.infos}
+        for info in self.infos:
             for entry in info.entries:
                 places.setdefault(info.name + entry.suffix, (info, (entry,)))
         if name not in places:
@@ -626,7 +700,7 @@ class FakeClient:
         count = max(0, last - first + 1) if self.started_ns else 0
         low, high = np.full((len(names), count), np.nan), np.full((len(names), count), np.nan)
         for position, name in enumerate(names):
-            element = next((info for info in self.elements if name.startswith(info.name)), None)
+            element = next((info for info in self.infos if name.startswith(info.name)), None)
             if element is None or not element.options.enabled:
                 continue
             ticks = np.arange(math.ceil((start_ns - self.started_ns) / 1e9 * HZ), self.ticks + 1)
@@ -696,15 +770,18 @@ class FakeClient:
         self.calls.append(("set_limits", limits))
         return f"limits of '{limits.name}' are set"
 
-    def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
+    def survey(
+        self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False, derived: bool = False
+    ) -> Survey:
         self._ask()
         unknown = [quantity for quantity in quantities if quantity not in QUANTITIES]
         if unknown:
             raise refused(RefusedWhy.INVALID, f"no survey: {unknown[0]!r} is no quantity")
         if reset or not self.since_ns:
             self.since_ns = self.now_ns
-        known = {info.name: info for info in self.elements}
-        entries = {info.name + entry.suffix: info for info in self.elements for entry in info.entries}
+        infos = self.infos if derived else self.elements
+        known = {info.name: info for info in infos}
+        entries = {info.name + entry.suffix: info for info in infos for entry in info.entries}
         rows = [
             [self._measured(quantity, name, known.get(name) or entries.get(name)) for name in names or known]
             for quantity in quantities

@@ -8,6 +8,7 @@ from silo_tui.model.conditions import (
     fields_of,
     head_words,
     limit_row,
+    named_in,
     options_of_fields,
     tried_lines,
     trigger_row,
@@ -58,6 +59,11 @@ class TestWords:
         assert size.startswith("each capture about")
 
 
+async def done(screen):
+    """Waits until what was asked for is done: meanwhile its dialog owns the keys."""
+    await screen.until(lambda: not screen.app.screen.is_modal, "the end of what was asked for")
+
+
 slow = pytest.mark.slow  # each walks through the whole app
 
 
@@ -72,6 +78,7 @@ class TestScreens:
             await screen.press("t")
             await screen.until(lambda: ("arm_trigger", "fall", False) in fake.calls)
             await screen.shows("trigger 'fall' is off")
+            await done(screen)
             await screen.press("j")
             await screen.shows("low is blind: /log/x is off; switch it on in the table")
             await screen.press("!")
@@ -79,6 +86,22 @@ class TestScreens:
             assert ("force_trigger", "low") in fake.calls
             await screen.press("escape")
             await screen.until(lambda: screen.app.screen.scope == "table")
+
+    async def test_a_trigger_is_removed_after_a_question_only(self, fake, opened):
+        fake.trigger_statuses = [FALL]
+        async with opened(fake) as screen:
+            await screen.press("T")
+            await screen.shows("abs(base/roll) > 0.6")
+            await screen.press("x")
+            await screen.shows("Remove trigger fall?")
+            await screen.press("enter")
+            await screen.until(lambda: not screen.app.screen.is_modal)
+            assert fake.trigger_statuses == [FALL]
+            await screen.press("x")
+            await screen.shows("Remove trigger fall?")
+            await screen.press("y")
+            await screen.shows("trigger 'fall' is removed")
+            assert fake.trigger_statuses == []
 
     async def test_a_trigger_is_made_tried_and_set(self, fake, opened):
         async with opened(fake) as screen:
@@ -116,6 +139,7 @@ class TestScreens:
             assert "1 now │ 2 limits" in screen.text
             await screen.press("K")
             await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque") in fake.calls)
+            await done(screen)
             await screen.press("T")
             await screen.shows("No triggers")
 
@@ -141,3 +165,119 @@ class TestScreens:
             await screen.press("enter")
             await screen.until(lambda: fake.trigger_statuses)
             assert " > " in fake.trigger_statuses[0].options.when
+
+
+OFF = TriggerStatus(TriggerOptions("spin", "norm(imu/rate) > 3"), TriggerWord.OFF)
+COLD = LimitStatus("/log/a/cold", "/log/a/cold", LimitWord.YELLOW_LOW, "degC", 1.0, 2.0, 0.5, count=9, alarm=True)
+
+
+@slow
+class TestLists:
+    """Filter, order and marks of both lists, and the ways between the screens beside the table."""
+
+    async def test_a_filter_shows_some_lines_and_esc_brings_the_others_back(self, fake, opened):
+        fake.trigger_statuses = [FALL, BLIND, OFF]
+        async with opened(fake) as screen:
+            await screen.press("T")
+            await screen.shows("abs(base/roll) > 0.6")
+            await screen.press("/")
+            await screen.type("-roll spin|low")
+            await screen.press("enter")
+            await screen.shows("/-roll spin|low: 2 of 3")
+            assert "abs(base/roll)" not in screen.text
+            await screen.press("escape")
+            await screen.shows("abs(base/roll)")
+            assert screen.app.screen.scope == "triggers"
+
+    async def test_a_letter_orders_and_the_same_again_turns_round(self, fake, opened):
+        fake.trigger_statuses = [BLIND, FALL, OFF]
+        async with opened(fake) as screen:
+            await screen.press("T")
+            await screen.shows("ARMED")
+            shown = lambda: [key for key, _ in screen.app.screen._drawn]  # noqa: E731
+            await screen.press("o", "n")
+            assert shown() == ["fall", "low", "spin"]
+            await screen.press("o", "n")
+            assert shown() == ["spin", "low", "fall"]
+            await screen.press("o", "c")
+            assert shown()[0] == "fall"
+
+    async def test_marked_triggers_are_switched_together_and_removed_after_a_question(self, fake, opened):
+        fake.trigger_statuses = [FALL, BLIND, OFF]
+        async with opened(fake) as screen:
+            await screen.press("T")
+            await screen.shows("ARMED")
+            await screen.press("V", "j", "V")
+            await screen.shows("2 marked")
+            await screen.press("t")
+            await screen.until(lambda: ("arm_trigger", "low", False) in fake.calls)
+            assert ("arm_trigger", "fall", False) in fake.calls
+            await done(screen)
+            await screen.press("x")
+            await screen.shows("Remove 2 triggers?")
+            await screen.press("escape")
+            assert not [call for call in fake.calls if call[0] == "remove_trigger"]
+
+    async def test_all_that_is_marked_is_acknowledged(self, fake, opened):
+        fake.limit_statuses = [HOT, COLD]
+        async with opened(fake) as screen:
+            await screen.press("A")
+            await screen.shows("/a/cold")
+            await screen.press("*", "K")
+            await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque", "/log/a/cold") in fake.calls)
+
+    async def test_m_plots_the_signals_of_a_condition(self, fake, opened):
+        name = fake.elements[0].name.removeprefix("/log/")
+        fake.trigger_statuses = [TriggerStatus(TriggerOptions("one", f"abs({name}) > 1"), TriggerWord.ARMED)]
+        async with opened(fake) as screen:
+            await screen.press("T")
+            await screen.shows("ARMED")
+            await screen.press("m")
+            await screen.until(lambda: screen.app.screen.scope == "monitor")
+            assert {plot.element.name for plot in screen.app.screen.stack.plots} == {fake.elements[0].name}
+
+    async def test_from_one_screen_beside_the_table_to_another_and_back_by_one_esc(self, fake, opened):
+        async with opened(fake) as screen:
+            for key, scope in (
+                ("T", "triggers"),
+                ("E", "events"),
+                ("F", "recordings"),
+                ("A", "alarms"),
+                ("T", "triggers"),
+            ):
+                await screen.press(key)
+                await screen.until(lambda scope=scope: screen.app.screen.scope == scope)
+            await screen.press("escape")
+            await screen.until(lambda: screen.app.screen.scope == "table")
+
+    async def test_a_command_is_typed_there_too(self, fake, opened):
+        async with opened(fake) as screen:
+            await screen.press("A", ":")
+            await screen.type("triggers")
+            await screen.press("enter")
+            await screen.until(lambda: screen.app.screen.scope == "triggers")
+
+    async def test_a_row_of_the_table_makes_a_trigger_or_limits(self, fake, opened):
+        async with opened(fake) as screen:
+            await screen.press("N", "t")
+            await screen.shows("New trigger on robot")
+            await screen.press("escape", "escape")
+            await screen.until(lambda: screen.app.screen.scope == "table")
+            await screen.press("N", "l")
+            await screen.shows("signal = red low")
+            await screen.type("-4, -3, 3, 4")
+            await screen.press("enter")
+            await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
+
+
+def test_signals_are_found_in_a_condition_by_name_entry_and_glob(robot):
+    names = [one.name for one in robot]
+    first = robot[0]
+    short = first.name.removeprefix("/log/")
+    entry = short + first.entries[0].suffix
+    assert named_in(f"abs({entry}) > 0.6 and 2 * 3 > 1", robot, "/log") == [first.name]
+    assert named_in("any(*)", robot, "/log") == []
+    branch = short.split("/")[0]
+    assert named_in(f"max({branch}/*) > 1", robot, "/log") == [
+        name for name in names if name.startswith(f"/log/{branch}/")
+    ]

@@ -1,8 +1,11 @@
 """Choosing a logger, scripts, saving data, the command line, help, and the palette."""
 
+import numpy as np
 import pytest
 
-from silo.model import FileType
+from silo.files import write
+from silo.model import BufferType, Entry, FileType
+from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.actions import COMMANDS, FILE_SCOPES, bindings_for, footer_for
 from silo_tui.model.fields import Field
 from silo_tui.screens.table import TableScreen
@@ -220,6 +223,66 @@ async def test_the_palette_finds_a_command_by_what_it_does(fake, opened):
         await screen.press("ctrl+p")
         await screen.type("take the last")
         await screen.shows("Undo")
+
+
+async def test_the_palette_finds_what_can_only_be_typed_and_goes_on_in_the_command_line(fake, opened):
+    async with opened(fake, size=(100, 40)) as screen:
+        await screen.press("ctrl+p")
+        await screen.type("put the cursor there")
+        await screen.shows(":goto NAME")
+        await screen.press("enter")
+        await screen.shows("Tab completes")
+        await screen.type("imu/temp")
+        await screen.press("enter")
+        await screen.until(lambda: screen.session.table.names[screen.session.rows.row] == "/log/imu/temperature")
+
+
+async def test_a_dialog_stands_in_the_middle_and_what_lies_below_is_seen(fake, opened):
+    async with opened(fake, size=(120, 40)) as screen:
+        await screen.press("e")
+        await screen.shows("Edit what of 1 element?")
+        lines = screen.text.splitlines()
+        assert "/base/orientation" in lines[2]
+        title = next(line for line in lines if "Edit what of" in line)
+        assert title.index("Edit what of") > 20
+
+
+@pytest.fixture
+def saved_log(tmp_path):
+    """A log of this machine."""
+    time_ns = 1_790_000_000 * 10**9 + np.arange(101, dtype=np.int64) * 10**7
+    entry = RecordedEntry("/log/x", Entry("", "<f8"), np.sin(np.arange(101) / 20))
+    signal = RecordedElement("/log/x", "Nm", "scalar", (), 1, BufferType.LOOPING, 0, (entry,))
+    (file,) = write(Recording("bot", time_ns, 101, [signal]), tmp_path, "bot", ["silo"], "walk")
+    return file.path
+
+
+async def test_a_file_of_this_machine_is_opened_over_the_logger_by_a_word_that_the_palette_has(
+    fake, opened, saved_log, tmp_path
+):
+    async with opened(fake, size=(120, 40)) as screen:
+        live = screen.session
+        await screen.press("ctrl+p")
+        await screen.type("saved log of this machine")
+        await screen.shows(":open FILE")
+        await screen.press("enter")
+        await screen.shows("Tab completes")
+        await screen.type(f"{tmp_path}/wa")
+        await screen.press("tab", "enter")
+        await screen.until(lambda: screen.app.screen.scope == "file", "the file")
+        assert "walk.silo" in screen.text.splitlines()[0]
+        await screen.press("escape")
+        await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
+        assert screen.session is live
+
+
+async def test_a_file_that_is_no_log_is_told_and_the_table_stays(fake, opened, tmp_path):
+    (tmp_path / "walk.silo").write_text("not a log")
+    async with opened(fake) as screen:
+        await screen.type(f":open {tmp_path}/walk.silo")
+        await screen.press("enter")
+        await screen.shows("can't be opened")
+        assert isinstance(screen.app.screen, TableScreen)
 
 
 def test_no_key_is_one_that_terminals_eat():

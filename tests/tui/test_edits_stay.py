@@ -3,6 +3,7 @@
 import os
 import threading
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -86,6 +87,37 @@ async def test_marks_that_the_filter_hides_are_changed_only_after_a_question_tha
         assert screen.session.rows.marked_count == 3
 
 
+async def test_a_typed_edit_of_hidden_marks_asks_with_their_count_too(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque")
+        await screen.press("enter", "asterisk", "escape")
+        await screen.type("/LF")
+        await screen.press("enter")
+        await screen.type(":set div=5")
+        await screen.press("enter")
+        await screen.shows("9 of the 12 marked elements are hidden")
+        assert screen.session.table.pending_count == (0, 0)
+        await screen.press("enter")
+        assert screen.session.table.pending_count == (0, 0)
+        await screen.type(":set div=5")
+        await screen.press("enter")
+        await screen.shows("9 of the 12 marked elements are hidden")
+        await screen.press("y")
+        await screen.until(lambda: screen.session.table.pending_count == (12, 12))
+
+
+async def test_a_typed_edit_that_makes_no_sense_is_refused_before_the_question(fake, opened):
+    async with opened(fake) as screen:
+        await screen.type("/torque")
+        await screen.press("enter", "asterisk", "escape")
+        await screen.type("/LF")
+        await screen.press("enter")
+        await screen.type(":set dvi=5")
+        await screen.press("enter")
+        await screen.shows("dvi")
+        assert not screen.app.screen.is_modal
+
+
 async def test_b_and_p_choose_from_a_list(fake, opened):
     async with opened(fake) as screen:
         await screen.press("b")
@@ -116,6 +148,38 @@ async def test_equal_edits_stand_in_one_line_with_what_they_cost(fake, opened):
         await screen.shows("12 × /legs/*/*/torque  divider 1 → 5")
         for words in ("memory", "to a file", "topics", "held", "shortest:"):
             assert words in screen.text
+
+
+async def test_the_memory_of_an_edit_stands_beside_what_there_is_of_it(fake, opened, monkeypatch):
+    status = fake.status
+    monkeypatch.setattr(fake, "status", lambda: msgspec.structs.replace(status(), room_bytes=50_000_000))
+    async with opened(fake) as screen:
+        await screen.type(":set size=5000")
+        await screen.press("enter", "a")
+        await screen.shows("of 50.0 MB available")
+        assert "!!" not in screen.text
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
+        await screen.type(":set size=50M")
+        await screen.press("enter", "a")
+        await screen.shows("!! of 50.0 MB available")
+
+
+async def test_a_script_that_differs_in_a_trigger_alone_is_shown_and_loaded(fake, opened):
+    trigger = "triggers:\n  - name: fall\n    when: abs(base/roll) > 0.6\n    pre_s: 5\n"
+    fake.files["walk.yaml"] = fake.files["robot.yaml"] + trigger
+    async with opened(fake) as screen:
+        await screen.type(":load walk.yaml")
+        await screen.press("enter")
+        await screen.shows("trigger fall")
+        assert "new: abs(base/roll) > 0.6, pre 5 s" in screen.text
+        await screen.press("l")
+        await screen.shows("loaded walk.yaml: 0 elements changed; trigger fall")
+        await screen.until(lambda: [one.options.name for one in screen.session.triggers] == ["fall"])
+        fake.files["other.yaml"] = fake.files["walk.yaml"].replace("pre_s: 5", "pre_s: 2")
+        await screen.type(":load other.yaml")
+        await screen.press("enter")
+        await screen.shows("pre 5 s → 2 s")
 
 
 async def test_a_script_that_changes_nothing_says_so(fake, opened):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from silo.ipc.conditions import LimitStatus, LimitWord
 from silo.ipc.surveys import FROZEN, NOT_FINITE
 
 TORQUE = "/log/legs/LF/HAA/torque"
@@ -66,10 +67,67 @@ async def test_z_makes_a_tree_that_folds_and_edits_as_a_whole(fake, opened):
         await screen.type(":goto LF/HAA/torque")
         await screen.press("enter", "z")
         await screen.shows("► HAA")
+        await screen.shows("== 1 of 5")
         line = next(line for line in screen.text.splitlines() if "► HAA" in line)
-        assert "5   1 of them with a sign" in line
+        assert "== 1 of 5" in line
         await screen.press("t")
         assert screen.session.table.pending_count == (5, 5)
+
+
+def over(name, word):
+    return LimitStatus(name, name, word, value=9.0, count=1)
+
+
+async def test_a_folded_branch_counts_what_is_beyond_its_limits_below_it(fake, opened):
+    fake.run()
+    fake.facts = {"signs": {TORQUE: FROZEN}}
+    fake.limit_statuses = [
+        over("/log/legs/LF/HAA/velocity", LimitWord.RED_HIGH), over("/log/legs/LF/HFE/torque", LimitWord.YELLOW_LOW)
+    ]  # fmt: skip
+    async with opened(fake) as screen:
+        await screen.press("o", "n")
+        await screen.type(":goto LF/HAA/torque")
+        await screen.press("enter", "z")
+        await screen.until(lambda: "HH 1 of 5" in next(iter(lines_with(screen, "► HAA")), ""), "the branch's sign")
+        await screen.press("k", "z")
+        await screen.until(lambda: "HH 1 of 16" in next(iter(lines_with(screen, "► LF")), ""), "the branch above")
+
+
+def lines_with(screen, words):
+    return [line for line in screen.text.splitlines() if words in line]
+
+
+async def test_alarm_as_a_filter_lets_pass_what_is_beyond_its_limits(fake, opened):
+    fake.run()
+    fake.facts = {"signs": {TORQUE: FROZEN}}
+    fake.limit_statuses = [over("/log/imu/temperature", LimitWord.RED_HIGH)]
+    async with opened(fake) as screen:
+        await screen.type("/alarm")
+        await screen.press("enter")
+        table = screen.session.table
+        await screen.until(
+            lambda: [table.names[row] for row in screen.session.rows.shown] == ["/log/imu/temperature", TORQUE]
+        )
+
+
+async def test_worst_first_begins_with_what_is_beyond_a_red_limit(fake, opened):
+    fake.run()
+    fake.facts = {"signs": {TORQUE: FROZEN, "/log/base/velocity": NOT_FINITE}}
+    fake.limit_statuses = [
+        over("/log/imu/temperature", LimitWord.RED_LOW), over("/log/legs/RF/HFE/torque", LimitWord.YELLOW_HIGH)
+    ]  # fmt: skip
+    async with opened(fake) as screen:
+        await screen.press("o", "!")
+        table, rows = screen.session.table, screen.session.rows
+        wanted = ["/log/imu/temperature", "/log/base/velocity", TORQUE, "/log/legs/RF/HFE/torque"]
+        await screen.until(lambda: [table.names[row] for row in rows.shown[:4]] == wanted, "worst first")
+        await screen.until(lambda: " LL " in next(iter(lines_with(screen, "/imu/temperature")), ""), "its sign")
+
+
+async def test_help_tells_the_signs_of_limits(fake, opened):
+    async with opened(fake, size=(160, 50)) as screen:
+        await screen.press("?")
+        await screen.shows("beyond its red limit")
 
 
 async def test_n_steps_through_norm_and_entries_of_a_vector(fake, opened):

@@ -241,3 +241,13 @@ async def test_the_line_of_the_plots_says_that_the_logger_is_dead(fake, opened):
         fake.publish(EventKind.CRASHED, "it died")
         await screen.shows("│ DEAD │")
         assert "│ live │" not in screen.text
+
+
+async def test_a_second_that_passes_before_the_plots_are_laid_out_ends_nothing(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        screen.app.screen.command_monitor()  # on the stack, nothing of it made yet
+        assert not screen.app.context.upper_screen.is_mounted
+        screen.app._second()
+        screen.app._poll()
+        await screen.until(lambda: not monitor(screen).stack.store.empty)

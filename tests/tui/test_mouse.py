@@ -25,6 +25,42 @@ async def test_a_click_on_a_head_sorts_by_it(fake, opened, title):
         await screen.shows(f"↓{title}")
 
 
+@pytest.mark.parametrize("title", ["!", "fill", "value"])
+async def test_a_click_on_a_live_head_orders_by_it_and_a_second_one_turns_the_order(fake, opened, title):
+    fake.run()
+    async with opened(fake) as screen:
+        place = screen.text.split("\n")[1].index(title) - screen.app.screen.live_head.region.x
+        await screen.pilot.click("#live-head", offset=(place, 0))
+        await screen.until(lambda: screen.session.rows.sort == title)
+        assert not screen.session.rows.turned
+        await screen.pilot.click("#live-head", offset=(place, 0))
+        await screen.until(lambda: screen.session.rows.turned)
+        assert screen.session.rows.sort == title
+
+
+@pytest.mark.parametrize("title", ["min", "max", "mean", "std"])
+async def test_heads_of_statistics_can_be_clicked(fake, opened, title):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("C")
+        await screen.shows(" mean")
+        place = screen.text.split("\n")[1].index(title) - screen.app.screen.live_head.region.x
+        await screen.pilot.click("#live-head", offset=(place, 0))
+        await screen.until(lambda: screen.session.rows.sort == title)
+
+
+async def test_a_second_click_on_a_head_turns_the_order_round(fake, opened):
+    async with opened(fake) as screen:
+        head = screen.text.split("\n")[1]
+        for turned in (False, True, False):
+            await screen.pilot.click("TableHead", offset=(head.index("div") + 1, 0))
+            await screen.until(lambda turned=turned: screen.session.rows.turned is turned)
+        await screen.pilot.click("TableHead", offset=(3, 0))
+        await screen.shows("↓name")
+        await screen.pilot.click("TableHead", offset=(3, 0))
+        await screen.shows("↑name")
+
+
 async def test_a_click_on_a_plot_chooses_it_and_puts_the_cursor_where_it_was(fake, opened):
     fake.run()
     async with opened(fake, size=(100, 40)) as screen:

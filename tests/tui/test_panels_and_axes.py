@@ -53,6 +53,10 @@ def test_what_can_t_share_a_plot_says_why(plots, most, reason):
         join(panels, 0, most)
 
 
+def test_the_last_plot_joins_with_the_one_above():
+    assert names(join(stacked([A, B, C]), 2)) == ["/a", "/b/c"]
+
+
 def test_an_isolated_signal_stands_alone_below_its_panel():
     panels = gathered([A, B, C], by_unit=False)
     assert names(panels) == ["/a/b/c"]

@@ -1,5 +1,6 @@
 """The recordings of a robot on the screen, driven by keys: listed, opened in place, fetched, deleted."""
 
+import csv
 import os
 import threading
 from dataclasses import replace
@@ -11,9 +12,10 @@ import pytest
 
 from silo.errors import ConnectionLostError
 from silo.files import write
+from silo.ipc.conditions import TriggerStatus, TriggerWord
 from silo.ipc.published import EventKind
-from silo.model import BufferType, Entry, FileType, SavedFile, State
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.model import BufferType, Entry, FileType, LoggedEvent, SavedFile, State, TriggerOptions
+from silo.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo_tui.screens.file_monitor import FileMonitorScreen
 from silo_tui.screens.file_table import FileTableScreen
 from silo_tui.screens.monitor import MonitorScreen
@@ -252,6 +254,55 @@ async def test_after_a_save_one_key_opens_the_file(opened, fake, logs, monkeypat
         await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
 
 
+async def at_the_capture(screen):
+    await screen.press("T")
+    await screen.shows("last capture: robot_20260921_14-00-00_00007_fall_3.silo")
+    await screen.press("enter")
+    await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "plots of the capture")
+
+
+@pytest.fixture
+def captured(fake, logs):
+    """The trigger whose newest capture is among the recordings."""
+    path = logs / "robot_20260921_14-00-00_00007_fall_3.silo"
+    options = TriggerOptions("fall", "legs/LF/HAA/torque > 3", 5.0, 1.0)
+    fake.trigger_statuses = [TriggerStatus(options, TriggerWord.ARMED, 3, 3, 7, BEGIN, files=(str(path),))]
+    return path
+
+
+@pytest.mark.parametrize("place", ["here", "far"])
+async def test_a_capture_is_opened_from_the_triggers_as_any_file_is(opened, fake, captured, monkeypatch, place):
+    fake.run()
+    if place == "far":
+        far(fake, monkeypatch)
+        hidden = "/robot/logs/" + captured.name
+        fake.trigger_statuses = [msgspec.structs.replace(fake.trigger_statuses[0], files=(hidden,))]
+    async with opened(fake) as screen:
+        live = screen.session
+        await at_the_capture(screen)
+        assert screen.app.context.file_over_logger
+        assert screen.session.name == captured.name
+        assert [plotted.name for plotted in screen.app.screen.stack.plots] == ["/log/legs/LF/HAA/torque"]
+        await screen.press("E")
+        await screen.until(lambda: screen.app.screen.scope == "file_events", "what happened in the file")
+        await screen.press("escape", "escape")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "its table")
+        await screen.press("escape")
+        await screen.until(lambda: screen.app.screen.scope == "triggers", "the triggers")
+        assert screen.session is live
+        await screen.shows("legs/LF/HAA/torque > 3")
+
+
+async def test_a_capture_that_is_nowhere_any_more_is_told(opened, fake, captured):
+    captured.unlink()
+    async with opened(fake) as screen:
+        await screen.press("T")
+        await screen.shows("last capture")
+        await screen.press("enter")
+        await screen.until(lambda: "F lists what is there" in " ".join(screen.text.split()), "where it isn't")
+        assert screen.app.screen.scope == "triggers"
+
+
 async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fake, logs):
     fake.run()
     async with opened(fake) as screen:
@@ -287,6 +338,99 @@ async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs, 
         await screen.press("enter")
         await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
+
+
+@pytest.mark.parametrize(("key", "says"), [("m", "F lists it"), ("A", "F lists it"), ("F", "It is in this list")])
+async def test_the_banner_names_the_key_that_opens_it_on_the_screen_where_it_stands(opened, fake, logs, key, says):
+    fake.run()
+    async with opened(fake, size=(160, 50)) as screen:
+        fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
+        fake.publish(EventKind.CRASHED, fake.reason, files=[])
+        await screen.shows("Enter opens it")
+        await screen.press(key)
+        await screen.shows(says)
+        assert "Enter opens it" not in screen.text
+
+
+def marked(logs, words):
+    """A recording in the folder that has a mark."""
+    recording = log_of(8)
+    marks = stamped([LoggedEvent("marker", words, 1, 250)], recording.time_ns, len(recording.time_ns))
+    write(replace(recording, events=marks), logs, "robot", ["silo"], "robot_20260921_14-00-00_00009", why="marked")
+
+
+async def test_over_a_file_the_events_are_those_of_the_file(opened, fake, logs):
+    fake.run()
+    fake.happen("marker", "on the live robot", fake.now_ns)
+    marked(logs, "in the file")
+    async with opened(fake) as screen:
+        await screen.press("m")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "live plots")
+        live = screen.app.screen
+        await at_recordings(screen)
+        await screen.press("o", "n", "G", "enter")
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        await screen.press("E")
+        await screen.shows('M "in the file"')
+        assert "on the live robot" not in screen.text
+        await screen.press("enter")
+        await screen.shows("no plots are open")  # those of the live robot lie below, and are of another clock
+        await screen.press("escape", "m")
+        await screen.until(lambda: isinstance(screen.app.screen, FileMonitorScreen), "plots of the file")
+        await screen.press("E", "enter")
+        await screen.shows('"in the file" at 2.5')
+        assert live.window.at_ns is None
+
+
+@pytest.mark.parametrize("on_file", [False, True])
+async def test_end_and_home_are_the_same_in_the_events_of_a_file_and_of_a_logger(opened, fake, logs, on_file):
+    fake.run()
+    for words in ("one", "two", "three"):
+        fake.happen("marker", words, fake.now_ns)
+    marked(logs, "in the file")
+    async with opened(fake) as screen:
+        if on_file:
+            await at_recordings(screen)
+            await screen.press("o", "n", "G", "enter")
+            await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+        await screen.press("E")
+        await screen.shows("follows")
+        await screen.press("end")
+        assert screen.app.screen._list.highlighted == (0 if on_file else 2)
+        await screen.shows("g follows")
+        await screen.press("home")
+        await screen.shows("s, follows" if not on_file else "1 event, follows")
+
+
+async def test_events_that_are_shown_are_written_to_a_csv_file(opened, fake, tmp_path):
+    fake.run()
+    fake.happen("marker", 'pushed, "hard"', fake.now_ns)
+    fake.happen("edited", "3 elements changed", fake.now_ns)
+    async with opened(fake) as screen:
+        await screen.press("E", "/", "M", "enter")
+        await screen.shows("/M: 1 of")
+        await screen.press("w")
+        await screen.shows("1 event as filtered")
+        await screen.type(str(tmp_path / "marks"))
+        await screen.press("enter")
+        await screen.shows("1 event written")
+        with (tmp_path / "marks.csv").open() as file:
+            (line,) = csv.DictReader(file)
+        assert line["what"] == 'pushed, "hard"'
+        assert line["kind"] == "marker"
+        assert int(line["time_ns"]) % SECOND == int(line["time"].partition(".")[2].removesuffix("Z"))
+
+
+async def test_events_are_ordered_by_time_kind_or_who(opened, fake):
+    fake.run()
+    for kind, who in (("edited", "bob"), ("marker", "ann"), ("lost", "cid")):
+        fake.happen(kind, f"by {who}", fake.now_ns, who=who)
+    async with opened(fake) as screen:
+        await screen.press("E")
+        await screen.shows("by cid")
+        for keys, found in (("k", "ann cid bob"), ("w", "ann bob cid"), ("t", "cid ann bob"), ("t", "bob ann cid")):
+            await screen.press("o", keys)
+            assert [event.who for event in screen.app.screen._shown if event.who in "ann bob cid"] == found.split()
 
 
 # --------------------------------------------------------------------------------------------- fetching, deleting

@@ -4,7 +4,7 @@ import pytest
 
 from silo_tui.terminal.answers import AnswerFilter, knows_mode
 from silo_tui.terminal.pacing import FIRST_BYTES, FIRST_S, SMALLEST_WINDOW, UNPACED, Pacer, link_words
-from silo_tui.terminal.thinness import STEPS, Thinness
+from silo_tui.terminal.thinness import STEPS, Painted, Thinness, head_words
 
 ANSWER = b"\x1b[?2026;2$y"
 
@@ -165,7 +165,9 @@ def test_one_late_frame_changes_nothing():
 def test_it_says_which_rate_holds_of_the_wished_one():
     thinness = Thinness()
     judged(thinness, 60, late=True)
-    assert thinness.words(5.0) == "thin link: values 0.5 of 5 Hz, trends every 8 s, 2 digits fewer; keys go first"
+    assert thinness.words(5.0) == (
+        "thin link: values 0.5 of 5 Hz, trends and statistics every 8 s, 2 digits fewer; keys go first"
+    )
     assert Thinness().words(5.0) == ""
 
 
@@ -203,3 +205,54 @@ def test_keys_and_other_reports_pass(key):
 @pytest.mark.parametrize(("answer", "known"), [(ANSWER, True), (b"\x1b[?2026;0$y", False), (b"\x1b[0n", False)])
 def test_frames_are_bracketed_only_where_the_terminal_knows_it(answer, known):
     assert knows_mode(answer) is known
+
+
+def painted(hz, wished_hz=5.0, seconds=10.0, took_s=0.0):
+    """What is told of a terminal that takes a share of the paints, asked later by `took_s` each time."""
+    found, now_s, shown = Painted(), 100.0, 0.0
+    while now_s < 100.0 + seconds:
+        now_s += 1 / wished_hz + took_s
+        shown += hz * (1 / wished_hz + took_s)
+        found.note(wished_hz, painted=shown >= 1, now_s=now_s)
+        shown -= shown >= 1
+    return found.words
+
+
+def test_a_rate_below_the_wished_one_is_told():
+    assert painted(1.25) == "1.3 of 5 Hz"
+    assert painted(0.0) == "0 of 5 Hz"
+    assert painted(5.0) == ""
+    assert painted(4.9) == ""
+
+
+def test_a_computer_too_busy_for_the_wished_rate_is_told_too():
+    assert painted(100.0, took_s=0.3) == "2 of 5 Hz"
+
+
+@pytest.mark.parametrize(
+    ("room", "words"),
+    [(60, "THIN 0 of 5 Hz 64 kbit/s 210 ms"), (26, "THIN 0 of 5 Hz 64 kbit/s"), (15, "THIN 0 of 5 Hz"), (3, "THIN")],
+)
+def test_a_narrow_head_leaves_whole_words_out(room, words):
+    thin, slow = Thinness(), Painted()
+    thin.step = 8
+    for tick in range(30):
+        slow.note(5.0, painted=False, now_s=tick / 5)
+    assert head_words(thin, slow, ["64 kbit/s", "210 ms"], room) == words
+    thin.step = 0
+    assert head_words(thin, slow, ["64 kbit/s", "210 ms"], 60) == "0 of 5 Hz"
+
+
+def test_nothing_is_told_of_a_rate_before_it_was_measured():
+    assert painted(1.0, seconds=1.5) == ""
+    found = Painted()
+    found.note(5.0, painted=False, now_s=1.0)
+    found.note(1.0, painted=False, now_s=20.0)
+    assert found.words == ""
+
+
+def test_statistics_are_left_out_after_the_digits_and_before_values():
+    assert [pace.statistics_s for pace in STEPS] == [1.0] * 5 + [8.0] * 4
+    thin = Thinness()
+    thin.step = 5
+    assert thin.words(5.0) == "thin link: trends and statistics every 8 s, 2 digits fewer; keys go first"

@@ -1,5 +1,7 @@
 """Views: what is on the screen is kept by a name and put on it again, on another robot as far as it has it."""
 
+import os
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -32,7 +34,10 @@ panels = st.lists(names.filter(bool), unique=True, max_size=6).flatmap(
 )
 layouts = st.builds(
     Layout,
-    sort=names, filter=names, columns=st.lists(names, unique=True, max_size=3).map(tuple),
+    sort=names, turned=st.booleans(), filter=names, set=names,
+    folded=st.lists(names, unique=True, max_size=3).map(tuple),
+    unfolded=st.lists(names, unique=True, max_size=3).map(tuple),
+    components=st.dictionaries(names, names, max_size=2), columns=st.lists(names, unique=True, max_size=3).map(tuple),
     plots=panels, chosen=names,
     span_s=st.floats(1e-3, 1e6),
     scales=st.dictionaries(names, st.tuples(numbers, numbers).filter(lambda ends: ends[0] < ends[1]), max_size=2),
@@ -116,6 +121,109 @@ async def test_a_view_is_kept_by_its_word_and_listed(fake, opened):
         await screen.until(lambda: screen.session.rows.sort == "size")
 
 
+async def test_a_view_keeps_order_column_set_folds_and_components(new_fake, opened):
+    wanted = Layout(
+        "tree", columns=("div", "size"), set="statistics", folded=("/legs/LF",), unfolded=("/base/velocity",),
+        components={"/base/position": "_y", "/imu/acceleration": "norm"},
+    )  # fmt: skip
+    first, second = new_fake(), new_fake()
+    async with opened(first) as screen:
+        await screen.press("o", "n", "C")
+        screen.app.screen.table.choose_columns(("div", "size"))
+        for name, keys in (
+            ("LF/HAA/torque", "zkz"), ("base/velocity", "z"), ("base/position", "nnn"), ("acceleration", "n")
+        ):  # fmt: skip
+            await run(screen, f"goto {name}")
+            await screen.press(*keys)
+        rows = screen.session.rows
+        rows.folded = frozenset({"/legs/LF"})
+        assert capture(screen.app.context) == wanted
+        await run(screen, "view save walk")
+        await screen.shows("view walk kept")
+    async with opened(second, view="walk") as screen:
+        await screen.shows("view walk")
+        assert capture(screen.app.context) == wanted
+        await screen.shows("► LF")
+
+
+async def test_a_view_keeps_which_way_round_an_order_is(new_fake, opened):
+    files.save(files.place("least"), Layout("value", turned=True))
+    async with opened(new_fake(), view="least") as screen:
+        await screen.shows("by value ↑")
+        assert capture(screen.app.context) == Layout("value", turned=True)
+
+
+async def test_a_view_keeps_the_held_scale_of_signals_that_share_a_plot(new_fake, opened):
+    pair = ("/legs/LF/HAA/torque", "/legs/LF/HFE/torque")
+    layout = Layout(plots=(pair,), scales={"|".join(pair): (-300.0, 700.0)})
+    files.save(files.place("joined"), layout)
+    fake = new_fake()
+    fake.run()
+    async with opened(fake, view="joined") as screen:
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        await screen.shows("700 ┤")
+        scales = screen.app.screen.window.scales
+        assert scales == {"/log/legs/LF/HAA/torque|/log/legs/LF/HFE/torque": (-300.0, 700.0)}
+        assert capture(screen.app.context).scales == layout.scales
+
+
+async def test_chosen_columns_stay_when_the_terminal_changes_its_size(fake, opened):
+    async with opened(fake, settings=Settings(columns=("div", "size"))) as screen:
+        await screen.pilot.resize_terminal(100, 30)
+        await screen.pilot.pause()
+        heads = screen.text.splitlines()[1].split()
+        assert "div" in heads
+        assert "act" not in heads
+
+
+async def left_by_a_lost_terminal(new_fake, opened):
+    """As a process that was killed left it: its file is there, the process is not."""
+    async with opened(new_fake()) as screen:
+        await run(screen, "sort div")
+        await run(screen, "filter base")
+        mine = files.left_by_us(screen.session.name)
+        await screen.until(mine.exists, "kept within a second")
+        await screen.until(lambda: files.load_file(mine)[0] == Layout("div", filter="base"))
+    return mine
+
+
+async def test_what_a_lost_terminal_showed_comes_back_without_being_asked_for_and_once(new_fake, opened):
+    left = await left_by_a_lost_terminal(new_fake, opened)
+    async with opened(new_fake()) as screen:
+        await screen.shows("when the terminal was lost")
+        assert capture(screen.app.context) == Layout("div", filter="base")
+        await screen.press("q")
+        await screen.until(lambda: not screen.app.is_running)
+    assert not left.exists(), "who quits wants none of it the next time"
+    async with opened(new_fake()) as screen:
+        assert capture(screen.app.context) == Layout()
+
+
+async def test_what_another_terminal_shows_now_is_left_to_it(new_fake, opened):
+    left = await left_by_a_lost_terminal(new_fake, opened)
+    left.rename(left.with_name(left.name.replace(str(os.getpid()), "1")))  # which runs
+    async with opened(new_fake()) as screen:
+        assert capture(screen.app.context) == Layout()
+
+
+async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
+    fake = new_fake()
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("t", "m")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        mine = files.left_by_us(screen.session.name)
+        await screen.until(lambda: mine.exists() and files.load_file(mine)[0].plots, "kept within a second")
+    second = new_fake()
+    second.run()
+    async with opened(second) as screen:
+        await screen.shows("Not applied: 1 edit")
+        await screen.press("t")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots below the question")
+        assert screen.session.table.pending_count == (1, 1)
+        await screen.until(lambda: not screen.app.context._flow_running)
+
+
 async def test_what_a_logger_doesnt_have_is_told_and_the_rest_is_shown(fake, opened):
     name = fake.table().elements[0].name
     entry = name + fake.table().elements[0].entries[0].suffix
@@ -126,6 +234,26 @@ async def test_what_a_logger_doesnt_have_is_told_and_the_rest_is_shown(fake, ope
         await screen.shows("not on this logger: order nope, column nope, 1 of 2 plots (gone/x)")
 
 
+async def test_a_view_is_kept_on_the_robot_for_all_who_look_at_it(new_fake, opened):
+    fake, second = new_fake(), new_fake()
+    async with opened(fake) as screen:
+        await run(screen, "sort div")
+        await run(screen, "view save robot:lab walk")
+        await screen.shows("view kept on the robot")
+        await run(screen, "view")
+        await screen.shows("views: robot:lab walk")
+        await run(screen, "view save robot:lab walk")
+        await screen.shows("Write over view lab walk?")
+        await screen.press("y")
+        await screen.shows("view kept on the robot")
+    second.views_kept = fake.views_kept
+    async with opened(second, view="robot:lab walk") as screen:
+        await screen.shows("view robot:lab walk")
+        assert screen.session.rows.sort == "div"
+        await run(screen, "view robot:other")
+        await screen.shows("there is no view 'other' on the robot")
+
+
 async def test_a_view_that_isnt_there_is_told_with_those_that_are(fake, opened):
     files.save(files.place("walk"), Layout())
     async with opened(fake, view="wlak") as screen:
@@ -134,7 +262,7 @@ async def test_a_view_that_isnt_there_is_told_with_those_that_are(fake, opened):
 
 
 async def test_the_view_that_was_left_last_comes_back_if_wished(new_fake, opened):
-    for wished, order in (("last", "div"), ("off", "name")):
+    for wished, order in (("last", "div"), ("off", "name"), ("lost", "name")):
         async with opened(new_fake(), settings=Settings(view="last")) as screen:
             await run(screen, "sort div")
             await screen.until(lambda: files.last_of(screen.session.name).exists(), "kept within a second")

@@ -45,6 +45,7 @@ def _read_script(parts: Parts, request: ReadScript) -> ScriptText:
 
 @answers_to(DiffScript)
 def _diff_script(parts: Parts, request: DiffScript) -> ScriptDiff:
+    from silo.settings.extras_diff import diff_extras
     from silo.settings.script import apply_script, diff_options, parse_script
 
     path = script_folder.resolve(request.path, _own_script(parts))
@@ -52,7 +53,9 @@ def _diff_script(parts: Parts, request: DiffScript) -> ScriptDiff:
     script = parse_script(script_folder.read_text(path), path)
     plan = apply_script(script, table, parts.mirror.status().frequency_hz)
     unknown = [str(unknown.name) for unknown in plan.unknown]
-    return ScriptDiff(str(path), diff_options(table, plan.options), unknown, script.warnings)
+    now = parts.mirror.now.robot.extras
+    extras = diff_extras(now, script.extras) if script.extras is not None else []
+    return ScriptDiff(str(path), diff_options(table, plan.options), unknown, script.warnings, extras)
 
 
 @answers_to(LoadScript)

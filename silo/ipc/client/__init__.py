@@ -15,8 +15,10 @@ from silo.display import html_table
 from silo.errors import ConnectionLostError
 from silo.ipc.client.calling import LONGEST_S
 from silo.ipc.client.conditions import ConditionCalls
+from silo.ipc.client.derived import DerivedCalls
 from silo.ipc.client.events import EventCalls
 from silo.ipc.client.files import FileCalls
+from silo.ipc.client.layouts import KeptViewCalls
 from silo.ipc.client.leases import Leases
 from silo.ipc.client.live import LiveCalls
 from silo.ipc.client.moments import MomentCalls
@@ -33,7 +35,17 @@ __all__ = ["Client", "Discovery", "Found", "connect", "discover"]
 
 
 @told_class("client", make="Client")
-class Client(LiveCalls, SampleCalls, MomentCalls, EventCalls, FileCalls, RecorderCalls, ConditionCalls):
+class Client(
+    LiveCalls,
+    SampleCalls,
+    MomentCalls,
+    EventCalls,
+    FileCalls,
+    RecorderCalls,
+    ConditionCalls,
+    DerivedCalls,
+    KeptViewCalls,
+):
     """A connection to one logger. A context manager."""
 
     def __init__(self, found: Found, timeout_s: float = Ask.timeout_s) -> None:

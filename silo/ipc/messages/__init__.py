@@ -55,6 +55,13 @@ from silo.ipc.messages.scripts import (
     ScriptText as ScriptText,
     Scripts as Scripts,
 )
+from silo.ipc.messages.layouts import (
+    KeepView as KeepView,
+    KeptView as KeptView,
+    KeptViews as KeptViews,
+    ListKeptViews as ListKeptViews,
+    ReadKeptView as ReadKeptView,
+)
 from silo.ipc.messages.events import (
     AddMark as AddMark,
     Events as Events,
@@ -124,6 +131,10 @@ from silo.ipc.messages.conditions import (
     TriggerTried as TriggerTried,
     Triggers as Triggers,
     TryTrigger as TryTrigger,
+)
+from silo.ipc.messages.derived import (
+    RemoveDerived as RemoveDerived,
+    SetDerived as SetDerived,
 )
 
 if TYPE_CHECKING:

@@ -5,16 +5,17 @@ from typing import ClassVar
 import msgspec
 
 from silo.ipc.messages.base import Do, Done, Reply, SlowAsk
-from silo.model import FileType
+from silo.model import Extras, FileType
 
 
 class RecordingFile(msgspec.Struct, frozen=True, omit_defaults=True):
-    """One file (or bag folder) of a recording in the logger's folder; `name` is relative to it."""
+    """One file (or bag folder) of a recording; `name` is plain, `folder` is where it lies below the logger's own."""
 
     name: str
     type: FileType
     size_bytes: int
     changed_ns: int  # by the robot's clock
+    folder: str = ""
 
 
 class SavedRecording(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -115,7 +116,8 @@ class Save(Do[SaveStarted], frozen=True):
     """Save the data in the helper process. The reply comes at once; progress and result come as events.
 
     `name` replaces the usual file name (a plain name: no `/`, no leading dot). `folder` (absolute) replaces the
-    logger's own; only the robot program may choose it. `why` is kept in the files; without it, who asked.
+    logger's own; only the robot program may choose it, and send its present `extras`. `why` is kept in the files;
+    without it, who asked.
     """
 
     timeout_s: ClassVar[float] = 2.0
@@ -124,6 +126,7 @@ class Save(Do[SaveStarted], frozen=True):
     name: str = ""
     folder: str = ""
     why: str = ""
+    extras: Extras | None = None
 
 
 class DeleteRecording(Do[Done], frozen=True):

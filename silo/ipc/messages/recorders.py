@@ -9,6 +9,8 @@ from silo.model import RecorderState
 class RecorderInfo(msgspec.Struct, frozen=True):
     """An endless recording. `samples`, `lost` and `parts` count since it was started, `size_bytes` is on the disk now.
 
+    `written_bytes` counts since it was started too, what was deleted since along with it.
+
     `split_bytes`, `split_s` and `keep_bytes` are 0 for no limit; `text` says how it ended, if it did.
     """
 
@@ -28,6 +30,7 @@ class RecorderInfo(msgspec.Struct, frozen=True):
     by: str = ""
     text: str = ""
     pid: int = 0
+    written_bytes: int = 0
 
 
 class RecorderStarted(Reply, frozen=True):

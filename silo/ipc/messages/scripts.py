@@ -25,13 +25,15 @@ class ScriptText(Reply, frozen=True):
 class ScriptDiff(Reply, frozen=True):
     """What differs between the running configuration (`old`) and a script (`new`); `unknown` names the table lacks.
 
-    `warnings` are `file:line: reason` of keys that silo doesn't know.
+    `warnings` are `file:line: reason` of keys that silo doesn't know. `extras` are differences of derived signals,
+    limits and triggers, each under a name such as `trigger fall`; without a field for what comes or goes as a whole.
     """
 
     path: str
     changes: list[FieldChange]
     unknown: list[str]
     warnings: list[str] = []
+    extras: list[FieldChange] = []
 
 
 class ListScripts(SlowAsk[Scripts], frozen=True):

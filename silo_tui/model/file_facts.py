@@ -1,0 +1,200 @@
+"""What filters, orders and columns ask of a file's elements: the quantities of a logger's survey, from all samples.
+
+`value`, `changed` and `signs` are those of a moment, the others of the whole run. Whole signals are read for it, so
+screens call this in a thread, for a few elements at a time, and what needs no moment is reckoned once.
+"""
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.columns import Floats
+from silo.ipc.surveys import FROZEN_PERIODS, FROZEN_S, signs_of
+from silo.recording import RecordedElement, Recording
+
+BLOCK = 1 << 16  # samples that are looked at together
+STATISTICS = ("min", "max", "mean", "std")
+UNKNOWN = ("fill", "held")  # how large a buffer was is not in a file
+
+Stamps = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """What statistics are of: an entry, or several of which the norm counts."""
+
+    element: RecordedElement
+    entries: tuple[NDArray[Any], ...]
+
+    def values(self, begin: int, stop: int) -> Floats:
+        """Return shape `(stop - begin,)`."""
+        if len(self.entries) == 1:
+            return self.entries[0][begin:stop].astype(float)
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = [np.square(values[begin:stop].astype(float)) for values in self.entries]
+            return cast(Floats, np.sqrt(np.sum(squares, axis=0)))
+
+
+class FileFacts:
+    """Quantities of the elements of a recording, and of their entries, by name. NaN: not known, or no number."""
+
+    def __init__(self, recording: Recording, names: Sequence[str], times: Stamps) -> None:
+        """`times` are the time stamps of all ticks; they never fall."""
+        self._elements = recording.elements
+        self._times = times
+        self._nominal_hz = recording.frequency_hz
+        self._places = {name: (place, -1) for place, name in enumerate(names)}
+        for place, (name, element) in enumerate(zip(names, recording.elements, strict=True)):
+            if len(element.entries) > 1:
+                for position, entry in enumerate(element.entries):
+                    self._places.setdefault(name + entry.entry.suffix, (place, position))
+        self._statistics: dict[tuple[int, int], dict[str, float]] = {}
+        self._timing: dict[tuple[int, int, int], tuple[float, float]] = {}
+
+    def __len__(self) -> int:
+        return len(self._elements)
+
+    def survey(
+        self, quantities: Sequence[str], at_ns: int, out: Mapping[str, Floats], begin: int, seconds: float
+    ) -> int:
+        """Fill columns of `out` from element `begin` on, for some seconds; return the element to go on with."""
+        until_s = time.monotonic() + seconds
+        for place in range(begin, len(self)):
+            for quantity in quantities:
+                out[quantity][place] = self._of(place, -1, quantity, at_ns)
+            if time.monotonic() >= until_s:
+                return place + 1
+        return len(self)
+
+    def of(self, name: str, quantities: Sequence[str], at_ns: int) -> dict[str, float]:
+        """Return quantities of one element or entry."""
+        place, position = self._places[name]
+        return {quantity: self._of(place, position, quantity, at_ns) for quantity in quantities}
+
+    # --------------------------------------------------------------------------------------------- one quantity
+
+    def _of(self, place: int, position: int, quantity: str, at_ns: int) -> float:
+        element = self._elements[place]
+        if quantity in UNKNOWN:
+            return math.nan
+        if quantity in STATISTICS or quantity == "count":
+            return self._statistics_of(place, position)[quantity]
+        if quantity in ("rate", "share", "jitter"):
+            rate, jitter = self._timing_of(element)
+            if quantity == "jitter":
+                return jitter
+            return rate if quantity == "rate" else rate * element.divider / (self._nominal_hz or math.nan)
+        at = self._at(element, at_ns)
+        if quantity == "changed":
+            return self._changed_s(element, position, at, at_ns)
+        if quantity == "signs":
+            return self._signs(element, at)
+        signal = _signal(element, position)
+        return float(signal.values(at, at + 1)[0]) if signal is not None and at >= 0 else math.nan
+
+    def _at(self, element: RecordedElement, at_ns: int) -> int:
+        """Which sample held at a moment; below 0 where none had come yet."""
+        tick = int(np.searchsorted(self._times, at_ns, "right")) - 1
+        return max(-1, min((tick - element.first) // element.divider, element.count - 1))
+
+    def _statistics_of(self, place: int, position: int) -> dict[str, float]:
+        key = (place, position)
+        if key not in self._statistics:
+            signal = _signal(self._elements[place], position)
+            self._statistics[key] = _statistics(signal) if signal is not None else _statistics_of(iter(()))
+        return self._statistics[key]
+
+    def _timing_of(self, element: RecordedElement) -> tuple[float, float]:
+        """Return rate in Hz and jitter in s, of all that have the same ticks once."""
+        key = (element.first, element.divider, element.count)
+        if key not in self._timing:
+            times = self._times[element.first :: element.divider][: element.count]
+            steps = np.diff(times) / 1e9
+            total = float(steps.sum())
+            rate = len(steps) / total if total > 0 else math.nan
+            self._timing[key] = rate, float(np.std(steps)) if len(steps) > 1 else math.nan
+        return self._timing[key]
+
+    def _time(self, element: RecordedElement, sample: int) -> int:
+        return int(self._times[element.first + sample * element.divider])
+
+    def _changed_s(self, element: RecordedElement, position: int, at: int, at_ns: int, most: int = 1 << 62) -> float:
+        """Return for how long a value had held; `most`: so many samples back it is looked for."""
+        if at < 0:
+            return math.nan
+        entries = element.entries if position < 0 else element.entries[position : position + 1]
+        changed = 0
+        for entry in entries:
+            changed = max(changed, _last_change(entry.values, at, max(changed, at - most)))
+        return max(0, at_ns - self._time(element, changed)) / 1e9
+
+    def _signs(self, element: RecordedElement, at: int) -> float:
+        """Return what was the matter at a moment: whether it came at its rate and was lost is told of the whole run."""
+        signal = _signal(element, -1)
+        finite = at < 0 or signal is None or bool(np.isfinite(signal.values(at, at + 1)[0]))
+        rate, _ = self._timing_of(element)
+        share = rate * element.divider / (self._nominal_hz or math.nan)
+        period_s = element.divider / (self._nominal_hz or math.nan)
+        if math.isnan(period_s):
+            period_s = 1 / rate
+        numbers = all(entry.values.dtype.kind in "iuf" and not entry.entry.labels for entry in element.entries)
+        changed_s = math.nan
+        if numbers and at >= 0 and not math.isnan(period_s):
+            samples = math.ceil(max(FROZEN_PERIODS, FROZEN_S / period_s)) + 2
+            changed_s = self._changed_s(element, -1, at, self._time(element, at), samples)
+        bits = signs_of(
+            np.array([finite]), np.array([changed_s]), np.array([period_s]), np.array([numbers]), np.array([share]),
+            np.array([element.lost]),
+        )  # fmt: skip
+        return float(bits[0])
+
+
+def _signal(element: RecordedElement, position: int) -> _Signal | None:
+    """Return the entry, or all of them for their norm; None where they are no numbers."""
+    entries = element.entries if position < 0 else element.entries[position : position + 1]
+    if not entries or any(entry.values.dtype.kind not in "biuf" for entry in entries):
+        return None
+    return _Signal(element, tuple(entry.values for entry in entries))
+
+
+def _statistics(signal: _Signal) -> dict[str, float]:
+    count = signal.element.count
+    return _statistics_of(signal.values(begin, min(begin + BLOCK, count)) for begin in range(0, count, BLOCK))
+
+
+def _statistics_of(blocks: Iterator[Floats]) -> dict[str, float]:
+    """Return statistics of the finite samples."""
+    low, high, number, base, total, squares = math.inf, -math.inf, 0, math.nan, 0.0, 0.0
+    for block in blocks:
+        good = block[np.isfinite(block)]
+        if not len(good):
+            continue
+        base = float(good[0]) if math.isnan(base) else base  # sums of what is left of it lose no digits
+        with np.errstate(over="ignore", invalid="ignore"):
+            rest = good - base
+            total, squares = total + float(rest.sum()), squares + float(rest @ rest)
+        low, high, number = min(low, float(good.min())), max(high, float(good.max())), number + len(good)
+    if not number:
+        return {**dict.fromkeys(STATISTICS, math.nan), "count": 0.0}
+    mean = total / number
+    spread = squares / number - mean * mean
+    std = math.sqrt(max(0.0, spread)) if math.isfinite(spread) else math.nan
+    return {"min": low, "max": high, "mean": base + mean, "std": std, "count": float(number)}
+
+
+def _last_change(values: NDArray[Any], at: int, begin: int) -> int:
+    """Return the newest sample, up to `at`, that differs from the one before it; `begin` where all are alike."""
+    stop = at + 1
+    while stop - begin > 1:
+        start = max(begin, stop - BLOCK)
+        block = values[start:stop]
+        differs = np.flatnonzero(block[1:] != block[:-1])
+        if len(differs):
+            return start + int(differs[-1]) + 1
+        stop = start + 1
+    return begin

@@ -1,0 +1,240 @@
+"""What filters, orders and columns of a file's table show: reckoned from its samples."""
+
+from contextlib import asynccontextmanager
+
+import numpy as np
+import pytest
+
+from silo.files.silo_writer import write_silo
+from silo.ipc.surveys import FROZEN, LOST, NOT_FINITE, SLOW
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo_tui.app import SiloApp
+from silo_tui.model import file_facts
+from silo_tui.model.file_facts import FileFacts
+from silo_tui.screens.file_table import FileTableScreen
+from silo_tui.sessions.recorded import open_file
+
+STEP_NS = 10_000_000
+TICKS = 1000
+TIMES = np.arange(TICKS, dtype=np.int64) * STEP_NS + 10**18
+
+
+def element(name, *columns, divider=1, first=0, lost=0, labels=None):
+    suffixes = [""] if len(columns) == 1 else [f"_{at}" for at in range(len(columns))]
+    entries = tuple(
+        RecordedEntry(f"/log/{name}{suffix}", Entry(suffix, column.dtype.str, labels), column)
+        for suffix, column in zip(suffixes, columns, strict=True)
+    )
+    shape = (len(columns),) if len(columns) > 1 else ()
+    kind = "vector" if shape else "scalar"
+    return RecordedElement(f"/log/{name}", "Nm", kind, shape, divider, BufferType.LOOPING, first, entries, lost=lost)
+
+
+def recording(*elements, frequency_hz=100.0):
+    return Recording("robot", TIMES, TICKS, elements, frequency_hz=frequency_hz)
+
+
+def facts_of(*elements, **changes):
+    found = recording(*elements, **changes)
+    return FileFacts(found, [one.name for one in elements], found.time_ns)
+
+
+def told(facts, name, quantity, at_ns=int(TIMES[-1])):
+    return facts.of(f"/log/{name}", [quantity], at_ns)[quantity]
+
+
+RAMP = np.arange(TICKS, dtype="f8")
+
+
+@pytest.mark.parametrize("block", [7, 1 << 16])
+def test_statistics_are_of_all_finite_samples_however_they_are_read(monkeypatch, block):
+    monkeypatch.setattr(file_facts, "BLOCK", block)
+    values = RAMP + 1e9
+    values[500] = np.nan
+    values[501] = np.inf
+    good = values[np.isfinite(values)]
+    facts = facts_of(element("ramp", values))
+    assert told(facts, "ramp", "min") == good.min()
+    assert told(facts, "ramp", "max") == good.max()
+    assert told(facts, "ramp", "mean") == pytest.approx(good.mean(), abs=1e-6)
+    assert told(facts, "ramp", "std") == pytest.approx(good.std(), rel=1e-9)
+
+
+def test_statistics_that_no_number_can_say_are_unknown_and_not_zero():
+    assert np.isnan(told(facts_of(element("huge", RAMP * 1e200)), "huge", "std"))
+    assert np.isnan(told(facts_of(element("nan", RAMP * np.nan)), "nan", "mean"))
+    assert np.isnan(told(facts_of(element("word", np.array([b"a"] * TICKS))), "word", "max"))
+
+
+def test_a_vector_is_told_by_its_norm_and_each_of_its_entries():
+    facts = facts_of(element("force", 3 * RAMP, -4 * RAMP))
+    assert told(facts, "force", "value") == 5 * (TICKS - 1)
+    assert told(facts, "force", "max") == 5 * (TICKS - 1)
+    assert told(facts, "force_1", "min") == -4 * (TICKS - 1)
+
+
+def test_a_value_is_that_of_the_moment():
+    facts = facts_of(element("late", RAMP[:100], divider=4, first=500))
+    assert np.isnan(told(facts, "late", "value", int(TIMES[499])))
+    assert told(facts, "late", "value", int(TIMES[503])) == 0
+    assert told(facts, "late", "value", int(TIMES[504])) == 1
+    assert told(facts, "late", "value") == 99
+
+
+@pytest.mark.parametrize("block", [3, 1 << 16])
+def test_the_last_change_is_found_up_to_the_moment_however_it_is_read(monkeypatch, block):
+    monkeypatch.setattr(file_facts, "BLOCK", block)
+    steps = np.repeat([1, 2, 3], [100, 200, 700])
+    facts = facts_of(element("mode", steps), element("still", np.ones(TICKS)))
+    assert told(facts, "mode", "changed") == pytest.approx((TICKS - 1 - 300) * 0.01)
+    assert told(facts, "mode", "changed", int(TIMES[299])) == pytest.approx(1.99)
+    assert told(facts, "still", "changed") == pytest.approx(9.99)
+
+
+def test_a_vector_changed_when_any_of_its_entries_did():
+    angle = np.linspace(0, 6, TICKS)
+    facts = facts_of(element("turning", np.cos(angle), np.sin(angle)))  # its norm is 1 all the time
+    assert told(facts, "turning", "changed") == 0
+
+
+def test_rate_share_and_jitter_are_of_the_samples_of_an_element():
+    facts = facts_of(element("slow", RAMP[:250], divider=4), frequency_hz=200.0)
+    assert told(facts, "slow", "rate") == pytest.approx(25.0)
+    assert told(facts, "slow", "share") == pytest.approx(0.5)
+    assert told(facts, "slow", "jitter") == pytest.approx(0.0)
+
+
+def test_signs_say_what_is_the_matter():
+    ends_badly = RAMP.copy()
+    ends_badly[-1] = np.nan
+    frozen = np.where(RAMP < 500, RAMP, 500.0)
+    facts = facts_of(
+        element("nan", ends_badly), element("frozen", frozen), element("lost", RAMP, lost=3), element("fine", RAMP),
+        element("state", np.zeros(TICKS, "i4"), labels={0: "stand"}),
+    )  # fmt: skip
+    signs = {name: told(facts, name, "signs") for name in ("nan", "frozen", "lost", "fine", "state")}
+    assert signs == {"nan": NOT_FINITE, "frozen": FROZEN, "lost": LOST, "fine": 0, "state": 0}
+    assert told(facts, "frozen", "signs", int(TIMES[300])) == 0
+    slow = facts_of(element("slow", RAMP), frequency_hz=200.0)
+    assert told(slow, "slow", "signs") == SLOW
+
+
+def test_a_survey_goes_on_where_its_time_was_over():
+    facts = facts_of(*(element(f"s{at}", RAMP + at) for at in range(5)))
+    out = {"max": np.full(5, np.nan)}
+    done, calls = 0, 0
+    while done < 5:
+        done = facts.survey(["max"], int(TIMES[-1]), out, done, 0.0)
+        calls += 1
+    assert calls == 5
+    assert out["max"].tolist() == [999.0, 1000.0, 1001.0, 1002.0, 1003.0]
+
+
+# ------------------------------------------------------------------------------------------------------ on the screen
+
+
+@pytest.fixture
+def path(tmp_path):
+    found = tmp_path / "robot_00007.silo"
+    spike = np.sin(RAMP / 20)
+    spike[400] = 90.0
+    elements = (
+        element("a/low", RAMP * 0 - 70.0), element("b/ramp", RAMP / 10), element("c/spike", spike),
+        element("d/vector", RAMP * 0.03, RAMP * 0.04),
+    )  # fmt: skip
+    write_silo(recording(*elements), found)
+    return found
+
+
+@pytest.fixture
+def on_file(new_finder, screen_of):
+    """`async with on_file(path, size) as screen:` waits until the table is there."""
+
+    @asynccontextmanager
+    async def open_app(path, size=(80, 24)):
+        async with screen_of(SiloApp(new_finder(), file=open_file(path)), size) as screen:
+            await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the table")
+            await screen.pilot.pause()
+            yield screen
+
+    return open_app
+
+
+def order(screen):
+    rows = screen.session.rows
+    return [screen.session.table.names[row].rpartition("/")[2] for row in rows.shown]
+
+
+@pytest.mark.parametrize(
+    ("letter", "found"),
+    [("v", "ramp vector spike low"), ("a", "ramp low vector spike"), ("m", "ramp spike vector low"),
+     ("i", "low spike ramp vector"), ("t", "ramp vector spike low"), ("c", "ramp spike vector low")],
+)  # fmt: skip
+async def test_a_file_is_ordered_by_what_its_samples_say(path, on_file, letter, found):
+    async with on_file(path) as screen:
+        await screen.press("o", letter)
+        await screen.until(lambda: screen.session.table.facts.time_ns, "what was reckoned")
+        assert " ".join(order(screen)) == found
+        assert screen.session.rows.position == 0
+
+
+async def test_at_80_columns_an_order_by_value_shows_the_values(path, on_file):
+    async with on_file(path) as screen:
+        await screen.press("o", "a")
+        await screen.until(lambda: screen.session.table.facts.time_ns)
+        assert order(screen)[:2] == ["ramp", "low"]
+        await screen.shows("-70")
+        await screen.shows("99.9")
+
+
+async def test_a_measured_term_lets_only_pass_what_the_file_has(path, on_file):
+    async with on_file(path) as screen:
+        await screen.type("/value>60")
+        await screen.press("enter")
+        await screen.until(lambda: order(screen) == ["ramp"])
+        await screen.shows("1 of 4")
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [("changed>5s", "low"), ("changed<1s", "ramp spike vector"), ("max>80", "ramp spike"), ("rate<95%", ""),
+     ("rate>99Hz mean<0", "low"), ("frozen", "low"), ("-alarm std<10", "spike"), ("fill>1%", "")],
+)  # fmt: skip
+async def test_every_measured_term_is_answered_from_the_file(path, on_file, words, found):
+    async with on_file(path) as screen:
+        await screen.type(f"/{words}")
+        await screen.press("enter")
+        await screen.until(lambda: " ".join(order(screen)) == found)
+
+
+async def test_terms_follow_the_cursor_of_the_plots(path, on_file):
+    async with on_file(path) as screen:
+        await screen.type("/|value|>60")
+        await screen.press("enter")
+        await screen.until(lambda: order(screen) == ["low", "ramp"])
+        screen.session.time_ns = int(TIMES[400])
+        screen.app.screen.request_view()
+        await screen.until(lambda: order(screen) == ["low", "spike"])
+
+
+async def test_statistics_of_a_file_are_columns(path, on_file):
+    async with on_file(path) as screen:
+        await screen.press("C")
+        await screen.until(lambda: "/log/c/spike" in screen.session.table.facts.details)
+        await screen.shows("mean")
+        line = next(line for line in screen.text.splitlines() if "spike" in line).split()
+        assert "90.0000" in line
+        await screen.press("C")
+        await screen.shows("jitter")
+        await screen.press("C")
+        await screen.shows("samples")
+
+
+async def test_reading_stops_after_a_slice_when_something_else_is_asked_for(path, on_file, monkeypatch):
+    monkeypatch.setattr("silo_tui.sessions.recorded.SLICE_S", 0.0)
+    async with on_file(path) as screen:
+        await screen.press("o", "m")
+        await screen.press("o", "v")
+        await screen.until(lambda: "value" in screen.session.table.facts.quantities)
+        assert order(screen)[0] == "ramp"

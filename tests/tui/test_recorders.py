@@ -1,0 +1,123 @@
+"""Endless recordings in the terminal: begun, watched, ended."""
+
+import pytest
+
+from silo.ipc.messages import RecorderInfo
+from silo.model import RecorderState
+from silo_tui.model.recorders import Pace, head, row
+
+SECOND = 10**9
+NOW_NS = 1_790_000_100 * SECOND
+WALK = RecorderInfo(
+    "walk", "/home/ann/logs/walks", RecorderState.RECORDING, ["legs/*/*/torque"], 10**9, 0.0, 50 * 10**9, "walk_3.mcap",
+    20, 21 * 10**9, 1000, 0, NOW_NS - 9067 * SECOND, written_bytes=30 * 10**9,
+)  # fmt: skip
+FULL = RecorderInfo(
+    "imu", "/home/ann/logs/walks", RecorderState.FAILED, [], parts=12, lost=3, since_ns=NOW_NS, text="1.9 GB disk left"
+)
+
+
+class TestRows:
+    @pytest.mark.parametrize("width", [80, 120, 160])
+    def test_a_recorder_is_a_line_as_wide_as_its_head(self, robot, width):
+        names = [each.name for each in robot]
+        line = row(WALK, names, Pace(0.0, 0, 2.3e6), "/home/ann/logs", width, NOW_NS)
+        assert line.split()[:6] == ["REC", "walks/walk", "12", "2:31:07", "2.3", "MB/s"]
+        assert "██▏   21 of 50 GB" in line
+        assert line.endswith("   21     0")
+        assert len(line) == len(head(width)) == width
+
+    def test_one_that_ended_by_itself_tells_why(self, robot):
+        line = row(FULL, [each.name for each in robot], None, "/home/ann/logs", 80, NOW_NS)
+        assert "STOP" in line
+        assert "1.9 GB disk left" in line
+        assert len(line) == 80
+
+    def test_a_rate_is_known_after_the_second_look(self):
+        first = Pace(10.0, 1000)
+        assert first.next(10.1, 2000) is first
+        assert first.next(12.0, 5000).bytes_s == 2000.0
+
+
+slow = pytest.mark.slow  # each walks through the whole app
+
+
+@slow
+class TestScreens:
+    async def test_what_runs_stands_above_what_is_saved(self, fake, opened):
+        fake.recorder_infos = [WALK, FULL]
+        async with opened(fake) as screen:
+            await screen.shows("REC 1")
+            await screen.press("F")
+            await screen.shows("walks/walk")
+            await screen.shows("1.9 GB disk left")
+            assert "Nothing is saved" in screen.text
+
+    async def test_what_is_marked_is_recorded_with_split_and_budget(self, fake, opened):
+        async with opened(fake) as screen:
+            await screen.type("/LF torque")
+            await screen.press("enter", "asterisk", "escape", "F")
+            await screen.shows("Nothing is saved")
+            await screen.press("N")
+            await screen.shows("3 signals: 9.6 kB/s before compression")
+            await screen.press("tab")
+            await screen.type("walks")
+            await screen.press("tab", "tab", "tab")
+            await screen.type("2GB")
+            await screen.shows("keeps the newest 2.41 days or more")
+            await screen.press("enter")
+            await screen.shows("recording 'robot' to /home/ann/logs/walks")
+            names = tuple(f"/log/legs/LF/{joint}/torque" for joint in ("HAA", "HFE", "KFE"))
+            assert ("record", names, "walks", "1GB", "2GB", "") in fake.calls
+            await screen.shows("walks/robot")
+            await screen.shows("REC 1")
+
+    async def test_lines_that_make_no_sense_are_said_and_nothing_is_recorded(self, fake, opened):
+        async with opened(fake) as screen:
+            await screen.press("F", "N")
+            await screen.shows("72 signals")
+            await screen.press("tab", "tab", "tab")
+            await screen.type("x")
+            await screen.shows("split must be a size from 1MB or a time")
+            await screen.press("enter")
+            await screen.shows("split must be")
+            await screen.press("escape")
+            await screen.until(lambda: not screen.app.screen.is_modal)
+            assert not fake.recorder_infos
+
+    async def test_typed_with_a_name_that_nobody_has_it_says_so(self, fake, opened):
+        async with opened(fake) as screen:
+            await screen.type(":record nobody")
+            await screen.press("enter")
+            await screen.shows("no element matches 'nobody'")
+
+    async def test_one_is_stopped_after_a_question(self, fake, opened):
+        fake.recorder_infos = [WALK, FULL]
+        async with opened(fake) as screen:
+            await screen.press("F")
+            await screen.shows("walks/walk")
+            await screen.press("t")
+            await screen.shows("Stop which recording of robot?")
+            await screen.press("enter")
+            await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen)
+            assert fake.recorder_infos == [WALK, FULL]
+            await screen.press("t")
+            await screen.shows("Stop walk: 21 parts, 21.0 GB, lost 0")
+            await screen.press("1")
+            await screen.shows("recording 'walk' ended")
+            assert fake.recorder_infos == [FULL]
+            await screen.until(lambda: "REC " not in screen.text.splitlines()[0])
+
+    async def test_nothing_to_stop_names_the_key_that_begins(self, fake, opened):
+        async with opened(fake) as screen:
+            await screen.press("F")
+            await screen.shows("Nothing is saved")
+            await screen.press("t")
+            await screen.shows("nothing is being recorded; N begins it")
+
+    async def test_a_read_only_session_records_nothing(self, fake, opened):
+        async with opened(fake, read_only=True) as screen:
+            await screen.press("F")
+            await screen.shows("Nothing is saved")
+            await screen.press("N")
+            await screen.shows("read-only session")

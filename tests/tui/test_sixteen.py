@@ -1,0 +1,212 @@
+"""The sixteen tasks of the guide, each done with exactly the keys that the page names, at 80x24."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from silo.files import write
+from silo.model import BufferType, Entry, FileType
+from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo_tui.model.fields import Field
+from silo_tui.model.panels import isolate
+from silo_tui.screens.file_table import FileTableScreen
+from silo_tui.screens.holding import Holding
+from silo_tui.screens.monitor import MonitorScreen
+
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
+PAGE = Path(__file__).parents[2] / ".docs" / "guide" / "sixteen.md"
+NAMES = {"Enter": "enter", "Esc": "escape", "^l": "ctrl+l"}
+TORQUE = "/log/legs/LF/HAA/torque"
+
+
+def tasks():
+    """The rows of the page: number, and ways of keys and typed words; `and` begins another one."""
+    found = {}
+    for line in PAGE.read_text("utf-8").splitlines():
+        row = re.fullmatch(r"\| (\d+) \| ([^|]+) \| (.+) \|", line)
+        if row is not None:
+            ways = row[3].split(" and ")
+            found[int(row[1])] = [re.findall(r"`([^`]+)`|\*([^*]+)\*(?!`)", way) for way in ways]
+    return found
+
+
+TASKS = tasks()
+
+
+async def free(screen):
+    """Waits until what was asked for is there: meanwhile nobody takes keys."""
+    await screen.until(lambda: not isinstance(screen.app.screen, Holding), "an answer")
+
+
+async def do(screen, number, way=0):
+    """Press what the page says."""
+    for key, words in TASKS[number][way]:
+        await free(screen)
+        if words:
+            await screen.type(words)
+        else:
+            await screen.press(NAMES.get(key, key))
+    await free(screen)
+
+
+async def plots(screen):
+    await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "plots")
+    await screen.until(lambda: not screen.app.screen.stack.store.empty, "curves")
+    return screen.app.screen
+
+
+def test_the_page_has_sixteen_tasks_of_few_keys():
+    assert list(TASKS) == list(range(1, 17))
+    assert max(len(way) for ways in TASKS.values() for way in ways) <= 7
+
+
+async def test_1_the_hottest_motor_is_on_top(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await do(screen, 1)
+        rows = screen.session.rows
+        await screen.until(lambda: "value" in screen.session.table.facts.quantities, "what was measured")
+        await screen.until(lambda: rows.row == rows.shown[0], "the cursor on top")
+        values = screen.session.table.facts.of("value", len(screen.session.table))
+        assert values[rows.row] == max(values[row] for row in rows.shown)
+        assert len(rows.shown) == 12
+
+
+async def test_2_three_torques_are_plotted_live(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await do(screen, 2)
+        shown = await plots(screen)
+        assert [plot.name.rpartition("/")[2] for plot in shown.stack.plots] == ["torque"] * 3
+        end = shown.stack.store.end
+        fake.advance(1.0)
+        await screen.until(lambda: shown.stack.store.end > end, "new values")
+
+
+async def test_3_and_4_all_torques_are_edited_and_applied_while_it_runs(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await do(screen, 3)
+        await screen.until(lambda: screen.session.table.pending_count[1] == 12, "the edits")
+        assert (screen.value(TORQUE, Field.DIVIDER), screen.value(TORQUE, Field.BUFFER_SIZE)) == ("5", "800")
+        await do(screen, 4)
+        await screen.until(lambda: fake.recorded(TORQUE).divider == 5, "what was applied")
+        assert fake.recorded(TORQUE).buffer_type is BufferType.LOOPING
+        assert [call[0] for call in fake.calls] == ["stop", "save", "apply", "start"]
+
+
+async def test_5_a_script_is_saved_under_a_name_and_another_one_loaded(fake, opened):
+    async with opened(fake) as screen:
+        await do(screen, 5)
+        await screen.until(lambda: "walk.yaml" in fake.files, "the script")
+        await do(screen, 5, 1)
+        await screen.until(lambda: [call for call in fake.calls if call[0] == "load_script"], "the other one")
+
+
+async def test_6_it_is_started_and_stopped(fake, opened):
+    async with opened(fake) as screen:
+        await do(screen, 6)
+        await screen.shows("● RUNNING")
+        await do(screen, 6, 1)
+        await screen.shows("■ STOPPED")
+
+
+async def test_7_three_formats_are_saved(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await do(screen, 7)
+        await screen.until(lambda: fake.calls, "the save")
+        assert set(fake.calls[0][1]) == set(FileType)
+
+
+async def test_8_a_spike_is_found_and_read(fake, opened):
+    fake.run(21)
+    async with opened(fake) as screen:
+        await screen.type("/LF/HAA/torque")
+        await screen.press("enter", "m")
+        await plots(screen)
+        await do(screen, 8)
+        await screen.until(lambda: re.search(r"highest, \d of \d: 40.0000 at -\d", screen.text), "the spike")
+
+
+async def test_9_two_signals_stand_in_one_plot(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.type("/LF HAA torque|velocity")
+        await screen.press("enter")
+        await do(screen, 9)
+        shown = await plots(screen)
+        assert [len(panel) for panel in shown.stack.panels] == [2]
+        assert len(isolate(shown.stack.panels, shown.stack.plots[0])) == 2
+
+
+async def test_10_the_time_of_the_maximum_is_told(fake, opened):
+    fake.run(21)
+    async with opened(fake) as screen:
+        await screen.type("/LF/HAA/torque")
+        await screen.press("enter", "m")
+        await plots(screen)
+        await do(screen, 10)
+        await screen.until(lambda: re.search(r"highest.* at -\d", screen.text), "when it was")
+
+
+async def test_11_an_edit_is_taken_back(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("t")
+        assert screen.session.table.pending_count == (1, 1)
+        await do(screen, 11)
+        assert screen.session.table.pending_count == (0, 0)
+
+
+async def test_12_what_was_just_saved_is_opened(fake, opened, tmp_path):
+    fake.run()
+    fake.logs = tmp_path
+    time_ns = 1_790_000_000 * 10**9 + np.arange(100, dtype=np.int64) * 10**7
+    entry = RecordedEntry(TORQUE, Entry("", "<f8"), np.sin(np.arange(100) / 9))
+    torque = RecordedElement(TORQUE, "Nm", "scalar", (), 1, BufferType.LOOPING, 0, (entry,))
+    write(Recording("robot", time_ns, 100, [torque]), tmp_path, "robot", ["silo"], "robot_00001", why="saved by me")
+    async with opened(fake) as screen:
+        keys = TASKS[12][0]
+        for key, _ in keys[:-1]:
+            await free(screen)
+            await screen.press(NAMES.get(key, key))
+        await screen.shows("o opens it")
+        await screen.press(keys[-1][0])
+        await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the file")
+
+
+async def test_13_another_logger_is_opened(new_fake, opened):
+    async with opened(new_fake(name="arm"), new_fake(name="legs"), ready=False) as screen:
+        await screen.shows("legs")
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.context.has_session and screen.session.connected, "the first one")
+        await screen.until(lambda: len(screen.session.table) > 0, "its table")
+        keys = TASKS[13][0]
+        await screen.press(NAMES[keys[0][0]])
+        await screen.shows("legs")
+        for key, _ in keys[1:]:
+            await screen.press(NAMES.get(key, key))
+        await screen.until(lambda: screen.app.context.has_session and screen.session.name == "legs", "the other one")
+
+
+async def test_14_the_table_is_ordered_by_rate(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await do(screen, 14)
+        await screen.shows("by rate ↓")
+
+
+async def test_15_a_name_space_is_folded(fake, opened):
+    async with opened(fake) as screen:
+        await do(screen, 15)
+        assert screen.session.rows.folded == {"/base"}
+        assert len(screen.session.rows.tree.branches) > 0
+
+
+async def test_16_it_ends(fake, opened):
+    async with opened(fake) as screen:
+        await do(screen, 16)
+        await screen.until(lambda: not screen.app.is_running or screen.app._exit, "the end")
