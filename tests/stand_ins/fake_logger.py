@@ -563,6 +563,11 @@ class FakeClient:
         self.publish(EventKind.DELETED, text, by=OWN_NAME)
         return text
 
+    def oldest_ns(self, names: Sequence[str]) -> int:
+        """The oldest moment that the buffers hold of any of these."""
+        held = [self._held_samples(name).time_ns for name in names]
+        return min([int(stamps[0]) for stamps in held if len(stamps)], default=0)
+
     def kept_views(self) -> KeptViews:
         self._ask()
         return KeptViews(f"{FOLDER}/views", sorted(self.views_kept))
@@ -603,11 +608,6 @@ class FakeClient:
         self.recorder_infos = [one for one in self.recorder_infos if one.name != name]
         self.publish(EventKind.RECORDING, f"recording '{name}' ended", by=OWN_NAME)
         return f"recording '{name}' ended: 1 files"
-
-    def oldest_ns(self, names: Sequence[str]) -> int:
-        """The oldest moment that the buffers hold of any of these."""
-        held = [self._held_samples(name).time_ns for name in names]
-        return min([int(stamps[0]) for stamps in held if len(stamps)], default=0)
 
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()
