@@ -114,7 +114,8 @@ LEFT_OUT = {
     "settings": (("tab", "one view"),),
 }  # fmt: skip
 LEFT_OUT["file_monitor"] = (
-    *LEFT_OUT["monitor"], ("c Z", "of what comes"), ("space S R N M", "a file stands still, and nothing of it is edited"),
+    *LEFT_OUT["monitor"], ("c Z", "of what comes"),
+    ("space S R N M", "a file stands still, and nothing of it is edited"),
     (OF_LOGGERS, "of a logger"),
 )  # fmt: skip
 LEFT_OUT["file_detail"] = (*LEFT_OUT["detail"], ("r space c M", "nothing comes any more"), (OF_LOGGERS, "of a logger"))
