@@ -126,6 +126,7 @@ class ElementInfo(msgspec.Struct, frozen=True, omit_defaults=True):
         options: how it is logged.
         description: a line about it.
         dtype: the fields of a NumPy structure (`silo.kinds.struct_text`), empty for all else.
+        expression: what a derived signal is computed by wherever rows are read, empty for all else.
     """
 
     name: str
@@ -136,6 +137,7 @@ class ElementInfo(msgspec.Struct, frozen=True, omit_defaults=True):
     options: ElementOptions
     description: str = ""
     dtype: str = ""
+    expression: str = ""
 
 
 class Derived(msgspec.Struct, frozen=True):
@@ -144,6 +146,19 @@ class Derived(msgspec.Struct, frozen=True):
     name: str
     expression: str
     unit: str = ""
+
+
+class Sought(str, enum.Enum):
+    """What one looks for in the samples of a signal; `silo.judging.moments` has the rules."""
+
+    HIGHEST = "highest"
+    LOWEST = "lowest"
+    CROSSING = "crossing"
+    EDGE = "edge"
+    CHANGE = "change"
+    NOT_FINITE = "not finite"
+    OUTSIDE = "outside"
+    HOLE = "hole"
 
 
 class SignalLimits(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -338,14 +353,19 @@ class Status(msgspec.Struct, frozen=True):
     failed: int = 0  # samples that stand for ones that could not be read, all elements together
     failed_most: dict[str, int] = {}  # the elements with most of them
     recorders: int = 0  # endless recordings that are under way
+    derived: int = 0  # signals that are computed from elements
     room_bytes: int = 0  # that buffers of the next start may take: what is free, and what the present ones have
 
 
 class Table(msgspec.Struct, frozen=True):
-    """The element table at one revision. Order is that of registration and never changes while the logger lives."""
+    """The element table at one revision. Order is that of registration and never changes while the logger lives.
+
+    `derived` are signals that are computed from them, to be watched as elements are; nobody edits their options.
+    """
 
     revision: int
     elements: list[ElementInfo]
+    derived: list[ElementInfo] = []
 
 
 class Edit(msgspec.Struct, frozen=True):

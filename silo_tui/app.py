@@ -261,6 +261,13 @@ class SiloApp(App[None]):
         terminal.repaint(self)
         self.context.run_flow(self.context.session.reload())
 
+    def command_detail(self) -> None:
+        from silo_tui.screens.large import open_large
+        from silo_tui.screens.monitor import MonitorScreen
+
+        if isinstance(self.screen, MonitorScreen):
+            open_large(self.screen)
+
     def command_triggers(self) -> None:
         from silo_tui.screens.triggers import TriggersScreen
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from silo_tui.settings.themes import THEMES
 
@@ -22,6 +23,7 @@ EXAMPLES = """\b
 Examples:
   silo-tui                 the only logger here, or a list
   silo-tui anymal          the logger called anymal
+  silo-tui robot3/anymal   that of another computer: `silo remote add` shows the way
   silo-tui logs/run.silo   a saved log, with a cursor that reads values
   silo-tui --demo          a simulated robot to try it on
   ssh -C robot -t silo-tui over SSH; -C makes a frame of 1 kB a quarter of it
@@ -30,7 +32,13 @@ Examples:
 
 @click.command(epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("target", required=False, default="", metavar="[LOGGER | FILE]")
-@click.option("--config", default="", metavar="FILE", help="Zenoh configuration of a robot elsewhere.")
+@click.option(
+    "--config",
+    envvar="SILO_CONFIG",
+    default="",
+    metavar="NAME|FILE",
+    help="Look at this remote, or Zenoh configuration, alone; `local`: at this computer alone.",
+)
 @click.option("--demo", is_flag=True, help="Start a simulated robot, open it, and end it on quitting.")
 @click.option("--read-only", is_flag=True, help="Look only: nothing that changes the logger.")
 @click.option(
@@ -64,16 +72,18 @@ def command(
     port: int,
     control: bool,
 ) -> None:
-    """Configure and watch the loggers of this computer, or look at a saved log.
+    """Configure and watch the loggers of this computer and of remotes, or look at a saved log.
 
-    LOGGER is the name of one of them. FILE is a .silo, .csv or .mcap file, a bag folder, the beginning of a file name
-    or a run number. A logger that runs is meant before a file of the same name; a path with one of these endings or
-    a / is always a file. Press ? for all keys.
+    LOGGER is the name of one of them, or HOST/NAME. FILE is a .silo, .csv or .mcap file, a bag folder, the beginning of
+    a file name or a run number. A logger that runs is meant before a file of the same name or path; a path with one of
+    these endings, or that begins with ./ or /, is always a file. Press ? for all keys.
     """
     if demo and target:
         raise click.UsageError(f"--demo brings its own logger; leave out {target!r}")
-    if config and demo:
-        raise click.UsageError("--demo runs here; leave out --config")
+    if demo:
+        if click.get_current_context().get_parameter_source("config") is ParameterSource.COMMANDLINE:
+            raise click.UsageError("--demo runs here; leave out --config")
+        config = "local"
     if serve:
         given = [
             *([target] if target else []),
@@ -86,7 +96,7 @@ def command(
         return
     if control or port:
         raise click.UsageError("--port and --control are for --serve")
-    file = None if config else _file(target)
+    file = None if config not in ("", "local") else _file(target)
     ends = (sys.stdin, sys.stdout)  # None where the shell closed it
     in_browser = os.environ.get("TEXTUAL_DRIVER", "").endswith(":WebDriver")
     if not in_browser and not all(end is not None and end.isatty() for end in ends):
@@ -112,11 +122,10 @@ def _file(target: str) -> "FileSession | None":
     if not target:
         return None
     from silo.errors import SiloError
-    from silo_tui.sessions.finder import ClientFinder
     from silo_tui.sessions.target import file_meant
 
     try:
-        path = file_meant(target, lambda: [logger.name for logger in ClientFinder().find().loggers])
+        path = file_meant(target, _running)
         if path is None:
             return None
         from silo_tui.sessions.recorded import open_file
@@ -126,6 +135,17 @@ def _file(target: str) -> "FileSession | None":
         return open_file(path)
     except (SiloError, OSError) as error:
         raise click.ClickException(str(error)) from error
+
+
+def _running() -> set[str]:
+    """Return every word that means a logger that runs."""
+    from silo_tui.sessions.finder import ClientFinder
+
+    finder = ClientFinder()
+    try:
+        return {word for each in finder.find().loggers for word in each.addresses}
+    finally:
+        finder.close()
 
 
 def _run(
@@ -153,8 +173,9 @@ def _run(
         settings = replace(settings, theme=theme)
     if mouse is None:
         mouse = terminal.mouse_wanted(settings.mouse)
+    finder = ClientFinder(config)
     app = SiloApp(
-        ClientFinder(config),
+        finder,
         name=logger,
         demo=Demo() if demo else None,
         read_only=read_only and file is None,  # nothing of a file can be changed
@@ -169,6 +190,7 @@ def _run(
         app.run(mouse=mouse)
     finally:
         app.release()
+        finder.close()
     return app.return_code or 0
 
 

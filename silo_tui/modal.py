@@ -19,8 +19,13 @@ class Leaving(Screen[ResultT]):
 
     @property
     def is_there(self) -> bool:
-        """Whether the screen has its widgets: it was made, and has not begun to go."""
-        return self.is_mounted and self.is_running
+        """Whether the screen has its widgets: it was made, and neither it nor the program has begun to go."""
+        return self.is_mounted and self.is_running and self.is_attached
+
+    async def on_event(self, event: events.Event) -> None:
+        """Leave out what comes to a screen that gets no widgets, as the program ends before they were made."""
+        if self.is_attached or self.children or isinstance(event, events.Unmount):
+            await super().on_event(event)
 
     async def _message_loop_exit(self) -> None:
         self.workers.cancel_node(self)  # Textual does it too, but when the widgets have gone

@@ -73,6 +73,7 @@ def runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("SILO_RUNTIME_DIR", str(folder))
     state = folder.with_name(f"{folder.name}-state")  # made by the first journal, as a user's own
     monkeypatch.setenv("XDG_STATE_HOME", str(state))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "no-config"))  # no remotes of this user
     yield folder
     shutil.rmtree(folder, ignore_errors=True)
     shutil.rmtree(state, ignore_errors=True)

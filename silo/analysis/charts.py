@@ -3,13 +3,14 @@
 Used by `silo plot`; pure, draws nothing.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from silo.analysis.calculus import Floats, derivative, spectrum
 from silo.analysis.happened import events_of
+from silo.analysis.limit_lines import Level, limit_levels, placed
 from silo.analysis.picking import Picked, pick, window
 from silo.analysis.plotting import Chart, Curve
 from silo.errors import ElementError
@@ -59,6 +60,7 @@ def make_chart(recording: Recording, spec: ChartSpec, title: str = "") -> tuple[
         curves,
         title=title,
         events=_events(recording, curves, zero) if times else (),
+        levels=_levels(recording, shown, curves, is_right) if not spec.transform else (),
         x_label=_x_label(spec.transform, over),
         left_label=_label([s for s in shown if s.name not in is_right], spec.transform),
         right_label=_label([s for s in shown if s.name in is_right], spec.transform),
@@ -66,6 +68,15 @@ def make_chart(recording: Recording, spec: ChartSpec, title: str = "") -> tuple[
         right_ticks=_names([s for s in shown if s.name in is_right], spec.transform),
     )
     return chart, max(0, len(chosen) - len(shown))
+
+
+def _levels(
+    recording: Recording, shown: Sequence[Picked], curves: Sequence[Curve], right: Collection[str]
+) -> list[Level]:
+    """Limits of what is shown, with where they lie; none where a curve counts from somewhere else than 0."""
+    names = [signal.name for signal, curve in zip(shown, curves, strict=True) if " - " not in curve.label]
+    found = limit_levels(recording, names, right)
+    return placed(found, [(curve.right, curve.y) for curve in curves])
 
 
 def _events(recording: Recording, curves: Sequence[Curve], zero: int) -> list[tuple[float, str]]:

@@ -35,6 +35,7 @@ from silo.errors import ElementError, SaveError, UnknownNameError
 from silo.files.formats import read_recording, writer_for
 from silo.files.naming import find_log, find_logs
 from silo.files.silo_whole import FileElements
+from silo.judging.derived import bound_derived
 from silo.kinds import SCALAR
 from silo.model import NO_EXTRAS
 from silo.recording import RecordedElement, RecordedEntry, Recording
@@ -151,7 +152,10 @@ class Log(Mapping[str, Signal]):
         for place, name in enumerate(_names(recording.elements)):
             self._elements[_unused(name, self._elements)] = place
         # an element of the same name stands for itself
-        self._derived = [one.name for one in recording.extras.derived if one.name not in self._elements]
+        defined = [one.name for one in recording.extras.derived if one.name not in self._elements]
+        told = {one.name: why for one, _, why in bound_derived(self._judge.catalogue)} if defined else {}
+        self._derived = [name for name in defined if not told[name]]
+        self._blind = [name for name in defined if told[name]]  # what they need isn't in the log
 
     @cached_property
     def _entries(self) -> dict[str, tuple[RecordedElement, RecordedEntry]]:
@@ -175,7 +179,7 @@ class Log(Mapping[str, Signal]):
             if key in self._entries:
                 element, entry = self._entries[key]
                 return self._signal(key, replace(element, name=key, kind=SCALAR.name, shape=(), entries=(entry,)))
-            if key in self._derived:
+            if key in self._derived or key in self._blind:
                 return self._evaluated(f"`{key}`", key)
         near = difflib.get_close_matches(name, [*self._elements, *self._entries, *self._derived], 3, 0.5)
         near = near or [key for key in self._elements if name.lower() in key.lower()][:3]
@@ -197,10 +201,11 @@ class Log(Mapping[str, Signal]):
         return f"<Log {self.path or self.recording.logger}: {len(self)} elements, {self.duration_s:.6g} s>"
 
     def _repr_html_(self) -> str:
-        rows = [
+        rows: list[tuple[object, ...]] = [
             (name, element.unit, element.kind, element.count, element.divider, element.lost or "")
-            for name, element in zip(self, self.recording.elements, strict=True)
+            for name, element in zip(self._elements, self.recording.elements, strict=True)
         ]
+        rows += [(one.name, one.unit, one.kind, len(one), one.divider, "") for one in map(self.element, self._derived)]
         return html_table(repr(self)[1:-1], ("element", "unit", "kind", "samples", "divider", "lost"), rows)
 
     def element(self, name: str) -> Signal:

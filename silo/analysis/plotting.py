@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.analysis.limit_lines import Level
 from silo.columns import bins_at, reduce
 from silo.errors import SiloError
 from silo.files.extras import whole_file
@@ -51,7 +52,7 @@ class Curve:
 class Chart:
     """What one plot shows. The ticks name values (of enumerations) on the left and the right axis.
 
-    `events` are thin lines across the plot: where on x, and what happened there.
+    `events` are thin lines across the plot: where on x, and what happened there. `levels` are limits: lines along it.
     """
 
     curves: Sequence[Curve]
@@ -62,6 +63,7 @@ class Chart:
     left_ticks: Mapping[int, str] = field(default_factory=dict)
     right_ticks: Mapping[int, str] = field(default_factory=dict)
     events: Sequence[tuple[float, str]] = ()
+    levels: Sequence[Level] = ()
 
 
 def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = True) -> str:
@@ -73,7 +75,7 @@ def draw_text(chart: Chart, width: int = 80, height: int = 24, *, color: bool = 
     width, height = max(width, MIN_WIDTH), max(height, MIN_HEIGHT)
     marks = [_mark(index, len(chart.curves), color) for index in range(len(chart.curves))]
     # a legend of more than half the height leaves no plot
-    legend = [*_legend(chart, marks, width, color), *_event_legend(chart, width)]
+    legend = [*_legend(chart, marks, width, color), *_level_legend(chart, width, color), *_event_legend(chart, width)]
     room = max(1, height // 2)
     if len(legend) > room:
         legend = [*legend[: room - 1], f"   ... and {len(legend) - room + 1} more"]
@@ -108,6 +110,15 @@ def draw_axes(chart: Chart, left: Any) -> None:
         left.axvline(at, color="0.5", linewidth=0.8, linestyle=":")
         place = {"rotation": 90, "fontsize": 7, "color": "0.4", "va": "top", "ha": "right"}
         left.text(at, 0.99, shorten(words, 40), transform=left.get_xaxis_transform(), **place)
+    for level in chart.levels:
+        if level.inside:
+            axes = right if level.right and right is not None else left
+            axes.axhline(level.value, color="tab:red" if level.red else "goldenrod", linewidth=1.0, linestyle="-.")
+            place = {"fontsize": 7, "color": "0.4", "va": "bottom", "ha": "right" if level.right else "left"}
+            at = 0.99 if level.right else 0.01
+            axes.text(
+                at, level.value, f"{level.words} {level.value:.6g}", transform=axes.get_yaxis_transform(), **place
+            )
     _name_ticks(left, chart.left_ticks)
     if right is not None:
         right.set_ylabel(chart.right_label)
@@ -171,6 +182,7 @@ def _draw(chart: Chart, marks: Sequence[str], width: int, height: int, color: bo
         if len(x):
             limits.setdefault("x", []).extend((float(x.min()), float(x.max())))
             limits.setdefault(side, []).extend((float(y.min()), float(y.max())))
+    _draw_levels(figure, chart, limits, powers, color=color)
     _draw_events(figure, chart, limits)
     _set_ruler(figure.ruler(axis="x"), limits.get("x"), width // 12)
     _set_ruler(figure.ruler(axis="y", side="left"), limits.get("left"), height // 4, chart.left_ticks, powers["left"])
@@ -185,6 +197,39 @@ def _draw(chart: Chart, marks: Sequence[str], width: int, height: int, color: bo
             figure.label(shorten(text, third), axis=axis, side=side)
     text = figure.build().string(colorless=not color)
     return "\n".join(line.rstrip() for line in str(text).rstrip("\n").split("\n"))
+
+
+def _draw_levels(
+    figure: Any, chart: Chart, limits: dict[object, list[float]], powers: Mapping[str, int], *, color: bool
+) -> None:
+    """A line for each limit, as long as the curves; the axis reaches to it."""
+    import plotext
+
+    for level in chart.levels:
+        side = "right" if level.right else "left"
+        if not level.inside or side not in limits:
+            continue
+        value = float(_enlarged(np.array([level.value]), powers[side])[0])
+        pixel = ("red" if level.red else "orange") if color else None
+        mark = "─" if level.red else "╌"
+        ends = [min(limits["x"]), max(limits["x"])]
+        line = figure.signal(ends, [value, value], marker=plotext.marker(mark, pixel=pixel), yside=side)
+        line.lines(True)
+        figure.draw(line)
+        limits[side].append(value)
+
+
+def _level_legend(chart: Chart, width: int, color: bool) -> list[str]:
+    """What the lines along the plot are, and which limits lie farther away than it shows."""
+    lines = []
+    two_sides = len({curve.right for curve in chart.curves}) == 2
+    for level in chart.levels:
+        mark = ("─" if level.red else "╌") if level.inside else " "
+        stroke = f"\x1b[{31 if level.red else 33}m{mark * 2}\x1b[0m" if color and level.inside else mark * 2
+        side = (" (right)" if level.right else " (left)") if two_sides else ""
+        beyond = "" if level.inside else "  beyond this plot"
+        lines.append(f"{stroke} {shorten_end(f'{level.words} {level.value:.6g}{side}{beyond}', width - 3)}")
+    return lines
 
 
 def _draw_events(figure: Any, chart: Chart, limits: Mapping[object, Sequence[float]]) -> None:

@@ -1,51 +1,135 @@
 """What the commands share: which logger is meant, completion of names, tables of plain text."""
 
-import re
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
 
-from silo.errors import ConnectionLostError, RefusedError, SiloError
+from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo.files.formats import SAVED_NAMES, file_type
 from silo.model import FileType
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
-    from silo.ipc.discovery import Found
+    from silo.ipc.discovery import Discovery
+    from silo.ipc.found import Found
     from silo.model import ElementInfo
 
 MOST_COMPLETIONS = 100
+TRY_AGAIN_S = 1.0
 
-_LOGGER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-
+_Made = TypeVar("_Made")
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
 
 
 def configuration() -> str:
-    """Return the file given by `silo --config`, empty for loggers of this host."""
+    """Return what `--config` says, before or after the command; empty for this host and all remotes."""
     ctx = click.get_current_context(silent=True)
     found = ctx.find_root().obj if ctx else None
     return found if isinstance(found, str) else ""
 
 
+def config_option(command: click.Command) -> click.Command:
+    """Return a command that takes `--config` behind its name too, and so do those below it; see `configuration`."""
+    if isinstance(command, click.Group):
+        for below in command.commands.values():
+            config_option(below)
+    elif not any("--config" in each.opts for each in command.params):
+        note = click.Option(["--config"], metavar="NAME|FILE", expose_value=False, hidden=True, callback=_take_config)
+        command.params.append(note)
+    return command
+
+
+def _take_config(ctx: click.Context, _param: click.Parameter, value: str | None) -> None:
+    if value is not None:
+        ctx.find_root().obj = value
+
+
+def discovered() -> "Discovery":
+    """Return the loggers that are there: looked for once in a command."""
+    from silo.ipc.discovery import discover
+
+    ctx = click.get_current_context(silent=True)
+    kept = ctx.find_root().meta if ctx else {}
+    key = f"silo discovery {configuration()}"
+    if key not in kept:
+        # over a slow link, opening a session is most of what a command takes
+        holding = ctx.find_root().with_resource(ExitStack()) if ctx else None
+        kept[key] = discover(config=configuration(), holding=holding)
+    found: Discovery = kept[key]
+    return found
+
+
+def patiently(make: Callable[[], _Made]) -> _Made:
+    """Return what `make` does; while a remote can't be reached, say why and do it again.
+
+    Raises ConnectionLostError where all can be reached and what it looks for isn't there.
+    """
+    told = ""
+    while True:
+        made, problem = _tried(make)
+        if made is not None:
+            return made
+        if problem != told:
+            told = problem
+            click.echo(f"{told}\ntrying again every {TRY_AGAIN_S:g} s, until Ctrl-C", err=True)
+        _forget_discovered()
+        _pause()
+
+
+def _tried(make: Callable[[], _Made]) -> tuple[_Made | None, str]:
+    """Return what `make` does, or why a remote can't be reached that may be in a moment."""
+    from silo.ipc.probing import Layer, LayerError
+
+    passing = (Layer.NAME, Layer.ROUTE, Layer.PORT, Layer.ROLE)
+    try:
+        return make(), ""
+    except LayerError as error:
+        if error.layer not in passing:
+            raise
+        return None, str(error)
+    except VersionError:
+        raise
+    except ConnectionLostError as error:
+        if not discovered().unreachable:
+            raise
+        return None, str(error)
+
+
+def _pause() -> None:
+    time.sleep(TRY_AGAIN_S)
+
+
+def _forget_discovered() -> None:
+    ctx = click.get_current_context(silent=True)
+    if ctx is not None:
+        ctx.find_root().meta.pop(f"silo discovery {configuration()}", None)
+
+
 def find_logger(name: str | None) -> "Found":
-    """Return the logger of this name (`anymal`, or `anymal.4711` where several have the name), or the only one.
+    """Return the logger that an address means (`robot3/anymal`, `anymal`, `anymal.4711`), or the only one.
 
     Raises ConnectionLostError where there is none, UsageError where several could be meant.
     """
-    from silo.ipc.discovery import discover, not_found_text
+    from silo.ipc.discovery import SeveralError
 
-    discovery = discover(config=configuration())
-    found = discovery.named(name or "")
-    if not found:
-        raise ConnectionLostError(not_found_text(name or "", discovery))
-    if len(found) > 1:
-        labels = ", ".join(one.label for one in found)
-        raise click.UsageError(f"several loggers run, say which: {labels}")
-    return found[0]
+    discovery = discovered()
+    try:
+        found = discovery.one(name or "")
+    except SeveralError as error:
+        raise click.UsageError(str(error)) from None
+    if "/" not in (name or ""):  # it might be there, too
+        tell_unreachable(discovery)
+    return found
+
+
+def tell_unreachable(discovery: "Discovery") -> None:
+    """Say which remotes don't answer, and why."""
+    for remote, why in discovery.unreachable.items():
+        click.echo(f"remote '{remote}': {why} (`silo remote doctor {remote}`)", err=True)
 
 
 def connect(name: str | None) -> "Client":
@@ -57,31 +141,34 @@ def connect(name: str | None) -> "Client":
 
 
 def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str | None, list[str]]:
-    """Return a leading name of a logger, if there is one, and the other words: patterns hold `/` or `*`, settings `=`.
+    """Return a leading name or address of a logger, if there is one, and the other words, patterns and settings.
 
-    With `or_pattern`, a plain word that names no logger is a pattern too, as long as only one logger can be meant.
+    A word with a `/` in it is an address where a logger that is there has it, else a pattern. With `or_pattern`, a
+    plain word that names no logger is a pattern too, as long as only one logger can be meant.
     """
-    if not words or not _LOGGER.fullmatch(words[0]):
-        return None, list(words)
-    if or_pattern:
-        from silo.ipc.discovery import discover
+    from silo.ipc.found import ADDRESS
 
-        loggers = discover(config=configuration()).loggers
-        if len(loggers) == 1 and words[0] not in (loggers[0].name, loggers[0].label):
+    if not words or not ADDRESS.fullmatch(words[0]):
+        return None, list(words)
+    if "/" in words[0] and "~" not in words[0] and not discovered().named(words[0]):
+        return None, list(words)
+    if or_pattern and "/" not in words[0]:
+        loggers = discovered().loggers
+        if len(loggers) == 1 and not loggers[0].is_meant_by(words[0]):
             return None, list(words)
     return words[0], list(words[1:])
 
 
 def unknown_logger(logger: str | None) -> click.UsageError | None:
     """Return the error for a word that is no logger where several run, so that it may be a pattern of one of them."""
-    from silo.ipc.discovery import discover
+    from silo.ipc.found import told_apart
 
     if logger is None:
         return None
-    found = discover(config=configuration()).loggers
-    if len(found) < 2 or logger in {name for one in found for name in (one.name, one.label)}:
+    discovery = discovered()
+    if len(discovery.loggers) < 2 or discovery.named(logger):
         return None
-    labels = ", ".join(one.label for one in found)
+    labels = ", ".join(told_apart(discovery.loggers))
     return click.UsageError(f"no logger is called '{logger}', and several run: say which before it: {labels}")
 
 
@@ -90,14 +177,15 @@ def unknown_logger(logger: str | None) -> click.UsageError | None:
 
 def complete_logger(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Complete names of the loggers that run."""
-    from silo.ipc.discovery import discover
+    from silo.ipc.found import told_apart
 
     try:
-        loggers = discover(config=configuration()).loggers
+        loggers = discovered().loggers
     except SiloError:  # the shell has no place for an error message
         return []
     names = [one.name for one in loggers]
-    labels = [one.name if names.count(one.name) == 1 else one.label for one in loggers]
+    apart = told_apart(loggers)
+    labels = [one.name if names.count(one.name) == 1 else word for one, word in zip(loggers, apart, strict=True)]
     return [CompletionItem(label) for label in labels if label.startswith(incomplete)]
 
 
@@ -115,10 +203,11 @@ def complete_element(logger: str | None, incomplete: str) -> list[CompletionItem
 
     try:
         found = find_logger(logger)
-        reply = ask_once(found.socket, found.config, GetTable(), 1.0, found.host, found.name)
+        reply = ask_once(found, GetTable(), 1.0)
     except (SiloError, click.UsageError):
         return []
-    return [CompletionItem(name) for name in next_names([e.name for e in reply.table.elements], incomplete)]
+    names = [info.name for info in (*reply.table.elements, *reply.table.derived)]
+    return [CompletionItem(name) for name in next_names(names, incomplete)]
 
 
 def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -130,7 +219,7 @@ def complete_script(ctx: click.Context, param: click.Parameter, incomplete: str)
     loggers = [] if words else complete_logger(ctx, param, incomplete)
     try:
         found = find_logger(split_logger(words)[0])
-        reply = ask_once(found.socket, found.config, ListScripts(), 1.0, found.host, found.name)
+        reply = ask_once(found, ListScripts(), 1.0)
     except (SiloError, click.UsageError):
         return loggers
     return loggers + [CompletionItem(name) for name in reply.names if name.startswith(incomplete)]

@@ -20,12 +20,12 @@ from silo.cli.common import (
     unsaved_options,
 )
 from silo.errors import ElementError, RefusedError
-from silo.patterns import pattern_matcher
+from silo.patterns import matching, pattern_matcher
 from silo.settings.words import Settings, apply_settings, completions, help_rows, is_setting, read_settings
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
-    from silo.model import FieldChange
+    from silo.model import FieldChange, Table
 
 MOST_CHANGES = 100  # of 10,000 elements, nobody reads each; `--dry-run` shows all
 
@@ -100,6 +100,7 @@ def _set(
     from silo.settings.script import diff_options
 
     status, table = client.status(), client.table()
+    _refuse_derived(table, patterns)
     places = select([element.name for element in table.elements], patterns)
     chosen = [table.elements[place] for place in places]
     options = apply_settings(settings, [(element.name, element.options) for element in chosen], status.frequency_hz)
@@ -135,6 +136,17 @@ def _set(
     if len(changes) > MOST_CHANGES:
         click.echo(f"... and {len(changes) - MOST_CHANGES} more changes")
     click.echo(f"changed {what} (revision {applied.revision}){'; logging again' if runs else ''}")
+
+
+def _refuse_derived(table: "Table", patterns: Sequence[str]) -> None:
+    """Raises ElementError for a pattern that means derived signals alone."""
+    names, derived = [info.name for info in table.elements], [info.name for info in table.derived]
+    for pattern in patterns if derived else ():
+        if not matching(names, [pattern]) and (found := matching(derived, [pattern])):
+            raise ElementError(
+                f"'{found[0]}' is derived from others, and has no divider, buffer or action of its own: set those, or "
+                f"give it another expression (`silo derive {found[0]} 'EXPRESSION'`); nothing was changed"
+            )
 
 
 def show_changes(changes: "Sequence[FieldChange]") -> None:

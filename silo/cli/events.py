@@ -76,7 +76,7 @@ def _events(which: str | None, *, follow: bool, as_json: bool) -> None:
 
 def _runs(name: str) -> bool:
     """Whether a logger of that name runs: it is meant then, not a folder that is called so."""
-    if "/" in name or name in (".", ".."):
+    if name.startswith(("/", ".")) or name.endswith("/"):
         return False
     try:
         return bool(find_logger(name))

@@ -187,13 +187,15 @@ def plot_command(
 ) -> None:
     """Plot signals in the terminal, or into a PNG file.
 
-    A PATTERN is a name, a glob or a part of a name. Signals of a second unit go to the right axis by themselves.
+    A PATTERN is a name, a glob, a part of a name, or an expression. Signals of a second unit go to the right axis by
+    themselves. Limits that the file keeps are drawn: red, and yellow (dashed).
 
     \b
     Examples:
       silo plot run.silo LF/joint000/torque LF/joint000/position
       silo plot run.silo '*/torque' --from 2 --to 3.5
       silo plot run.silo base/position_y -x base/position_x
+      silo plot run.silo 'joints/tau * joints/qd' 'norm(imu/acc)'
       silo plot run.silo imu/accel --spectrum --png accel.png
     """
     from silo.analysis.charts import ChartSpec, make_chart

@@ -11,9 +11,11 @@ import click
 
 from silo.amounts import duration
 from silo.cli.common import (
+    complete_logger,
     complete_words,
     configuration,
     connect,
+    discovered,
     file_types,
     json_option,
     logger_argument,
@@ -24,6 +26,7 @@ from silo.cli.common import (
     show_json,
     show_rows,
     split_logger,
+    tell_unreachable,
     type_of,
     types_option,
     unsaved,
@@ -31,38 +34,52 @@ from silo.cli.common import (
 )
 from silo.errors import ConnectionLostError
 from silo.files.formats import LOG_ENDINGS, OPEN_PART_ENDING
+from silo.ipc.remotes import LOCAL
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from silo.ipc.discovery import Answer
+    from silo.ipc.found import Found
     from silo.model import ElementInfo, Status
 
 
 @click.command()
+@click.argument("pattern", required=False, default="", metavar="[HOST/NAME]", shell_complete=complete_logger)
 @json_option
-def ls(as_json: bool) -> None:
-    """List the loggers that run on this host, and remove what dead ones left that holds no data.
+def ls(pattern: str, as_json: bool) -> None:
+    """List the loggers that run on this host and on remotes, and remove what dead ones left that holds no data.
+
+    A glob means many: of hosts, of names, of both. HOST/NAME is what all commands take; where two are alike, ADDRESS
+    tells them apart.
 
     \b
     Examples:
       silo ls
+      silo ls 'robot*/*'
       silo ls --json | jq '.[].logger'
     """
-    from silo.ipc.discovery import Answer, discover, down_text, not_found_text, survey
+    from silo.ipc.discovery import Answer, down_text, not_found_text, survey
 
-    if not configuration():
+    if configuration() in ("", LOCAL):
         _sweep()
-    discovery = discover(config=configuration())
-    answers = survey(discovery.loggers)
-    answers += [Answer(found, None, down_text(found), "helper down") for found in discovery.down]
-    if not configuration():
+    discovery = discovered()
+    chosen = discovery.matching(pattern)
+    answers = survey(chosen)
+    answers += [
+        Answer(found, None, down_text(found), "helper down")
+        for found in discovery.down
+        if found.is_meant_by(pattern) or found.matches(pattern)
+    ]
+    if configuration() in ("", LOCAL):
         _sweep_parts(_log_folders(answers))
     if as_json:
         show_json([answer.status or _no_status(answer) for answer in answers])
         return
     if not answers:
         _tell_orphans(answers)
-        raise ConnectionLostError(not_found_text("", discovery))
-    header = ("LOGGER", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
+        raise ConnectionLostError(not_found_text(pattern, discovery))
+    header = ("LOGGER", "HOST", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
     rows = [header, *map(_ls_row, answers)]
     durable = [answer.status.durable_ticks if answer.status else -1 for answer in answers]
     if max(durable) >= 0:  # somebody asked for it
@@ -71,7 +88,12 @@ def ls(as_json: bool) -> None:
     recorders = [answer.status.recorders if answer.status else 0 for answer in answers]
     if any(recorders):
         rows = [(*row, end) for row, end in zip(rows, ("REC", *map(str, recorders)), strict=True)]
-    show_rows(rows, right=(2, 3, 4, 5, 6, 7, *range(9, len(rows[0]))))
+    right = (3, 4, 5, 6, 7, 8, *range(10, len(rows[0])))
+    apart = _addresses([answer.found for answer in answers])
+    if any(apart):
+        rows = [(*row, end) for row, end in zip(rows, ("ADDRESS", *apart), strict=True)]
+    show_rows(rows, right=right)
+    tell_unreachable(discovery)
     for answer in answers:
         if answer.error:
             click.echo(f"{answer.found.label}: {answer.error}", err=True)
@@ -81,6 +103,16 @@ def ls(as_json: bool) -> None:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
     _tell_orphans(answers)
+    if all(answer.state == "no answer" for answer in answers):
+        raise ConnectionLostError("none of them answers, see above")
+
+
+def _addresses(found: "Sequence[Found]") -> list[str]:
+    """What to type for each logger whose host and name another one has as well; empty for the others."""
+    from silo.ipc.found import told_apart
+
+    names = [(one.host, one.name) for one in found]
+    return [word if names.count(name) > 1 else "" for word, name in zip(told_apart(found), names, strict=True)]
 
 
 def _no_status(answer: "Answer") -> dict[str, str]:
@@ -151,9 +183,11 @@ def _ls_row(answer: "Answer") -> tuple[str, ...]:
     found, status = answer.found, answer.status
     if status is None:
         since = show_duration(time.time() - found.since) if answer.state == "helper down" else "-"
-        return (found.label, answer.state, since, *["-"] * 4, str(found.pid), found.user)
+        who = found.label if found.pid else found.name
+        return (who, found.host or "-", answer.state, since, *["-"] * 4, str(found.pid or "-"), found.user or "-")
     return (
         found.name,
+        found.host or status.host,
         status.state.value,
         _since(status),
         f"{status.measured_hz or status.frequency_hz:.4g}" if status.state.value == "running" else "-",
@@ -190,7 +224,8 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
     logger, patterns = split_logger(words)
     with _telling_what_was_left(logger), connect(logger) as client:
         status = client.status()
-        elements = client.table().elements if patterns or all_elements or as_json else []
+        table = client.table() if patterns or all_elements or as_json else None
+        elements = [*table.elements, *table.derived] if table is not None else []
     if patterns:
         from silo.cli.edits import select
 
@@ -237,6 +272,7 @@ def _show_status(status: "Status") -> None:
         *_failed(status),
         *_durable(status),
         ("elements", f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"),
+        *([("derived", f"{many(status.derived, 'signal')}: `silo derive ls`")] if status.derived else []),
         *_endless(status),
         ("time limit", limit),
         ("memory", f"{status.segment_bytes / 1e6:.1f} MB"),
@@ -295,9 +331,9 @@ def _show_elements(elements: "list[ElementInfo]") -> None:
             type_of(one),
             "on" if one.options.enabled else "off",
             str(one.options.divider),
-            one.options.action.name.lower(),
-            one.options.buffer_type.name.lower(),
-            str(one.options.buffer_size),
+            one.options.action.name.lower() if not one.expression else "derived",
+            one.options.buffer_type.name.lower() if not one.expression else "-",
+            str(one.options.buffer_size) if not one.expression else "-",
             one.description,
         )
         for one in elements

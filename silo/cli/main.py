@@ -9,6 +9,7 @@ from difflib import get_close_matches
 
 import click
 
+from silo.cli.common import config_option
 from silo.errors import ConnectionLostError, SiloError
 from silo.version import VERSION
 
@@ -38,6 +39,7 @@ COMMANDS = {
     "record": LazyCommand("Loggers", "silo.cli.record", "record", "Record to MCAP files, for days."),
     "mark": LazyCommand("Loggers", "silo.cli.events", "mark", "Mark the newest tick with some words."),
     "events": LazyCommand("Loggers", "silo.cli.events", "events", "Print what happened, and who did it."),
+    "derive": LazyCommand("Loggers", "silo.cli.derive", "derive", "Compute signals from others."),
     "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
     "trigger": LazyCommand("Loggers", "silo.cli.triggers", "trigger", "Save what was logged around a condition."),
     "alarms": LazyCommand("Loggers", "silo.cli.alarms", "alarms", "Show what is, or was, beyond its limits."),
@@ -47,8 +49,13 @@ COMMANDS = {
     "stats": LazyCommand("Saved files", "silo.cli.files", "stats_command", "Minimum, maximum, mean ... of signals."),
     "check": LazyCommand("Saved files", "silo.cli.check", "check_command", "Judge limits and conditions on a log."),
     "diff": LazyCommand("Saved files", "silo.cli.files", "diff_command", "Show how two logs differ."),
+    "foxglove": LazyCommand(
+        "Other viewers", "silo.cli.foxglove", "foxglove", "Show a logger in Foxglove, PlotJuggler."
+    ),
     "demo": LazyCommand("Programs", "silo.cli.programs", "demo", "Run a simulated legged robot that logs."),
     "host": LazyCommand("Programs", "silo.cli.programs", "host", "Log this computer."),
+    "remote": LazyCommand("Programs", "silo.cli.remote", "remote", "Reach loggers of other computers."),
+    "router": LazyCommand("Programs", "silo.cli.router", "router", "Let robots and desks meet over one link."),
     "config": LazyCommand("Programs", "silo.cli.config", "config", "List and copy examples of configuration."),
     "completion": LazyCommand("Programs", "silo.cli.completion", "completion", "Completion for your shell."),
 }
@@ -67,7 +74,7 @@ class LazyGroup(click.Group):
         if entry is None:
             return None
         command: click.Command = getattr(importlib.import_module(entry.module), entry.attribute)
-        return command
+        return config_option(command)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -89,14 +96,19 @@ class LazyGroup(click.Group):
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.option(
-    "--config", envvar="SILO_CONFIG", default="", metavar="FILE", help="Reach loggers of other hosts by this."
+    "--config",
+    envvar="SILO_CONFIG",
+    default="",
+    metavar="NAME|FILE",
+    help="Look at this remote, or Zenoh configuration, alone; `local`: at this computer alone. Also after the command.",
 )
 @click.version_option(VERSION, prog_name="silo")
 @click.pass_context
 def cli(ctx: click.Context, config: str) -> None:
     """Log, see, configure and save the signals of robots.
 
-    LOGGER may be left out of every command while exactly one logger runs.
+    LOGGER is a name, or HOST/NAME where several have the name (`silo ls` shows them). It may be left out of every
+    command while exactly one logger runs. Those of other computers are seen by `silo remote add`.
 
     \b
     Examples:

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
-from silo.cli.common import file_types
+from silo.cli.common import configuration, file_types
 from silo.files.formats import SAVED_NAMES
 
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
@@ -32,6 +33,12 @@ def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
         click.option(
             "--script", type=click.Path(path_type=Path, dir_okay=False), help="Script; FOLDER/NAME.yaml if not given."
         ),
+        click.option("--group", help="Let members of this system group in."),
+        click.option(
+            "--config",
+            type=click.Path(path_type=Path, dir_okay=False),
+            help="Let other computers in by this Zenoh configuration (`silo remote init` makes one).",
+        ),
         click.option("--stopped", is_flag=True, help="Don't start logging; wait for `silo start`."),
         click.option(
             "--save",
@@ -49,6 +56,13 @@ def _common(name: str, frequency: float) -> Callable[[_Command], _Command]:
     return decorate
 
 
+def before() -> Path | None:
+    """Return what `silo --config FILE` says before the command; SILO_CONFIG is of clients alone."""
+    root = click.get_current_context().find_root()
+    typed = root.get_parameter_source("config") is ParameterSource.COMMANDLINE
+    return Path(configuration()) if typed and configuration() else None
+
+
 @click.command()
 @_common("demo", 400.0)
 @click.option("--elements", type=click.IntRange(5, 200_000), help="So many elements; 500 if not given.")
@@ -60,6 +74,8 @@ def demo(
     time_limit: float | None,
     folder: Path,
     script: Path | None,
+    group: str | None,
+    config: Path | None,
     stopped: bool,
     save: tuple[str, ...],
     elements: int | None,
@@ -68,7 +84,8 @@ def demo(
 ) -> None:
     """Run a simulated legged robot that logs 500 elements at 400 Hz, until Ctrl-C.
 
-    It walks and trots through a mission of half a minute. Among its sensors are a flaky, a stuck and a noisy one.
+    It walks and trots through a mission of half a minute, and slips at random: base/tilt is derived and has limits, the
+    trigger 'slip' waits to be armed. Among its sensors are a flaky, a stuck and a noisy one.
 
     \b
     Examples:
@@ -79,8 +96,9 @@ def demo(
     from silo.programs.demo.program import DemoOptions, run_demo
 
     options = DemoOptions(
-        name, frequency, elements, time_limit, folder, script, stopped, seed, file_types(save), with_parent
-    )
+        name, frequency, elements, time_limit, folder, script, stopped, seed, file_types(save), with_parent,
+        group, config or before(),
+    )  # fmt: skip
     run_demo(options, click.echo)
 
 
@@ -92,6 +110,8 @@ def host(
     time_limit: float | None,
     folder: Path,
     script: Path | None,
+    group: str | None,
+    config: Path | None,
     stopped: bool,
     save: tuple[str, ...],
 ) -> None:
@@ -106,4 +126,6 @@ def host(
     """
     from silo.programs.host.program import HostOptions, run_host
 
-    run_host(HostOptions(name, frequency, time_limit, folder, script, stopped, file_types(save)), click.echo)
+    saved = file_types(save)
+    options = HostOptions(name, frequency, time_limit, folder, script, stopped, saved, group, config or before())
+    run_host(options, click.echo)

@@ -42,7 +42,7 @@ def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
     try:
         found = find_logger(ctx.params.get("logger"))
-        reply = ask_once(found.socket, found.config, ListRecordings(most=200), 1.0, found.host, found.name)
+        reply = ask_once(found, ListRecordings(most=200), 1.0)
     except (SiloError, click.UsageError):
         return []
     names = [file.name for one in reply.recordings for file in one.files if not one.unfinished]

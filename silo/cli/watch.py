@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import complete_words, connect, json_option, many, show_json, split_logger, unknown_logger
+from silo.cli.common import (
+    complete_words,
+    connect,
+    json_option,
+    many,
+    patiently,
+    show_json,
+    split_logger,
+    unknown_logger,
+)
 from silo.cli.edits import select
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.ipc.published import NOT_LIVE_TEXTS
@@ -85,37 +94,48 @@ def watch(words: tuple[str, ...], rate: float, count: int | None, as_json: bool)
     """Print live values until Ctrl-C: one line per element and refresh, or one JSON object per refresh.
 
     Every element that is on can be watched, whether it is saved or published. PATTERN is an element, a namespace or a
-    glob; without one, the first of those that are on are shown.
+    glob; without one, the first of those that are on are shown. Over a network it waits for a link that is cut.
 
     \b
     Examples:
       silo watch demo /log/base/pose '*/LF/*/torque'
       silo watch demo /log/battery --rate 1 --json | jq .values
     """
-    logger, patterns = split_logger(words, or_pattern=True)
-    if not patterns and (problem := unknown_logger(logger)) is not None:
-        raise problem
+
+    def begin() -> "tuple[Client, list[str]]":
+        logger, patterns = split_logger(words, or_pattern=True)
+        if not patterns and (problem := unknown_logger(logger)) is not None:
+            raise problem
+        return connect(logger), patterns
+
     try:
-        with connect(logger) as client:
+        client, patterns = patiently(begin)
+        with client:
             _watch(client, patterns, rate, count, as_json=as_json)
     except KeyboardInterrupt:
         return  # the usual end of watching
 
 
 def _watch(client: "Client", patterns: Sequence[str], rate: float, count: int | None, *, as_json: bool) -> None:
-    table = client.table().elements
+    found = client.table()
+    table = [*found.elements, *found.derived]
     chosen = [table[place] for place in select([e.name for e in table], patterns)] if patterns else table
-    silent = [e.name for e in chosen if not e.options.enabled]
-    chosen = [e for e in chosen if e.name not in set(silent)]
+    blind = [e for e in chosen if e.expression and not e.options.enabled]
+    silent = [e.name for e in chosen if not e.options.enabled and not e.expression]
+    chosen = [e for e in chosen if e.options.enabled]
     if not table:
         raise ElementError("the logger has no elements yet: nothing to watch")
+    if not chosen and blind:
+        raise ElementError(f"{blind[0].name} {blind[0].description}: nothing to watch")
     if not chosen:
         raise ElementError(
             f"{silent[0]}{f' and {len(silent) - 1} more' if len(silent) > 1 else ''}: off; "
             "`silo set PATTERN on` switches it on, while the logger is stopped"
         )
     if not patterns:
-        silent, chosen = [], _first(chosen, as_json)
+        silent, blind, chosen = [], [], _first(chosen, as_json)
+    for one in blind:
+        click.echo(f"{one.name} {one.description}", err=True)
     for name in silent[:10]:
         click.echo(f"{name}: off", err=True)
     if len(silent) > 10:
@@ -142,19 +162,27 @@ def _first(chosen: "list[ElementInfo]", as_json: bool) -> "list[ElementInfo]":
 
 
 def _frames(client: "Client", view: "View") -> "Iterator[Frame]":
-    """Every new frame. Raises ConnectionLostError when the robot program died, or is out of reach for long."""
+    """Every new frame. Raises ConnectionLostError when the robot program died, or, on this computer, is gone.
+
+    Over a network it may be the link that is cut, and comes back.
+    """
     last_s = time.monotonic()
     state = None
+    waits = False
     while True:
         frame = view.frame()
         if frame is None:
             if view.refused:
                 raise RefusedError(view.refused)
-            if time.monotonic() - last_s > GONE_AFTER_S and not client.connected:
-                raise ConnectionLostError("the logger is gone; `silo ls` shows what runs, `silo recover` what was left")
+            if time.monotonic() - last_s > GONE_AFTER_S and not client.connected and not waits:
+                if not client.found.config:
+                    text = "the logger is gone; `silo ls` shows what runs, `silo recover` what was left"
+                    raise ConnectionLostError(text)
+                click.echo(f"{client.found.label}: no connection; connecting again by itself, until Ctrl-C", err=True)
+                waits = True
             time.sleep(POLL_S)
             continue
-        last_s = time.monotonic()
+        last_s, waits = time.monotonic(), False
         if frame.state is State.DEAD:
             raise ConnectionLostError(client.status().reason)
         if state not in (None, frame.state) or (state is None and frame.state.value != "running"):

@@ -11,6 +11,8 @@ from silo.collecting.schema import ElementSchema, EntrySchema, RingSchema, Segme
 from silo.model import LoggedEvent
 from silo.recording import Failures
 
+Words = NDArray[np.intp]  # places in a row, ascending
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -47,6 +49,18 @@ class Rows:
         """The rows with index `begin <= index < end`, without a copy."""
         low, high = max(begin - self.first, 0), max(end - self.first, 0)
         return Rows(self.ring, self.first + min(low, len(self)), self.words[low:high])
+
+
+def words_of(entry: EntrySchema) -> range:
+    """Return the places of the words that hold an entry in a row."""
+    size = max(1, np.dtype(entry.entry.dtype).itemsize)
+    return range(entry.byte_offset // 8, (entry.byte_offset + size - 1) // 8 + 1)
+
+
+def moved(entry: EntrySchema, words: Words) -> EntrySchema:
+    """Return where an entry stands when only these words of a row are there."""
+    place = int(np.searchsorted(words, entry.byte_offset // 8))
+    return EntrySchema(entry.entry, 8 * place + entry.byte_offset % 8, entry.swapped)
 
 
 class RowSource(Protocol):

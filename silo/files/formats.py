@@ -73,10 +73,14 @@ class Format(msgspec.Struct, frozen=True):
         return f"{self.ending} (a folder; {', '.join(self.endings[1:])}, too)" if self.folder else self.ending
 
     def load_writer(self) -> "Writer":
-        """The function that writes a recording: `write(recording, path, progress)`."""
+        """The function that writes a recording with its derived signals: `write(recording, path, progress)`."""
         function = _function(self.writer)
 
         def write(recording: "Recording", path: Path, progress: "Progress | None") -> None:
+            if recording.extras.derived:
+                from silo.files.derived import with_derived
+
+                recording = with_derived(recording)
             function(recording, path, progress=progress)
 
         return write

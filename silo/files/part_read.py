@@ -122,6 +122,7 @@ def _recording(facts: PartFacts, rings: dict[int, _Joined], elements: list[Value
         started_ns=about.started_ns,
         time_looping=True,
         warnings=tuple(warnings),
+        extras=about.extras,
     )
 
 

@@ -51,6 +51,10 @@ def write(
         ) from error
     paths = _paths(Path(folder), logger, chosen, name)
     recording = replace(recording, why=why) if why else recording
+    if recording.extras.derived:
+        from silo.files.derived import with_derived
+
+        recording = with_derived(recording)  # once for all formats
     saved: list[SavedFile] = []
     failed: list[str] = []
     for index, (kind, path) in enumerate(paths.items()):

@@ -14,12 +14,14 @@ def main() -> int:
     parser.add_argument("--fd", type=int, required=True, help="socket to the robot process")
     parser.add_argument("--runs-fd", type=int, required=True, help="socket on which the robot process hands over runs")
     parser.add_argument("--name", required=True, help="name of the logger")
+    parser.add_argument("--id", default="", help="what the logger drew to tell it from others of its name")
     parser.add_argument("--group", help="system group whose members may connect")
     parser.add_argument("--config", help="Zenoh configuration with remote access")
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.WARNING, format="silo: %(message)s", stream=sys.stderr)
     limit_heap()
-    return Helper(open_link(arguments.fd, arguments.runs_fd), arguments.name, arguments.group, arguments.config).run()
+    robot = open_link(arguments.fd, arguments.runs_fd)
+    return Helper(robot, arguments.name, arguments.group, arguments.config, arguments.id).run()
 
 
 if __name__ == "__main__":

@@ -1,11 +1,14 @@
 """The thread that writes captures, one after the other: the judge never waits for a disk."""
 
+import dataclasses
 import logging
 import queue
 import threading
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from silo.errors import SaveError, SiloError
 from silo.files.saving import size_of
@@ -127,6 +130,9 @@ class CaptureWriter:
             happened = self._events.log.of_run(spool.run)
             first, last = spool.capture.first, spool.capture.last
             recording = with_events(spool.recording(), [event for event in happened if first <= event.tick <= last])
+            if spool.run == self._mirror.run:  # derived signals and limits as they are by now
+                extras = msgspec.structs.replace(self._mirror.now.robot.extras, capture=recording.extras.capture)
+                recording = dataclasses.replace(recording, extras=extras)
             files += write(recording, folder, logger, [FileType.SILO], name, why=f"trigger {options.name}")
         others: list[FileType] = [kind for kind in wanted if kind is not FileType.SILO and kind not in there]
         if others:

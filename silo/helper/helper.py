@@ -12,6 +12,7 @@ import signal
 import socket
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from silo.helper.answers import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
 from silo.helper.event_log import EventLog
-from silo.helper.events import Events
+from silo.helper.events import Events, plain
 from silo.helper.journaling import Journaling
 from silo.helper.judge import Judge
 from silo.helper.marks import Marks
@@ -49,7 +50,7 @@ from silo.ipc.published import EventKind
 from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.handover import RunOffer
 from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
-from silo.model import FileType, State
+from silo.model import Derived, FileType, State
 from silo.runtime import runtime_dir
 
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't
@@ -74,11 +75,12 @@ class _Ended(enum.Enum):
 class Helper:
     """One helper process. `run` returns when it has ended."""
 
-    def __init__(self, robot: Robot, name: str, group: str | None, config: str | None) -> None:
+    def __init__(self, robot: Robot, name: str, group: str | None, config: str | None, drawn: str = "") -> None:
         self._robot = robot
         self._name = name
         self._group = group
         self._config = config
+        self._root = Root(socket.gethostname(), name, drawn)
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._term_s = 0.0  # when SIGTERM came
         self._gave_up = False  # SIGTERM came, and the robot program goes on
@@ -109,7 +111,7 @@ class Helper:
 
     def _open(self, first: RobotState) -> tuple[zenoh.Session, Path]:
         folder = group_folder(self._group) if self._group else runtime_dir()
-        session, path = open_server(folder, self._name, first.pid, self._config)
+        session, path = open_server(folder, self._name, first.pid, self._config, self._root)
         if self._group:
             share_socket(path, folder)
         return session, path
@@ -117,7 +119,7 @@ class Helper:
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
         mirror = Mirror(first)
         self._take_runs(mirror)
-        root = Root(mirror.host, first.logger)
+        root = self._root
         events = Events(session, root, mirror, EventLog(first.folder, first.logger))
         marks = self._marks = Marks(mirror, events)
         publisher = Publisher(session, root, mirror, events)
@@ -329,14 +331,24 @@ def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -
         else:
             events.publish(EventKind.STARTED, "started", by=by, tick=0)
     if now.table.revision != before.table.revision:
-        count = _changed(before, now)
-        events.publish(EventKind.EDITED, f"{count} element{'s' if count != 1 else ''} changed", by=by)
+        count, derived = _changed(before, now), derived_text(before.robot.extras.derived, now.robot.extras.derived)
+        told = [f"{count} element{'s' if count != 1 else ''} changed"] if count or not derived else []
+        events.publish(EventKind.EDITED, "; ".join([*told, *filter(None, [derived])]), by=by)
 
 
 def _changed(before: LoggerSnapshot, now: LoggerSnapshot) -> int:
     old = before.table.elements
     new = now.table.elements
     return sum(one != other for one, other in zip(old, new, strict=False)) + abs(len(old) - len(new))
+
+
+def derived_text(before: Sequence[Derived], now: Sequence[Derived]) -> str:
+    """Return what became of derived signals, fit to show; empty where nothing did."""
+    old, new = {one.name: one for one in before}, {one.name: one for one in now}
+    told = [f"{one.name} = {one.expression}" for one in new.values() if one != old.get(one.name)]
+    told += [f"{name} is derived no more" for name in old if name not in new]
+    more = f" and {len(told) - 3} more" if len(told) > 3 else ""
+    return plain("; ".join(told[:3]) + more)
 
 
 def open_link(descriptor: int, runs: int) -> Robot:

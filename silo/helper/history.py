@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from silo.collecting.rows import moved, words_of
 from silo.collecting.schema import TIME_RING, ElementSchema, EntrySchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.columns import MAX_COLUMNS, ColumnGrid, Hole, bins_of
 from silo.helper.mirror import LoggerSnapshot
-from silo.helper.picking import STAMPS, RingSource, first_row, moved, words_of
+from silo.helper.picking import STAMPS, RingSource, first_row
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.views import MIN_COLUMN_NS
 from silo.ipc.messages import By, Columns, GetHistory, Refused, RefusedWhy

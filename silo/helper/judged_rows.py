@@ -7,7 +7,7 @@ from silo.collecting.schema import ElementSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.judging.binding import OFF, Bound, Catalogue, Column, Known
 from silo.judging.evaluation import SourceRows
-from silo.model import BufferType, ElementInfo
+from silo.model import BufferType, Derived, ElementInfo
 from silo.values import as_floats
 
 
@@ -54,6 +54,13 @@ class JudgedRows:
     def recall(self, cursors: Mapping[int, int]) -> None:
         """Go on with these rows."""
         self._cursors.update((ring, row) for ring, row in cursors.items() if ring in self._cursors)
+
+    def derive(self, derived: Sequence[Derived]) -> bool:
+        """Bind expressions to these derived signals from now on; whether they are others than before."""
+        if tuple(derived) == tuple(self.catalogue.derived):
+            return False
+        self.catalogue = Catalogue(self.catalogue.elements, self.catalogue.prefix, derived)
+        return True
 
     def want(self, columns: Iterable[Column], since: int) -> None:
         """Read these and no others from now on: what was not read before from tick `since` on."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from silo.errors import ElementError
 from silo.helper.judged_rows import JudgedRows
 from silo.ipc.conditions import LimitStatus, LimitWord
-from silo.judging.binding import OFF, Bound, Column, Signal
+from silo.judging.binding import OFF, Bound, Column, Signal, meaning
 from silo.judging.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from silo.judging.extras import bind_limits, scalar_names
 from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
@@ -142,19 +142,29 @@ class LimitJudge:
         self._limited: dict[str, _Limited] = {}
         self._together: dict[int, _Together] = {}
 
-    def adopt(self, limits: Iterable[SignalLimits], problems: list[str]) -> None:
-        """Judge these from now on; those that stay the same go on as they are."""
+    def adopt(self, limits: Iterable[SignalLimits], problems: list[str], *, anew: bool = False) -> None:
+        """Judge these from now on; those that stay the same go on as they are.
+
+        With other derived signals than before (`anew`) the same words may mean something else.
+        """
         before = self._limited
         self._limited = {}
         for options in limits:
             known = before.get(options.name)
-            same = known is not None and known.options == options
+            same = known is not None and known.options == options and not (anew and self._differs(known))
             self._limited[options.name] = known if known is not None and same else self._begun(options, problems)
         by_ring: dict[int, list[_Limited]] = {}
         for one in self._limited.values():
             if one.evaluator is None and not one.why:
                 by_ring.setdefault(one.expressions[0].columns[0].source, []).append(one)
         self._together = {ring: _Together(limited) for ring, limited in by_ring.items()}
+
+    def _differs(self, known: _Limited) -> bool:
+        try:
+            now = bind_limits(known.options, self._rows.catalogue)[1]
+        except ElementError:
+            return True
+        return [meaning(bound) for bound in now] != [meaning(bound) for bound in known.expressions]
 
     def _begun(self, options: SignalLimits, problems: list[str]) -> _Limited:
         catalogue = self._rows.catalogue
@@ -309,14 +319,16 @@ def _word(state: EntryState, value: float) -> LimitWord:
 def _status(one: _Limited, at: int) -> LimitStatus:
     scalar = one.scalars[at]
     if one.why:
-        return LimitStatus(scalar.name, one.options.name, LimitWord.BLIND, one.unit, why=one.why)
+        return LimitStatus(
+            scalar.name, one.options.name, LimitWord.BLIND, one.unit, why=one.why, bounds=one.options.bounds
+        )
     state, value = one.limit.states[at], float(one.newest[at])
     word = LimitWord.BLIND if one.silent else _word(state, value)
     made = LimitStatus(
         scalar.name, one.options.name, word, one.unit, value if math.isfinite(value) else None,
         count=state.count, stale_count=state.stale_count, alarm=bool(state.alarm or state.stale_alarm),
         seen_by=state.acknowledged.who if state.acknowledged else "",
-        why=(one.silent or "it has no value yet") if word is LimitWord.BLIND else "",
+        why=(one.silent or "it has no value yet") if word is LimitWord.BLIND else "", bounds=one.options.bounds,
     )  # fmt: skip
     return _with_worst(made, one.limit.rule, state, scalar.worst)
 

@@ -14,15 +14,17 @@ from pathlib import Path
 
 import msgspec
 
+from silo.collecting.derived_rows import DerivedPlan, DerivedReader, derived_plan
 from silo.collecting.holdings import Holdings, Kept, kept_alike, segment_holdings
 from silo.collecting.losses import lost_samples
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError
 from silo.ipc.messages import TableReply
+from silo.judging.derived import derived_infos
 from silo.link.handover import RunOffer
 from silo.link.messages import RobotState
-from silo.model import ElementInfo, LoggerOptions, State, Status, Storage, Table
+from silo.model import Derived, ElementInfo, LoggerOptions, State, Status, Storage, Table
 from silo.runtime import runtime_dir, user_name
 
 FAILED_NAMES = 10  # of the status, which goes with every event
@@ -32,7 +34,10 @@ _encoder = msgspec.msgpack.Encoder()
 
 @dataclass(frozen=True)
 class LoggerSnapshot:
-    """The logger at one moment. `generation` changes with every edit and every start."""
+    """The logger at one moment. `generation` changes with every edit, every derived signal and every start.
+
+    `places` are those of elements in the table; derived signals stand in `table.derived`.
+    """
 
     robot: RobotState
     options: LoggerOptions
@@ -52,15 +57,19 @@ class LoggerSnapshot:
     def entry_places(self) -> dict[str, tuple[str, int]]:
         """Element and number of every entry, by its name; made when the first plot asks."""
         found: dict[str, tuple[str, int]] = {}
-        for info in self.table.elements:
+        for info in (*self.table.elements, *self.table.derived):
             for number, entry in enumerate(info.entries):
                 found.setdefault(info.name + entry.suffix, (info.name, number))
         return found
 
+    @functools.cached_property
+    def _derived(self) -> dict[str, ElementInfo]:
+        return {info.name: info for info in self.table.derived}
+
     def element(self, name: str) -> ElementInfo | None:
-        """Return the element of that name."""
+        """Return the element, or derived signal, of that name."""
         place = self.places.get(name)
-        return None if place is None else self.table.elements[place]
+        return self._derived.get(name) if place is None else self.table.elements[place]
 
 
 class Mirror:
@@ -79,6 +88,9 @@ class Mirror:
         self._reader: SegmentReader | None = None  # of the present run, for the status
         self._descriptor = -1  # its file, as it was handed over
         self._kept: list[Kept] = []  # how its elements are kept
+        self._plan: tuple[object, object, DerivedPlan] | None = (
+            None  # of which schema and table, and how it is computed
+        )
         self._known: set[str] = set()  # paths of all runs that were handed over
         self.segment = ""  # path of the present run's segment, empty before the first start and while it is let go of
         self.run = ""  # its id
@@ -116,6 +128,9 @@ class Mirror:
 
     def _made_of(self, robot: RobotState, before: LoggerSnapshot | None) -> LoggerSnapshot:
         table = robot.table or (before.table if before else Table(robot.revision, []))
+        if robot.table is not None or before is None or robot.extras.derived != before.robot.extras.derived:
+            derived = derived_infos(table.elements, _options(robot).prefix, robot.extras.derived)
+            table = Table(robot.revision, table.elements, derived)
         unchanged = before is not None and table is before.table
         if not unchanged or (before is not None and robot.segment != before.robot.segment):
             self._generation += 1
@@ -145,6 +160,7 @@ class Mirror:
         if reader is not None:
             table = sharing(self.now.table, reader.schema)
             self.now = replace(self.now, table=table, places=_places(table))
+        self._plan = None
         kept = kept_alike(reader.schema) if reader is not None else []
         with self._lock:
             old, self._reader, self._kept = self._reader, reader, kept
@@ -178,6 +194,34 @@ class Mirror:
             return self._reader
         finally:
             os.close(descriptor)
+
+    @property
+    def watched(self) -> tuple[str, tuple[Derived, ...]]:
+        """What a watcher shows: while it is the same, there is no need to open another one."""
+        return self.segment, self.now.robot.extras.derived
+
+    def open_watcher(self) -> SegmentReader | None:
+        """The same with the present derived signals, computed while rows are read: what clients see of a run."""
+        reader, now = self.open_reader(), self.now
+        if reader is None or not now.table.derived:
+            return reader
+        try:
+            return DerivedReader(reader.path, reader.fileno(), self._planned(reader, now))
+        except SegmentError:
+            if not now.died:
+                raise
+            return reader  # what was mapped before stays readable
+        finally:
+            reader.close()
+
+    def _planned(self, reader: SegmentReader, now: LoggerSnapshot) -> DerivedPlan:
+        """How derived signals are computed in this run: of 10,000 elements made once, not for every question."""
+        known = self._plan
+        if known is not None and known[0] is reader.schema and known[1] is now.table:
+            return known[2]
+        plan = derived_plan(reader.schema, now.table.elements, now.robot.extras.derived)
+        self._plan = (reader.schema, now.table, plan)
+        return plan
 
     def files_deleted(self) -> bool:
         """Return whether somebody deleted the present segment while the robot process needs it."""
@@ -261,6 +305,7 @@ class Mirror:
             held_s=read.held.seconds,
             durable_ticks=durable if options.storage is Storage.DISK else -1,
             recorders=self.recorders,
+            derived=len(now.table.derived),
             room_bytes=_room(self.segment, reader.size_bytes if reader else 0),
             failed=sum(read.failed.values()),
             failed_most=dict(sorted(read.failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
@@ -307,7 +352,7 @@ def sharing(table: Table, schema: SegmentSchema) -> Table:
     """The same table, made of the schema's own rows where these say the same: 7 MB less with 10,000 elements."""
     rows = {element.info.name: element.info for element in schema.elements}
     shared = [row if (row := rows.get(info.name)) == info else info for info in table.elements]
-    return Table(table.revision, shared)
+    return Table(table.revision, shared, table.derived)
 
 
 def _places(table: Table) -> dict[str, int]:

@@ -5,16 +5,13 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from silo.collecting.rows import Rows
+from silo.collecting.rows import Rows, Words, moved, words_of
 from silo.collecting.schema import STAMP_WORDS, ElementSchema, EntrySchema, SegmentSchema
 from silo.helper.mirror import LoggerSnapshot
 from silo.ipc.messages import By
 from silo.ipc.sampled import SampledEntry, SampledName
 from silo.model import BufferType
-
-Words = NDArray[np.intp]
 
 STAMPS: Words = np.arange(STAMP_WORDS)
 _STAMP_OF = {By.TICK: 0, By.TIME: 1}
@@ -70,7 +67,7 @@ class _Wanted:
 
 def unknown_name(names: Sequence[str], now: LoggerSnapshot) -> str | None:
     """Return the first name that is neither an element nor an entry, None if there is none."""
-    return next((name for name in names if name not in now.places and name not in now.entry_places), None)
+    return next((name for name in names if now.element(name) is None and name not in now.entry_places), None)
 
 
 def pick(
@@ -87,7 +84,7 @@ def pick(
     wanted: dict[tuple[int, int], _Wanted] = {}
     missing: dict[str, str] = {}
     for name in dict.fromkeys(names):
-        whole = name in now.places
+        whole = now.element(name) is not None
         of, number = (name, -1) if whole else now.entry_places[name]
         element = schemas.get(of)
         if element is None or (not whole and number >= len(element.entries)):
@@ -118,7 +115,7 @@ def pick(
 def _why_missing(name: str, now: LoggerSnapshot, schema: SegmentSchema | None) -> str:
     info = now.element(name)
     if info is not None and not info.options.enabled:
-        return "it is off"
+        return "it is off" if not info.expression else info.description.partition(" (off: ")[2][:-1]
     return "nothing was logged yet" if schema is None else "it is not in this recording, start again"
 
 
@@ -131,18 +128,6 @@ def _rings_of(element: ElementSchema, schema: SegmentSchema | None) -> list[tupl
     if schema.rings[element.ring].buffer_type is BufferType.LOOPING:
         return [(element.live_ring, -1, element.live_entries)]  # it is the longer one
     return [own, (element.live_ring, element.ring, element.live_entries)]
-
-
-def words_of(entry: EntrySchema) -> range:
-    """Return the places of the words that hold an entry in a row."""
-    size = max(1, np.dtype(entry.entry.dtype).itemsize)
-    return range(entry.byte_offset // 8, (entry.byte_offset + size - 1) // 8 + 1)
-
-
-def moved(entry: EntrySchema, words: Words) -> EntrySchema:
-    """Return where an entry stands when only these words of a row are there."""
-    place = int(np.searchsorted(words, entry.byte_offset // 8))
-    return EntrySchema(entry.entry, 8 * place + entry.byte_offset % 8, entry.swapped)
 
 
 def first_row(source: RingSource, ring: int, by: By, value: int) -> int:

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from silo.collecting.rows import Rows
+from silo.collecting.rows import Rows, Words
 from silo.collecting.schema import SegmentSchema
-from silo.helper.picking import Group, Words
+from silo.helper.picking import Group
 
 
 class PinnedRows:
@@ -37,6 +37,11 @@ class PinnedRows:
         """Return the number of the row after the newest one that is held."""
         held = self._held.get(ring)
         return held[1].first + len(held[1]) if held is not None else 0
+
+    def first(self, ring: int) -> int:
+        """Return the number of the oldest row that is held."""
+        held = self._held.get(ring)
+        return held[1].first if held is not None else 0
 
     def rows(self, ring: int, since: int, limit: int | None = None, words: Words | None = None) -> Rows:
         """Return rows from `since` on, of each the words at these places."""

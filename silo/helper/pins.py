@@ -134,7 +134,16 @@ def _copied(
         copied[number] = _copy(reader, found.groups[number], *parts[number])
     rows = PinnedRows(reader.schema, found.groups, [copied[number] for number in range(len(parts))])
     begin_ns, end_ns = rows.span_ns()
-    return PinOpened(request.pin, reader.schema.run, begin_ns, end_ns, rows.size_bytes, found.missing, text), rows
+    oldest_ns = min([some for some in (begin_ns, _oldest_ns(reader, found)) if some], default=0)
+    return PinOpened(
+        request.pin, reader.schema.run, begin_ns, end_ns, rows.size_bytes, found.missing, text, oldest_ns
+    ), rows
+
+
+def _oldest_ns(reader: SegmentReader, found: Picked) -> int:
+    """The oldest time stamp that the buffers hold of any of them, 0 where they hold none."""
+    oldest = [reader.rows(group.ring, 0, 1) for group in found.groups]
+    return min((int(rows.time_ns[0]) for rows in oldest if len(rows)), default=0)
 
 
 def _fitting(request: OpenPin, found: Picked, reader: SegmentReader, room: int) -> tuple[int | None, str]:

@@ -60,6 +60,8 @@ class Publisher:
         self._ending = False
         self._reader: SegmentReader | None = None
         self._reader_path = ""
+        self._watcher: SegmentReader | None = None  # the same run with derived signals
+        self._watched: object = None
         self._told = ""
         self._ticks: deque[tuple[float, int]] = deque()
         self._lost_seen, self._lost_due_s = 0, 0.0
@@ -162,11 +164,14 @@ class Publisher:
         """Do what is due and say when to come again."""
         self._undeclare_closed()
         self._follow_segment()
+        self._follow_derived()
         self._follow_clients()
         self._measure(now_s)
         if now_s >= self._release_due_s and self._reader is not None:
             self._release_due_s = now_s + RELEASE_PERIOD_S
             self._reader.release_pages()
+            if self._watcher is not None:
+                self._watcher.release_pages()
         due_s = now_s + IDLE_S
         if self._topics.wanted():
             if now_s >= self._topics_due_s:
@@ -176,7 +181,7 @@ class Publisher:
             due_s = min(due_s, self._topics_due_s)
         else:
             self._topics.publish(now_s)
-        return min(self.streams.send(self._reader, now_s, due_s), self._send_views(now_s))
+        return min(self.streams.send(self._watcher, now_s, due_s), self._send_views(now_s))
 
     def _follow_segment(self) -> None:
         path = self._mirror.segment
@@ -190,6 +195,14 @@ class Publisher:
         self._topics.adopt(self._reader)
         self._ticks.clear()
         self._lost_seen = lost_samples(self._reader) if self._reader else 0
+
+    def _follow_derived(self) -> None:
+        watched = (self._reader, self._mirror.watched)
+        if watched == self._watched:
+            return
+        derived = self._reader is not None and self._mirror.now.table.derived
+        # who still reads the one before keeps what is mapped
+        self._watcher, self._watched = (self._mirror.open_watcher() if derived else self._reader), watched
 
     def _follow_clients(self) -> None:
         while (sample := self._presence.try_recv()) is not None:
@@ -243,7 +256,7 @@ class Publisher:
         try:
             if not matching(view.publisher):
                 return
-            frame = view.frame(self._mirror.now, self._reader, self._mirror.measured_hz, now_s)
+            frame = view.frame(self._mirror.now, self._watcher, self._mirror.measured_hz, now_s)
             if frame is not None and self._is_open(view):
                 view.publisher.put(frame)
         except (zenoh.ZError, SegmentError):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from silo.model import RecorderState
+from silo.model import Derived, RecorderState
 from silo.recorder.orders import MAX_PACKET_BYTES, Finish, Follow, RecordOrder, Report, decode_report, encode
 
 # glibc answers each large block that is freed by keeping larger ones: within 3 minutes 54 MB became 68
@@ -81,12 +81,12 @@ class RecorderProcess:
         """Whether there is a process whose end was not noticed yet."""
         return not self.ended.is_set() and not self.again_s
 
-    def follow(self, run: str, segment: Path, descriptor: int) -> None:
+    def follow(self, run: str, segment: Path, descriptor: int, derived: tuple[Derived, ...] = ()) -> None:
         """Hand a run over, unless it was already."""
         if self.run != run and not self.ending and not self.again_s:
             self.run = run
             with contextlib.suppress(OSError):  # gone: its end is noticed, and it is started again
-                socket.send_fds(self.socket, [encode(Follow(str(segment)))], [descriptor])
+                socket.send_fds(self.socket, [encode(Follow(str(segment), derived))], [descriptor])
 
     def finish(self, why: str) -> None:
         """Have it finish what is there and end; it is not started again."""

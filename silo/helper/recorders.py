@@ -94,7 +94,8 @@ class Recording:
         if isinstance(folder, Refused):
             return folder
         problem = _wrong_numbers(request)
-        names = [info.name for info in self._mirror.now.table.elements]
+        table = self._mirror.now.table
+        names = [info.name for info in (*table.elements, *table.derived)]
         for pattern in request.patterns:
             if not problem and not (pattern and matching(names, [pattern])):
                 problem = f"no element matches '{pattern[:80]}'; `silo info -e` lists them"
@@ -188,7 +189,9 @@ class Recording:
                 log.warning("a run can't be recorded: %s", error)
                 return
             if reader is not None:
-                recorder.follow(reader.schema.run, reader.path, reader.fileno())
+                recorder.follow(
+                    reader.schema.run, reader.path, reader.fileno(), self._mirror.now.robot.extras.derived
+                )  # fmt: skip
                 reader.close()
 
     def stop(self, *, forget: bool) -> None:

@@ -12,6 +12,11 @@ from silo.ipc.versions import client_problem
 from silo.model import Edit, Problem
 from silo.settings.rules import MAX_NAME, MAX_PROBLEMS, edit_problems, raw_problems, refusal, shorten
 
+IS_DERIVED = (
+    "is derived from others, and has no divider, buffer or action of its own; edit those, or give it another "
+    "expression (silo derive)"
+)
+
 
 class _Kind(msgspec.Struct):
     type: str = ""
@@ -103,5 +108,10 @@ def check_edits(request: ApplyEdits, now: LoggerSnapshot) -> Refused | None:
     conflict = refused_conflict(request, now.table.revision)
     if conflict is not None:
         return conflict
+    derived = next(
+        (edit.name for edit in request.edits if edit.name not in now.places and now.element(edit.name)), None
+    )
+    if derived is not None:
+        return _refused_edits([Problem(shorten(derived, MAX_NAME), "name", IS_DERIVED)])
     problems = edit_problems(request.edits, now.places)
     return _refused_edits(problems) if problems else None

@@ -15,7 +15,7 @@ from silo.helper.robot import Robot
 from silo.ipc.messages import Refused, RefusedWhy, Save, SaveStarted
 from silo.ipc.published import EventKind
 from silo.link.messages import LinkSaved
-from silo.model import SavedFile
+from silo.model import Extras, SavedFile
 
 MAX_WAITING = 4
 PROGRESS_PERIOD_S = 0.1
@@ -35,6 +35,7 @@ class _Job:
     logger: str
     segment: str
     for_robot: bool
+    extras: Extras  # derived signals and limits as they are, not as they were when the run began
 
 
 class Saver:
@@ -95,7 +96,10 @@ class Saver:
             number = self._number
         checked = Save(types=types, name=request.name, client=request.client, why=request.why)
         folder = request.folder if for_robot and request.folder else robot.folder
-        return _Job(number, checked, reader, folder, robot.logger, str(reader.path), for_robot)
+        extras = robot.extras if robot.segment == str(reader.path) else reader.schema.extras
+        if for_robot and request.extras is not None:
+            extras = request.extras
+        return _Job(number, checked, reader, folder, robot.logger, str(reader.path), for_robot, extras)
 
     def submit(self, job: _Job) -> None:
         """Have a job done."""
@@ -156,6 +160,7 @@ class Saver:
             why=_why(job.request),
             awaited=job.for_robot,
             events=events,
+            extras=job.extras,
         )
         report = write_log(job.reader, order, progress)
         files = report.files

@@ -42,7 +42,7 @@ def _walk(folder: Path) -> Iterator[Path]:
                     if entry.name.startswith("."):
                         continue
                     if entry.is_dir(follow_symlinks=False):
-                        if depth < MAX_DEPTH:
+                        if depth < MAX_DEPTH and (depth or entry.name != "views"):  # those are of the terminal
                             waiting.append((Path(entry.path), depth + 1))
                     elif _is_script(entry, folder):
                         yield Path(entry.path)

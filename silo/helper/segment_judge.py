@@ -17,7 +17,7 @@ from silo.helper.judged_rows import JudgedRows
 from silo.helper.limit_judge import LimitJudge, LimitNews
 from silo.helper.spool import Spool
 from silo.ipc.conditions import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
-from silo.judging.binding import Bound, bind
+from silo.judging.binding import Bound, bind, meaning
 from silo.judging.evaluation import Evaluator
 from silo.judging.extras import trigger_rule
 from silo.judging.triggers import Capture, Mode, Trigger, TriggerState
@@ -95,14 +95,15 @@ class SegmentJudge:
         self.problems = []
         before, self.extras = self._watched, extras
         self._numbers.update((name, one.trigger.captures) for name, one in before.items())
-        self._watched = {one.name: self._taken(one, before.get(one.name)) for one in extras.triggers}
-        self._limits.adopt(extras.limits, self.problems)
+        anew = self._rows.derive(extras.derived)  # what stands on one may mean something else now
+        self._watched = {one.name: self._taken(one, before.get(one.name), anew=anew) for one in extras.triggers}
+        self._limits.adopt(extras.limits, self.problems, anew=anew)
         columns = [column for one in self._watched.values() for bound in one.expressions for column in bound.columns]
         self._rows.want([*columns, *self._limits.columns], self._until)
 
-    def _taken(self, options: TriggerOptions, before: _Watched | None) -> _Watched:
+    def _taken(self, options: TriggerOptions, before: _Watched | None, *, anew: bool) -> _Watched:
         """A trigger with these options: the same one, the same with other words about it, or one that begins now."""
-        if before is not None and before.options == options:
+        if before is not None and before.options == options and not (anew and self._differs(before)):
             return before
         rule = trigger_rule(options, self.reader.schema.frequency_hz)
         trigger = Trigger(rule, armed=options.armed, captures=self._numbers.get(options.name, 0))
@@ -111,7 +112,7 @@ class SegmentJudge:
             trigger.captures, trigger.fires, trigger.capture, trigger.before = (
                 before.trigger.captures, before.trigger.fires, before.trigger.capture, before.trigger.before
             )  # fmt: skip
-            if _same_but_armed(before.options, options):
+            if before.options != options and _same_but_armed(before.options, options):
                 before.options = options
                 self._arm(before, armed=options.armed)
                 return before
@@ -130,6 +131,15 @@ class SegmentJudge:
             return made
         made.evaluator = Evaluator(*made.expressions)
         return made
+
+    def _differs(self, watched: _Watched) -> bool:
+        """Whether the words of a trigger mean something else than when it was taken."""
+        options = watched.options
+        try:
+            now = [bind(text, self._rows.catalogue).condition() for text in (options.when, options.rearm) if text]
+        except ElementError:
+            return True
+        return [meaning(bound) for bound in now] != [meaning(bound) for bound in watched.expressions]
 
     @property
     def wait_s(self) -> float:

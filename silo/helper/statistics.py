@@ -335,7 +335,7 @@ class Surveyor:
         self._lock = threading.Lock()
         self._wake = threading.Event()
         self._tally: Tally | None = None
-        self._path = ""
+        self._watched: object = None
         self._askers: dict[str, _Asker] = {}
         self._thread: threading.Thread | None = None
         self._stopped = False
@@ -362,7 +362,8 @@ class Surveyor:
 
     def _survey(self, request: GetSurvey, sums: Sums | None) -> Survey:
         now, tally = self._mirror.now, self._tally
-        names = request.names or [info.name for info in now.table.elements]
+        rows = [*now.table.elements, *now.table.derived] if request.derived else now.table.elements
+        names = request.names or [info.name for info in rows]
         values = np.full((len(request.quantities), len(names)), np.nan)
         if tally is None or sums is None:
             return Survey(now.table.revision, 0, 0, values.tobytes())
@@ -402,12 +403,12 @@ class Surveyor:
                 try:
                     self._round(time.monotonic())
                 except SegmentError:
-                    self._tally, self._path = None, ""  # it was replaced; the next round opens the new one
+                    self._tally, self._watched = None, None  # it was replaced; the next round opens the new one
                 except Exception:
                     log.exception("the statistics failed; they begin anew")
-                    self._tally, self._path = None, ""
+                    self._tally, self._watched = None, None
                 if not self._askers:
-                    self._thread, self._tally, self._path = None, None, ""
+                    self._thread, self._tally, self._watched = None, None, None
                     return
 
     def _round(self, now_s: float) -> None:
@@ -417,13 +418,13 @@ class Surveyor:
             self._tally.advance(now_s, [asker.sums for asker in self._askers.values()])
 
     def _follow_run(self) -> None:
-        """Go over to a new run; its statistics are its own."""
-        path = self._mirror.segment
-        if path == self._path and self._tally is not None:
+        """Go over to a new run; its statistics are its own. With other derived signals all of them begin anew."""
+        watched = self._mirror.watched
+        if watched == self._watched and self._tally is not None:
             return
-        reader = self._mirror.open_reader()
+        reader = self._mirror.open_watcher()
         self._tally = Tally(reader) if reader is not None else None
-        self._path = path if reader is not None else ""
+        self._watched = watched if reader is not None else None
         if self._tally is not None:
             for asker in self._askers.values():
                 asker.sums = self._tally.sums()

@@ -44,26 +44,33 @@ class Stream:
         self._run: str | None = None
         self._reader: SegmentReader | None = None
         self._groups: tuple[Group, ...] = ()
-        self._cursors: dict[tuple[int, int], int] = {}
+        self._cursors: dict[tuple[int | str, int], int] = {}
+        self._derived: dict[int, str] = {}  # rings of derived signals have no lasting numbers: their names
 
     def adopt(self, now: LoggerSnapshot, reader: SegmentReader | None) -> None:
         """Go over to another table or segment: a stream begins with what comes, and a new run with its first row."""
         if self._table == now.generation and self._reader is reader:
             return
         run = reader.schema.run if reader is not None else ""
-        known = [name for name in self.request.names if name in now.places or name in now.entry_places]
+        known = [name for name in self.request.names if now.element(name) is not None or name in now.entry_places]
         picked = pick(known, now, reader.schema if reader is not None else None)
-        if run != self._run:
-            # of a logger that starts later nothing is left out
-            begun = self._run is not None
-            self._cursors = {
-                (group.ring, group.after): 0 if begun or reader is None else reader.head(group.ring)
-                for group in picked.groups
-            }
+        elements = reader.schema.elements if reader is not None and now.table.derived else ()
+        self._derived = {element.ring: element.info.name for element in elements if element.info.expression}
+        begun = self._run is not None  # of a logger that starts later nothing is left out
+        # a reader may be older than the table, and lack a derived signal for a moment
+        before = self._cursors if run == self._run else {}
+        self._cursors = {**before}
+        for group in picked.groups:
+            from_now = reader is not None and (run == self._run or not begun)
+            key = self._key(group)
+            self._cursors[key] = before.get(key, reader.head(group.ring) if from_now and reader is not None else 0)
         gone = dict.fromkeys(set(self.request.names).difference(known), "it is no longer in the table")
         missing = {**picked.missing, **gone}
         self.opened = StreamOpened(self.request.stream, self.opened.generation + 1, picked.names, missing)
         self._table, self._run, self._reader, self._groups = now.generation, run, reader, picked.groups
+
+    def _key(self, group: Group) -> tuple[int | str, int]:
+        return self._derived.get(group.ring, group.ring), group.after
 
     def frame(self) -> tuple[bytes | None, bool]:
         """Return what came since the last one, encoded, None for nothing; and whether there is more."""
@@ -74,7 +81,7 @@ class Stream:
         more = False
         room = MAX_FRAME_BYTES // len(self._groups)
         for number, group in enumerate(self._groups):
-            key = (group.ring, group.after)
+            key = self._key(group)
             begin = self._cursors.get(key, 0)
             if group.after >= 0:
                 begin = max(begin, reader.head(group.after))
@@ -118,7 +125,7 @@ class Streams:
                 return refused
             publisher = old.publisher if old else self._declare(request.stream)
             made = Stream(request, publisher, now_s)
-            made.adopt(now, self._mirror.open_reader())  # from here on nothing is left out
+            made.adopt(now, self._mirror.open_watcher())  # from here on nothing is left out
             self._streams[request.stream] = made
         return made.opened
 

@@ -13,17 +13,24 @@ from silo.judging.binding import bind
 from silo.judging.evaluation import UNOBSERVABLE, Evaluator
 from silo.judging.extras import trigger_rule
 from silo.judging.triggers import Fire, Trigger
-from silo.model import ElementInfo, TriggerOptions
+from silo.model import Derived, ElementInfo, TriggerOptions
 
 BATCH_TICKS = 16_384
 MOST_FIRES = 1000
 
 
-def try_trigger(options: TriggerOptions, reader: SegmentReader | None, table: Sequence[ElementInfo]) -> TriggerTried:
+def try_trigger(
+    options: TriggerOptions,
+    reader: SegmentReader | None,
+    table: Sequence[ElementInfo],
+    derived: Sequence[Derived] | None = None,
+) -> TriggerTried:
     """Return when a trigger would have fired. Raises ElementError, for an expression with the place of its mistake."""
     if reader is None or not reader.ticks:
         raise ElementError("nothing was logged yet, so that there is nothing to try a trigger on: start the logger")
     rows = JudgedRows(reader, table)
+    if derived is not None:
+        rows.derive(derived)
     rule = trigger_rule(options, reader.schema.frequency_hz)
     expressions = tuple(bind(text, rows.catalogue).condition() for text in (options.when, options.rearm) if text)
     columns = [column for bound in expressions for column in bound.columns]

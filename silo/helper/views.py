@@ -88,7 +88,8 @@ def layout_of(request: OpenView, now: LoggerSnapshot) -> Layout:
         if found is None:
             missing.append(name)
             continue
-        if not now.table.elements[now.places[found[0]]].options.enabled:
+        info = now.element(found[0])
+        if info is not None and not info.options.enabled:
             unpublished[found[0]] = None
     return Layout(now.generation, counts, entries, plots, list(unpublished), missing)
 

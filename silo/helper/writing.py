@@ -20,7 +20,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SiloError
 from silo.files import PartlySavedError, write
 from silo.helper.recovery import missing
-from silo.model import FileType, LoggedEvent, SavedFile
+from silo.model import Extras, FileType, LoggedEvent, SavedFile
 from silo.recording import with_events
 
 NICER = 5
@@ -33,7 +33,8 @@ class WriteOrder(msgspec.Struct, frozen=True):
     `journal`: write what this journal proves instead of a segment; `log`: write this file again in other formats.
     `why` it is saved, in a few words.
     `awaited`: the robot program itself waits for it, so that there is nobody to be nice to.
-    `events` are what happened in that run.
+    `events` are what happened in that run; `extras` its derived signals and limits as they are now, None: as they were
+    when it began.
     """
 
     folder: str
@@ -46,6 +47,7 @@ class WriteOrder(msgspec.Struct, frozen=True):
     log: str = ""
     awaited: bool = False
     events: list[LoggedEvent] = []
+    extras: Extras | None = None
 
 
 class WriteReport(msgspec.Struct, frozen=True):
@@ -72,6 +74,8 @@ def _write(reader: SegmentReader | JournalReader, order: WriteOrder, progress: C
         damaged = missing(reader) if order.of_dead else ()
         recording = dataclasses.replace(recording, warnings=(*damaged, *recording.warnings))
         recording = with_events(recording, order.events)
+        if order.extras is not None:
+            recording = dataclasses.replace(recording, extras=order.extras)
         files = write(recording, order.folder, order.logger, order.types, order.name or None, progress, order.why)
     except SiloError as error:
         saved = list(error.saved) if isinstance(error, PartlySavedError) else []

@@ -82,7 +82,7 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     `limit` is the bound that is or was violated worst, and `worst` the value farthest beyond, `worst_word` the range it
     was in; None where no bound ever was. `count` and `stale_count` count violations and stale times of this run,
     `samples` the samples of the newest violation. `alarm`: it was violated, and nobody has acknowledged it; else
-    `seen_by` tells who has. `since_ns` is when the newest violation began.
+    `seen_by` tells who has. `since_ns` is when the newest violation began. `bounds` are those of `SignalLimits`.
     """
 
     name: str
@@ -104,6 +104,7 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     alarm: bool = False
     seen_by: str = ""
     why: str = ""
+    bounds: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
 
     @property
     def violated(self) -> bool:

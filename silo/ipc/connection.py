@@ -1,4 +1,7 @@
-"""The connection of a client: one Zenoh session, watched by one thread that opens another when it is lost.
+"""The connection of a client to one logger, watched by one thread that makes it anew when it is lost.
+
+Its Zenoh session is its own on this computer, and that of its configuration over a network. It asks under the keys of
+that one logger alone.
 
 The thread notices that a helper process has gone (at once if it died, after two seconds if it is frozen), looks for it
 or for a new logger of the same name, and connects again; views and topics go on by themselves. It leaves when the main
@@ -10,6 +13,7 @@ import secrets
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -18,11 +22,14 @@ import zenoh
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
-from silo.ipc.discovery import Found, discover
-from silo.ipc.exchange import encoded, exchange, key_of
+from silo.ipc.discovery import discover, seen_now
+from silo.ipc.exchange import encoded, exchange, key_of, root_at
+from silo.ipc.found import Found
 from silo.ipc.messages import AnyReply, Hello, HelloReply, Request
 from silo.ipc.published import Event
-from silo.ipc.session import close, open_client, owner_is_gone
+from silo.ipc.remotes import LOCAL
+from silo.ipc.session import owner_is_gone
+from silo.ipc.sessions import Borrowed, borrow, give_back, undeclare
 from silo.model import State
 from silo.version import VERSION
 
@@ -31,6 +38,7 @@ RETRY_S = 0.2
 HELLO_TIMEOUT_S = 1.0
 DEAD_SCAN_S = 0.5
 LOOK_S = 1.0
+REACH_S = 2.0  # its thread looks for the way again and again, and is to end soon
 
 log = logging.getLogger("silo.client")
 _event_decoder = msgspec.msgpack.Decoder(Event)
@@ -78,14 +86,15 @@ class Connection:
         self._event_callbacks: list[Callable[[Event], None]] = []
         self._link_callbacks: list[Callable[[bool], None]] = []
         self._session: zenoh.Session | None = None
+        self._borrowed: Borrowed | None = None
         self._dead = False
         self._lost_s = 0.0
         self._retry_s = 0.0
         self._problem = ""  # why the helper process that is there now can't be asked
         self.sessions = 0  # counts up with every session: views must be opened anew
-        self._known: set[str] = set()
+        self._known: set[str] = set()  # who was there when we came: other robots, whatever their names
         self._open(found, timeout_s)
-        self._known = {other.socket for other in self._namesakes()} | {found.socket}
+        self._known = {_mark(other) for other in self._namesakes()} | {_mark(self.found)}
         self._thread = threading.Thread(target=self._watch, name="silo-client")
 
     def watch(self) -> None:
@@ -95,33 +104,43 @@ class Connection:
     # -------------------------------------------------------------------------------------------- one session
 
     def _open(self, found: Found, timeout_s: float) -> None:
-        session = open_client(Path(found.socket) if found.socket else None, found.config or None)
+        borrowed = borrow(found.socket, found.config, REACH_S)
+        session = borrowed.session
+        declared: list[Any] = []
+        attached: list[Attachable] = []
         try:
-            root = keys.Root(found.host, found.name) if found.host else None
+            root = root_at(borrowed, found, timeout_s)
             question = Hello(version=VERSION, client=self._who)
-            reply, root = exchange(session, key_of(question, root), question, timeout_s, self.label_of(found))
-            self._dead = _state_of(reply) is State.DEAD
+            key = key_of(question, root)
+            reply, root = exchange(session, key, question, timeout_s + borrowed.slack_s, self.label_of(found))
+            dead = _state_of(reply) is State.DEAD
+            # with history, as the end of a token that was there before goes untold without
             alive = session.liveliness().declare_subscriber(
-                root.key("alive"),
-                zenoh.handlers.RingChannel(16),
-                history=True,  # without it, the end of a token that was there before goes untold
+                root.key("alive"), zenoh.handlers.RingChannel(16), history=True
             )
+            declared.append(alive)
             events = session.declare_subscriber(root.key("event"), zenoh.handlers.RingChannel(256))
+            declared.append(events)
             # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
             client_id = secrets.token_hex(8)
-            token = session.liveliness().declare_token(root.key("client", client_id))
+            declared.append(session.liveliness().declare_token(root.key("client", client_id)))
             with self._lock:
                 attached = list(self._attached)
             for one in attached:
                 one.attach(session, root, client_id)
         except BaseException:
-            close(session)
+            for one in attached:
+                one.detach()
+            undeclare(*declared)
+            give_back(borrowed)
             raise
         with self._lock:
-            self.found, self.root = found, root
-            self._alive, self._events, self._token = alive, events, token
+            self.found = replace(found, host=root.host, id=root.id)
+            self.root = root
+            self._dead = dead
+            self._alive, self._events, self._declared = alive, events, declared
             self.client_id = client_id
-            self._session = session
+            self._session, self._borrowed = session, borrowed
             self._problem = ""
             self.sessions += 1
 
@@ -129,19 +148,22 @@ class Connection:
         """Let the session go and say so."""
         with self._lock:
             session, self._session = self._session, None
+            borrowed, self._borrowed = self._borrowed, None
             attached = list(self._attached)
         self._lost_s, self._retry_s = time.monotonic(), 0.0
         for one in attached:
             one.detach()
-        if session is not None:
+        if session is not None and borrowed is not None:
             if tell:
                 self._call_back(self._link_callbacks, False)
-            close(session)  # takes 2.5 s if the other side is frozen
+            if borrowed.config:
+                undeclare(*self._declared)  # others may go on with it
+            give_back(borrowed)  # takes 2.5 s if it is closed and the other side is frozen
 
     @staticmethod
     def label_of(found: Found) -> str:
         """Return how to speak of a logger."""
-        return f"logger '{found.name}'"
+        return f"logger '{found.host}/{found.name}'" if found.config else f"logger '{found.name}'"
 
     # --------------------------------------------------------------------------------------------- for the client
 
@@ -164,9 +186,10 @@ class Connection:
 
     def exchange(self, request: Request[Any], timeout_s: float, *, key: str = "") -> AnyReply:
         """Ask and wait. Raises ConnectionLostError."""
-        session = self.session()
+        session, borrowed = self.session(), self._borrowed
+        slack_s = borrowed.slack_s if borrowed is not None else 0.0
         target = self.root.key(key) if key else key_of(request, self.root)
-        return exchange(session, target, request, timeout_s, self.label_of(self.found))[0]
+        return exchange(session, target, request, timeout_s + slack_s, self.label_of(self.found))[0]
 
     def attach(self, one: Attachable) -> None:
         """Subscribe something now and in every later session."""
@@ -253,7 +276,7 @@ class Connection:
                 self._problem = str(error) if isinstance(error, VersionError) else ""
                 log.debug("not yet: %s", error)
                 continue
-            self._known.add(found.socket)
+            self._known.add(_mark(self.found))
             self._call_back(self._link_callbacks, True)
             return
         self._retry_s = time.monotonic() + RETRY_S
@@ -261,34 +284,44 @@ class Connection:
     def _candidates(self) -> list[Found]:
         """Return the same helper process or its successor first, then other loggers of the name, the newest first."""
         if self.found.config:
-            return [self.found]
+            return [self.found, *self._namesakes()]
         path = Path(self.found.socket)
         if path.exists() and not owner_is_gone(path):
-            return [self.found]
+            return [seen_now(self.found)]
         return self._namesakes()
 
     def _namesakes(self) -> list[Found]:
-        """Return loggers of the same name that were started after we connected.
+        """Return loggers of the same name on the same computer that were started after we connected.
 
-        Those that were there are other robots.
+        Those that were there are other robots, and so are those of another computer that calls itself the same.
         """
+        mine = self.found
         try:
-            loggers = discover().loggers
+            loggers = discover(HELLO_TIMEOUT_S, mine.config or LOCAL).loggers
         except SiloError as error:
             log.debug("can't look for loggers: %s", error)
             return []
-        mine = self.found
-        others = [found for found in loggers if (found.name, found.user) == (mine.name, mine.user)]
-        return sorted((found for found in others if found.socket not in self._known), key=_age, reverse=True)
+        others = [found for found in loggers if _may_follow(found, mine) and _mark(found) not in self._known]
+        return sorted(others, key=_age, reverse=True)
 
     def _look_for_successor(self) -> None:
         """The robot program is dead: when it is started again, go over to the new one."""
-        if self.found.config:
-            return
         others = self._namesakes()
         if others:
             self._lose()
             self.found = others[0]
+
+
+def _mark(found: Found) -> str:
+    """Return what tells a logger from others of its name."""
+    return found.socket or str(found.root)
+
+
+def _may_follow(found: Found, mine: Found) -> bool:
+    """Return whether this may be the same robot, started again."""
+    if not mine.config:  # of this computer
+        return (found.name, found.user) == (mine.name, mine.user)
+    return (found.name, found.host, found.machine) == (mine.name, mine.host, mine.machine)
 
 
 def _call(callback: Callable[[Any], None], value: Event | bool) -> None:

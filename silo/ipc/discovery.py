@@ -1,56 +1,87 @@
-"""Finding loggers: a scan of the folders, no daemon, no broadcast. `survey` asks all of them who they are."""
+"""Finding loggers: a scan of the folders and a look at the remotes, no daemon, no broadcast. `survey` asks them.
 
+A name is always resolved here, by who lives, before anything is asked: one that fits two loggers is refused with the
+address of each.
+"""
+
+import math
 import re
 import threading
 import time
-from dataclasses import dataclass, field
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from silo.errors import SiloError, VersionError
+from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
+from silo.ipc.configuration import find_file, from_file
 from silo.ipc.exchange import ask_once
 from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders
+from silo.ipc.found import Found, is_glob, told_apart
 from silo.ipc.messages import Hello
-from silo.ipc.session import SOCKET_SUFFIX, close, dead_mark, open_client, owner_is_gone
+from silo.ipc.probing import Layer, LayerError, user_of
+from silo.ipc.remotes import LOCAL, remotes
+from silo.ipc.session import SOCKET_SUFFIX, dead_mark, key_file, owner_is_gone
+from silo.ipc.sessions import borrowed
 from silo.model import Status
 from silo.runtime import DOWN_SUFFIX, down_marks, user_name
 from silo.version import VERSION
 
-_SOCKET = re.compile(r"(?P<name>.+)\.(?P<pid>[0-9]+)(?:-[0-9]+)?\.sock")
+_SOCKET = re.compile(r"(?P<name>.+)\.(?P<pid>[0-9]+)(?:-(?P<copy>[0-9]+))?\.sock")
 _DOWN = re.compile(rf"(?P<name>.+)\.(?P<pid>[0-9]+){re.escape(DOWN_SUFFIX)}")
 
 
-@dataclass(frozen=True)
-class Found:
-    """A logger that listens. `pid` is the robot program's; `socket` is empty for one that is reached by `config`."""
-
-    name: str
-    pid: int
-    socket: str
-    user: str
-    config: str = ""
-    host: str = ""
-    dead: bool = False  # the robot program is gone, its helper still tells what became of the data
-    since: float = 0.0  # when it began to listen, or died; seconds since 1970
-
-    @property
-    def label(self) -> str:
-        """The name with the process id, which tells loggers of one name apart: `anymal.4711`."""
-        return f"{self.name}.{self.pid}" if self.pid else self.name
+PATIENCE = 5  # who looks again and again spends a sixth of the time on a remote that is silent
+_silent: dict[str, tuple[float, float, str]] = {}  # by remote: when it failed to answer, how long that took, why
 
 
 @dataclass(frozen=True)
 class Discovery:
-    """What was found, by name, and which folders are closed to us. `down` log, but nobody can reach them now."""
+    """What was found, by name, and which folders are closed to us. `down` log, but nobody can reach them now.
+
+    `unreachable` says of remotes that don't answer why.
+    """
 
     loggers: list[Found]
     forbidden: list[ForbiddenFolder]
     down: list[Found] = field(default_factory=list)
+    unreachable: dict[str, str] = field(default_factory=dict)
 
     def named(self, wanted: str) -> list[Found]:
-        """Return who can be meant by a name or a label, all by an empty one; the dead only where none of them lives."""
-        named = [found for found in self.loggers if wanted in ("", found.name, found.label)]
+        """Return who can be meant by a name or an address, all by an empty one; the dead only where none of them
+        lives.
+        """
+        named = [found for found in self.loggers if found.is_meant_by(wanted)]
         return [found for found in named if not found.dead] or named
+
+    def matching(self, pattern: str) -> list[Found]:
+        """Return all that a glob means, or a name or address."""
+        return [found for found in self.loggers if found.is_meant_by(pattern) or found.matches(pattern)]
+
+    def one(self, wanted: str) -> Found:
+        """Return the only one that is meant. Raises SeveralError with the address of each where several are, else
+        ConnectionLostError.
+        """
+        if is_glob(wanted):
+            raise SeveralError(
+                f"'{wanted}' can mean several loggers, and this is for one: name it; `silo ls '{wanted}'` lists them; "
+                "nothing was asked"
+            )
+        named = self.named(wanted)
+        if not named:
+            raise ConnectionLostError(not_found_text(wanted, self))
+        if len(named) > 1:
+            who = (
+                f"{len(named)} loggers are called '{wanted}', say which one"
+                if wanted
+                else "several loggers run, say which"
+            )
+            raise SeveralError(f"{who}: {', '.join(told_apart(named))}; nothing was asked")
+        return named[0]
+
+
+class SeveralError(ConnectionLostError):
+    """A name fits several loggers, or can; the message says how to name one."""
 
 
 @dataclass(frozen=True)
@@ -63,22 +94,66 @@ class Answer:
     state: str = ""
 
 
-def discover(timeout_s: float = 1.0, config: str = "") -> Discovery:
-    """Return loggers of this host that this user may talk to; with `config` those that this Zenoh configuration
-    reaches.
+def discover(timeout_s: float = 1.0, config: str = "", holding: ExitStack | None = None) -> Discovery:
+    """Return loggers that this user may talk to: those of this host, and of the remotes that `silo remote add` made.
 
+    With `config` those that this Zenoh configuration or remote reaches, and no others; `local` means this host alone.
     A logger whose robot program died is left out once the program was started again.
 
-    A scan of folders takes about a millisecond; only `config` can take up to `timeout_s`. Raises ConnectionLostError
-    where `config` reaches nobody.
+    A scan of folders takes about a millisecond, a remote some round trips; one that doesn't answer is told in
+    `unreachable`. Sessions to remotes stay open until `holding` is closed, for what is to be asked next: over a slow
+    link to open one is most of the time. Raises ConnectionLostError where `config` can't be reached.
     """
-    if config:
-        return Discovery(_remote(config, timeout_s), [])
-    all_found = [found for folder in usable_folders() for found in _scan(folder)]
-    loggers = [found for found in all_found if not (found.dead and _has_successor(found, all_found))]
-    reached = {(found.name, found.pid) for found in loggers}
+    with ExitStack() as mine:
+        held = holding if holding is not None else mine
+        return _discovered(timeout_s, config, held)
+
+
+def _discovered(timeout_s: float, config: str, holding: ExitStack) -> Discovery:
+    if config and config != LOCAL:
+        return Discovery(_remote(config, timeout_s, holding), [])
+    far, unreachable = ([], {}) if config == LOCAL else _all_remotes(timeout_s, holding)
+    near = _near()
+    known = {found.root for found in near if found.id}
+    # a logger of this computer that is seen through a router too is one, and the short way is taken
+    loggers = near + [found for found in far if found.root not in known]
+    reached = {(found.name, found.pid) for found in near}
     down = [found for found in _down() if (found.name, found.pid) not in reached]
-    return Discovery(sorted(loggers, key=lambda found: (found.name, found.pid)), forbidden_folders(), down)
+    loggers.sort(key=lambda found: (found.name, found.pid, found.host, found.id))
+    return Discovery(loggers, forbidden_folders(), down, unreachable)
+
+
+def _near() -> list[Found]:
+    """Loggers of this computer."""
+    all_found = [found for folder in usable_folders() for found in _scan(folder)]
+    return [found for found in all_found if not (found.dead and _has_successor(found, all_found))]
+
+
+def _all_remotes(timeout_s: float, holding: ExitStack) -> tuple[list[Found], dict[str, str]]:
+    """Loggers of all remotes, asked at the same time; those that two remotes reach once."""
+    found: dict[str, list[Found]] = {}
+    failed: dict[str, str] = {}
+
+    def look(name: str) -> None:
+        begun_s = time.monotonic()
+        at_s, took_s, why = _silent.get(name, (-math.inf, 0.0, ""))
+        if begun_s - at_s < PATIENCE * took_s:
+            failed[name] = why
+            return
+        try:
+            found[name] = _remote(name, timeout_s, holding)
+        except SiloError as error:
+            now_s = time.monotonic()
+            failed[name] = str(error)
+            _silent[name] = (now_s, now_s - begun_s, str(error))
+
+    threads = [threading.Thread(target=look, args=(name,), name="silo-remote") for name in remotes()]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    by_root = {one.root: one for name in sorted(found, reverse=True) for one in found[name]}
+    return list(by_root.values()), dict(sorted(failed.items()))
 
 
 def _down() -> list[Found]:
@@ -124,18 +199,39 @@ def _scan(folder: Path) -> list[Found]:
             since = (mark if dead else path).lstat().st_mtime
         except FileNotFoundError:
             continue
-        loggers.append(Found(match["name"], int(match["pid"]), str(path), owner, dead=dead, since=since))
+        root = _root_of_socket(path)
+        host, drawn = (root.host, root.id) if root is not None else ("", "")
+        name, pid, copy = match["name"], int(match["pid"]), int(match["copy"] or 0)
+        loggers.append(Found(name, pid, str(path), owner, "", host, dead, since, drawn, copy))
     return loggers
 
 
-def _remote(config: str, timeout_s: float) -> list[Found]:
-    session = open_client(None, config)
+def seen_now(found: Found) -> Found:
+    """Return a logger of this computer with the keys that it has now: it draws others when it is served again."""
+    root = _root_of_socket(Path(found.socket))
+    return replace(found, host=root.host, id=root.id) if root is not None else replace(found, host="", id="")
+
+
+def _root_of_socket(path: Path) -> keys.Root | None:
+    """Return what stands beside a socket; None where an older silo made it, or its owner is ending."""
     try:
-        replies = list(session.liveliness().get(keys.ANY_ALIVE, timeout=timeout_s))
-    finally:
-        close(session)
+        return keys.root_of(key_file(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+
+
+def _remote(config: str, timeout_s: float, holding: ExitStack) -> list[Found]:
+    mine = holding.enter_context(borrowed("", config))
+    replies = list(mine.session.liveliness().get(keys.ANY_ALIVE, timeout=timeout_s + mine.slack_s))
+    routers = mine.session.info.routers_zid()
     roots = {keys.root_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
-    return [Found(root.logger, 0, "", "", config, root.host) for root in sorted(roots)]
+    if not roots:
+        user = user_of(from_file(find_file(config)))
+        who = f"user '{user}' is let in" if user else "we are let in without a user name"
+        nobody = "no robot is connected to this router now, or " if routers else ""
+        rules = f"{nobody}the rules (access_control) on the other side give it no role"
+        raise LayerError(Layer.ROLE, f"{config}: {who}, but sees no logger: {rules}")
+    return [Found(root.logger, 0, "", "", config, root.host, id=root.id) for root in sorted(roots)]
 
 
 def survey(loggers: list[Found], timeout_s: float = 1.0) -> list[Answer]:
@@ -147,7 +243,7 @@ def survey(loggers: list[Found], timeout_s: float = 1.0) -> list[Answer]:
 
     def ask(place: int, found: Found) -> None:
         try:
-            reply = ask_once(found.socket, found.config, Hello(version=VERSION), timeout_s, found.host, found.name)
+            reply = ask_once(found, Hello(version=VERSION), timeout_s)
             answers[place] = Answer(found, reply.status, state=reply.status.state.value)
         except VersionError as error:
             answers[place] = Answer(found, None, str(error), "other silo")
@@ -164,15 +260,17 @@ def survey(loggers: list[Found], timeout_s: float = 1.0) -> list[Answer]:
 
 def not_found_text(name: str, discovery: Discovery) -> str:
     """Return why a logger can't be reached, and what to do."""
-    down = [found for found in discovery.down if name in ("", found.name, found.label)]
+    down = [found for found in discovery.down if found.is_meant_by(name)]
     if down and (name or not discovery.loggers):
         return "\n".join(map(down_text, down))
     wanted = f"no logger '{name}'" if name else "no logger"
+    closed = [f"remote '{remote}': {why}" for remote, why in discovery.unreachable.items()]
+    where = "on this host" if not any(found.config for found in discovery.loggers) else "here"
     if discovery.loggers:
-        others = ", ".join(found.label for found in discovery.loggers)
-        return f"{wanted} on this host; there are: {others}"
+        others = ", ".join(told_apart(discovery.loggers))
+        return "\n".join([f"{wanted} {where}; there are: {others}", *closed])
     text = f"{wanted} is running on this host; start your robot program (it must call serve()), or try `silo demo`"
     for folder in discovery.forbidden:
         names = ", ".join(folder.loggers)
         text += f"\nuser {folder.owner} runs {names} in {folder.path}, which is closed to you: {folder.advice}"
-    return text
+    return "\n".join([text, *closed])

@@ -11,6 +11,7 @@ import zenoh
 
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError, VersionError
 from silo.ipc import keys
+from silo.ipc.found import Found
 from silo.ipc.messages import (
     AnyReply,
     GoesOn,
@@ -21,7 +22,7 @@ from silo.ipc.messages import (
     Request,
     reply_type,
 )
-from silo.ipc.session import close, open_client
+from silo.ipc.sessions import Borrowed, borrowed
 from silo.ipc.versions import PROTOCOL, robot_problem
 from silo.model import Problem
 from silo.runtime import user_name
@@ -70,9 +71,27 @@ def client_name() -> str:
     return f"{user_name(os.getuid())}@{socket.gethostname()} {program} {os.getpid()}"
 
 
-def key_of(request: Request[Any], root: keys.Root | None) -> str:
-    """Return the key that a request goes to; without a root, whoever is at the other end of the session."""
-    return root.key(request.key) if root is not None else f"silo/*/*/{request.key}"
+def key_of(request: Request[Any], root: keys.Root) -> str:
+    """Return the key that a request goes to: that of one logger, never one with a wildcard."""
+    return root.key(request.key)
+
+
+def root_at(borrowed: Borrowed, found: Found, timeout_s: float) -> keys.Root:
+    """Return where the keys of a logger begin, by its liveliness token where its socket doesn't tell.
+
+    Raises ConnectionLostError where nobody has such a token, or several have.
+    """
+    if found.root is not None:
+        return found.root
+    alive = f"silo/*/{keys.escape(found.name)}/alive"
+    tokens = borrowed.session.liveliness().get(alive, timeout=timeout_s + borrowed.slack_s)
+    roots = sorted({keys.root_of(str(reply.ok.key_expr)) for reply in tokens if reply.ok is not None})
+    if len(roots) == 1:
+        return roots[0]
+    if roots:
+        names = ", ".join(root.address for root in roots)
+        raise ConnectionLostError(f"several loggers are called '{found.name}', say which one you mean: {names}")
+    raise ConnectionLostError(f"logger '{found.name}' doesn't say who it is: its helper process is ending; try again")
 
 
 def exchange(
@@ -145,14 +164,9 @@ def checked_reply(request: Request[ReplyT], reply: AnyReply) -> ReplyT:
     return reply
 
 
-def ask_once(
-    socket_path: str, config: str, request: Request[ReplyT], timeout_s: float, host: str = "", logger: str = ""
-) -> ReplyT:
+def ask_once(found: Found, request: Request[ReplyT], timeout_s: float) -> ReplyT:
     """Open a session, ask, close it. Raises ConnectionLostError, or RequestRefusedError."""
-    session = open_client(Path(socket_path) if socket_path else None, config or None)
-    try:
-        root = keys.Root(host, logger) if host else None
-        reply, _ = exchange(session, key_of(request, root), request, timeout_s, f"logger '{logger}'")
-    finally:
-        close(session)
+    with borrowed(found.socket, found.config) as mine:
+        key = key_of(request, root_at(mine, found, timeout_s))
+        reply, _ = exchange(mine.session, key, request, timeout_s + mine.slack_s, f"logger '{found.name}'")
     return checked_reply(request, reply)

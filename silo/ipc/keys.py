@@ -1,4 +1,6 @@
-"""The keys under which a logger is reached: all begin with `silo/<host>/<logger>`.
+"""The keys under which a logger is reached: all begin with `silo/<host>~<id>/<logger>`.
+
+The id is drawn by the logger and outlives its helper processes: two robots of one host name have keys of their own.
 
 ask, do          queries: those that read, those that change something
 event            events
@@ -21,13 +23,20 @@ ANY_ALIVE = "silo/*/*/alive"
 
 
 class Root(NamedTuple):
-    """Whose keys these are."""
+    """Whose keys these are. `id` is empty for those of a silo before 0.2."""
 
     host: str
     logger: str
+    id: str = ""
 
     def __str__(self) -> str:
-        return f"silo/{escape(self.host)}/{escape(self.logger)}"
+        host = escape(self.host).replace("~", "%7E")
+        return f"silo/{host}{'~' if self.id else ''}{self.id}/{escape(self.logger)}"
+
+    @property
+    def address(self) -> str:
+        """What to type that means this logger and no other: `robot3~3fa977b2e0/anymal`."""
+        return f"{self.host}{'~' if self.id else ''}{self.id}/{self.logger}"
 
     def key(self, *parts: str) -> str:
         """Return a key of this logger: `root.key("view", "x1-2")`."""
@@ -54,7 +63,8 @@ def root_of(key: str) -> Root:
     chunks = key.split("/", 3)
     if len(chunks) < 3 or chunks[0] != "silo":
         raise ValueError(f"{key!r} is not a key of silo")
-    return Root(unescape(chunks[1]), unescape(chunks[2]))
+    host, _, drawn = chunks[1].partition("~")
+    return Root(unescape(host), unescape(chunks[2]), drawn)
 
 
 def client_of_view(view: str) -> str:

@@ -18,6 +18,7 @@ from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.keys import Root
 from silo.ipc.messages import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
 from silo.ipc.sampled import SampledEntry, SampledName, SampledRows, StreamFrame
+from silo.ipc.sessions import undeclare
 
 STAMP_BYTES = 16
 MAX_LAYOUTS = 8
@@ -214,11 +215,12 @@ class Stream:
             self._opened = {}
 
     def detach(self) -> None:
-        """The session is about to be closed."""
+        """End the subscription; the session may be closed, or go on for others."""
         with self._changed:
-            self._subscriber = None
+            subscriber, self._subscriber = self._subscriber, None
             self._frames.clear()
             self._unread.clear()
+        undeclare(subscriber)
 
     def accept(self, opened: StreamOpened) -> None:
         """How to read the frames from now on."""

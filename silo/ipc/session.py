@@ -17,35 +17,33 @@ from typing import Any
 import zenoh
 
 from silo.errors import ConnectionLostError
+from silo.ipc.configuration import (
+    FORCED,
+    LINK,
+    SLOW_ACCEPT,
+    endpoints_of,
+    from_file,
+    insert,
+    reason_of,
+    scaled,
+    written,
+)
+from silo.ipc.keys import Root
+from silo.ipc.probing import Reached, explain
 from silo.runtime import is_at
 
 SOCKET_SUFFIX = ".sock"
 MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL
 MAX_MESSAGE_BYTES = 8 * 2**20  # about 60,000 edits; a larger message is dropped before it is put together
 OPEN_TRIES = 5
-_BESIDE = (".lock", ".dead", ".secret", ".users")  # what may lie beside a socket
-
-_COMMON: dict[str, Any] = {
-    "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-    "transport": {
-        # every restart of a publisher would leave 17 MB locked in its clients
-        "shared_memory": {"enabled": False},
-        "unicast": {"open_timeout": 1000, "accept_timeout": 1000},
-        "link": {
-            "tx": {
-                "lease": 2000,
-                "keep_alive": 4,
-                # µs: a client that is frozen must not hold up the helper process
-                "queue": {"congestion_control": {"block": {"wait_before_close": 200_000}}},
-            }
-        },
-    },
-}
+_BESIDE = (".lock", ".dead", ".secret", ".users", ".key")  # what may lie beside a socket
 
 
 # µs, in a client: as long as the lease. A request of 8 MB takes more than the queue holds, and where the robot's
 # processors were busy for 0.2 s the connection was closed in the midst of it.
-_CLIENT_WAIT = {"transport/link/tx/queue/congestion_control/block/wait_before_close": 2_000_000}
+_CLIENT_WAIT: dict[str, Any] = {
+    "transport": {"link": {"tx": {"queue": {"congestion_control": {"block": {"wait_before_close": 2_000_000}}}}}}
+}
 
 
 def socket_path(folder: Path, logger: str, pid: int, copy: int = 0) -> Path:
@@ -87,6 +85,11 @@ def dead_mark(path: Path) -> Path:
 def secret_file(path: Path) -> Path:
     """Return `user:password` for local clients of a logger that asks remote ones for a password."""
     return Path(f"{path}.secret")
+
+
+def key_file(path: Path) -> Path:
+    """Return where the beginning of a logger's keys stands: its host, the id that it drew, its name."""
+    return Path(f"{path}.key")
 
 
 def _users_file(path: Path) -> Path:
@@ -146,8 +149,12 @@ def _remove_socket(path: Path) -> None:
             stale.unlink()
 
 
-def open_server(folder: Path, logger: str, pid: int, config: str | None = None) -> tuple[zenoh.Session, Path]:
+def open_server(
+    folder: Path, logger: str, pid: int, config: str | None = None, root: Root | None = None
+) -> tuple[zenoh.Session, Path]:
     """Return a session that listens on a Unix socket in `folder`, and on what the file `config` adds to it.
+
+    `root` is left beside the socket, so that who finds it knows the keys.
 
     Raises ConnectionLostError with the reason. A client that sweeps at this very moment holds the lock for some
     microseconds, or takes away what was just made: hence several tries.
@@ -164,8 +171,10 @@ def open_server(folder: Path, logger: str, pid: int, config: str | None = None) 
         settings = _server_config(path, config)
         old_mask = os.umask(0o077)
         try:
+            if root is not None:
+                key_file(path).write_text(str(root))
             session = zenoh.open(settings)
-            if _is_whole(path, settings):
+            if _is_whole(path, settings, root):
                 return session, path
             close(session)
         except zenoh.ZError as failure:
@@ -173,23 +182,29 @@ def open_server(folder: Path, logger: str, pid: int, config: str | None = None) 
             time.sleep(0.02 * (attempt + 1))
         finally:
             os.umask(old_mask)
-    raise ConnectionLostError(f"can't listen on {path}: {_reason(error)}{_hint(config)}")
+    raise ConnectionLostError(f"can't listen on {path}: {reason_of(error)}{_hint(config)}")
 
 
-def _is_whole(path: Path, settings: zenoh.Config) -> bool:
+def _is_whole(path: Path, settings: zenoh.Config, root: Root | None) -> bool:
     """Whether a server's files are there, and locked; a sweep beside its start may have taken some."""
     passwords = json.loads(settings.get_json("transport/auth/usrpwd/dictionary_file"))
     needed = [path, Path(f"{path}.lock"), *([secret_file(path), _users_file(path)] if passwords else [])]
+    needed += [key_file(path)] if root is not None else []
     return all(file.exists() for file in needed) and not owner_is_gone(path)
 
 
 def _server_config(path: Path, config: str | None) -> zenoh.Config:
-    settings = zenoh.Config() if config is None else _from_file(config)
+    settings = zenoh.Config() if config is None else from_file(config)
     endpoints = [f"unixsock-stream/{path}"]
-    if config is not None:
-        endpoints += _endpoints(settings)
+    if config is None:
+        insert(settings, LINK)
+    else:
+        given = written(config)
+        endpoints += _listened(settings)
+        insert(settings, LINK, given)
+        insert(settings, SLOW_ACCEPT, given)
     settings.insert_json5("mode", '"peer"')
-    _insert(settings, _COMMON)
+    insert(settings, FORCED)
     settings.insert_json5("transport/link/rx/max_message_size", str(MAX_MESSAGE_BYTES))
     settings.insert_json5("listen/endpoints", json.dumps(endpoints))
     _let_local_clients_in(settings, path)
@@ -199,52 +214,58 @@ def _server_config(path: Path, config: str | None) -> zenoh.Config:
 def _let_local_clients_in(settings: zenoh.Config, path: Path) -> None:
     """Zenoh asks on the Unix socket for passwords too: who may read the folder finds one there, as user `local`."""
     users = json.loads(settings.get_json("transport/auth/usrpwd/dictionary_file"))
-    if not users:
-        return
+    if not users and not json.loads(settings.get_json("transport/auth/usrpwd/user")):
+        return  # else it asks for one, too: who connects to a router with a password wants one of everybody
     try:
-        lines = Path(users).read_text().rstrip("\n")
+        lines = Path(users).read_text().rstrip("\n") + "\n" if users else ""
     except OSError as error:
         raise ConnectionLostError(f"{users}: can't read the users and passwords: {error.strerror}") from error
     secret = f"local:{secrets.token_hex(16)}\n"
-    for file, text in ((_users_file(path), f"{lines}\n{secret}"), (secret_file(path), secret)):
+    for file, text in ((_users_file(path), f"{lines}{secret}"), (secret_file(path), secret)):
         with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as opened:
             opened.write(text)
     settings.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(_users_file(path))))
 
 
-def _from_file(config: str) -> zenoh.Config:
+def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
+    """Return a session in router mode by the file `config`, and what it listens on. Raises ConnectionLostError."""
+    settings, given = from_file(config), written(config)
+    endpoints = _listened(settings)
+    if not endpoints:
+        raise ConnectionLostError(
+            f'{config}: names nothing to listen on; add listen: {{ endpoints: ["tls/0.0.0.0:7447"] }}'
+        )
+    insert(settings, LINK, given)
+    insert(settings, SLOW_ACCEPT, given)
+    insert(settings, FORCED)
+    for key, value in {"mode": "router", "listen/endpoints": endpoints, "scouting/delay": 0}.items():
+        settings.insert_json5(key, json.dumps(value))
     try:
-        settings: zenoh.Config = zenoh.Config.from_file(config)
-    except (zenoh.ZError, OSError) as error:
-        raise ConnectionLostError(f"{config}: is not a configuration of Zenoh: {_reason(error)}") from error
-    return settings
+        return zenoh.open(settings), endpoints
+    except zenoh.ZError as error:
+        raise ConnectionLostError(f"can't listen on {', '.join(endpoints)}: {reason_of(error)}") from error
 
 
-def _endpoints(settings: zenoh.Config) -> list[str]:
+def _listened(settings: zenoh.Config) -> list[str]:
     """Return what a file says to listen on; nothing if it leaves Zenoh's default, which is the whole network."""
-    found = json.loads(settings.get_json("listen/endpoints"))
-    if isinstance(found, dict):
-        found = found.get("peer", [])
+    found = endpoints_of(settings, "listen", "peer")
     return [endpoint for endpoint in found if endpoint not in ("tcp/[::]:0", "tcp/[::]:7447")]
 
 
-def _insert(settings: zenoh.Config, values: dict[str, Any], prefix: str = "") -> None:
-    for name, value in values.items():
-        if isinstance(value, dict):
-            _insert(settings, value, f"{prefix}{name}/")
-        else:
-            settings.insert_json5(prefix + name, json.dumps(value))
-
-
-def open_client(path: Path | None, config: str | None = None) -> zenoh.Session:
+def open_client(path: Path | None, config: str | None = None, reached: Reached | None = None) -> zenoh.Session:
     """Return a session that is connected to one logger by its socket, or to what the file `config` names.
 
-    Raises ConnectionLostError where nobody listens, PermissionError's words included.
+    `reached` is what is known of the way there. Raises ConnectionLostError where nobody listens, with PermissionError's
+    words.
     """
-    settings = zenoh.Config() if config is None else _from_file(config)
+    settings = zenoh.Config() if config is None else from_file(config)
+    given = written(config) if config is not None else {}
+    insert(settings, {"connect": {"timeout_ms": 0, "exit_on_failure": True}, **LINK}, given)
+    if reached is not None:
+        insert(settings, scaled(reached.rtt_s) if reached.rtt_s else SLOW_ACCEPT, given)
+    insert(settings, FORCED)
     settings.insert_json5("mode", '"client"')
-    _insert(settings, _COMMON)
-    _insert(settings, _CLIENT_WAIT)
+    insert(settings, _CLIENT_WAIT, given)
     if path is not None:
         if not path.exists():
             raise ConnectionLostError(f"{path}: nobody listens there any more")
@@ -253,10 +274,8 @@ def open_client(path: Path | None, config: str | None = None) -> zenoh.Session:
         settings.insert_json5("connect/endpoints", json.dumps([f"unixsock-stream/{path}"]))
         if secret_file(path).exists():
             user, password = secret_file(path).read_text().strip().split(":", 1)
-            _insert(settings, {"transport": {"auth": {"usrpwd": {"user": user, "password": password}}}})
+            insert(settings, {"transport": {"auth": {"usrpwd": {"user": user, "password": password}}}})
     settings.insert_json5("listen/endpoints", "[]")
-    settings.insert_json5("connect/timeout_ms", "0")
-    settings.insert_json5("connect/exit_on_failure", "true")
     try:
         return zenoh.open(settings)
     except zenoh.ZError as error:
@@ -264,25 +283,21 @@ def open_client(path: Path | None, config: str | None = None) -> zenoh.Session:
             # Zenoh's words here are only "unable to connect"
             text = f"{path}: its helper process doesn't answer: it is frozen, overloaded or ending; try again"
             raise ConnectionLostError(text) from error
+        if config is not None and reached is not None:
+            raise explain(config, reached, error) from error
         where = str(path) if path is not None else f"what {config} names"
-        raise ConnectionLostError(f"can't connect to {where}: {_reason(error)}{_hint(config)}") from error
+        raise ConnectionLostError(f"can't connect to {where}: {reason_of(error)}{_hint(config)}") from error
 
 
 def forget(path: Path) -> None:
     """Remove what a closed server session leaves beside its socket."""
-    for left in (dead_mark(path), secret_file(path), _users_file(path)):
+    for left in (dead_mark(path), secret_file(path), _users_file(path), key_file(path)):
         left.unlink(missing_ok=True)
 
 
 def close(session: zenoh.Session) -> None:
     """Close a session; takes up to 2.5 s if the other side is frozen."""
     session.close()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
-
-
-def _reason(error: Exception | None) -> str:
-    """Return Zenoh's words without the places in its sources."""
-    text = str(error).split(" at /", 1)[0].strip()
-    return text.splitlines()[0][:300] if text else type(error).__name__
 
 
 def _hint(config: str | None) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from silo.arguments import real
 from silo.errors import ConnectionLostError, ElementError
 from silo.ipc.keys import Root, unescape
+from silo.ipc.sessions import undeclare
 
 POLL_S = 0.01  # batches come 20 times per second
 SILENCE_S = 2.0  # after which an iteration asks why nothing comes
@@ -76,9 +77,10 @@ class Topic:
             self._next = -1
 
     def detach(self) -> None:
-        """The session is about to be closed."""
+        """End the subscription; the session may be closed, or go on for others."""
         with self._lock:
-            self._subscriber = None
+            subscriber, self._subscriber = self._subscriber, None
+        undeclare(subscriber)
 
     def __repr__(self) -> str:
         state = "closed" if self._closed else "open"

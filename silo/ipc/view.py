@@ -13,6 +13,7 @@ from silo.ipc.frames import Frame
 from silo.ipc.keys import Root
 from silo.ipc.messages import Columns, OpenView, ViewOpened
 from silo.ipc.published import ViewFrame
+from silo.ipc.sessions import undeclare
 
 RING = 64  # 6 s at 10 Hz: who reads less often gets the newest and a gap
 
@@ -76,10 +77,11 @@ class View:
             self._cut = True
 
     def detach(self) -> None:
-        """The session is about to be closed."""
+        """End the subscription; the session may be closed, or go on for others."""
         with self._lock:
-            self._subscriber = None
+            subscriber, self._subscriber = self._subscriber, None
             self._unread = []  # another helper process counts its generations anew
+        undeclare(subscriber)
 
     def accept(self, opened: ViewOpened) -> None:
         """How to read the frames from now on."""

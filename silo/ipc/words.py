@@ -18,6 +18,10 @@ def full_name(name: str, status: Status, table: Table) -> str:
     for candidate in (name, join_name(status.prefix, "", name)):
         if candidate in names:
             return candidate
+        if candidate in {info.name for info in table.derived}:
+            raise ElementError(
+                f"'{candidate}' is derived, which has no topic: client.stream(['{candidate}']) brings it"
+            )
     bare = {one.removeprefix(f"{status.prefix}/"): one for one in names}
     near = get_close_matches(name.removeprefix(f"{status.prefix}/").strip("/"), bare, 1, 0.6)
     hint = f"; did you mean '{bare[near[0]]}'?" if near else f"; it has {len(names)} elements, see client.table()"

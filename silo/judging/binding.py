@@ -30,6 +30,7 @@ __all__ = [
     "Signal",
     "bind",
     "columns_of",
+    "meaning",
 ]
 
 MOST_WIDTH = 1000  # scalars in a vector
@@ -148,6 +149,19 @@ def columns_of(part: Part) -> list[Column]:
     if isinstance(part, Computed):
         return [column for one in part.parts for column in columns_of(one)]
     return columns_of(part.part) if isinstance(part, Remembered) else []
+
+
+def meaning(bound: Bound) -> object:
+    """Return what two expressions have in common that compute the same, whatever words they are written in."""
+    return _meaning(bound.root)
+
+
+def _meaning(part: Part) -> object:
+    if isinstance(part, Computed):
+        return part.operator, tuple(_meaning(one) for one in part.parts)
+    if isinstance(part, Remembered):
+        return part.function, part.window_ns, _meaning(part.part)
+    return part
 
 
 class _Binder:

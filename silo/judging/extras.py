@@ -9,6 +9,7 @@ from silo import units
 from silo.arguments import real, shown, whole
 from silo.errors import ElementError
 from silo.judging.binding import Bound, Catalogue, Known, bind
+from silo.judging.derived import binds, placed
 from silo.judging.limits import LimitRule, limit_rule
 from silo.judging.tokens import ExpressionError
 from silo.judging.triggers import Held, Mode, Slope, TriggerRule, check_pre
@@ -42,18 +43,50 @@ def table_catalogue(elements: Sequence[ElementInfo], prefix: str, derived: Seque
 def with_derived(extras: Extras, one: Derived, elements: Sequence[ElementInfo], prefix: str) -> Extras:
     """Return the extras with one more derived signal, or with a new expression for one of that name.
 
-    Raises ElementError for a name that an element has, ExpressionError for what can't be computed.
+    Raises ElementError for a name that an element has, or for one that would be computed from itself, ExpressionError
+    for what can't be computed.
     """
-    if len(extras.derived) >= MOST_DERIVED:
+    if len(extras.derived) >= MOST_DERIVED and all(old.name != one.name for old in extras.derived):
         raise ElementError(f"at most {MOST_DERIVED} signals are derived; nothing was changed")
     names = {info.name for info in elements}
     if one.name in names or any(one.name == info.name + entry.suffix for info in elements for entry in info.entries):
         raise ElementError(f"'{one.name}' is an element already: derive it under another name; nothing was changed")
-    made = [one if old.name == one.name else old for old in extras.derived]
-    derived = tuple(made) if one in made else (*extras.derived, one)
-    for place, each in enumerate(derived):  # what stands on it must still fit
-        bind(each.expression, table_catalogue(elements, prefix, derived[:place]))
+    derived = placed(one, table_catalogue(elements, prefix, extras.derived))
     return msgspec.structs.replace(extras, derived=derived)
+
+
+def without_derived(extras: Extras, name: str, elements: Sequence[ElementInfo], prefix: str) -> Extras:
+    """Return the extras without the derived signal of this name, whole or from behind a `/`.
+
+    Raises ElementError where there is none, or where something stands on it.
+    """
+    catalogue = table_catalogue(elements, prefix, extras.derived)
+    found = catalogue.before(name)
+    if found is None:
+        names = ", ".join(one.name for one in extras.derived[:5])
+        there = f"there are {names}" if names else "there is none"
+        raise ElementError(f"no derived signal is called '{name}', {there}; nothing was changed")
+    gone = found[0]
+    kept = tuple(one for one in extras.derived if one is not gone)
+    less = table_catalogue(elements, prefix, kept)
+    users = [f"'{one.name}'" for one in kept if binds(one.expression, catalogue) and not binds(one.expression, less)]
+    users += [f"the limits of '{one.name}'" for one in extras.limits if not _fits(one, less)]
+    users += [
+        f"trigger '{one.name}'"
+        for one in extras.triggers
+        if not all(binds(text, less) for text in (one.when, one.rearm) if text)
+    ]
+    if users:
+        raise ElementError(f"'{gone.name}' is used by {', '.join(users[:3])}: remove that first; nothing was changed")
+    return msgspec.structs.replace(extras, derived=kept)
+
+
+def _fits(limits: SignalLimits, catalogue: Catalogue) -> bool:
+    try:
+        bind_limits(limits, catalogue)
+    except ElementError:
+        return False
+    return True
 
 
 def with_limits(extras: Extras, one: SignalLimits, elements: Sequence[ElementInfo], prefix: str) -> Extras:

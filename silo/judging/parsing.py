@@ -94,6 +94,15 @@ class Call:
 Node = Number | Name | Operation | Comparison | Call
 
 
+def names_in(node: Node) -> list[str]:
+    """Return every name and pattern in an expression, in its order."""
+    if isinstance(node, Name):
+        return [node.text]
+    if isinstance(node, Number):
+        return []
+    return [name for part in (node.arguments if isinstance(node, Call) else node.operands) for name in names_in(part)]
+
+
 @dataclass(frozen=True)
 class Expression:
     """What somebody wrote, and what it means."""

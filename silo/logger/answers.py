@@ -21,10 +21,12 @@ from silo.ipc.messages import (
     EditsApplied,
     Refused,
     RefusedWhy,
+    RemoveDerived,
     RemoveLimits,
     RemoveTrigger,
     Request,
     Restart,
+    SetDerived,
     SetLimits,
     SetTrigger,
     Start,
@@ -34,7 +36,18 @@ from silo.ipc.messages import (
 from silo.ipc.refusals import refused_conflict, refused_running
 from silo.link.messages import RobotState
 from silo.logger.keywords import UnsavedWord
-from silo.model import Edit, ElementInfo, Extras, LoggerOptions, Problem, SignalLimits, State, Table, TriggerOptions
+from silo.model import (
+    Edit,
+    ElementInfo,
+    Extras,
+    LoggerOptions,
+    Problem,
+    SignalLimits,
+    State,
+    Table,
+    TriggerOptions,
+    join_name,
+)
 from silo.settings.rules import refusal
 
 log = logging.getLogger("silo")
@@ -78,6 +91,8 @@ class Served(Protocol):
     def remove_trigger(self, name: str, /) -> None: ...
     def set_limits(self, one: SignalLimits, /) -> None: ...
     def remove_limits(self, name: str, /) -> None: ...
+    def derive(self, name: str, expression: str, *, unit: str = "") -> None: ...
+    def remove_derived(self, name: str, /) -> None: ...
     def start(self, *, unsaved: UnsavedWord = "clear") -> None: ...
     def stop(self) -> None: ...
     def restart(self, *, unsaved: UnsavedWord = "clear") -> None: ...
@@ -187,6 +202,23 @@ def _remove_limits(logger: Served, request: RemoveLimits) -> Done:
     return Done(f"limits of '{request.name}' are removed")
 
 
+def _set_derived(logger: Served, request: SetDerived) -> Done:
+    one = request.derived
+    before = {known.name for known in logger.extras.derived}
+    logger.derive(one.name, one.expression, unit=one.unit)
+    (made,) = [known.name for known in logger.extras.derived if known.name in _whole(one.name, logger)]
+    return Done(f"'{made}' is {'derived anew' if made in before else 'derived'}: {one.expression}")
+
+
+def _whole(name: str, logger: Served) -> tuple[str, str]:
+    return join_name("", "", name), join_name(logger.options.prefix, "", name)
+
+
+def _remove_derived(logger: Served, request: RemoveDerived) -> Done:
+    logger.remove_derived(request.name)
+    return Done(f"'{request.name}' is derived no more")
+
+
 HANDLERS: dict[type[Request[Any]], Callable[[Served, Any], AnyReply]] = {
     ApplyEdits: _edit,
     Start: _start,
@@ -196,4 +228,6 @@ HANDLERS: dict[type[Request[Any]], Callable[[Served, Any], AnyReply]] = {
     RemoveTrigger: _remove_trigger,
     SetLimits: _set_limits,
     RemoveLimits: _remove_limits,
+    SetDerived: _set_derived,
+    RemoveDerived: _remove_derived,
 }

@@ -24,31 +24,58 @@ class Conditions(Configuration):
     def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
         """Have a signal computed from others wherever rows are read: `log.derive("power", "joints/tau * joints/qd")`.
 
-        Nothing of it is stored, and it costs the control loop nothing; saved files say how it is computed. Given again,
-        it gets a new expression.
+        It is watched, plotted and saved as elements are; nothing of it stands in the buffers, and it costs the control
+        loop nothing. Given again, it gets a new expression. Also while the logger runs.
 
         Args:
-            name: its name after prefix and group.
-            expression: may use elements that were added before, and signals that were derived before.
+            name: its name after prefix and group, or whole with the prefix.
+            expression: may use elements that were added before, and other derived signals.
             group: the namespace between prefix and name.
             unit: instead of the one that follows from its signals.
 
         Raises:
             ExpressionError: it makes no sense; the message shows the place.
-            ElementError: the name is taken.
-            StateError: the logger runs.
+            ElementError: the name is taken, or it would be computed from itself.
+            StateError: the logger is closed.
         """
         from silo.judging.extras import with_derived
 
         name = text("the signal's name", name, 'log.derive("power", "joints/tau * joints/qd")')
         expression = text("expression", expression, 'log.derive("power", "joints/tau * joints/qd")')
         group, unit = text("group", group, 'group="joints"'), line("unit", unit, 'unit="W"')
+        prefix = self.options.prefix
         if not name.strip("/"):
             raise ElementError("a derived signal needs a name; nothing was changed")
-        one = Derived(join_name(self.options.prefix, group, name), expression, unit.strip())
+        if not name.isprintable():
+            raise ElementError(f"signal name {name!r}: write a name of printable characters; nothing was changed")
+        whole_name = join_name("", "", name)
+        if group or not whole_name.startswith(f"{prefix.rstrip('/')}/"):
+            whole_name = join_name(prefix, group, name)
         with self._lock:
-            self._check_stopped("derive a signal")
-            self._extras = with_derived(self._extras, one, self._all_infos, self.options.prefix)
+            self._check_open()
+            one = Derived(whole_name, expression, unit.strip())
+            self._take_derived(with_derived(self._extras, one, self._all_infos, prefix))
+
+    def remove_derived(self, name: str) -> None:
+        """Forget a derived signal, also while the logger runs.
+
+        Args:
+            name: whole, or without the prefix.
+
+        Raises:
+            ElementError: there is none of that name, or another one, limits or a trigger use it; nothing was changed.
+            StateError: the logger is closed.
+        """
+        from silo.judging.extras import without_derived
+
+        name = text("the signal's name", name, 'log.remove_derived("power")')
+        with self._lock:
+            self._check_open()
+            self._take_derived(without_derived(self._extras, name, self._all_infos, self.options.prefix))
+
+    def _take_derived(self, extras: Extras) -> None:
+        if extras.derived != self._extras.derived:
+            self._take_extras(extras)
             self._tell()
 
     def limit(
@@ -266,7 +293,7 @@ class Conditions(Configuration):
                 msgspec.structs.replace(info, options=options.get(info.name, info.options))
                 for info in self._table.infos
             ]
-            self._extras = checked_extras(extras, planned, self.options.prefix, self.options.frequency_hz)
+            self._take_extras(checked_extras(extras, planned, self.options.prefix, self.options.frequency_hz))
             self._tell()
 
     def _warn_of_triggers(self, *, served: bool) -> None:

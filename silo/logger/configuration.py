@@ -415,13 +415,18 @@ class Configuration:
                 ]
                 extras = self._extras_of(script.extras_beside(extras), planned, file)
             self._table.set_all(plan.options)
-            self._extras = extras
+            self._take_extras(extras)
             self._tell()
         for warning in script.warnings:
             log.warning("%s", warning)
         for unknown in plan.unknown:
             log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]
+
+    def _take_extras(self, extras: Extras) -> None:
+        if extras.derived != self._extras.derived:
+            self._table.revision += 1  # clients show them as rows of the table
+        self._extras = extras
 
     def _extras_of(self, given: Extras, infos: Sequence[ElementInfo], file: Path) -> Extras:
         from silo.settings.script_extras import checked_extras

@@ -1,5 +1,6 @@
 """What a logger has logged: how far it is, its samples, saving them and recording them without end."""
 
+import dataclasses
 import logging
 import os
 from collections.abc import Iterable
@@ -94,7 +95,8 @@ class Logged(Conditions):
             self._check_open()
             if self._present.run is None:
                 raise StateError("nothing was logged yet: call start() and collect() first")
-            return self._present.run.reader.snapshot()
+            # derived signals and limits as they are, not as they were at the start
+            return dataclasses.replace(self._present.run.reader.snapshot(), extras=self._extras)
 
     def element(self, name: str) -> LoggedElement:
         """Return one element: its options, the newest value, how many samples its buffer holds. Also `log[name]`.

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from silo.arguments import whole
 from silo.calls import told_class
 from silo.collecting.clocks import nanosecond_clock
 from silo.collecting.marks import Mark, no_mark
@@ -243,7 +244,13 @@ class Logger(Logged):
 
     # ------------------------------------------------------------------------------------------- serving, ending
 
-    def serve(self, *, group: str | None = None, config: str | os.PathLike[str] | None = None) -> "Serving":
+    def serve(
+        self,
+        *,
+        group: str | None = None,
+        config: str | os.PathLike[str] | None = None,
+        foxglove: int | None = None,
+    ) -> "Serving":
         """Start the helper process: from now on `silo` and `silo-tui` find this logger.
 
         It also saves what earlier processes of this logger left unsaved, see `start()`.
@@ -251,24 +258,29 @@ class Logger(Logged):
         Args:
             group: lets the members of a system group in too (off by default).
             config: a file with remote access settings of Zenoh (`silo config ls` has examples).
+            foxglove: a port of this computer, 8765 usually, on which Foxglove, Lichtblick and PlotJuggler can look, as
+                by `silo foxglove`; 0: one that is free, `serving.foxglove_port`. It needs `silo-logger[foxglove]`.
 
         Returns:
             A context manager; or call its `close()`.
 
         Raises:
             StateError: the logger is served already.
+            ArgumentError: `foxglove` is no port.
             ConnectionLostError: the helper process didn't start; it says why.
+            SiloError: the port of Foxglove is taken, or `websockets` is missing.
         """
         from silo.logger.serving import Serving
 
         group, config = serving_group(group), serving_config(config)
+        port = None if foxglove is None else whole("foxglove (a port)", foxglove, 0, 65535)
         with self._lock:
             self._check_open()
             if self._serving is not None and self._serving.alive:
                 raise StateError(f"logger '{self.options.name}' is served already")
             if not self._updated:
                 self.update()
-            self._serving = Serving(self, group=group, config=config)
+            self._serving = Serving(self, group=group, config=config, foxglove=port)
             return self._serving
 
     def close(self) -> None:

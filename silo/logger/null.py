@@ -52,6 +52,7 @@ class NullServing:
     """What `NullLogger.serve` returns: nothing listens."""
 
     alive = False
+    foxglove_port = None
 
     def close(self) -> None:
         """Do nothing."""
@@ -134,6 +135,9 @@ class NullLogger:
 
     def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
         """Derive nothing."""
+
+    def remove_derived(self, name: str) -> None:
+        """Forget nothing."""
 
     def limit(
         self,
@@ -288,7 +292,13 @@ class NullLogger:
         """Do nothing."""
         return ""
 
-    def serve(self, *, group: str | None = None, config: str | os.PathLike[str] | None = None) -> NullServing:
+    def serve(
+        self,
+        *,
+        group: str | None = None,
+        config: str | os.PathLike[str] | None = None,
+        foxglove: int | None = None,
+    ) -> NullServing:
         """Start nothing: nobody listens."""
         return NullServing()
 

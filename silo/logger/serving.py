@@ -23,6 +23,8 @@ from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkReq
 from silo.logger.answers import Served, answer, robot_state
 from silo.logger.down import DownMark
 from silo.logger.helper_process import HelperProcess
+from silo.logger.identity import drawn_id
+from silo.logger.viewers import FoxgloveProcess
 from silo.model import FileType, SavedFile
 
 log = logging.getLogger("silo")
@@ -36,20 +38,30 @@ RESPAWN_DELAYS_S = (0.0, 0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)  # before each try
 class Serving:
     """A served logger: a helper process that clients reach. A context manager."""
 
-    def __init__(self, logger: Served, *, group: str | None, config: str | os.PathLike[str] | None) -> None:
+    def __init__(
+        self,
+        logger: Served,
+        *,
+        group: str | None,
+        config: str | os.PathLike[str] | None,
+        foxglove: int | None = None,
+    ) -> None:
         """Start the helper process and wait until it answers.
 
         Args:
             logger: whose table, state and buffers it shows.
             group: a system group whose members are let in.
             config: a file with remote access settings of Zenoh.
+            foxglove: a port for other people's viewers.
 
         Raises:
             ConnectionLostError: it didn't start; the message has its reason.
+            SiloError: the viewers' port is taken, or a package is missing.
         """
+        viewers = None if foxglove is None else FoxgloveProcess(logger.options.name, foxglove)
         self._logger_ref = weakref.ref(logger)
         self._name = logger.options.name
-        self._arguments = ["--name", self._name]
+        self._arguments = ["--name", self._name, "--id", drawn_id()]  # the same for every helper process of it
         if group is not None:
             self._arguments += ["--group", group]
         if config is not None:
@@ -73,8 +85,13 @@ class Serving:
             self._spawn()
         except (SiloError, OSError) as error:
             os.close(self._wake)
+            if viewers is not None:
+                viewers.close()
             text = f"the helper process of logger '{self._name}' didn't start: {error}"
             raise ConnectionLostError(text) from error
+        if viewers is not None:
+            viewers.begin()
+        self._viewers = viewers
         self._thread = threading.Thread(target=self._serve, name="silo-link", daemon=True)
         self._thread.start()
 
@@ -91,6 +108,11 @@ class Serving:
             log.debug("the helper process ended before it read its first message")  # why is asked for next
         self.socket_path = self._helper.wait_until_ready()
         self.is_up = True
+
+    @property
+    def foxglove_port(self) -> int | None:
+        """The port on which Foxglove, Lichtblick and PlotJuggler can look, None for none."""
+        return None if self._viewers is None else self._viewers.port
 
     @property
     def helper_pid(self) -> int:
@@ -268,8 +290,11 @@ class Serving:
         number = next(self._numbers)
         started: concurrent.futures.Future[SaveFuture] = concurrent.futures.Future()
         self._replies[number] = started
+        logger = self._logger_ref()
+        # what was derived just now may not have been told yet
+        extras = logger.extras if logger is not None else None
         try:
-            request = Save(types=types, name=name, folder=folder, client="the robot program")
+            request = Save(types=types, name=name, folder=folder, extras=extras, client="the robot program")
             self._send(LinkRequest(number, request))
         except OSError as error:
             raise SaveError("the helper process died before it could save: call save() again") from error
@@ -349,6 +374,8 @@ class Serving:
             except OSError:
                 log.info("%s: the helper process was gone already", self._name)
         self._helper.let_go()
+        if self._viewers is not None:
+            self._viewers.close()
         self._fail_pending("the logger was closed meanwhile")
         if say_goodbye and self.is_up:
             self._helper.wait()

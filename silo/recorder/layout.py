@@ -20,7 +20,7 @@ from silo.files.bag import MAX_CHANNELS, Utf8Entry, definitions, recording_facts
 from silo.files.part_facts import PART_VERSION, PartFacts, RingFacts
 from silo.files.ros_types import STRING, Channel, MessageType, channels_of, is_text
 from silo.files.texts import presentable
-from silo.model import BufferType
+from silo.model import BufferType, Extras
 from silo.patterns import matching
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
@@ -42,6 +42,7 @@ class Layout:
     def template(self) -> Recording:
         """The recording without a sample: what its elements are."""
         elements = [self._recorded(element, None) for element in self.elements]
+        names = {element.name for element in elements}
         about = Recording(
             logger=self.schema.logger,
             time_ns=np.empty(0, np.int64),
@@ -51,6 +52,7 @@ class Layout:
             frequency_hz=self.schema.frequency_hz,
             started_ns=self.schema.started_ns,
             time_looping=True,
+            extras=Extras(tuple(one for one in self.schema.extras.derived if one.name in names)),
         )
         return presentable(about)
 

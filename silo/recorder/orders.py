@@ -2,7 +2,7 @@
 
 import msgspec
 
-from silo.model import RecorderState
+from silo.model import Derived, RecorderState
 
 MAX_PACKET_BYTES = 180_000  # within the send buffer of a socket as Linux has it by default
 TEXT_BYTES = 2_000
@@ -25,9 +25,13 @@ class RecordOrder(msgspec.Struct, frozen=True):
 
 
 class Follow(msgspec.Struct, frozen=True, tag=True):
-    """A run to be recorded; its segment comes along as a descriptor. What is still to come of the last one is taken."""
+    """A run to be recorded; its segment comes along as a descriptor. What is still to come of the last one is taken.
+
+    `derived` are signals that are computed of it, as they are when it is handed over.
+    """
 
     segment: str
+    derived: tuple[Derived, ...] = ()
 
 
 class Finish(msgspec.Struct, frozen=True, tag=True):

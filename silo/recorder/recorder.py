@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from silo.collecting.derived_rows import with_derived
 from silo.collecting.rows import Rows
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SegmentError, SiloError
@@ -145,7 +146,8 @@ class Recorder:
             for descriptor in descriptors:
                 closing.callback(os.close, descriptor)
             try:
-                self._runs.append(SegmentReader(command.segment, descriptors[0] if descriptors else None))
+                reader = SegmentReader(command.segment, descriptors[0] if descriptors else None)
+                self._runs.append(with_derived(reader, command.derived))
             except SegmentError as error:
                 self._news.append(f"a run can't be recorded: {error}")
         self._next_since_s = time.monotonic()

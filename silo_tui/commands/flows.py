@@ -179,8 +179,9 @@ def _what_changes(context: Context, changes: Sequence[PendingChange]) -> Text:
     """Return the edits in groups, and what the table takes before and after."""
     session, table = context.session, context.session.table
     frequency_hz = session.status.frequency_hz
-    now = cost_of(table.elements, table.server, frequency_hz)
-    after = cost_of(table.elements, table.values, frequency_hz)
+    own = table.elements[: table.own]  # what is derived takes no memory
+    now = cost_of(own, table.server[:, : table.own], frequency_hz)
+    after = cost_of(own, table.values[:, : table.own], frequency_hz)
     return diff_text(
         changes, table.prefix, cost_text(now, after, session.short_name(after.shortest), session.status.room_bytes)
     )

@@ -1,10 +1,11 @@
 """Finding a logger and opening it: at the beginning, from the list, and again after the robot program was restarted."""
 
 import asyncio
+import math
 import time
 from collections.abc import Sequence
 
-from silo.errors import RefusedError, SiloError
+from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo_tui.commands import flows
 from silo_tui.commands.runner import CommandRunner, view_shown
 from silo_tui.context import Context
@@ -16,8 +17,10 @@ from silo_tui.sessions.demo import Demo
 from silo_tui.sessions.finder import ClientFinder, Found, FoundLogger
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
+from silo_tui.sessions.target import also_a_file
 
 LOOK_S = 1.0
+AGAIN_S = 5.0  # after a logger didn't answer: a link may be cut for a moment
 DEMO_LOOK_S = 0.1
 
 
@@ -35,7 +38,8 @@ class Opener:
         self._view = view  # put on the screen of the first logger that is opened
         self.rate_hz = rate_hz
         self._kept: Layout | None = None
-        self._failed: dict[str, str] = {}  # by key, why it could not be opened: not tried again by itself
+        self._failed: dict[str, str] = {}  # by key, why it could not be opened
+        self._again_s: dict[str, float] = {}  # by key, when it is tried again; never, where that can't help
 
     @property
     def first_screen(self) -> LoggersScreen:
@@ -121,19 +125,22 @@ class Opener:
         try:
             await self._attach(session, logger)
         except (SiloError, OSError) as error:
-            self._failed[logger.key] = f"{logger.name} (pid {logger.pid}): {error}"
+            self._failed[logger.key] = f"{logger.name} ({logger.where}): {error}"
+            passes = isinstance(error, ConnectionLostError) and not isinstance(error, VersionError)
+            self._again_s[logger.key] = time.monotonic() + AGAIN_S if passes else math.inf
             context.take_session(None)
             if app.screen_stack:
                 await app.switch_screen(self.first_screen)
             return False
         self._failed.pop(logger.key, None)
+        self._again_s.pop(logger.key, None)
         if not app.screen_stack:
             return True
         words = await self._show_view()  # first: the question about edits that were kept stands above it
         context.table_changed()
         context.status_changed()
         context.say_settings_problems()
-        if words:
+        if words := "; ".join(filter(None, [words, also_a_file(self._wanted)])):
             context.say(words)
         return True
 
@@ -210,10 +217,10 @@ class Opener:
         if self.demo is not None:
             return next((each for each in loggers if self.demo.owns(each.pid)), None)
         named = self._named(loggers)
-        return named[0] if len(named) == 1 and named[0].key not in self._failed else None
+        only = named[0] if len(named) == 1 else None
+        return only if only is not None and time.monotonic() >= self._again_s.get(only.key, 0.0) else None
 
     def _named(self, loggers: Sequence[FoundLogger]) -> list[FoundLogger]:
-        """Return those that are meant by NAME or NAME.PID; the dead only where none of them lives."""
-        wanted = self._wanted
-        named = [each for each in loggers if not wanted or wanted in {each.name, f"{each.name}.{each.pid}"}]
+        """Return those that are meant by a name or an address; the dead only where none of them lives."""
+        named = [each for each in loggers if each.is_meant_by(self._wanted)]
         return [each for each in named if not each.dead] or named

@@ -2,22 +2,28 @@
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from silo.arguments import path as file_path
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
+from silo.ipc.messages import RefusedWhy
 from silo.settings.words import Settings, completions, read_settings
 from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
 from silo_tui.context import NOT_EDITED, Context, SiloScreen
 from silo_tui.layouts import files, views
+from silo_tui.layouts.layout import Layout, read, write
 from silo_tui.model import command_line, text
 from silo_tui.screens import recorder
+from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.exporting import picture
 from silo_tui.screens.opened import open_path
 from silo_tui.screens.table import TableScreen
+from silo_tui.sessions.live import why
 
+ROBOT = "robot:"  # in front of the name of a view that the robot keeps
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 
 
@@ -215,17 +221,19 @@ class CommandRunner:
         elif spelled.arguments:
             self._context.run_flow(open_view(self._context, " ".join(spelled.arguments)))
         else:
-            known = files.names()
-            self._context.say(f"views: {', '.join(known)}" if known else "no views yet; `:view save NAME` makes one")
+            self._context.run_flow(tell_views(self._context))
 
     def _save_view(self, name: str) -> None:
         layout = views.capture(self._context)
         if layout is None:
             raise RefusedError("no logger is open: there is nothing to keep")
+        plots = f" with {text.plural(len(layout.plots), 'plot')}" if layout.plots else ""
+        if name.startswith(ROBOT):
+            self._context.run_flow(keep_on_robot(self._context, name.removeprefix(ROBOT), layout))
+            return
         file = files.place(name)
         again = file.exists()
         files.save(file, layout)
-        plots = f" with {text.plural(len(layout.plots), 'plot')}" if layout.plots else ""
         self._context.say(f"view {name} {'written over' if again else 'kept'}{plots}; silo-tui --view {name} opens it")
 
     def word_picture(self, spelled: command_line.Spelled) -> None:
@@ -253,10 +261,41 @@ async def open_view(context: Context, name: str) -> None:
 
 
 async def view_shown(context: Context, name: str) -> str:
-    """Put a view on the screen; return what is to be said of it. RefusedError where there is none of that name."""
+    """Put a view on the screen; return what is to be said of it. RefusedError where there is none of that name.
+
+    `robot:NAME` is one that the robot keeps.
+    """
     try:
-        layout, problems = files.load(name)
+        if name.startswith(ROBOT):
+            plain = name.removeprefix(ROBOT)
+            layout, problems = read((await context.link.read(lambda client: client.kept_view(plain))).text)
+        else:
+            layout, problems = files.load(name)
     except ValueError as error:
         raise RefusedError(str(error)) from error
     missing = await views.show(context, layout)
     return "; ".join(filter(None, [f"view {name}", missing, *problems[:1]]))
+
+
+async def tell_views(context: Context) -> None:
+    """Say which views there are, here and on the robot."""
+    known = files.names()
+    with suppress(SiloError):  # an older silo, or no link: those of this machine are there all the same
+        known += [ROBOT + name for name in (await context.link.read(lambda client: client.kept_views())).names]
+    none = "no views yet; `:view save NAME` makes one, `:view save robot:NAME` one for all who look at this robot"
+    context.say(f"views: {', '.join(known)}" if known else none)
+
+
+async def keep_on_robot(context: Context, name: str, layout: Layout) -> None:
+    """Keep a view on the robot; over one of that name after a question."""
+    link = context.link
+    try:
+        said = await link.call(lambda client: client.keep_view(name, write(layout)))
+    except RefusedError as refused:
+        if why(refused) is not RefusedWhy.EXISTS:
+            raise
+        question = Question(f"Write over view {name}?", str(refused), [Choice("no", "No"), Choice("yes", "Write", "y")])
+        if await context.app.push_screen_wait(question) != "yes":
+            return
+        said = await link.call(lambda client: client.keep_view(name, write(layout), overwrite=True))
+    context.say(f"{said}; silo-tui --view {ROBOT}{name} opens it")

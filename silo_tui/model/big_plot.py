@@ -1,7 +1,7 @@
 """One plot that fills the screen: over time, a spectrum, one signal over another, a histogram; as cells and words."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,9 +9,7 @@ import numpy as np
 from silo.columns import bins_at, reduce
 from silo.values import Floats
 from silo_tui.model import axes, braille, dots, text
-from silo_tui.model.columns import ColumnStore
-from silo_tui.model.panels import LETTERS, sides
-from silo_tui.model.plots import NOBODY, Owners, Plotted, PlotWindow, draw_panel, together
+from silo_tui.model.plots import NOBODY, Owners
 from silo_tui.model.spectra import Histogram, Pair, Peak, Spectrum
 
 TRAIL = "·∙•●"  # by age, the newest last
@@ -31,35 +29,6 @@ class BigPlot:
     notes: tuple[str, ...] = ()
     spots: tuple[tuple[int, int, str], ...] = ()  # line, cell and sign of what is marked in it
     aged: bool = False
-
-
-def over_time(
-    store: ColumnStore,
-    window: PlotWindow,
-    plots: Sequence[Plotted],
-    size: tuple[int, int],
-    period_of: Callable[[str], int],
-    below: list[str],
-) -> BigPlot:
-    """Return signals of at most two units over time, with marks for nan and inf and holes with their reason."""
-    width, height = size
-    right = sides(tuple(plots))
-    pictures = draw_panel(store, window, plots, right, width, height, period_of)
-    cells, owners = together(pictures)
-    left, origin = axes.tick_words(axes.ticks_of(pictures[0].scale, height), pictures[0].base, 9)
-    other: dict[int, str] = {}
-    origins = [origin]
-    if any(right):
-        picture = pictures[right.index(True)]
-        other, origin = axes.tick_words(axes.ticks_of(picture.scale, height), picture.base, 9)
-        origins.append(origin)
-    spots = tuple(
-        (picture.newest // 4, width - 1, LETTERS[place])
-        for place, picture in enumerate(pictures)
-        if len(pictures) > 1 and picture.newest is not None
-    )
-    notes = tuple(f"counted from {origin}" for origin in origins if origin)
-    return BigPlot(dots.lines_of(cells), owners, left, below, other, notes, spots)
 
 
 def levels(amplitudes: Floats, way: str) -> Floats:

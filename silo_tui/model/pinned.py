@@ -17,10 +17,7 @@ from silo.amounts import duration
 from silo.columns import MAX_COLUMNS, Bins, ColumnGrid, ColumnStore, HistoryColumns, bins_of, coarser, grid_of
 from silo.errors import SiloError
 from silo.model import ElementInfo, LoggedEvent
-from silo.values import newest_values, numbers
-from silo_tui.model.live import Reading
-from silo_tui.model.plots import SECOND_NS, SPANS_S, Plotted, signs_of
-from silo_tui.model.recorded import SHORT_SPANS_S, Facts
+from silo_tui.model.plots import SECOND_NS, Plotted
 from silo_tui.model.source import PlotSource, Samples
 
 SLICES = 32  # the span is fetched in so many pieces
@@ -67,6 +64,10 @@ class PinnedSource:
         """Return the element of that name, as it was."""
         return self._elements.get(name) or self._live.element(name)
 
+    def reads(self, reader: PinReader) -> bool:
+        """Return whether it is fetched from there."""
+        return self._reader is reader
+
     def period_ns(self, element: str) -> int:
         """Return the time between two samples of an element, as it was."""
         return self._periods.get(element) or self._live.period_ns(element)
@@ -79,12 +80,6 @@ class PinnedSource:
     def is_live(self, element: str) -> bool:
         """Return whether the element is pinned."""
         return element in self._elements
-
-    @property
-    def spans_s(self) -> tuple[float, ...]:
-        """The spans that one zooms through; the last one is all that is pinned."""
-        whole = (self.end_ns - self.begin_ns) / SECOND_NS
-        return (*(span for span in SHORT_SPANS_S + SPANS_S if span < 0.7 * whole), whole)
 
     @property
     def held_s(self) -> float:
@@ -119,14 +114,6 @@ class PinnedSource:
         if self._coarse is None and not self._slices:
             here = "only the picture here"
         return f"{here}, no more: {self.problem}" if self.problem else f"{held} held, {here}"
-
-    def extent_ns(self, names: Sequence[str]) -> tuple[int, int]:
-        """The first and the last moment that is pinned."""
-        return self.begin_ns, self.end_ns
-
-    def clamp_end(self, end_ns: int, span_ns: int) -> int:
-        """The right edge of a window so that it lies in what is pinned."""
-        return min(self.end_ns, max(end_ns, self.begin_ns + span_ns))
 
     # --------------------------------------------------------------------------------------------------- fetching
 
@@ -246,46 +233,6 @@ class PinnedSource:
 
     def _period_of(self, entry: str) -> int:
         return self._periods[self._element_of[entry]] if entry in self._element_of else 0
-
-    def facts(self, name: str, first: int, stop: int, column_ns: int) -> Facts:
-        """Minimum, maximum and mean of the samples that are here in columns `first ... stop - 1`."""
-        time_ns, values = self.held(name, first * column_ns, stop * column_ns - 1)
-        if not len(time_ns) or values.dtype.kind in "SU":
-            return Facts(math.nan, math.nan, math.nan, 0)
-        found = numbers(values)
-        finite = found.offsets[np.isfinite(found.offsets)]
-        count = int((~np.isnan(found.offsets)).sum())
-        grid = ColumnGrid(1, 0, 1)
-        grid.add(0, bins_of(np.zeros(len(values), np.int64), 1), values)
-        signs = signs_of(grid.marks[0])
-        if not len(finite):
-            return Facts(math.nan, math.nan, math.nan, count, signs=signs)
-        return Facts(
-            float(finite.min()), float(finite.max()), float(finite.mean()), count, len(finite), found.base, signs
-        )
-
-    def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:
-        """What held at a time, of elements: the newest sample up to then that is here."""
-        return {name: self._reading(self._elements[name], time_ns) for name in names if name in self._elements}
-
-    def _reading(self, element: ElementInfo, time_ns: int) -> Reading:
-        newest = np.full(len(element.entries), np.nan)
-        texts: dict[int, str] = {}
-        held = 0
-        for position, entry in enumerate(element.entries):
-            stamps, values = self.held(element.name + entry.suffix, self.begin_ns, time_ns)
-            held = max(held, len(stamps))
-            if len(stamps):
-                floats, words = newest_values(values[-1:])
-                newest[position] = floats[0]
-                texts.update((position, word) for word in words.values())
-        return Reading(newest, texts, held, 0, time_ns)
-
-    def neighbour(self, name: str, time_ns: int, step: int) -> int:
-        """Time of the next (`step` 1) or previous (-1) sample of an entry that is here; else the same time."""
-        stamps, _ = self.held(name, self.begin_ns, self.end_ns)
-        at = int(np.searchsorted(stamps, time_ns, "right")) if step > 0 else int(np.searchsorted(stamps, time_ns)) - 1
-        return int(stamps[at]) if 0 <= at < len(stamps) else time_ns
 
 
 def _copy_of(shown: ColumnStore) -> HistoryColumns:

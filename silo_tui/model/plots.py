@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from silo.columns import Mark, Marks
 from silo.model import ElementInfo, Entry
 from silo_tui.model import axes, braille, dots
-from silo_tui.model.columns import ColumnStore, Piece, hold_piece
+from silo_tui.model.columns import ColumnStore, Floats, Piece, hold_piece
+from silo_tui.model.log_axis import LogAxis, axis_of, scale_of, words_of
 
 SPANS_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
 MAX_COLUMNS = 4096
@@ -58,6 +59,7 @@ class PlotWindow:
     at_ns: int | None = None  # while the picture stands still: the moment of cursor A
     other_ns: int | None = None  # the moment of cursor B
     fixed_scale: bool = False
+    logs: set[str] = field(default_factory=set)  # entries whose axis has powers of ten
     scales: dict[str, tuple[float, float]] = field(default_factory=dict)
     spans: tuple[float, ...] = SPANS_S
     _bases: dict[str, tuple[int, int]] = field(default_factory=dict)
@@ -116,24 +118,56 @@ class PlotWindow:
 
 
 @dataclass(frozen=True)
-class Picture:
-    """One signal, ready to be drawn: its dots, the ends of its scale, and what stands at the cursor.
+class Axis:
+    """Where values stand in a plot: the ends of its scale; where `log` is one, they are places on that."""
 
-    All numbers are offsets from `base`; NaN where there is no finite one. `signs` names what is no number. `newest` is
-    the row of dots of the newest value, None where there is none.
+    scale: axes.Scale
+    base: int = 0
+    log: LogAxis | None = None
+
+    def rows(self, values: Floats, rows: int) -> NDArray[np.int64]:
+        """Return the row of dots of values, offsets from the base, 0 at the bottom; those outside at its edge."""
+        return braille.row_of(self.places(values), self.scale, rows)
+
+    def places(self, values: Floats) -> Floats:
+        """Return where values stand on the scale."""
+        return values if self.log is None else self.log.place(values)
+
+    def words(self, lines: int, width: int) -> tuple[dict[int, str], str]:
+        """Return what stands on which line of the axis, and what these numbers count from."""
+        if self.log is not None:
+            return words_of(self.log, self.scale, lines), ""
+        return axes.tick_words(axes.ticks_of(self.scale, lines), self.base, width)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One signal, ready to be drawn: its dots, its axis, and what stands at the cursor.
+
+    All numbers are offsets from the base of the axis; NaN where there is no finite one. `signs` names what is no
+    number. `newest` is the row of dots of the newest value, None where there is none.
     """
 
     piece: Piece
     lit: dots.Dots
-    scale: axes.Scale
+    axis: Axis
     smallest: float
     largest: float
     at_cursor: tuple[float, float] | None
-    base: int = 0
     holes: tuple[braille.DrawnHole, ...] = ()
     signs: str = ""
     cursor_signs: str = ""
     newest: int | None = None
+
+    @property
+    def scale(self) -> axes.Scale:
+        """The ends of its axis."""
+        return self.axis.scale
+
+    @property
+    def base(self) -> int:
+        """What its numbers are offsets from."""
+        return self.axis.base
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -175,20 +209,30 @@ def draw_panel(
     """
     pieces = pieces_of(store, series, 2 * width, period_of) + list(ghosts.values())
     right = [*right, *(right[place] for place in ghosts)]
-    scales: dict[bool, tuple[axes.Scale, int]] = {}
+    found: dict[bool, Axis] = {}
     for side in dict.fromkeys(right):
         members = [at for at, its in enumerate(right) if its is side]
-        base = max((pieces[at].base for at in members), key=abs)
+        log = any(series[at].name in window.logs for at in members if at < len(series))
+        base = 0 if log else max((pieces[at].base for at in members), key=abs)
         for at in members:
             pieces[at] = _on_base(pieces[at], base)
         key = "|".join(series[at].name for at in members if at < len(series))
-        found = [ends for at in members if (ends := braille.value_range(pieces[at].low, pieces[at].high))]
-        around = (min(low for low, _ in found), max(high for _, high in found)) if found else None
-        scales[side] = window.follow_scale(key, around, height, base), base
-    return [
-        _picture(store, window, piece, scales[side][0], width, height)
-        for piece, side in zip(pieces, right, strict=True)
-    ]
+        found[side] = _axis_of(window, key, [pieces[at] for at in members], height, base, log=log)
+    return [_picture(window, piece, found[side], width, height) for piece, side in zip(pieces, right, strict=True)]
+
+
+def _axis_of(window: PlotWindow, key: str, pieces: Sequence[Piece], height: int, base: int, *, log: bool) -> Axis:
+    spans = [ends for piece in pieces if (ends := braille.value_range(piece.low, piece.high))]
+    around = (min(low for low, _ in spans), max(high for _, high in spans)) if spans else None
+    if not log:
+        return Axis(window.follow_scale(key, around, height, base), base)
+    axis = axis_of([values for piece in pieces for values in (piece.low, piece.high)])
+    if axis is None or around is None:
+        return Axis((math.nan, math.nan), base)
+    held = f"{key} log {axis.least:g} {axis.signed}"
+    if not (window.fixed_scale and held in window.scales):
+        window.scales[held] = scale_of(axis, *around)
+    return Axis(window.scales[held], base, axis)
 
 
 def _on_base(piece: Piece, base: int) -> Piece:
@@ -198,9 +242,7 @@ def _on_base(piece: Piece, base: int) -> Piece:
     return Piece(piece.low + shift, piece.high + shift, piece.marks, base)
 
 
-def _picture(
-    store: ColumnStore, window: PlotWindow, piece: Piece, scale: axes.Scale, width: int, height: int
-) -> Picture:
+def _picture(window: PlotWindow, piece: Piece, axis: Axis, width: int, height: int) -> Picture:
     columns = 2 * width
     ends = braille.value_range(piece.low, piece.high) or (math.nan, math.nan)
     at_cursor, cursor_signs = None, ""
@@ -210,16 +252,15 @@ def _picture(
         if not np.isnan(piece.low[here]).all():
             at_cursor = float(np.nanmin(piece.low[here])), float(np.nanmax(piece.high[here]))
         cursor_signs = signs_of(piece.marks[here])
-    lit = braille.curve(piece.low, piece.high, scale, width, height)
+    lit = braille.curve(axis.places(piece.low), axis.places(piece.high), axis.scale, width, height)
     newest = np.flatnonzero(~np.isnan(piece.low))
-    row = int(braille.row_of(piece.high[newest[-1:]], scale, 4 * height)[0]) if len(newest) else None
+    row = int(axis.rows(piece.high[newest[-1:]], 4 * height)[0]) if len(newest) else None
     return Picture(
         piece,
         lit,
-        scale,
+        axis,
         *ends,
         at_cursor,
-        piece.base,
         tuple(braille.holes(piece.low, piece.marks, width)),
         signs_of(piece.marks),
         cursor_signs,

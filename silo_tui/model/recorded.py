@@ -8,7 +8,7 @@ import asyncio
 import math
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.columns import Bins, ColumnGrid, HistoryColumns, Hole, grid_of
+from silo.judging.moments import Found, Looking
 from silo.model import Action, ElementInfo, ElementOptions, LoggedEvent
 from silo.recording import RecordedElement, Recording
 from silo.values import newest_values, numbers
 from silo_tui.model.columns import Floats, Marks
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, signs_of
+from silo_tui.model.searching import found_in
 from silo_tui.model.source import Samples
 
 TILE = 64
@@ -144,10 +146,6 @@ class RecordingSource:
         first = min(element.first for element in elements)
         last = max(element.first + (element.count - 1) * element.divider for element in elements)
         return int(self._times[first]), int(self._times[last])
-
-    def clamp_end(self, end_ns: int, span_ns: int) -> int:
-        """The right edge of a window so that it lies in the recording."""
-        return min(self.end_ns, max(end_ns, self.begin_ns + span_ns))
 
     # ------------------------------------------------------------------------------------------------ columns
 
@@ -291,18 +289,13 @@ class RecordingSource:
         first, step = signal.first + begin * signal.divider, signal.divider
         return self._times[first : first + (end - begin) * step : step], signal.values[begin:end]
 
-    def neighbour(self, name: str, time_ns: int, step: int) -> int:
-        """Time of the next (`step` 1) or previous (-1) sample of an entry; the same time where there is none."""
-        signal = self._signals.get(name)
-        if signal is None or not len(signal.values):
-            return time_ns
-        tick = int(np.searchsorted(self._times, time_ns, "right" if step > 0 else "left"))
-        # the first sample at or after that tick, or the last one before it
-        at = -((signal.first - tick) // signal.divider) if step > 0 else (tick - 1 - signal.first) // signal.divider
-        at = max(0, at) if step > 0 else at
-        if not 0 <= at < len(signal.values):
-            return time_ns
-        return int(self._times[signal.first + at * signal.divider])
+    async def find(self, looking: Mapping[str, Looking], around_ns: int, most: int) -> tuple[dict[str, Found], str]:
+        """Look for moments in all samples of entries; nothing of a file is out of reach."""
+        found = {}
+        for name, wanted in looking.items():
+            samples = await self.samples(name, self.begin_ns, self.end_ns)
+            found[name] = await asyncio.to_thread(found_in, wanted, samples, around_ns, most)
+        return found, ""
 
 
 def _info(name: str, element: RecordedElement) -> ElementInfo:

@@ -1,12 +1,13 @@
 """Where plots get their data: a live logger, or a recording. The monitor knows only this."""
 
-from collections.abc import Awaitable, Sequence
+from collections.abc import Awaitable, Mapping, Sequence
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from silo.columns import HistoryColumns
+from silo.judging.moments import Found, Looking
 from silo.model import ElementInfo, LoggedEvent
 
 Samples: TypeAlias = tuple[NDArray[np.int64], NDArray[Any]]  # time stamps in ns and values, both of shape `(n,)`
@@ -49,3 +50,12 @@ class PlotSource(Protocol):
         The values are of the entry's own type. Empty where there is none. A live source raises a SiloError where the
         logger doesn't answer.
         """
+
+
+class HeldRows(PlotSource, Protocol):
+    """A source that stands still: all that is held of some signals can be looked through."""
+
+    def find(
+        self, looking: Mapping[str, Looking], around_ns: int, most: int
+    ) -> Awaitable[tuple[dict[str, Found], str]]:
+        """Look for moments in all samples of entries, and return why some could not be looked through."""

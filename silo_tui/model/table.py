@@ -73,6 +73,7 @@ class TableState:
         self._beyond_bits: NDArray[np.int64] = np.zeros(0, np.int64)
         self.revision = -1
         self.version = 0  # grows with every change, so that caches can tell
+        self.own = 0  # how many of the elements are the logger's own: the rows after them are derived
         self._row_of: dict[str, int] = {}
         self._server = np.zeros((FIELDS, 0), np.int64)
         self._edited = np.zeros((FIELDS, 0), np.bool_)
@@ -111,6 +112,11 @@ class TableState:
         """(fields, rows) with pending edits."""
         pending = self.pending
         return int(pending.sum()), int(pending.any(axis=0).sum())
+
+    @property
+    def derived(self) -> Mask:
+        """Shape `(n,)`: rows that are computed from others, and have no options of their own."""
+        return np.arange(len(self.elements)) >= self.own
 
     def row(self, name: str) -> int | None:
         """Return the row of an element, None when there is none of that name."""
@@ -176,8 +182,12 @@ class TableState:
         return self.edit_all(rows, wanted, label)
 
     def edit_all(self, which: Sequence[int] | Rows, wanted: Ints, label: str = "") -> int:
-        """Wants `wanted`, shape `(5, len(which))`, in those rows; one undo step. Returns how many cells changed."""
+        """Wants `wanted`, shape `(5, len(which))`, in those rows; one undo step. Returns how many cells changed.
+
+        Rows that are derived stay as they are.
+        """
         rows: Rows = np.asarray(which, np.intp)
+        rows, wanted = rows[rows < self.own], wanted[:, rows < self.own]
         changed = self.values[:, rows] != wanted
         some = changed.any(axis=0)
         if not some.any():
@@ -255,11 +265,13 @@ class TableState:
 
         Edits that the new table already fulfils are done; edits of elements that are gone are dropped.
         """
-        names = [element.name for element in table.elements]
-        server = rows_of([element.options for element in table.elements])
+        elements = [*table.elements, *table.derived]
+        names = [element.name for element in elements]
+        server = rows_of([element.options for element in elements])
         if names != self.names:
             self._carry_over(names, server)
-        self.elements, self.revision, self._server = list(table.elements), table.revision, server
+        self.elements, self.own = elements, len(table.elements)
+        self.revision, self._server = table.revision, server
         self._edited &= self._wanted != server
         self.take_beyond(self._beyond)
         self.version += 1

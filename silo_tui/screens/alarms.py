@@ -99,7 +99,7 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
     def _plot(self, one: LimitStatus) -> MonitorScreen | None:
         element = self._element_of(one)
         if element is None:
-            self.say(f"{self.session.short_name(one.name)} is derived: it can't be plotted here")
+            self.say(f"{self.session.short_name(one.name)} is no longer in the table")
             return None
         monitor = MonitorScreen(self.session, LiveSource(self.session), [element])
         places = [place for place, plotted in enumerate(monitor.stack.plots) if plotted.name == one.name]

@@ -148,8 +148,8 @@ class ConditionsScreen(SiloScreen, Generic[Status]):
         parts = [f"{len(self.marks.keys)} marked"] if self.marks.keys else []
         parts += [f"/{self._asked}: {len(self._drawn)} of {len(self.all)}"] if self._asked else []
         parts += [f"by {self._order.name}"] if self._order is not self.orders[0] or self._turned else []
-        parts += [self._said] if self._said else [one.words for one in self.session.fetches.values()]
-        parts += [] if self._said or self.session.fetches else [self.words() if self.all else self.empty]
+        fetching = " │ ".join(one.words for one in self.session.fetches.values())
+        parts.append(self._said or fetching or (self.words() if self.all else self.empty))
         for line in self.query("#conditions-said").results(Static):  # none of a screen that is gone
             line.update(Text(f" {' │ '.join(filter(None, parts))}"))
 

@@ -1,7 +1,8 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
-"""One large plot: signals over time, one against another, their spectrum, a histogram.
+"""One large plot: signals over time as in the monitor, one against another, their spectrum, a histogram.
 
-Reading and computing happen in a worker when asked, never while keys are waiting.
+Over time it is the monitor with one plot, with the same keys, pause and window. Reading and computing happen in a
+worker when asked, never while keys are waiting.
 """
 
 import asyncio
@@ -11,24 +12,20 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
-from textual.timer import Timer
 from textual.widgets import Static
 
 from silo.amounts import duration
 from silo.errors import SiloError
 from silo.values import as_floats
 from silo_tui.actions import bindings_for
-from silo_tui.context import SiloScreen
 from silo_tui.model import big_plot, text
 from silo_tui.model.big_plot import BigPlot
-from silo_tui.model.columns import ColumnStore, Floats
-from silo_tui.model.panels import LETTERS, sides
-from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, SPANS_S, Plotted, PlotWindow
-from silo_tui.model.recorded import SHORT_SPANS_S
-from silo_tui.model.source import PlotSource, Samples
+from silo_tui.model.columns import Floats
+from silo_tui.model.panels import LETTERS
+from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, Plotted
+from silo_tui.model.source import Samples
 from silo_tui.model.spectra import (
     MOST_PEAKS,
     Peak,
@@ -40,16 +37,15 @@ from silo_tui.model.spectra import (
     peaks_of,
     spectrum_of,
 )
-from silo_tui.screens.exporting import ask_export
-from silo_tui.sessions.live import Session
+from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.detail_plot import DetailPlot
+from silo_tui.widgets.plot_stack import PlotStack
 
 MODES = ("time", "x-y", "spectrum", "histogram")
 LEVELS = ("linear", "log", "dB")
 MAX_SERIES = 8
 DEBOUNCE_S = 0.15
-FAR = 10
 FEW_PEAKS = 6  # as many as two lines of 80 cells hold
 
 
@@ -64,72 +60,86 @@ class Analysed:
     top_hz: float = 0.0
 
 
-class DetailScreen(SiloScreen):
-    """A plot of up to eight entries: the first `count` of `plots` are those of the panel that was chosen."""
+class LargePlot(MonitorScreen, inherit_bindings=False):
+    """A plot of up to eight entries: the first `count` of `plots` are those of the panel that was chosen.
 
-    scope = "detail"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("detail")
+    The monitor below it lends its window and its pause, and gets them back as they are then.
+    """
 
-    def __init__(
-        self,
-        session: Session,
-        source: PlotSource,
-        plots: Sequence[Plotted],
-        end_ns: int,
-        span_s: float,
-        count: int = 1,
-    ) -> None:
-        super().__init__()
-        self.session = session
-        self.source = source
+    below: MonitorScreen
+
+    def share(self, monitor: MonitorScreen, stack: PlotStack) -> None:
+        """Take over what a monitor shows; `stack` draws the plot over time."""
+        plots, count = monitor.stack.for_detail()
+        self.below = monitor
         self.plots = list(plots[:MAX_SERIES])
         self.count = min(count, MAX_SERIES)
-        self.end_ns = end_ns
-        self.span_s = span_s
         self.mode = MODES[0]
         self.level = LEVELS[0]
-        self._said = ""
         self._kind = ""
         self._peaks: Sequence[Peak] = ()
         self._peak: int | None = None
         self._top_hz = 0.0
-        self._timer: Timer | None = None
         self._turned = 0  # which of the signals stands first now
+        self.window, self.pause = monitor.window, monitor.pause
+        self.stack = stack
+        stack.show_panels([tuple(self.plots[: self.count])])
+        stack.prefix, stack.fresh = monitor.stack.prefix, monitor.stack.fresh
+        stack.readings, stack.bounds, stack.events = monitor.stack.readings, monitor.stack.bounds, monitor.stack.events
+        self._asked = stack.store
+        self.plot = DetailPlot()
+        self.plot.display = False
+        self.take_back()
 
     def compose(self) -> ComposeResult:
-        """Yield title, plot, keys."""
+        """Yield status, banner, title, plot, line of facts, keys."""
+        yield self.status_bar
+        yield self.banner
         yield Static("", id="detail-title", markup=False)
-        self.plot = DetailPlot()
+        yield self.stack
         yield self.plot
+        yield self.between
+        yield self.line
         yield KeyBar(self.scope)
 
-    def on_resize(self, event: events.Resize) -> None:
-        """Draw anew."""
-        self.draw_soon()
+    def let_go(self) -> None:
+        """Leave what is held to the monitor."""
+
+    @property
+    def pinned_plots(self) -> Sequence[Plotted]:
+        """What a pause holds: all that the monitor has."""
+        return self.below.stack.plots
+
+    @property
+    def span_s(self) -> float:
+        """The span of the window."""
+        return self.window.span_s
+
+    def request_view(self) -> None:
+        """Show what is wanted over time; the other views are computed when that has settled."""
+        self._title()
+        if self.mode == MODES[0]:
+            super().request_view()
+        elif self.context.upper_screen is self:
+            self.draw_soon()
 
     def draw_soon(self) -> None:
         """Draw when what is wanted has settled."""
-        self._title()
         if self._timer is not None:
             self._timer.stop()
         self._timer = self.set_timer(DEBOUNCE_S, self._begin)
 
-    def say(self, words: str) -> None:
-        """Show the result of something."""
-        self._said = words
+    def _more_is_here(self) -> None:
+        super()._more_is_here()
         self._title()
 
     def _title(self) -> None:
         shown = self.plots[: self.count if self.mode in {"time", "spectrum"} else 2 if self.mode == "x-y" else 1]
         names = "  ".join(f"{self._letter(place)}{self._label(plotted)}" for place, plotted in enumerate(shown))
         level = f" {self.level}" if self.mode == "spectrum" else ""
-        name = self.session.name if self.size.width >= 100 else text.shorten_left(self.session.name, 12)
-        parts = [f"silo {name}", f"{self.mode.upper()}{level}", *([self._kind] if self._kind else [])]
-        parts += [self._place(), *([self._said] if self._said else [])]
+        parts = [f"{self.mode.upper()}{level}", *([self._kind] if self._kind else []), self._place()]
         room = self.size.width - len("  ".join(parts)) - 6
-        parts.insert(1, text.shorten_left(names, max(12, room)))
-        while self._said and len(parts) > 1 and len("  ".join(parts)) > self.size.width:
-            parts.pop(0)  # what was said last is read whole
+        parts.insert(0, text.shorten_left(names, max(12, room)))
         for title in self.query("#detail-title").results(Static):  # none while the screen goes
             title.update("  ".join(parts))
 
@@ -137,21 +147,17 @@ class DetailScreen(SiloScreen):
         return f"{LETTERS[place]} " if self.count > 1 or self.mode == "x-y" else ""
 
     def _place(self) -> str:
-        back = (self.source.end_ns - self.end_ns) / SECOND_NS
-        paused = "" if self.source.live else "PAUSED  "  # the monitor holds it
-        return paused + text.span(self.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
-
-    @property
-    def zero_ns(self) -> int:
-        """The moment that the axis calls 0: in a pause the newest one, as in the plots."""
-        back_ns = self.source.end_ns - self.end_ns
-        return self.end_ns if self.source.live or abs(back_ns) < self._span_ns // 100 else self.source.end_ns
+        back = (self.source.end_ns - self._end_ns) / SECOND_NS
+        return text.span(self.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
 
     def _begin(self) -> None:
         self.run_worker(self._draw(), group="draw", exclusive=True)
 
     async def _draw(self) -> None:
-        ways = {"time": self._time, "spectrum": self._spectrum, "x-y": self._pair, "histogram": self._histogram}
+        ways = {"spectrum": self._spectrum, "x-y": self._pair, "histogram": self._histogram}
+        if self.mode not in ways:
+            return
+        await self.pause.settled()
         try:
             found = await ways[self.mode]()
         except SiloError as error:
@@ -164,46 +170,15 @@ class DetailScreen(SiloScreen):
         self.plot.show(found.plot, [*found.notes, *self._at_cursor()])
         self._title()
 
-    @property
-    def _span_ns(self) -> int:
-        return round(self.span_s * SECOND_NS)
-
-    async def _time(self) -> Analysed:
-        plots = [plotted for plotted in self.plots[: self.count] if plotted.numeric]
-        self.plot.two_sided = any(sides(tuple(plots)))
-        width, _ = self.plot.plot_size
-        names = [plotted.name for plotted in plots]
-        store = ColumnStore(names, 2 * width, max(1, math.ceil(self._span_ns / (2 * width))))
-        past = await self.source.history(names, self.end_ns - self._span_ns, self.end_ns, store.column_ns)
-        store.advance_to(self.end_ns // store.column_ns + 1)
-        store.take(past)
-        if np.isnan(store.low).all() and not store.marks.any():
-            raise ValueError("no sample in this window")
-        window = PlotWindow(self.span_s)
-        below = [self._time_word(share) for share in (0, 0.25, 0.5, 0.75, 1)]
-        drawn = big_plot.over_time(store, window, plots, self.plot.plot_size, self.source.period_ns, below)
-        notes = []
-        for place, plotted in enumerate(plots):
-            finite = store.low[place][np.isfinite(store.low[place])], store.high[place][np.isfinite(store.high[place])]
-            ends = text.told_apart(float(finite[0].min()), float(finite[1].max())) if len(finite[0]) else ("-", "-")
-            base = f" from {store.base(place)}" if store.base(place) else ""
-            notes.append(f"{self._letter(place)}{self._label(plotted)}  min {ends[0]}  max {ends[1]}{base}")
-        return Analysed(drawn, notes)
-
-    def _time_word(self, share: float) -> str:
-        at_ns = self.end_ns - round(self._span_ns * (1 - share))
-        decimals = max(0, min(9, 2 - math.floor(math.log10(self.span_s / 4))))
-        return f"{(at_ns - self.zero_ns) / SECOND_NS + 0.0:.{decimals}f} s"
-
     async def _samples(self, plotted: Plotted) -> Samples:
         """Raw samples; where there are none, the middle of columns of one sample each."""
-        start_ns = self.end_ns - self._span_ns
+        start_ns, end_ns = self._shown_ns
         try:
-            return await self.source.samples(plotted.name, start_ns, self.end_ns)
+            return await self.source.samples(plotted.name, start_ns, end_ns)
         except SiloError:
             period = self.source.period_ns(plotted.element.name)
-            column_ns = max(period, math.ceil(self._span_ns / (MAX_COLUMNS - 2)))
-            past = await self.source.history([plotted.name], start_ns, self.end_ns, column_ns)
+            column_ns = max(period, math.ceil(self.window.span_ns / (MAX_COLUMNS - 2)))
+            past = await self.source.history([plotted.name], start_ns, end_ns, column_ns)
             middle = past.low[0] / 2 + past.high[0] / 2 + past.bases.get(0, 0)
             times = (past.first + np.arange(len(middle), dtype=np.int64)) * column_ns
             return times[~np.isnan(middle)], middle[~np.isnan(middle)]
@@ -273,23 +248,34 @@ class DetailScreen(SiloScreen):
         self.mode = MODES[(MODES.index(self.mode) + 1) % len(MODES)]
         self._said = self._kind = ""
         self._peak = self.plot.cursor = None
-        self.plot.two_sided = False
         self._peaks = ()
-        self.draw_soon()
+        over_time = self.mode == MODES[0]
+        self.stack.display, self.plot.display = over_time, not over_time
+        if not over_time:
+            self.between.hide()
+        self.call_after_refresh(self.request_view)
 
     def command_level(self) -> None:
-        if self.mode != "spectrum":
-            self.say("Y is for spectra: Tab leads there")
-            return
-        self.level = LEVELS[(LEVELS.index(self.level) + 1) % len(LEVELS)]
-        self._said = ""
-        self.draw_soon()
+        if self.mode == "spectrum":
+            self.level = LEVELS[(LEVELS.index(self.level) + 1) % len(LEVELS)]
+            self._said = ""
+            self.request_view()
+        elif self.mode == MODES[0]:
+            self.command_log_axis()
+        else:
+            self.say("Y is for signals over time and for spectra: Tab leads there")
 
-    def command_next_peak(self) -> None:
-        self._go_to_peak(1)
+    def command_next_found(self) -> None:
+        if self.mode == MODES[0]:
+            super().command_next_found()
+        else:
+            self._go_to_peak(1)
 
-    def command_previous_peak(self) -> None:
-        self._go_to_peak(-1)
+    def command_previous_found(self) -> None:
+        if self.mode == MODES[0]:
+            super().command_previous_found()
+        else:
+            self._go_to_peak(-1)
 
     def _go_to_peak(self, step: int) -> None:
         if not self._peaks:
@@ -299,66 +285,37 @@ class DetailScreen(SiloScreen):
         self._peak = (before + step) % len(self._peaks)
         peak = self._peaks[self._peak]
         level = big_plot.level_words(peak.amplitude, self.level, self.plots[0].element.unit)
-        self._said = f"peak {self._peak + 1}: {peak.frequency_hz:.6g} Hz, {level}"
+        self.say(f"peak {self._peak + 1}: {peak.frequency_hz:.6g} Hz, {level}")
         self.draw_soon()
 
-    def command_detail_cursor_left(self) -> None:
-        self._move_cursor(-1)
-
-    def command_detail_cursor_right(self) -> None:
-        self._move_cursor(1)
-
-    def command_detail_cursor_far_left(self) -> None:
-        self._move_cursor(-FAR)
-
-    def command_detail_cursor_far_right(self) -> None:
-        self._move_cursor(FAR)
-
     def _move_cursor(self, cells: int) -> None:
-        if self.mode not in {"time", "spectrum"}:
-            return
-        width = self.plot.plot_size[0]
-        before = self.plot.cursor
-        self.plot.cursor = width // 2 if before is None else max(0, min(width - 1, before + cells))
-        self._said = " ".join(self._at_cursor())
-        self._title()
+        if self.mode == MODES[0]:
+            super()._move_cursor(cells)
+        elif self.mode == "spectrum":
+            width, before = self.plot.plot_size[0], self.plot.cursor
+            self._put_cursor(width // 2 if before is None else max(0, min(width - 1, before + cells)))
+
+    def on_detail_plot_pointed(self, event: DetailPlot.Pointed) -> None:
+        """Put the cursor where the spectrum was clicked."""
+        if self.mode == "spectrum":
+            self._put_cursor(event.cell)
+
+    def _put_cursor(self, cell: int) -> None:
+        self.plot.cursor = cell
+        self.say(" ".join(self._at_cursor()))
         self.plot.refresh()
 
     def _at_cursor(self) -> list[str]:
-        """Where the cursor is."""
-        if self.plot.cursor is None:
+        """Where the cursor is in the spectrum."""
+        if self.plot.cursor is None or self.mode != "spectrum":
             return []
-        share = (self.plot.cursor + 0.5) / self.plot.plot_size[0]
-        return [f"A {share * self._top_hz:.5g} Hz" if self.mode == "spectrum" else f"A {self._time_word(share)}"]
-
-    def command_detail_closer(self) -> None:
-        self._zoom(-1)
-
-    def command_detail_wider(self) -> None:
-        self._zoom(1)
-
-    def _zoom(self, step: int) -> None:
-        spans = SPANS_S if self.source.live else (*SHORT_SPANS_S, *SPANS_S)  # as the plots it was opened from
-        nearest = min(range(len(spans)), key=lambda at: abs(spans[at] - self.span_s))
-        self.span_s = spans[max(0, min(len(spans) - 1, nearest + step))]
-        self.draw_soon()
-
-    def command_detail_earlier(self) -> None:
-        self.end_ns -= round(self.span_s * SECOND_NS) // 4
-        self.draw_soon()
-
-    def command_detail_later(self) -> None:
-        self.end_ns = min(self.source.end_ns, self.end_ns + round(self.span_s * SECOND_NS) // 4)
-        self.draw_soon()
-
-    def command_export_plots(self) -> None:
-        shown = (self.end_ns - self._span_ns, self.end_ns)
-        ask_export(self, self.source, [tuple(self.plots[: self.count])], shown, self.zero_ns)
+        return [f"A {(self.plot.cursor + 0.5) / self.plot.plot_size[0] * self._top_hz:.5g} Hz"]
 
     def command_detail_swap(self) -> None:
         if len(self.plots) > 1:
             self.plots[0], self.plots[1] = self.plots[1], self.plots[0]
-        self.draw_soon()
+            self.stack.show_panels([tuple(self.plots[: self.count])])
+        self.request_view()
 
     def command_detail_down(self) -> None:
         self._turn_to(1)
@@ -380,36 +337,40 @@ class DetailScreen(SiloScreen):
         self._turned = (self._turned + step) % len(self.plots)
         step %= len(self.plots)
         self.plots = self.plots[step:] + self.plots[:step]
-        self.count, self._said, self._peak = 1, "", None
-        self.draw_soon()
-
-    def command_detail_oldest(self) -> None:
-        self._show_held(self.source.begin_ns + self._span_ns)
-
-    def command_detail_newest(self) -> None:
-        self.end_ns = self.source.end_ns
-        self.draw_soon()
-
-    def command_detail_all(self) -> None:
-        held_s = (self.source.end_ns - self.source.begin_ns) / SECOND_NS
-        if self.source.begin_ns:
-            self.span_s = next((span for span in SPANS_S if span >= held_s), SPANS_S[-1])
-        self._show_held(self.source.end_ns)
-
-    def _show_held(self, end_ns: int) -> None:
-        """Let the window end there; live nobody knows what is held, as it goes at any moment."""
-        if not self.source.begin_ns:
-            self.say("live, older rows go at any moment: Esc, space holds them, then Enter again")
-            return
-        self.end_ns = min(end_ns, self.source.end_ns)
-        self.draw_soon()
+        self.count, self._peak = 1, None
+        self.stack.show_panels([tuple(self.plots[: self.count])])
+        self.request_view()
 
     def command_detail_refresh(self) -> None:
-        self.end_ns = self.source.end_ns
-        self.draw_soon()
+        self.request_view()
 
     def command_back(self) -> None:
+        """Leave cursor B, then the cursor, then the screen; the pause stays with the monitor."""
+        if self.mode != MODES[0] and self.plot.cursor is not None:
+            self.plot.cursor = None
+            self.plot.refresh()
+        elif self.mode == MODES[0] and (self.window.other_ns is not None or self.window.cursor is not None):
+            super().command_back()
+        else:
+            self.leave()
+
+    def leave(self) -> None:
+        """Give the window back to the monitor."""
         self.context.leave_screen()
+        if self.below in self.app.screen_stack:
+            self.below.take_back()
+
+
+class DetailScreen(LargePlot, inherit_bindings=False):
+    """The large plot of a logger."""
+
+    scope = "detail"
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("detail")
+
+    def __init__(self, monitor: MonitorScreen) -> None:
+        super().__init__(monitor.session, monitor.live_source, [])
+        plots, _ = monitor.stack.for_detail()
+        self.share(monitor, PlotStack(plots[:1], monitor.window, monitor.source))
 
 
 def _decimals(step: float) -> int:

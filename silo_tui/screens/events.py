@@ -24,7 +24,7 @@ from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches
 from silo_tui.model.lists import arranged
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.screens.order import OrderDialog
-from silo_tui.screens.standing import StandingStill
+from silo_tui.screens.searching import Searching
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting, Line
@@ -81,13 +81,8 @@ class EventsScreen(SiloScreen):
         if self.session.happened is not self._all:
             self._show()
 
-    @property
-    def _here(self) -> bool:
-        """Whether its widgets are there: what was asked for may come while the screen is going."""
-        return self.is_mounted and bool(self.query("#events-list")) and bool(self.query("#events-said"))
-
     def _show(self) -> None:
-        if not self._here:
+        if not self.is_there:
             return
         lines, width = self._list, self.size.width
         kept = self._event
@@ -108,7 +103,7 @@ class EventsScreen(SiloScreen):
         return shown
 
     def _tell(self) -> None:
-        if not self._here:
+        if not self.is_there:
             return
         count = text.plural(len(self._all), "event")
         words = [f"{count}, {'follows' if self._following else 'g follows'}" if self._all else "nothing happened yet"]
@@ -233,7 +228,7 @@ class EventsScreen(SiloScreen):
         if not event.at_ns or event.tick < 0:
             self.say("this happened before the first tick: no place in the plots")
             return
-        stack = [each for each in self.app.screen_stack if isinstance(each, StandingStill)]
+        stack = [each for each in self.app.screen_stack if isinstance(each, Searching)]
         plots = next((each for each in reversed(stack) if each.session is self.session), None)
         if plots is None:
             self.say("no plots are open: m in the table plots what is marked, then E and Enter")

@@ -7,11 +7,11 @@ from typing import ClassVar
 from textual.binding import Binding
 
 from silo_tui.actions import bindings_for
-from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
+from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, PlotWindow
 from silo_tui.model.recorded import WHOLE
-from silo_tui.screens.file_detail import FileDetailScreen
+from silo_tui.model.source import HeldRows
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, MonitorLine, StatusBar
@@ -70,6 +70,10 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         """Read the values at the cursor."""
         self.file.read(list(dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())))
         self.stack.readings = self.file.live.readings
+        self.stack.bounds = self.file.bounds
+
+    async def _readings_here(self) -> dict[str, Reading]:
+        return self.file.live.readings
 
     def moment_words(self, time_ns: int) -> str:
         """Return a moment: from the start of the file, and by the clock."""
@@ -87,23 +91,19 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
         return self.file.source.begin_ns, self.file.source.end_ns
 
     @property
-    def _older_gone(self) -> bool:
-        return False
+    def held(self) -> HeldRows:
+        """The file."""
+        return self.file.source
+
+    async def bring(self, time_ns: int) -> bool:
+        """Return whether the file has the moment."""
+        return self.file.source.begin_ns <= time_ns <= self.file.source.end_ns
 
     # --------------------------------------------------------------------------------------------------- commands
 
     def command_all_held(self) -> None:
         self.window.span_s = self.window.spans[-1]
         self._show(self.file.source.end_ns)
-
-    def _step(self, step: int) -> None:
-        plotted = self.stack.plots[self.stack.chosen]
-        there = self.file.source.neighbour(plotted.name, self.file.time_ns, step)
-        if there == self.file.time_ns:
-            self.say(f"that is the {'last' if step > 0 else 'first'} sample of {self.file.short_name(plotted.name)}")
-        else:
-            self._said = ""
-            self._go_to(there)
 
     def command_plot_down(self) -> None:
         super().command_plot_down()
@@ -112,15 +112,6 @@ class FileMonitorScreen(MonitorScreen, inherit_bindings=False):
     def command_plot_up(self) -> None:
         super().command_plot_up()
         self._show_moment()
-
-    def command_detail(self) -> None:
-        plots, count = self.stack.for_detail()
-        if not plots:
-            self.say(f"{text.plural(len(self.stack.plots), 'text')}: nothing to draw")
-            return
-        self.app.push_screen(
-            FileDetailScreen(self.file, plots, self._end_ns, self.window.span_s, self.window.spans, count)
-        )
 
     def command_back(self) -> None:
         self.context.leave_screen()

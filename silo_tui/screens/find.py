@@ -28,6 +28,7 @@ class FindDialog(Dialog[Search | None]):
         super().__init__()
         self._name, self._signals, self._value = name, signals, value
         self._everywhere = False
+        self._ready = False
 
     def compose(self) -> ComposeResult:
         """Yield title, list, line for a level, what keys do."""
@@ -47,7 +48,23 @@ class FindDialog(Dialog[Search | None]):
         self.query_one(OptionList).styles.max_height = 12
         self.query_one(OptionList).focus()
         self.query_one(OptionList).highlighted = 0
+        self._ready = True
+        self._show_value()
         self._say()
+
+    def offer(self, value: str) -> None:
+        """Offer a level, unless one is typed already."""
+        self._value = self._value or value
+        if self._ready:
+            self._show_value()
+
+    def _show_value(self) -> None:
+        for line in self.query("#find-level").results(Input):  # none of a dialog that goes
+            if self._value and not line.value:
+                line.value = self._value
+                options = self.query_one(OptionList)
+                for choice in choices(self._value):
+                    options.replace_option_prompt(choice.value, f" {choice.key}  {choice.label}")
 
     def _say(self, problem: str = "") -> None:
         where = f"all {self._signals} signals that are plotted" if self._everywhere else self._name

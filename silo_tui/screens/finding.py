@@ -1,54 +1,58 @@
-"""Find the moment, for the monitor: it asks for samples, looks through them in a thread, and keeps what was found."""
+"""Find the moment, for the monitor: what was found in all that is held, and where to go from there.
 
-import asyncio
-from collections.abc import Sequence
-from dataclasses import dataclass
+The source looks (`HeldRows.find`): a file by itself, a logger's helper process in its buffers.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from silo.judging.moments import Found as FoundIn
 from silo.model import Entry
 from silo.values import numbers
 from silo_tui.model import text
 from silo_tui.model.find import (
-    EVENT_SOURCES,
-    OTHERS,
+    EVENTS,
+    LETTERS,
     WORDS,
     Moment,
     Search,
     What,
     happened,
     neighbour,
-    places_of,
 )
+from silo_tui.model.limits import Bounds4, inner
 from silo_tui.model.live import offset_text
 from silo_tui.model.plots import Plotted
-from silo_tui.model.source import PlotSource, Samples
+from silo_tui.model.source import HeldRows
 from silo_tui.screens.dialogs import Choice
 
-MOST_MOMENTS = 100_000
-NONE_YET = {
-    What.OUTSIDE: "no limits are set on these signals",
-    What.TRIGGER: "there are no triggers",
-    What.MARKER: "there are no markers",
-}
+MOST_MOMENTS = 1000  # of a signal that are here at a time
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a search came to: moments in the order of time, and how much was looked through."""
+    """What a search came to: `total` moments, of which those after the first `before` are here, in the order of time.
+
+    `held_s` is how much was looked through, `partly` why not all that is held was.
+    """
 
     search: Search
     names: tuple[str, ...]
     end_ns: int
     moments: tuple[Moment, ...]
     held_s: float
+    total: int
+    before: int = 0
+    partly: str = ""
 
-    def none(self, older_gone: bool) -> str:
+    def none(self) -> str:
         """Return what to say when nothing was found."""
-        if self.search.what in EVENT_SOURCES and not EVENT_SOURCES[self.search.what]:
-            return f"{WORDS[self.search.what]}: none, {NONE_YET[self.search.what]}"
-        gone = "; older rows are not in this pause" if older_gone else ""
-        return f"{self.search.words}: none in {text.span(float(f'{self.held_s:.3g}'))} held{gone}"
+        if not self.held_s and self.partly:
+            return f"{self.search.words}: none, {self.partly}"
+        words = f"{self.search.words}: none in {text.span(float(f'{self.held_s:.3g}'))} held"
+        return f"{words}; not looked through further: {self.partly}" if self.partly else words
 
     def place(self, now_ns: int, step: int) -> int | None:
         """Return which moment to go to; of the first of a search the next one, or else the last before."""
@@ -58,46 +62,90 @@ class Found:
         at = neighbour(times, now_ns - 1, 1)
         return at if at is not None else neighbour(times, now_ns, -1)
 
+    def ends_before(self, now_ns: int, step: int) -> bool:
+        """Return whether the next one isn't here, but there may be more that way."""
+        if self.place(now_ns, step) is not None:
+            return False
+        return self.before > 0 if step < 0 else self.before + len(self.moments) < self.total
 
-async def look(source: PlotSource, plots: Sequence[Plotted], search: Search, begin_ns: int, end_ns: int) -> Found:
-    """Look through all samples of some entries from one time to another. Raises a SiloError where there are none."""
-    names = tuple(plotted.name for plotted in plots)
-    moments: list[Moment] = []
-    first, last = end_ns, begin_ns
+
+async def look(
+    source: HeldRows, plots: Sequence[Plotted], search: Search, bounds: Mapping[str, Bounds4], around_ns: int
+) -> Found:
+    """Look through all that is held of some entries, for the moments next to a time. Raises a SiloError."""
+    if search.what in LETTERS:
+        return _happened(source, plots, search)
+    looking = {}
     for plotted in plots:
-        found = await source.samples(plotted.name, begin_ns, end_ns)
-        period_ns = source.period_ns(plotted.element.name)
-        moments += await asyncio.to_thread(_moments, plotted, search, found, period_ns)
-        if len(found[0]):
-            first, last = min(first, int(found[0][0])), max(last, int(found[0][-1]))
-    for ask in EVENT_SOURCES.get(search.what, ()):
-        moments += await ask(source, names, begin_ns, end_ns)
-    moments.sort(key=lambda moment: moment.time_ns)
-    return Found(search, names, end_ns, tuple(moments), max(0, last - first) / 1e9)
+        one = search.looking(source.period_ns(plotted.element.name), inner(bounds, plotted.name))
+        if one is not None and not (search.what is What.OUTSIDE and one.bounds == (None, None)):
+            looking[plotted.name] = one
+    names = tuple(plotted.name for plotted in plots)
+    if not looking:
+        return Found(search, names, source.end_ns, (), 0.0, 0, 0, "no limits are set on these signals")
+    most = max(1, min(MOST_MOMENTS, 10_000 // len(looking)))
+    found, partly = await source.find(looking, around_ns, most)
+    entries = {plotted.name: plotted.entry for plotted in plots}
+    begins = [one.begin_ns for one in found.values() if one.end_ns]
+    ends = [one.end_ns for one in found.values() if one.end_ns]
+    held_s = (max(ends) - min(begins)) / 1e9 if ends else 0.0
+    moments, before, total = merged(found, entries, search.what)
+    return Found(search, names, source.end_ns, moments, held_s, total, before, partly)
 
 
-async def events(source: PlotSource, plots: Sequence[Plotted], begin_ns: int, end_ns: int) -> Found:
-    """Look for all that is an event, whichever: holes, and what any of the sources knows."""
-    found = await look(source, plots, Search(What.HOLE), begin_ns, end_ns)
-    moments = list(found.moments)
-    for sources in EVENT_SOURCES.values():
-        for ask in sources:
-            moments += await ask(source, found.names, begin_ns, end_ns)
-    moments += happened(source, begin_ns, end_ns, OTHERS)
-    moments.sort(key=lambda moment: moment.time_ns)
-    return Found(found.search, found.names, end_ns, tuple(moments), found.held_s)
+def merged(
+    found: Mapping[str, FoundIn], entries: Mapping[str, Entry], what: What
+) -> tuple[tuple[Moment, ...], int, int]:
+    """Return the moments of several signals in the order of time, how many come before them, and how many there are.
 
-
-def _moments(plotted: Plotted, search: Search, samples: Samples, period_ns: int) -> list[Moment]:
-    time_ns, values = samples
-    places = places_of(search, time_ns, values, period_ns)[:MOST_MOMENTS]
-    if search.what is What.HOLE:
-        lengths = np.diff(time_ns)
-        return [
-            Moment(int(time_ns[at]), plotted.name, f"{text.span(float(f'{lengths[at] / 1e9:.3g}'))} without sample")
-            for at in places.tolist()
+    Only where those of every signal are known: what lies beyond is asked for when one goes there.
+    """
+    first = max((int(one.time_ns[0]) for one in found.values() if one.before and len(one.time_ns)), default=None)
+    last = min(
+        (int(one.time_ns[-1]) for one in found.values() if one.before + len(one.time_ns) < one.total), default=None
+    )
+    moments: list[Moment] = []
+    before = 0
+    for name, one in found.items():
+        begin = 0 if first is None else int(np.searchsorted(one.time_ns, first, "left"))
+        stop = len(one.time_ns) if last is None else int(np.searchsorted(one.time_ns, last, "right"))
+        before += one.before + begin
+        moments += [
+            Moment(int(one.time_ns[at]), name, "", _Told(entries[name], one.values[at : at + 1], what))
+            for at in range(begin, stop)
         ]
-    return [Moment(int(time_ns[at]), plotted.name, value_words(plotted.entry, values[at : at + 1])) for at in places]
+    moments.sort(key=lambda moment: moment.time_ns)
+    return tuple(moments), before, sum(one.total for one in found.values())
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What is said of a moment, made when it is looked at."""
+
+    entry: Entry
+    value: np.ndarray
+    what: What
+
+    def __call__(self) -> str:
+        if self.what is What.HOLE:
+            return f"{text.span(float(f'{int(self.value[0]) / 1e9:.3g}'))} without sample"
+        return value_words(self.entry, self.value)
+
+
+def _happened(source: HeldRows, plots: Sequence[Plotted], search: Search) -> Found:
+    moments = happened(source, source.begin_ns, source.end_ns, LETTERS[search.what])
+    names = tuple(plotted.name for plotted in plots)
+    held_s = (source.end_ns - source.begin_ns) / 1e9
+    return Found(search, names, source.end_ns, tuple(moments), held_s, len(moments))
+
+
+async def events(source: HeldRows, plots: Sequence[Plotted], bounds: Mapping[str, Bounds4], around_ns: int) -> Found:
+    """Look for all that is an event, whichever: holes, and what happened."""
+    found = await look(source, plots, Search(What.HOLE), bounds, around_ns)
+    more = happened(source, source.begin_ns, source.end_ns, EVENTS)
+    moments = sorted([*found.moments, *more], key=lambda moment: moment.time_ns)
+    held_s = max(found.held_s, (source.end_ns - source.begin_ns) / 1e9)
+    return replace(found, moments=tuple(moments), held_s=held_s, total=found.total + len(more))
 
 
 def value_words(entry: Entry, value: np.ndarray) -> str:
@@ -113,7 +161,6 @@ def choices(unit_value: str) -> list[Choice]:
     """Return what can be looked for; `unit_value` is what the signal has at the cursor."""
     found = []
     for what in What:
-        none = what in EVENT_SOURCES and not EVENT_SOURCES[what]
         more = f" (at the cursor: {unit_value})" if what is What.CROSSING and unit_value else ""
-        found.append(Choice(what.value, f"{WORDS[what]}{more}{': none' if none else ''}", what.value))
+        found.append(Choice(what.value, f"{WORDS[what]}{more}", what.value))
     return found

@@ -22,7 +22,7 @@ from silo_tui.widgets.inputs import Fleeting, Line
 THREE_FROM, TWO_FROM = 120, 72
 GAP = 2
 PLACES = {
-    "monitor": "plots", "detail": "large plot", "file_monitor": "plots of a file",
+    "monitor": "plots", "scope": "scope", "detail": "large plot", "file_monitor": "plots of a file",
     "file_detail": "large plot of a file", "loggers": "list of loggers",
 }  # fmt: skip
 LAST_GROUPS = ("Logger", "Go")
@@ -30,6 +30,7 @@ LAST_GROUPS = ("Logger", "Go")
 SIGNS = (
     ("*", "pending: prepared here, not applied yet (underlined)"), ("!", "conflict: somebody else changed it too"),
     (">", "marked: edits and the monitor are about all that is marked"),
+    ("=", "derived: computed from others; its options are those of its signals"),
 )  # fmt: skip
 FILE_SIGNS = (
     (">", "marked: the plots are of all that is marked"), ("= 1.23", "the value that held at the cursor"),

@@ -54,7 +54,7 @@ class LoggersScreen(SiloScreen):
             width = max((len(line.name) for line in lines), default=0)
             for line in lines:
                 gone = "  (dead)" if line.dead else ""
-                words = Text(f" {line.name:<{width}}  pid {line.pid}  {line.user}{gone}")
+                words = Text(f" {line.name:<{width}}  {line.where}{gone}")
                 options.add_option(Option(words, id=line.key))
             self._lines = tuple(lines)
             if lines:
@@ -62,15 +62,17 @@ class LoggersScreen(SiloScreen):
                 options.focus()
         options.display = bool(lines)
         advice = "" if lines else WAITING
-        if len(lines) > 1 and all(line.name == self._wanted for line in lines):
+        if len(lines) > 1 and self._wanted and all(line.is_meant_by(self._wanted) for line in lines):
             last = lines[-1]
-            advice = f"{len(lines)} loggers are called {self._wanted!r}; choose one, or name it: {last.name}.{last.pid}"
-        elif any(self._wanted in {line.name, f"{line.name}.{line.pid}"} for line in lines):
+            one = f"{last.name}.{last.pid}" if last.pid else last.where
+            advice = f"{len(lines)} loggers are called {self._wanted!r}; choose one, or name it: {one}"
+        elif self._wanted and any(line.is_meant_by(self._wanted) for line in lines):
             advice = ""  # it is there; why it isn't open is told below
         elif lines and self._wanted:
             advice = f"There is no logger called {self._wanted!r}; these run:"
         elif self._wanted and not lines:
-            advice = f"Waiting for the logger {self._wanted!r}.\n\n{WAITING}"
+            no_file = ", and there is no file of that path" if "/" in self._wanted else ""
+            advice = f"Waiting for the logger {self._wanted!r}: it doesn't run{no_file}.\n\n{WAITING}"
         notes = [note for note in (problem, *forbidden) if note]
         self.query_one("#loggers-advice", Static).update("\n\n".join([advice, *notes]).strip())
 

@@ -6,6 +6,7 @@ What it shows comes from a `PlotSource`, so that a recording can stand in for a 
 
 import asyncio
 from collections.abc import Sequence
+from functools import cached_property
 from typing import ClassVar
 
 from textual import events as textual_events
@@ -13,20 +14,23 @@ from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.timer import Timer
 
-from silo.errors import SiloError
+from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo.model import TriggerOptions
 from silo_tui.actions import bindings_for
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.find import Search, What, places_of
+from silo_tui.model.held import reading_of
+from silo_tui.model.live import Reading
 from silo_tui.model.overlay import SIGN
-from silo_tui.model.panels import gathered, isolate, join, stacked
-from silo_tui.model.plots import SECOND_NS, SPANS_S, PlotWindow, plots_of
+from silo_tui.model.plots import SECOND_NS, SPANS_S, Plotted, PlotWindow, plots_of
 from silo_tui.model.recorded import SHORT_SPANS_S
-from silo_tui.model.source import PlotSource
+from silo_tui.model.scope import Scope, fitting_span, halfway
+from silo_tui.model.source import HeldRows, PlotSource
+from silo_tui.screens.arranging import Arranging
 from silo_tui.screens.finding import value_words
-from silo_tui.screens.standing import StandingStill
+from silo_tui.screens.standing import value_here
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
@@ -37,7 +41,7 @@ from silo_tui.widgets.plot_stack import PlotStack
 DEBOUNCE_S = 0.1
 
 
-class MonitorScreen(StandingStill):
+class MonitorScreen(Arranging):
     """Plots of the elements that were marked when it was opened."""
 
     scope = "monitor"
@@ -62,18 +66,36 @@ class MonitorScreen(StandingStill):
         self._mending = False
         self._timer: Timer | None = None
         self._live = source
+        self.between = BetweenTable()
         self.pause = Pause(session, source, self._more_is_here)
 
     def compose(self) -> ComposeResult:
         """Yield status, banner, plots, line of facts, keys."""
-        self.status_bar, self.banner, self.line = self.bars()
         yield self.status_bar
         yield self.banner
         yield self.stack
-        self.between = BetweenTable()
         yield self.between
         yield self.line
         yield KeyBar(self.scope)
+
+    @cached_property
+    def _bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
+        return self.bars()  # a key may come before they are on the screen
+
+    @property
+    def status_bar(self) -> StatusBar:
+        """The line on top."""
+        return self._bars[0]
+
+    @property
+    def banner(self) -> Banner:
+        """What is the matter, below it."""
+        return self._bars[1]
+
+    @property
+    def line(self) -> MonitorLine:
+        """Facts, below the plots."""
+        return self._bars[2]
 
     def bars(self) -> tuple[StatusBar, Banner, MonitorLine]:
         """Return the lines around the plots."""
@@ -83,10 +105,14 @@ class MonitorScreen(StandingStill):
     def on_mount(self) -> None:
         """Show at once; history fills the plots."""
         self.banner.update()
-        if not self.source.live:
+        if not self.source.live and not self.window.paused:
             self.window.paused_end_ns = self.source.end_ns
 
     def on_unmount(self) -> None:
+        """Let go of what is held."""
+        self.let_go()  # Textual calls the handlers of all classes
+
+    def let_go(self) -> None:
         """Let go of what is held."""
         self.pause.release()
 
@@ -117,7 +143,7 @@ class MonitorScreen(StandingStill):
         if self.window.paused:
             self.session.columns = ColumnStore((), 1, 1)
             if self.pause.source is not None:
-                self.run_worker(self.pause.look(*self._shown_ns), group="look", exclusive=True)
+                self.run_worker(self._look(), group="look", exclusive=True)
         else:
             store.adopt(self.stack.store)
             elements = dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())
@@ -145,6 +171,29 @@ class MonitorScreen(StandingStill):
         self.stack.store = store
         await self._fill_texts(end)
         self._show_moment()
+
+    async def _look(self) -> None:
+        """Pin and fetch what is on the screen; where its rows are gone by now, show the oldest that there are."""
+        start_ns, end_ns = self._shown_ns
+        await self.pause.look(start_ns, end_ns, self._column_ns)
+        source, at_ns = self.pause.source, self._at_ns
+        if source is None:
+            return
+        if at_ns is not None and at_ns < source.begin_ns:
+            self._at_ns = source.begin_ns
+        if start_ns + self._column_ns < source.begin_ns and end_ns - source.begin_ns < self.window.span_ns // 2:
+            self._show(end_ns)
+
+    @property
+    def held(self) -> HeldRows:
+        """What the pause holds, and the logger's buffers behind it."""
+        if self.pause.source is None:
+            raise RefusedError("nothing is held: space holds the picture")
+        return self.pause.source
+
+    async def bring(self, time_ns: int) -> bool:
+        """Have a moment pinned, with a window around it."""
+        return await self.pause.bring(time_ns, self.window.span_ns)
 
     async def _fill_ghost(self, store: ColumnStore) -> None:
         """Read what a saved run had in this window, and in the next one: the live one goes on."""
@@ -177,9 +226,10 @@ class MonitorScreen(StandingStill):
     def live_changed(self, frame: Frame) -> None:
         """Show new columns and values."""
         self.status_bar.update()
-        self.stack.readings = self.session.live.readings
-        self._take_texts(frame)
-        if not self.window.paused:
+        if not self.window.paused:  # else what is shown is of what stands still
+            self.stack.readings = self.session.live.readings
+            self.stack.bounds = self.session.bounds
+            self._take_texts(frame)
             if self.session.running and not self.stack.store.empty:
                 self.stack.store.advance_to(frame.time_ns // self.stack.store.column_ns + 1)
             self.stack.advance()
@@ -188,6 +238,33 @@ class MonitorScreen(StandingStill):
             if self.session.columns is self._asked and self._asked.gapped and not self._mending:
                 self._mending = True  # frames got lost on their way: the logger still has what was in them
                 self.run_worker(self._fill(self._asked, list(self._asked.names)), group="history")
+
+    def _moment_shown(self) -> None:
+        """Read the values of what stands still: those at the cursor, or at the right end."""
+        if self.window.paused and self._live.live:
+            self.run_worker(self._read_moment(), group="moment", exclusive=True)
+
+    async def _read_moment(self) -> None:
+        readings = await self._readings_here()
+        if self.window.paused:
+            self.stack.readings = readings
+            self.stack.bounds = self.session.bounds
+            self.stack.redraw()
+
+    async def _readings_here(self) -> dict[str, Reading]:
+        """Return what held at the cursor, or at the right end of the window; nothing of what can't be had."""
+        if not self.window.paused:
+            return self.session.live.readings
+        await self.pause.settled()
+        at_ns = self._at_ns if self._at_ns is not None and self.window.cursor is not None else self._end_ns
+        plots = (*self.stack.on_screen(), *self.stack.plots[self.stack.chosen : self.stack.chosen + 1])
+        shown = {plotted.element.name: plotted.element for plotted in plots}
+        try:
+            if self.pause.source is not None:
+                return await self.pause.source.readings(list(shown), at_ns)
+            return {name: await reading_of(self._live, element, at_ns) for name, element in shown.items()}
+        except SiloError:
+            return {}
 
     def _take_texts(self, frame: Frame) -> None:
         """Note texts that changed."""
@@ -293,6 +370,25 @@ class MonitorScreen(StandingStill):
             return "DEAD" if self.session.dead else "live" if self.session.connected else "no link"
         return f"-{text.span(max(0, self.source.end_ns - self.window.paused_end_ns) / SECOND_NS)}, End: now"
 
+    @property
+    def live_source(self) -> PlotSource:
+        """What it shows when nothing is held."""
+        return self._live
+
+    @property
+    def pinned_plots(self) -> Sequence[Plotted]:
+        """What a pause holds."""
+        return self.stack.plots
+
+    def take_back(self) -> None:
+        """Show what the pause holds by now, or what comes: another screen used it meanwhile."""
+        self.pause.tell(self._more_is_here)
+        self.source = self.stack.source = self.pause.source or self._live
+        if self.is_mounted:
+            self._more_is_here()
+            self._show_moment()
+            self.request_view()
+
     def _more_is_here(self) -> None:
         self.status_bar.mode = self.pause.head
         self.status_bar.update()
@@ -305,9 +401,10 @@ class MonitorScreen(StandingStill):
         if self.pause.source is not None:
             self._go_on()
             return
+        newest_ns = self._live.end_ns if self.window.paused else 0  # looking back, time goes on
         self._stand_still()
         store, end = self.stack.store, self._end_ns
-        held = self.pause.hold(self.stack.plots, end, self.window.span_ns, store)
+        held = self.pause.hold(self.pinned_plots, end, self.window.span_ns, store, newest_ns)
         self.source = self.stack.source = held
         self.window.spans = (*SHORT_SPANS_S, *SPANS_S)
         self.run_worker(self.pause.fetch(store.column_ns, self.window.span_ns), group="pause", exclusive=True)
@@ -339,49 +436,32 @@ class MonitorScreen(StandingStill):
         names = ("closer", "wider") if event.zooms else ("plot_up", "plot_down")
         self.action_command(names[event.step > 0])
 
-    def command_scale(self) -> None:
-        self.window.fixed_scale = not self.window.fixed_scale
-        self.stack.redraw()
-        self.line.refresh()
+    def command_catch(self) -> None:
+        """Let crossings of the chosen signal stand still: at the level of the cursor, else halfway."""
+        from silo_tui.screens.scope import ScopeScreen
 
-    def command_join_plots(self) -> None:
-        try:
-            self.stack.show_panels(join(self.stack.panels, self.stack.chosen_panel, self.stack.most))
-        except ValueError as refused:
-            self.say(f"{refused}; nothing was changed")
+        chosen, panel = self.stack.chosen_plot, self.stack.panels[self.stack.chosen_panel]
+        if not chosen.numeric or not self._live.is_live(chosen.element.name):
+            self.say("the scope needs a signal of numbers that is on")
             return
-        self._said = ""
-        self.fill_soon()
-
-    def command_isolate_plot(self) -> None:
-        self.stack.show_panels(isolate(self.stack.panels, self.stack.chosen_plot))
-        self.fill_soon()
-
-    def command_arrange_plots(self) -> None:
-        """Go on to the next arrangement that looks different."""
-        plots, most = self.stack.plots, self.stack.most
-        ways = (
-            ("each alone", stacked(plots)),
-            ("by unit", gathered(plots, by_unit=True, most=most)),
-            ("as few plots as can be", gathered(plots, by_unit=False, most=most)),
-        )
-        at = max((place for place, (_, panels) in enumerate(ways) if panels == self.stack.panels), default=2)
-        for words, panels in (ways[at + 1 :] + ways[: at + 1])[:2]:
-            if panels != self.stack.panels:
-                self.stack.show_panels(panels)
-                self.say(f"plots: {words}")
-                self.fill_soon()
-                return
-        self.say("these can't be arranged in another way")
+        low, high = self.stack.span_of(chosen)
+        at_cursor = value_here(chosen, self.stack.readings) if self.window.paused and self.window.cursor else ""
+        level = float(at_cursor) if at_cursor else halfway(low, high)
+        plots = [chosen, *(each for each in panel if each != chosen and each.numeric)]
+        settings = Scope(level, span_s=fitting_span(self._live.period_ns(chosen.element.name)))
+        self.app.push_screen(ScopeScreen(self.session, self._live, plots, settings))
 
     def command_plot_trigger(self) -> None:
-        from silo_tui.screens.trigger_editor import TriggerEditor
-
         if not self.stack.plots or not self.stack.chosen_plot.numeric:
             self.say("a trigger needs a signal of numbers")
             return
+        self.context.run_flow(self._ask_trigger())
+
+    async def _ask_trigger(self) -> None:
+        from silo_tui.screens.trigger_editor import TriggerEditor
+
         name = self._short(self.stack.chosen_plot.name).lstrip("/")
-        level = self._value_here() or "0"
+        level = value_here(self.stack.chosen_plot, await self._readings_here()) or "0"
         made = TriggerOptions(name.rpartition("/")[2], f"{name} > {level}", 1.0, 1.0)
         self.app.push_screen(TriggerEditor(self.session, made, is_new=True), self._take_trigger)
 
@@ -396,25 +476,16 @@ class MonitorScreen(StandingStill):
         finally:
             self.context.say(said)
 
-    def command_drop_plot(self) -> None:
-        plots = self.stack.plots
-        if len(plots) > 1:
-            self.stack.keep([plotted for plotted in plots if plotted != self.stack.chosen_plot])
-            self.fill_soon()
-        else:
-            self.command_back()
+    def command_zero(self) -> None:
+        self.run_worker(self._zero(), group="zero")
 
-    def command_detail(self) -> None:
-        from silo_tui.screens.detail import DetailScreen
-
-        if not self.stack.plots:
+    async def _zero(self) -> None:
+        try:
+            await self.session.survey((), (), reset=True)
+        except SiloError as error:
+            self.say(str(error))
             return
-        plots, count = self.stack.for_detail()
-        if not plots:
-            self.say("nothing that is on to plot")
-            return
-        end = self.window.paused_end_ns if self.window.paused_end_ns is not None else self.source.end_ns
-        self.app.push_screen(DetailScreen(self.session, self.source, plots, end, self.window.span_s, count))
+        self.say("statistics of the table from now on")
 
     def mode_keys(self) -> Sequence[tuple[str, str]]:
         """Return what a pause or a cursor asks for."""

@@ -118,7 +118,7 @@ class RecordingsScreen(SiloScreen):
 
     def _running_lines(self) -> list[Text]:
         session, width = self.session, max(40, self.size.width)
-        found = [Text(recorders.head(width), no_wrap=True)]
+        found = [Text(recorders.head(width), "dim", no_wrap=True)]
         for one in session.recorders:
             row = recorders.row(one, session.table.names, session.paces.get(one.name), session.status.folder, width)
             line = Text(row, no_wrap=True, overflow="ellipsis")

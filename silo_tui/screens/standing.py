@@ -5,23 +5,19 @@ The window goes over all that is held, cursor A is a moment of it, B another one
 """
 
 import asyncio
+from collections.abc import Mapping
 from datetime import datetime
 
 import numpy as np
 
 from silo.errors import SiloError
-from silo.model import LoggedEvent
 from silo_tui.context import SiloScreen
-from silo_tui.model import text
 from silo_tui.model.between import Between, between
-from silo_tui.model.find import Search, What
-from silo_tui.model.happened import gone_words, words
-from silo_tui.model.panels import Kind, kind_of
-from silo_tui.model.plots import SECOND_NS, PlotWindow
-from silo_tui.model.source import PlotSource
+from silo_tui.model.live import Reading
+from silo_tui.model.plots import SECOND_NS, Plotted, PlotWindow
+from silo_tui.model.source import HeldRows, PlotSource
 from silo_tui.screens.exporting import ask_export
-from silo_tui.screens.finding import Found, events, look
-from silo_tui.screens.marking import ask_mark
+from silo_tui.screens.finding import Found
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
 from silo_tui.widgets.bars import MonitorLine
@@ -29,8 +25,17 @@ from silo_tui.widgets.between import BetweenTable
 from silo_tui.widgets.plot_stack import PlotStack
 
 FAR = 10
+STEP_PERIODS = 64  # as far as the next sample is looked for at first
 HELD_PERIODS = 100  # a slow loop is late by many
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
+
+
+def value_here(plotted: Plotted, readings: Mapping[str, Reading]) -> str:
+    """Return the value of a signal as it is typed; empty where there is none."""
+    reading = readings.get(plotted.element.name)
+    if reading is None or plotted.position >= len(reading.newest) or np.isnan(reading.newest[plotted.position]):
+        return ""
+    return f"{reading.newest[plotted.position]:.6g}"
 
 
 class StandingStill(SiloScreen):
@@ -40,7 +45,6 @@ class StandingStill(SiloScreen):
     source: PlotSource
     window: PlotWindow
     stack: PlotStack
-    line: MonitorLine
     between: BetweenTable
     pause: Pause
 
@@ -48,6 +52,12 @@ class StandingStill(SiloScreen):
         super().__init__()
         self._said = ""
         self._found: Found | None = None
+        self._stepping = asyncio.Lock()  # two keys at once are two samples
+
+    @property
+    def line(self) -> MonitorLine:
+        """Facts, below the plots."""
+        raise NotImplementedError
 
     def command_pause(self) -> None:
         raise NotImplementedError
@@ -57,6 +67,15 @@ class StandingStill(SiloScreen):
 
     @property
     def _held_ns(self) -> tuple[int, int]:
+        raise NotImplementedError
+
+    @property
+    def held(self) -> HeldRows:
+        """All that is held of what is plotted, while it stands still."""
+        raise NotImplementedError
+
+    async def bring(self, time_ns: int) -> bool:
+        """Have a moment where it can be looked at; False where it is held nowhere any more."""
         raise NotImplementedError
 
     def _sized(self) -> None:
@@ -160,16 +179,28 @@ class StandingStill(SiloScreen):
         else:
             self._show_moment()
 
-    def _jump_to(self, time_ns: int) -> None:
-        """Move the cursor to a moment, and the window so that the moment is in its middle if it was not in it."""
+    async def _jump_to(self, time_ns: int) -> bool:
+        """Move the cursor to a moment, and the window so that the moment is in its middle if it was not in it.
+
+        Where it is held nowhere any more that is said, and nothing moves.
+        """
+        if not await self.bring(time_ns):
+            self.say(self.gone_words(time_ns))
+            return False
         if not self._end_ns - self.window.span_ns < time_ns <= self._end_ns:
             self._show(time_ns + self.window.span_ns // 2)
         self._go_to(time_ns)
+        return True
+
+    def gone_words(self, time_ns: int) -> str:
+        """Return what to say of a moment that is held no more: how far back one can look."""
+        asked, oldest = self.moment_words(time_ns), self.moment_words(self._oldest_ns)
+        return f"{asked}: gone, oldest held {oldest}"
 
     def show_moment_of(self, time_ns: int) -> None:
         """Stand still at a moment: it has the cursor, in the middle of the window."""
         self._pause_here()
-        self._jump_to(time_ns)
+        self.run_worker(self._jump_to(time_ns), group="find", exclusive=True)
 
     def command_closer(self) -> None:
         self._zoom(closer=True)
@@ -290,18 +321,30 @@ class StandingStill(SiloScreen):
 
     async def _step_by(self, step: int) -> None:
         await self.pause.settled()
-        plotted, now = self.stack.chosen_plot, self._end_ns if self._at_ns is None else self._at_ns
-        try:
-            time_ns, _ = await self.source.samples(plotted.name, self._oldest_ns, self._newest_ns)
-        except SiloError as error:
-            self.say(str(error))
-            return
-        at = int(np.searchsorted(time_ns, now, "right" if step > 0 else "left")) - (step < 0)
-        if 0 <= at < len(time_ns):
-            self._said = ""
-            self._go_to(int(time_ns[at]))
-        else:
-            self.say(f"that is the {'last' if step > 0 else 'first'} sample held of {self._short(plotted.name)}")
+        async with self._stepping:
+            try:
+                found = await self._sample_beside(self._now_ns, step)
+            except SiloError as error:
+                self.say(str(error))
+                return
+            if found is None:
+                name = self._short(self.stack.chosen_plot.name)
+                self.say(f"that is the {'last' if step > 0 else 'first'} sample held of {name}")
+            elif await self._jump_to(found):
+                self._said = ""
+
+    async def _sample_beside(self, now_ns: int, step: int) -> int | None:
+        """Return the time of the next (1) or last (-1) sample of the chosen signal; None where none is held."""
+        plotted, oldest, newest = self.stack.chosen_plot, self._oldest_ns, self._newest_ns
+        reach = STEP_PERIODS * max(1, self.source.period_ns(plotted.element.name))
+        while True:  # mostly it is near; where there is a hole it is looked for farther
+            begin, end = (now_ns + 1, now_ns + reach) if step > 0 else (now_ns - reach, now_ns - 1)
+            time_ns, _ = await self.source.samples(plotted.name, max(begin, oldest), min(end, newest))
+            if len(time_ns):
+                return int(time_ns[0 if step > 0 else -1])
+            if begin <= oldest if step < 0 else end >= newest:
+                return None
+            reach *= 8
 
     # ------------------------------------------------------------------------------------------------ two cursors
 
@@ -341,87 +384,18 @@ class StandingStill(SiloScreen):
             facts.append((self.stack.letter(plotted), self._short(plotted.name), found))
         seconds = (b_ns - a_ns) / SECOND_NS
         times = f"A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}   B-A {seconds:.6g} s"
-        self.between.show(times + (f"  {abs(1 / seconds):.4g} Hz" if seconds else ""), facts)
+        hertz = f"  {abs(1 / seconds):.4g} Hz" if seconds else ""
+        self.between.show(times + (hertz if len(times + hertz) + 2 <= self.size.width else ""), facts)
 
     def command_export_plots(self) -> None:
         self._pause_here()
         zero_ns = self._newest_ns if self.pause.possible else self._oldest_ns
         ask_export(self, self.source, self.stack.panels, self._shown_ns, zero_ns)
 
-    # -------------------------------------------------------------------------------------------- find the moment
-
-    def command_find(self) -> None:
-        from silo_tui.screens.find import FindDialog
-
-        if not self.stack.plots:
-            return
-        self._pause_here()
-        name = self._short(self.stack.chosen_plot.name)
-        self.app.push_screen(FindDialog(name, len(self.stack.plots), self._value_here()), self._find)
-
-    def _value_here(self) -> str:
-        reading = self.stack.readings.get(self.stack.chosen_plot.element.name)
-        position = self.stack.chosen_plot.position
-        if reading is None or position >= len(reading.newest) or np.isnan(reading.newest[position]):
-            return ""
-        return f"{reading.newest[position]:.6g}"
-
-    def _find(self, search: Search | None) -> None:
-        if search is not None:
-            self.run_worker(self._search(search, 0), group="find", exclusive=True)
-
-    def command_next_found(self) -> None:
-        self._find_on(1)
-
-    def command_previous_found(self) -> None:
-        self._find_on(-1)
-
-    def _find_on(self, step: int) -> None:
-        """Go on with the search; without one to the highest and lowest number, or the change next to here."""
-        self._pause_here()
-        if self._found is not None:
-            self.run_worker(self._search(self._found.search, step), group="find", exclusive=True)
-            return
-        curve = kind_of(self.stack.chosen_plot) is Kind.CURVE
-        what = (What.HIGHEST if step > 0 else What.LOWEST) if curve else What.CHANGE
-        self.run_worker(self._search(Search(what), 0 if curve else step, keep=False), group="find", exclusive=True)
-
-    async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
-        await self.pause.settled()
-        plots = self.stack.plots if search.everywhere else [self.stack.chosen_plot]
-        found = self._found
-        known = found is not None and found.search == search and found.names == tuple(plot.name for plot in plots)
-        if not known or found is None or found.end_ns != self._newest_ns:
-            try:
-                found = await look(self.source, plots, search, self._oldest_ns, self._newest_ns)
-            except SiloError as error:
-                self.say(f"{search.words}: {error}")
-                return
-        if keep:
-            self._found = found
-        self._go_to_found(found, step, search.words)
-
-    def _go_to_found(self, found: Found, step: int, words: str) -> None:
-        now = self._end_ns if self._at_ns is None else self._at_ns
-        if not found.moments:
-            self.say(found.none(self._older_gone))
-            return
-        place = found.place(now, step)
-        if place is None:
-            count = len(found.moments)
-            which = "only one" if count == 1 else f"{'last' if step > 0 else 'first'} of {count}"
-            self.say(f"{words}: that is the {which}")
-            return
-        moment = found.moments[place]
-        self._jump_to(moment.time_ns)
-        told = f", {place + 1} of {len(found.moments)}: {moment.words} at {self.moment_words(moment.time_ns)}"
-        room = self.line.content_size.width - len(f"{words} in {told}")  # value and time are what was asked for
-        name = text.shorten_left(self._short(moment.name), max(8, room))
-        self.say(f"{words} in {name}{told}" if len(self.stack.plots) > 1 and moment.name else f"{words}{told}")
-
     @property
-    def _older_gone(self) -> bool:
-        return self.pause.possible
+    def _now_ns(self) -> int:
+        """Where one looks: cursor A, or the right edge of the window."""
+        return self._end_ns if self._at_ns is None else self._at_ns
 
     def _pause_here(self) -> None:
         """Hold the rows before they are looked through: a logger that goes on overwrites them."""
@@ -431,45 +405,6 @@ class StandingStill(SiloScreen):
     def _short(self, name: str) -> str:
         return self.session.short_name(name)
 
-    # ------------------------------------------------------------------------------------------------------- events
-
-    def command_set_marker(self) -> None:
-        a_ns = self._at_ns if self.window.paused else None
-        ask_mark(self.context, self.source.end_ns if a_ns is None else a_ns)
-
-    def jump_to_event(self, event: LoggedEvent) -> None:
-        """Stand still where something happened; say so where its rows are gone."""
-        self._pause_here()
-        self.run_worker(self._jump_to_event(event), group="find", exclusive=True)
-
-    async def _jump_to_event(self, event: LoggedEvent) -> None:
-        await self.pause.settled()
-        begin, end = self._held_ns
-        if not begin <= event.at_ns <= end:
-            self.say(f"{words(event)}: " + gone_words(event, self.session.happened))
-            return
-        self._jump_to(event.at_ns)
-        self.say(f"{words(event)} at {self.moment_words(event.at_ns)}")
-
-    def command_next_event(self) -> None:
-        self._event(1)
-
-    def command_previous_event(self) -> None:
-        self._event(-1)
-
-    def _event(self, step: int) -> None:
-        self._pause_here()
-        self.run_worker(self._go_to_event(step), group="find", exclusive=True)
-
-    async def _go_to_event(self, step: int) -> None:
-        await self.pause.settled()
-        try:
-            found = await events(self.source, self.stack.plots, self._oldest_ns, self._newest_ns)
-        except SiloError as error:
-            self.say(f"events: {error}")
-            return
-        if not found.moments:
-            held = text.span(float(f"{found.held_s:.3g}"))
-            self.say(f"events: no hole, trigger, marker or start in {held} held")
-            return
-        self._go_to_found(found, step, "event")
+    async def _readings_here(self) -> dict[str, Reading]:
+        """Return what held at the cursor, or at the right end of the window."""
+        raise NotImplementedError

@@ -341,9 +341,9 @@ class TableScreen(ElementsScreen):
             self.edit_field(Field(int(answer)))
 
     def _targets_known(self) -> bool:
-        if len(self.session.rows.targets()):
+        if len(self.session.rows.targets()) and not (why := self.session.why_fixed()):
             return True
-        self.say("nothing to edit here")
+        self.say(why if len(self.session.rows.targets()) else "nothing to edit here")
         return False
 
     def on_element_table_picked(self, event: ElementTable.Picked) -> None:

@@ -94,25 +94,27 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
     def command_trigger_force(self) -> None:
         self._do(self.targets, lambda client, name: client.force_trigger(name))
 
-    def command_trigger_remove(self) -> None:
-        if self.targets:
-            self.context.run_flow(self._remove(self.targets))
-
-    async def _remove(self, targets: Sequence[TriggerStatus]) -> None:
-        """Ask, and forget them."""
-        lines = [f"{one.options.name}: {one.options.when} ({text.plural(one.fires, 'fire')})" for one in targets]
-        body = "\n".join([*lines, "Captures stay where they are.", "t switches off and keeps it."])
-        one = len(targets) == 1
-        head = f"Remove trigger {targets[0].options.name}?" if one else f"Remove {len(targets)} triggers?"
-        keep = Choice("no", "Keep it" if one else "Keep them")
-        if await self.app.push_screen_wait(Question(head, body, [keep, Choice("yes", "Remove", "y")])) == "yes":
-            names = [target.options.name for target in targets]
-            await self.carry_out(lambda client: "; ".join([client.remove_trigger(name) for name in names]))
-
     def _do(self, targets: Sequence[TriggerStatus], job: "Callable[[Client, str], str]") -> None:
         names = [one.options.name for one in targets]
         if names:
             self.context.run_flow(self.carry_out(lambda client: "; ".join([job(client, name) for name in names])))
+
+    def command_trigger_remove(self) -> None:
+        targets = self.targets
+        if targets:
+            self.context.run_flow(self._remove(targets))
+
+    async def _remove(self, targets: Sequence[TriggerStatus]) -> None:
+        """Ask, and forget them."""
+        names, one = [each.options.name for each in targets], len(targets) == 1
+        kept = f"{text.plural(sum(each.fires for each in targets), 'fire')} in this run"
+        lines = [f"{each.options.name}: {each.options.when}" for each in targets]
+        lines += [f"{kept}; {'its' if one else 'their'} captures stay where they are."]
+        lines += [f"t switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."]
+        choices = [Choice("no", f"Keep {'it' if one else 'them'}"), Choice("yes", "Remove", "y")]
+        what = f"trigger {names[0]}" if one else f"{len(names)} triggers"
+        if await self.app.push_screen_wait(Question(f"Remove {what}?", "\n".join(lines), choices)) == "yes":
+            await self.carry_out(lambda client: "; ".join([client.remove_trigger(name) for name in names]))
 
     def command_trigger_edit(self) -> None:
         one = self.chosen

@@ -3,11 +3,12 @@
 Zenoh is loaded when the first look around is made, in a thread.
 """
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from silo.ipc import discovery
+    from silo.ipc import found
     from silo.ipc.client import Client
 
 LOOK_TIMEOUT_S = 1.0
@@ -22,6 +23,17 @@ class FoundLogger:
     user: str
     key: str  # tells loggers apart, also two of one name
     dead: bool = False  # the robot program is gone, its helper still answers
+    host: str = ""  # where it runs, as far as that is known
+    addresses: tuple[str, ...] = ()  # all words that mean it
+
+    @property
+    def where(self) -> str:
+        """Whom it belongs to: a process and its user on this computer, the address elsewhere."""
+        return f"pid {self.pid}  {self.user}" if self.pid else self.addresses[-1] if self.addresses else self.host
+
+    def is_meant_by(self, wanted: str) -> bool:
+        """Return whether a name or an address, or nothing, means it."""
+        return not wanted or wanted in {self.name, f"{self.name}.{self.pid}", *self.addresses}
 
 
 @dataclass(frozen=True)
@@ -37,8 +49,9 @@ class ClientFinder:
 
     def __init__(self, config: str = "") -> None:
         self._config = config
-        self._seen: dict[str, discovery.Found] = {}
+        self._seen: dict[str, found.Found] = {}
         self._own_name = ""
+        self._held = ExitStack()  # the sessions of the look before, so that the next is quick
 
     @property
     def own_name(self) -> str:
@@ -51,17 +64,28 @@ class ClientFinder:
         from silo.ipc.exchange import client_name
 
         self._own_name = client_name()
-        found = discover(LOOK_TIMEOUT_S, self._config)
+        held = ExitStack()
+        try:
+            there = discover(LOOK_TIMEOUT_S, self._config, held)
+        finally:
+            self._held.close()
+            self._held = held
         loggers = []
-        for each in found.loggers:
-            key = each.socket or f"{each.host}/{each.name}"
+        for each in there.loggers:
+            key = each.socket or str(each.root)
             self._seen[key] = each
-            loggers.append(FoundLogger(each.name, each.pid, each.user or each.host, key, each.dead))
+            who = FoundLogger(each.name, each.pid, each.user or each.host, key, each.dead, each.host, each.addresses)
+            loggers.append(who)
         advice = [
             f"{folder.owner} runs {', '.join(folder.loggers) or 'a logger'}, closed to you: {folder.advice}"
-            for folder in found.forbidden
-        ] + [down_text(each) for each in found.down]
+            for folder in there.forbidden
+        ] + [down_text(each) for each in there.down]
+        advice += [f"remote '{remote}': {why}" for remote, why in there.unreachable.items()]
         return Found(tuple(loggers), tuple(advice))
+
+    def close(self) -> None:
+        """Close the sessions to remotes."""
+        self._held.close()
 
     def connect(self, logger: FoundLogger) -> "Client":
         """Connect to a logger that was found. ConnectionLostError says what to do when it doesn't answer."""

@@ -24,6 +24,7 @@ from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
 from silo_tui.model.fields import options_of, rows_of
 from silo_tui.model.happened import MOST, of_last_run
+from silo_tui.model.limits import Bounds4
 from silo_tui.model.live import LiveValues
 from silo_tui.model.overlay import Overlay
 from silo_tui.model.recorders import Pace
@@ -80,6 +81,7 @@ class Session:
         self.jitter_s = 0.0  # of the loop, as the newest survey says
         self.triggers: list[TriggerStatus] = []
         self.limits: list[LimitStatus] = []  # worst first
+        self.bounds: dict[str, Bounds4] = {}  # of each scalar with limits: red low, yellow low, yellow high, red high
         self.beyond: dict[str, str] = {}  # the worst sign of each element that is beyond its limits
         self.recorders: list[RecorderInfo] = []  # endless recordings, as they were asked for last
         self.paces: dict[str, Pace] = {}  # how fast each of them writes
@@ -192,9 +194,10 @@ class Session:
         try:
             self.triggers = (await self._link.read(lambda client: client.triggers())).triggers
             self.limits = (await self._link.read(lambda client: client.alarms())).limits
+            self.bounds = {one.name: one.bounds for one in self.limits if any(each is not None for each in one.bounds)}
             self._take_beyond(self._beyond())
         except RefusedError:
-            self.triggers, self.limits = [], []  # of a helper process of an older silo
+            self.triggers, self.limits, self.bounds = [], [], {}  # of a helper process of an older silo
             self._take_beyond({})
             raise
 
@@ -259,7 +262,7 @@ class Session:
     async def survey(self, details: Sequence[str], quantities: Sequence[str], *, reset: bool = False) -> None:
         """Measure anew: what filter and order need of all elements, `quantities` of elements and entries `details`."""
         wanted = sorted(self.rows.wanted())
-        found = await self._link.read(lambda client: client.survey(wanted, reset=reset))
+        found = await self._link.read(lambda client: client.survey(wanted, reset=reset, derived=True))
         arrays = np.frombuffer(found.values).reshape(len(wanted), -1)
         if found.revision != self.table.revision or arrays.shape[1] != len(self.table):
             return  # of a table that we haven't read yet
@@ -281,9 +284,22 @@ class Session:
         ValueError says what is out of range; nothing is changed then.
         """
         rows, values = self.rows.targets(), self.table.values
+        if why := self.why_fixed():
+            raise ValueError(why)
+        rows = rows[~self.table.derived[rows]]
         elements = [(self.table.names[row], options_of(values[:, row])) for row in rows]
         made = apply_settings(settings, elements, self.status.frequency_hz)
         return self.table.edit_all(rows, rows_of(made))
+
+    def why_fixed(self) -> str:
+        """Return why none of the targets can be edited, empty where some can."""
+        rows = self.rows.targets()
+        if not len(rows) or not self.table.derived[rows].all():
+            return ""
+        one = self.table.elements[rows[0]]
+        others = f" and {len(rows) - 1} more are" if len(rows) > 1 else " is"
+        name = self.short_name(one.name).lstrip("/")
+        return f"{name}{others} derived: divider, buffer and action are those of its signals"
 
     def watch(self, request: ViewRequest) -> None:
         """Say what the screen shows from now on."""

@@ -5,14 +5,15 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from silo.columns import ColumnStore, HistoryColumns
 from silo.errors import RefusedError, SiloError
+from silo.judging.moments import Found, Looking
 from silo.model import BufferType
 from silo_tui.model import text
-from silo_tui.model.pinned import PinnedSource
+from silo_tui.model.held import HeldSource, PinHandle
 from silo_tui.model.plots import Plotted
 from silo_tui.model.source import PlotSource, Samples
 from silo_tui.sessions.link import Link
@@ -30,22 +31,75 @@ class _LinkPin:
 
     def __init__(self, link: Link, pin: "Pin") -> None:
         self._link = link
-        self._pin = pin
+        self.pin = pin
+        opened = pin.opened
+        self.run, self.text = opened.run, opened.text
+        self.begin_ns, self.end_ns, self.oldest_ns = opened.begin_ns, opened.end_ns, opened.oldest_ns
+
+    @property
+    def refused(self) -> str:
+        """Why it is no more; empty while it is."""
+        return self.pin.refused
 
     async def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Return columns of what is pinned."""
 
         def ask(client: "Client", some: Sequence[str]) -> HistoryColumns:
-            return client.history(some, start_ns, end_ns, column_ns, self._pin)
+            return client.history(some, start_ns, end_ns, column_ns, self.pin)
 
         return await in_pieces(self._link, names, column_ns, ask)
 
     async def samples(self, names: Sequence[str], start_ns: int, end_ns: int) -> dict[str, Samples]:
         """Return samples of what is pinned."""
         found = await self._link.read(
-            lambda client: client.samples(names, start_ns, end_ns, pin=self._pin, reply_bytes=REPLY_BYTES)
+            lambda client: client.samples(names, start_ns, end_ns, pin=self.pin, reply_bytes=REPLY_BYTES)
         )
         return {name: (some.time_ns, some.values) for name, some in found.items()}
+
+    def close(self) -> None:
+        """Let go of it."""
+        self.pin.close()
+
+
+class _LinkBuffers:
+    """The buffers of the logger of a session, asked over its link."""
+
+    def __init__(self, session: Session, link: Link) -> None:
+        self._session = session
+        self._link = link
+
+    @property
+    def reachable(self) -> bool:
+        """Whether somebody answers."""
+        return self._session.connected
+
+    async def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> PinHandle:
+        """Pin what they hold from one time to another."""
+        pinned = asyncio.ensure_future(self._link.read(lambda client: client.pin(names, start_ns, end_ns)))
+        try:
+            return _LinkPin(self._link, await asyncio.shield(pinned))
+        except asyncio.CancelledError:
+            pinned.add_done_callback(_let_go)  # whoever asked is gone, the answer still comes
+            raise
+
+    async def find(
+        self, looking: Mapping[str, Looking], around_ns: int, most: int, end_ns: int, pins: Sequence[PinHandle]
+    ) -> dict[str, Found]:
+        """Look for moments in them and in these pins."""
+        one = next(iter(looking.values()))
+        held = [each for each in pins if isinstance(each, _LinkPin)]
+        return await self._link.read(
+            lambda client: client.find(
+                list(looking), one.what, one.level, one.direction, [each.bounds for each in looking.values()],
+                end_ns=end_ns, around_ns=around_ns, most=most, pins=[each.pin for each in held],
+                run=held[0].run if held else "",
+            )
+        )  # fmt: skip
+
+
+def _let_go(pinned: "asyncio.Future[Pin]") -> None:
+    if not pinned.cancelled() and pinned.exception() is None:
+        pinned.result().close()
 
 
 class Pause:
@@ -56,12 +110,16 @@ class Pause:
         self._session = session
         self._live = live
         self._changed = changed
-        self._pin: Pin | None = None
         self.note = ""  # what could not be had
         self._since_s = 0.0
-        self.source: PinnedSource | None = None
+        self.source: HeldSource | None = None
+        self._unreached = False  # nothing could be pinned, because nobody answered
         self._settled = asyncio.Event()
         self._settled.set()
+
+    def tell(self, changed: Callable[[], None]) -> None:
+        """Call this from now on when more is here."""
+        self._changed = changed
 
     async def settled(self) -> None:
         """Wait until it is known what is pinned, or that nothing is."""
@@ -99,13 +157,21 @@ class Pause:
             spans.append(element.options.buffer_size * period_ns if loops else newest_ns - started_ns)
         return max(started_ns, newest_ns - max(spans)), newest_ns
 
-    def hold(self, plots: Sequence[Plotted], end_ns: int, span_ns: int, shown: ColumnStore) -> PinnedSource:
-        """Hold the picture that ends there, and what was before it for at least as long."""
+    def hold(
+        self, plots: Sequence[Plotted], end_ns: int, span_ns: int, shown: ColumnStore, newest_ns: int = 0
+    ) -> HeldSource:
+        """Hold the picture that ends there, and what was before it for at least as long.
+
+        `newest_ns` is now, where the picture is an earlier one.
+        """
         self.release()
         self._settled.clear()
+        self._unreached = False
         self._since_s = time.monotonic()
         plots = [plotted for plotted in plots if self._live.is_live(plotted.element.name)]
-        self.source = PinnedSource(self._live, plots, end_ns - 2 * span_ns, end_ns, shown)
+        link = self._session.link
+        buffers = _LinkBuffers(self._session, link) if link is not None else None
+        self.source = HeldSource(self._live, plots, (end_ns - 2 * span_ns, end_ns), newest_ns, shown, buffers)
         return self.source
 
     async def fetch(self, column_ns: int, span_ns: int) -> None:
@@ -117,50 +183,64 @@ class Pause:
         source = self.source
         if not opened or source is None:
             return
-        await source.fetch_columns(column_ns)
+        main = source.main
+        await main.fetch_columns(column_ns)
         self._changed()
-        await source.fetch(source.end_ns - span_ns, source.end_ns)
+        await main.fetch(main.end_ns - span_ns, main.end_ns)
         self._changed()
-        while self.source is source and await source.fetch_rest():
+        while self.source is source and await main.fetch_rest():
             self._changed()
 
     async def _open(self) -> bool:
         """Have the logger pin it; False where there is nothing to fetch."""
-        source, link = self.source, self._session.link
-        if source is None or link is None or not source.names:
+        source = self.source
+        if source is None or self._session.link is None or not source.names:
             return False
-        names, start_ns, end_ns = list(source.names), source.begin_ns, source.end_ns
         try:
-            pin = await link.read(lambda client: client.pin(names, start_ns, end_ns))
+            note = await source.open()
         except SiloError as error:
-            source.problem = "nothing is pinned: " + (str(error) if isinstance(error, RefusedError) else "no link")
+            self._unreached = not isinstance(error, RefusedError)
+            source.main.problem = "nothing is pinned: " + (str(error) if isinstance(error, RefusedError) else "no link")
             self._changed()
             return False
         if self.source is not source:
-            pin.close()
+            source.close()
             return False
-        self._pin = pin
-        if not pin.opened.run:
-            source.problem = "the logger holds nothing of it"
-            return False
-        source.opened(_LinkPin(link, pin), pin.opened.begin_ns, pin.opened.end_ns)
-        self.note = pin.opened.text
+        self.note, self._unreached = note, False
         self._changed()
-        return True
+        return not source.main.problem
 
-    async def look(self, start_ns: int, end_ns: int) -> None:
-        """Fetch the samples of what is looked at now; after a link that was lost too."""
+    async def look(self, start_ns: int, end_ns: int, column_ns: int) -> None:
+        """Pin and fetch what is looked at now, as far as the logger has it still; after a link that was lost too."""
+        await self.settled()
         source = self.source
         if source is None:
             return
-        if self._pin is not None and self._session.connected and not self._pin.refused:
-            source.problem = ""
+        if self._session.connected:
+            source.mended()
+            if self._unreached or not (source.pinned or source.problem):
+                await self._open()
+        before = source.pieces
+        span_ns = end_ns - start_ns
+        if not (source.covers(start_ns) and source.covers(end_ns)):
+            # a window more: who goes back mostly goes on
+            told = await source.cover(start_ns - span_ns, min(end_ns, source.end_ns))
+            self.note = told or self.note
+        for piece in source.pieces:
+            if piece not in before:
+                await piece.fetch_columns(column_ns)
+        self._changed()
         await source.fetch(start_ns, end_ns)
         self._changed()
 
+    async def bring(self, time_ns: int, around_ns: int) -> bool:
+        """Have a moment pinned; False where neither pins nor the logger's buffers hold it any more."""
+        await self.settled()
+        return self.source is not None and await self.source.bring(time_ns, around_ns)
+
     def release(self) -> None:
         """Let go of what is held."""
-        pin, self._pin, self.source, self.note = self._pin, None, None, ""
+        source, self.source, self.note = self.source, None, ""
         self._settled.set()
-        if pin is not None:
-            pin.close()
+        if source is not None:
+            source.close()

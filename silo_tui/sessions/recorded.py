@@ -4,6 +4,7 @@ It has no link, so that nothing of it can be asked of a robot; `time_ns` is the 
 """
 
 import asyncio
+import contextlib
 import os
 import warnings
 from collections.abc import Callable, Sequence
@@ -14,10 +15,13 @@ import numpy as np
 
 from silo.analysis import reports
 from silo.analysis.log import Log, LogWarning, open_log
-from silo.errors import FileFormatError
-from silo.model import State, Status, Table
+from silo.errors import ElementError, FileFormatError
+from silo.judging.extras import bind_limits, scalar_names, table_catalogue
+from silo.model import ElementInfo, State, Status, Table
+from silo.recording import Recording
 from silo_tui.model.facts import Facts
 from silo_tui.model.file_facts import FileFacts
+from silo_tui.model.limits import Bounds4
 from silo_tui.model.recorded import RecordingSource
 from silo_tui.model.table_columns import FILE_COLUMNS
 from silo_tui.sessions.live import Session
@@ -52,6 +56,7 @@ class FileSession(Session):
             prefix=recording.prefix, folder=str(path.parent), script="",
         )  # fmt: skip
         self.table.load(Table(0, self.source.elements))
+        self.bounds = _bounds_of(recording, self.source.elements)
         self.rows.refresh()
 
     @property
@@ -107,6 +112,17 @@ class FileSession(Session):
             if not set(quantities) <= told.setdefault(name, {}).keys():
                 told[name].update(await asyncio.to_thread(self._facts.of, name, quantities, at_ns))
         self.table.facts = Facts({**known, **found}, 0, at_ns, told)
+
+
+def _bounds_of(recording: Recording, elements: Sequence[ElementInfo]) -> dict[str, Bounds4]:
+    """Return the limits that the file has, by scalar; those of a signal that isn't in it are none."""
+    catalogue = table_catalogue(elements, recording.prefix)
+    found: dict[str, Bounds4] = {}
+    for limits in recording.extras.limits:
+        with contextlib.suppress(ElementError):
+            _, (signal, *_) = bind_limits(limits, catalogue)
+            found.update(dict.fromkeys(scalar_names(signal, catalogue, limits.name), limits.bounds))
+    return found
 
 
 def open_file(which: str | os.PathLike[str] | int) -> FileSession:

@@ -14,7 +14,7 @@ from textual.driver import Driver
 from silo_tui.terminal.driver import CellDriver
 from silo_tui.terminal.pacing import link_words
 from silo_tui.terminal.signals import end_on_signals, mouse_wanted, over_ssh
-from silo_tui.terminal.thinness import Pace
+from silo_tui.terminal.thinness import Pace, head_words
 
 __all__ = [
     "CellDriver", "Pace", "backed_up", "driver_class", "end_on_signals", "may_paint", "mouse_wanted", "over_ssh",
@@ -63,18 +63,13 @@ def may_paint(app: App[Any], wished_hz: float) -> bool:
     return driver is None or driver.may_paint(wished_hz)
 
 
-def thin_head(app: App[Any]) -> str:
+def thin_head(app: App[Any], room: int) -> str:
     """Return what the head says of a thin link, or of a computer too busy to paint as often as is wished.
 
-    `THIN 1.2 of 5 Hz 64 kbit/s 210 ms`, or the rate alone; empty where all is shown.
+    `THIN 1.2 of 5 Hz 64 kbit/s 210 ms`, as much of it as has room, or the rate alone; empty where all is shown.
     """
     driver = _driver_of(app)
-    if driver is None:
-        return ""
-    rate = driver.painted.words
-    if not driver.thinness.step:
-        return rate
-    return " ".join(filter(None, ["THIN", rate, *link_words(driver.pacer)]))
+    return head_words(driver.thinness, driver.painted, link_words(driver.pacer), room) if driver is not None else ""
 
 
 def thin_words(app: App[Any], wished_hz: float) -> str:

@@ -123,3 +123,11 @@ class Thinness:
                 self._good_s = GOOD_S
             return True
         return False
+
+
+def head_words(thinness: Thinness, painted: Painted, link: list[str], room: int) -> str:
+    """Return what the head says, in `room` cells: that the link is thin, the rate, what is known of the link."""
+    parts = list(filter(None, ["THIN", painted.words, *link] if thinness.step else [painted.words]))
+    while len(parts) > 1 and len(" ".join(parts)) > room:
+        parts.pop()  # a number that is cut would be another one
+    return " ".join(parts)

@@ -94,7 +94,7 @@ class StatusBar(Widget):
             durable = f"  durable to tick {text.count(status.durable_ticks)}"
             if line.cell_len + len(durable) <= self.size.width:
                 line.append(durable)
-        if thin := thin_head(self.app):
+        if thin := thin_head(self.app, self.size.width - line.cell_len - 2):
             line.append(f"  {thin}", style=color(variables, "warning"))
         return line
 

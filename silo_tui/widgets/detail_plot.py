@@ -1,12 +1,15 @@
 """One plot that fills the screen, with what is said of it below, or at its right where there is room."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from textwrap import wrap
 from typing import ClassVar
 
 from rich.segment import Segment
 from rich.style import Style
+from textual import events
+from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
@@ -44,6 +47,18 @@ class DetailPlot(Widget):
         """Cells of the plot itself."""
         width = self.size.width - AXIS - 1 - (RIGHT if self.two_sided else 2) - (SIDE if self.beside else 0)
         return max(10, width), max(3, self.size.height - 1 - (0 if self.beside else BELOW))
+
+    @dataclass
+    class Pointed(Message):
+        """A cell of the plot was clicked."""
+
+        cell: int
+
+    def on_click(self, event: events.Click) -> None:
+        """Ask for the place that was clicked."""
+        cell = event.x - AXIS - 1
+        if 0 <= cell < self.plot_size[0] and event.y < self.plot_size[1]:
+            self.post_message(self.Pointed(cell))
 
     def show(self, plot: BigPlot, notes: Sequence[str]) -> None:
         """Show a plot and what is said of it."""

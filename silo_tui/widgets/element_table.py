@@ -27,6 +27,8 @@ from silo_tui.model.tree import entry_of, row_of
 from silo_tui.sessions.live import Session
 
 FLAGS = 2
+DERIVED = "="  # the sign of what is computed from others
+NOT_OF_DERIVED = (Field.ACTION, Field.BUFFER_TYPE, Field.BUFFER_SIZE)
 MAX_STRIPS = 4000
 
 
@@ -315,6 +317,9 @@ class ElementTable(ScrollView, can_focus=True):
             flag, flag_style = "!", "table--conflict"
         elif pending.any():
             flag, flag_style = "*", "table--pending"
+        derived = row >= self.session.table.own
+        if derived:
+            flag, flag_style = DERIVED, "table--quiet"
         yield Segment(flag, self._style(*base, flag_style))
         yield Segment(">" if marked else " ", self._style(*base, *(["table--marked"] if marked else [])))
         width = self.name_width
@@ -324,7 +329,8 @@ class ElementTable(ScrollView, can_focus=True):
         quiet = [] if is_cursor else ["table--quiet"]  # grey on the cursor's line is hard to read in 16 colours
         facts = self._facts(row, values)
         for column, cell_width in self.shown:
-            word = self._fitted(column.words(facts, cell_width), cell_width, right=column.right)
+            shown = "-" if derived and column.field in NOT_OF_DERIVED else column.words(facts, cell_width)
+            word = self._fitted(shown, cell_width, right=column.right)
             if column.field is None:
                 alarm = column.alarm is not None and column.alarm(facts)
                 yield Segment(" " + word, self._style(*base, *(["table--conflict"] if alarm else quiet)))

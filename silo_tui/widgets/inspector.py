@@ -137,7 +137,7 @@ class Inspector(Widget):
             pane.append(element.description + "\n", style=quiet)
         table = self.session.table
         values, server, pending, conflicts = table.values, table.server, table.pending, table.conflicts
-        for field in Field:
+        for field in Field if not element.expression else (Field.ENABLED, Field.DIVIDER):
             pane.append(f"{field.label:<12} ", style=quiet)
             if pending[field, row]:
                 pane.append(f"{phrase_for(field, int(server[field, row]))} → ")
@@ -147,7 +147,7 @@ class Inspector(Widget):
                 pane.append(phrase_for(field, int(values[field, row])))
             pane.append("\n")
         frequency = self.session.status.frequency_hz
-        if frequency:
+        if frequency and not element.expression:
             divider, size = int(values[Field.DIVIDER, row]), int(values[Field.BUFFER_SIZE, row])
             holds = text.span(size * divider / frequency)
             pane.append(f"{'which holds':<12} ", style=quiet)
@@ -167,7 +167,8 @@ class Inspector(Widget):
     def _values(self, pane: Lines, element: ElementInfo, row: int, reading: Reading | None) -> None:
         pane.append("\n")
         if not self.session.table.server[Field.ENABLED, row]:
-            pane.append("not logged; t switches it on\n", style=self._quiet)
+            words = "not computed" if element.expression else "not logged; t switches it on"
+            pane.append(f"{words}\n", style=self._quiet)
             return
         if reading is None or not reading.held:
             pane.append("no values yet\n" if self.session.running else "not running; S starts it\n", style=self._quiet)

@@ -4,7 +4,7 @@ Measured: 5 - 8 ms for a screen full; twenty of Textual's Sparkline widgets at 1
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import ClassVar
@@ -18,10 +18,11 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from silo.columns import HOLE_TEXTS, Hole
-from silo_tui.model import axes, braille, dots, lanes, text
+from silo_tui.model import braille, dots, lanes, text
 from silo_tui.model.columns import ColumnStore, Piece
 from silo_tui.model.dots import BLANK
 from silo_tui.model.happened import EVENT_LINE, columns_of, in_plots
+from silo_tui.model.limits import NO_BOUNDS, Bounds4, level_line, lines_of
 from silo_tui.model.live import Reading, entry_text, offset_text
 from silo_tui.model.overlay import SIGN, ghost_piece
 from silo_tui.model.panels import (
@@ -53,6 +54,8 @@ from silo_tui.model.plots import (
 from silo_tui.model.source import PlotSource
 from silo_tui.widgets.series import most_series, series_style
 
+LIMIT = "╌"
+YELLOW, RED = -3, -4
 AXIS = 10  # cells for the numbers on the left
 CURSOR_A, CURSOR_B = "│", "┊"
 GHOST = Style(dim=True)
@@ -75,6 +78,7 @@ class PlotStack(Widget):
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "plot--title", "plot--chosen", "plot--quiet", "plot--line", "plot--stale", "plot--cursor", "plot--band",
+        "plot--red", "plot--yellow",
     }  # fmt: skip
     DEFAULT_CSS = "PlotStack { height: 1fr; width: 1fr; }"
 
@@ -85,6 +89,8 @@ class PlotStack(Widget):
         self.source = source
         self.store = ColumnStore((), 1, 1)
         self.readings: dict[str, Reading] = {}
+        self.bounds: Mapping[str, Bounds4] = {}  # the limits of scalars
+        self.level: float | None = None  # of a scope that waits for the first signal
         self.events: dict[str, list[tuple[int, str]]] = {}  # of texts: since when which
         self.ghost: ColumnStore | None = None  # a saved run, on the grid of the live one
         self.prefix = ""
@@ -213,7 +219,12 @@ class PlotStack(Widget):
     @property
     def right_width(self) -> int:
         """Cells right of the curves: for letters, words of lanes, or a second axis."""
-        return AXIS + 1 if self._two_sided else 8 if self._worded else 4 if self.ghost is not None else 2
+        if self._two_sided or self._worded:
+            return AXIS + 1 if self._two_sided else 8
+        if self.level is not None:
+            return 8
+        limited = self.bounds and any(plotted.name in self.bounds for plotted in self._plots)
+        return 8 if limited else 4 if self.ghost is not None else 2
 
     @property
     def plot_width(self) -> int:
@@ -312,6 +323,7 @@ class PlotStack(Widget):
         pictures = draw_panel(self.store, self.window, panel, right, self.plot_width, height, period_of, ghosts)
         front = panel.index(self.chosen_plot) if self.chosen_plot in panel else 0
         cells, owners = together(pictures, front, len(ghosts))
+        limits = self._draw_limits(panel, pictures, cells, owners)
         left, origin = self._axis(panel[0], pictures[0], height)
         marks: dict[int, tuple[str, int]] = {}
         other = ""
@@ -331,7 +343,39 @@ class PlotStack(Widget):
                 spot = _letter_spot(owners, place, len(panel))
                 if spot is not None:
                     cells[spot] = ord(self.letter(panel[place]) or BLANK)
+        for line, (word, owner) in limits.items():
+            known = marks.get(line, ("", owner))
+            marks[line] = f"{known[0]} {word}".strip(), known[1]
         return Drawn(pictures, dots.lines_of(cells), owners, left, marks, (origin, other))
+
+    def _draw_limits(
+        self, panel: Panel, pictures: Sequence[Picture], cells: dots.Cells, owners: Owners
+    ) -> dict[int, tuple[str, int]]:
+        """Draw the limits of a panel behind its curves; return what stands at the right of which line, and its colour.
+
+        One that lies outside of the scale has no line: an arrow at that border tells of it.
+        """
+        found: dict[int, tuple[str, int]] = {}
+        for place, plotted in enumerate(panel):
+            lines = lines_of(self.bounds.get(plotted.name, NO_BOUNDS), pictures[place].axis, len(cells))
+            if self.level is not None and place == 0:
+                lines += level_line(self.level, pictures[0].axis, len(cells))
+            for limit in lines:
+                owner = RED if limit.red else YELLOW
+                words = f"{self.letter(plotted) if len(panel) > 1 else ''}{limit.mark}"
+                known = found.get(limit.line)
+                found[limit.line] = (words, owner) if known is None else (f"{known[0]} {words}", min(known[1], owner))
+                free = owners[limit.line] == NOBODY
+                if not limit.beyond:
+                    free[1::2] = False  # dashed: a curve is not
+                    cells[limit.line][free], owners[limit.line][free] = ord(LIMIT), owner
+        return found
+
+    def scale_of_first(self) -> tuple[float, float]:
+        """The ends of the axis of the first signal, as values."""
+        picture = self._panel(0).pictures[0]
+        bottom, top = picture.scale
+        return bottom + picture.base, top + picture.base
 
     def has_ghost(self, panel: Panel) -> bool:
         """Whether a saved run has something of these signals in the window."""
@@ -361,11 +405,11 @@ class PlotStack(Widget):
     def _axis(self, plotted: Plotted, picture: Picture, height: int) -> tuple[dict[int, str], str]:
         """What stands on which line of an axis, and what these numbers count from."""
         ends = picture.scale
-        if plotted.entry.dtype[1:2] == "M" and not math.isnan(ends[0]):
+        if picture.axis.log is None and plotted.entry.dtype[1:2] == "M" and not math.isnan(ends[0]):
             words = [offset_text(plotted.entry, end, picture.base, 30) for end in ends]
             if words[0][: AXIS - 2] != words[1][: AXIS - 2]:
                 return {height - 1: words[0][: AXIS - 2], 0: words[1][: AXIS - 2]}, ""
-        return axes.tick_words(axes.ticks_of(ends, height), picture.base, AXIS - 1)
+        return picture.axis.words(height, AXIS - 1)
 
     # --------------------------------------------------------------------------------------------------- titles
 
@@ -440,11 +484,20 @@ class PlotStack(Widget):
         if not math.isnan(picture.smallest):
             smallest, largest = self._extremes(plotted, picture)
             words += [f"min {smallest}", f"max {largest}"]
-        return "  ".join([*words, f"now {self._now(plotted)}"]) if words else ""
+        return "  ".join([*words, f"{self._when} {self._now(plotted)}"]) if words else ""
+
+    @property
+    def _when(self) -> str:
+        """Of when the readings are: of now, or while it stands still of the cursor, or of the right end."""
+        if not self.window.paused:
+            return "now"
+        return "at cursor" if self.window.cursor is not None else "at end"
 
     def _lane_facts(self, plotted: Plotted) -> str:
         if self.window.cursor is None:
-            return f"now {self._now(plotted)}"
+            return f"{self._when} {self._now(plotted)}"
+        if self.window.paused and plotted.element.name in self.readings:  # the sample that held then
+            return f"at cursor {self._now(plotted)}"
         piece = self._piece(plotted)
         last = self.columns - 1 - self.window.cursor
         found = braille.value_range(piece.low[max(0, last - 1) : last + 1], piece.high[max(0, last - 1) : last + 1])
@@ -460,6 +513,12 @@ class PlotStack(Widget):
             )
             return smallest, largest
         return text.told_apart(picture.smallest, picture.largest)
+
+    def span_of(self, plotted: Plotted) -> tuple[float, float]:
+        """The smallest and the largest value that is shown of a signal; 0 and 0 where none is."""
+        piece = self._piece(plotted)
+        low, high = braille.value_range(piece.low, piece.high) or (0.0, 0.0)
+        return low + piece.base, high + piece.base
 
     def missing(self) -> str:
         """What the chosen plot has no samples of, and why."""
@@ -490,6 +549,7 @@ class PlotStack(Widget):
         drawn, panel = self._panel(at), self.panels[at]
         quiet = self._style("plot--quiet")
         colors = {place: self._color(panel, place) for place in range(len(panel))} | {HOLE: quiet, NOBODY: quiet}
+        colors |= {RED: self._style("plot--red"), YELLOW: self._style("plot--yellow")}
         for ghost, place in enumerate(self._ghosts(panel) if self.ghost is not None else (), len(panel)):
             colors[ghost] = colors[place] + GHOST
         styles = [colors[owner] for owner in drawn.owners[line].tolist()]
@@ -537,12 +597,12 @@ class PlotStack(Widget):
         """The cells of a line, with the cursors where nothing is drawn."""
         chars = list(cells)
         for at in self._event_cells():
-            if chars[at] in (BLANK, " "):
+            if chars[at] in (BLANK, " ", LIMIT):
                 chars[at], styles[at] = EVENT_LINE, self._style("plot--quiet")
         for cursor, sign in ((self.other_cursor, CURSOR_B), (self.window.cursor, CURSOR_A)):
             if cursor is not None:
                 at = max(0, len(chars) - 1 - cursor // 2)
-                chars[at] = chars[at].replace(BLANK, sign).replace(EVENT_LINE, sign)
+                chars[at] = chars[at].replace(BLANK, sign).replace(EVENT_LINE, sign).replace(LIMIT, sign)
                 styles[at] = self._style("plot--cursor")
         pieces = groupby(zip(chars, styles, strict=True), lambda cell: cell[1])
         return [Segment("".join(char for char, _ in some), its) for its, some in pieces]

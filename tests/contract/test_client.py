@@ -8,7 +8,8 @@ import pytest
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.messages import RefusedWhy
 from silo.ipc.published import EventKind
-from silo.model import BufferType, Edit, ElementOptions, FileType, State
+from silo.judging.moments import Looking, places
+from silo.model import BufferType, Edit, ElementOptions, FileType, Sought, State
 from tests.stand_ins.fake_logger import HZ, START_NS
 from tests.waiting import DEADLINE_S
 
@@ -424,6 +425,21 @@ def test_a_pin_is_no_more_when_it_was_closed(side, client):
     assert client.samples([Q], pin=pin)[Q].why == "it is not in this pin"
     pin.close()
     assert refusal(lambda: client.samples([X], pin=pin)).why is RefusedWhy.NOT_FOUND
+
+
+@pytest.mark.parametrize("what", ["highest", "lowest", "crossing", "change", "hole", "not finite"])
+def test_moments_are_found_where_the_samples_have_them(side, client, what):
+    client.start()
+    side.ticks(300)
+    samples = client.samples([X])[X]
+    level = float(np.median(samples.values))
+    found = client.find([X], what, level, 1, around_ns=int(samples.time_ns[150]), most=6)[X]
+    wanted = places(Looking(Sought(what), level, 1, period_ns=round(1e9 / HZ)), samples.time_ns, samples.values)
+    assert found.total == len(wanted)
+    here = wanted[found.before : found.before + len(found.time_ns)]
+    np.testing.assert_array_equal(found.time_ns, samples.time_ns[here])
+    np.testing.assert_array_equal(found.values, samples.values[here])
+    assert (found.begin_ns, found.end_ns) == (samples.time_ns[0], samples.time_ns[-1])
 
 
 # --------------------------------------------------------------------------------------------------- measuring

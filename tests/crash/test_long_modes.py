@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import silo
+from tests.waiting import DEADLINE_S
 
 LONG = Path(__file__).resolve().parents[1] / "long"
 TICKS, SIZE = 50, 20
@@ -32,7 +33,9 @@ def saved(truth, tmp_path):
     steps = ["start", f"ticks {TICKS}", "save silo", "close"]
     case = {"name": "bot", "folder": str(tmp_path), "page": str(tmp_path / "page"), "size": SIZE, "steps": steps}
     environment = dict(os.environ, PYTHONPATH=str(Path(silo.__file__).parents[1]))
-    subprocess.run([sys.executable, str(LONG / "robot.py"), json.dumps(case)], env=environment, check=True, timeout=60)
+    subprocess.run(
+        [sys.executable, str(LONG / "robot.py"), json.dumps(case)], env=environment, check=True, timeout=DEADLINE_S
+    )
     return next(tmp_path.glob("*.silo"))
 
 
@@ -59,5 +62,5 @@ def test_samples_that_the_buffer_should_hold_are_seen_as_missing(truth, saved):
 def test_a_long_mode_says_how_it_is_used(name):
     environment = dict(os.environ, PYTHONPATH=str(Path(silo.__file__).parents[1]))
     command = [sys.executable, str(LONG / name), "--help"]
-    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=60)
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=DEADLINE_S)
     assert f"tests/long/{name}" in run.stdout

@@ -43,6 +43,7 @@ from silo.ipc.messages import (
     Columns,
     DeleteRecording,
     DiffScript,
+    FindMoments,
     ForceTrigger,
     GetEvents,
     GetHistory,
@@ -57,6 +58,8 @@ from silo.ipc.messages import (
     Hello,
     HelloReply,
     KeepPin,
+    KeepView,
+    ListKeptViews,
     ListRecorders,
     ListRecordings,
     ListScripts,
@@ -64,15 +67,18 @@ from silo.ipc.messages import (
     OpenPin,
     OpenStream,
     OpenView,
+    ReadKeptView,
     ReadScript,
     Refused,
     RefusedWhy,
+    RemoveDerived,
     RemoveLimits,
     RemoveTrigger,
     Request,
     Restart,
     Save,
     SaveScript,
+    SetDerived,
     SetLimits,
     SetTrigger,
     Start,
@@ -92,7 +98,18 @@ from silo.link.channel import LinkChannel
 from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply, LinkRequest, RobotState
 from silo.logger.answers import answer, robot_state
-from silo.model import Edit, ElementOptions, FileType, Problem, SavedFile, SignalLimits, Table, TriggerOptions
+from silo.model import (
+    Derived,
+    Edit,
+    ElementOptions,
+    FileType,
+    Problem,
+    SavedFile,
+    SignalLimits,
+    Sought,
+    Table,
+    TriggerOptions,
+)
 
 COUNT = int(os.environ.get("SILO_FUZZ_INPUTS", "2000"))
 NASTY: list[Any] = [
@@ -115,8 +132,11 @@ GOOD: list[Request[Any]] = [
     GetSurvey(quantities=["mean", "signs"], names=["/log/x", "/log/q_1"]), GetSurvey(quantities=["value"], reset=True),
     GetSamples(names=["/log/x"], run="a", resume=[(0, 9)]), OpenStream(stream="abc-1", names=["/log/x", "/log/q_2"]),
     CloseStream(stream="abc-1"), OpenPin(pin="abc-1", names=["/log/q"], start_ns=STEM, end_ns=STEM + 10**9),
+    FindMoments(names=["/log/x", "/log/q_1"], what=Sought.HIGHEST), FindMoments(names=["/log/x"], what=Sought.CROSSING,
+    level=0.5, direction=1, around_ns=STEM, most=3, pins=["abc-1"], bounds=[(None, 2.0)]),
     KeepPin(pin="abc-1"), ClosePin(pin="abc-2"),
     ApplyEdits(revision=-1, edits=[Edit("/log/x", ElementOptions(divider=2)), Edit("/log/q", ElementOptions())]),
+    ListKeptViews(), KeepView(name="walk", text="sort: div", overwrite=True), ReadKeptView(name="walk"),
     Start(), Start(unsaved=Unsaved.DISCARD), Stop(), Restart(unsaved=Unsaved.DISCARD), Restart(),
     ListRecordings(), ListRecordings(most=10), GetParts(name="fuzz.silo"), DeleteRecording(name="fuzz"),
     GetPiece(path="fuzz.silo", mark="abc", offset=0, count=100),
@@ -129,6 +149,7 @@ GOOD: list[Request[Any]] = [
     SetTrigger(trigger=TriggerOptions("scope", "x > 2", mode="auto", save=(), patience_s=0.5), lease_s=5.0),
     ArmTrigger(name="fuzz", armed=False),
     TryTrigger(trigger=TriggerOptions(name="fuzz", when="abs(q_1) > 2 or x > 1")), ForceTrigger(name="fuzz"),
+    SetDerived(derived=Derived("fuzz", "2 * x", "V")), RemoveDerived(name="fuzz"),
     RemoveTrigger(name="fuzz"), SetLimits(limits=SignalLimits(name="/log/x", bounds=(-2.0, -1.0, 1.0, 2.0))),
     RemoveLimits(name="/log/x"),
 ]  # fmt: skip

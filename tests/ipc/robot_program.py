@@ -1,4 +1,4 @@
-"""A robot program for tests: NAME FOLDER [GROUP [fall]]. Prints the helper's pid once it is served and runs.
+"""A robot program for tests: NAME FOLDER [GROUP [fall | foxglove]]. Prints the helper's pid once it is served and runs.
 
 Ends at end of input; with `fall`, killed right after a mark.
 """
@@ -20,7 +20,7 @@ def main() -> None:
     x = np.zeros(())
     logger.add(x, "x", action=silo.Action.SAVE_AND_PUBLISH)
     q = logger.array("q", 12, action=silo.Action.SAVE_AND_PUBLISH)
-    serving = logger.serve(group=group)
+    serving = logger.serve(group=group, foxglove=0 if sys.argv[4:] == ["foxglove"] else None)
     logger.start()
     for _ in range(50):
         logger.collect()

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -112,8 +113,8 @@ def start_and_tick(log: silo.Logger) -> None:
 def test_ls_shows_the_logger(log: silo.Logger, command: Run) -> None:
     shown = command("ls")
     header, row = shown.out.splitlines()
-    assert header.split()[:2] == ["LOGGER", "STATE"]
-    assert row.split()[:2] == ["arm", "stopped"]
+    assert header.split()[:3] == ["LOGGER", "HOST", "STATE"]
+    assert row.split()[:3] == ["arm", socket.gethostname(), "stopped"]
     assert "4/4" in row
 
 

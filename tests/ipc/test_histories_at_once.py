@@ -10,6 +10,7 @@ from silo.columns import MAX_COLUMNS
 from silo.ipc.exchange import decode_reply, encoded
 from silo.ipc.messages import Columns, GetHistory
 from silo.ipc.session import close, open_client
+from tests.waiting import DEADLINE_S
 
 pytestmark = pytest.mark.slow
 
@@ -36,7 +37,7 @@ def test_of_64_large_histories_at_once_all_are_answered_and_memory_stays_bounded
     try:
         key = f"silo/*/bot/{GetHistory.key}"
         asked = [
-            session.get(key, zenoh.handlers.FifoChannel(1), payload=encoded(request), timeout=60.0)
+            session.get(key, zenoh.handlers.FifoChannel(1), payload=encoded(request), timeout=DEADLINE_S)
             for _ in range(AT_ONCE)
         ]
         sizes = []

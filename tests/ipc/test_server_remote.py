@@ -93,7 +93,7 @@ def test_engineer_may_change(guarded, logger) -> None:
 
 
 def test_wrong_password_is_told_with_what_to_check(guarded) -> None:
-    with pytest.raises(ConnectionLostError, match="user name, password"):
+    with pytest.raises(ConnectionLostError, match="user 'viewer' or its password is refused"):
         Client.connect("far", config=guarded("viewer", "guess"))
 
 

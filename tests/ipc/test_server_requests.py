@@ -19,6 +19,7 @@ from silo.ipc.published import EventKind
 from silo.ipc.session import close, open_client
 from silo.model import Edit, ElementOptions, FileType, State
 from tests.examples import examples
+from tests.waiting import DEADLINE_S
 
 
 def options(client: Client, name: str) -> ElementOptions:
@@ -152,7 +153,7 @@ def raw(bench):
     root = f"silo/{socket.gethostname()}/bot"
 
     def send(payload: bytes | None, kind: str = "ask") -> list[object]:
-        replies = session.get(f"{root}/{kind}", payload=payload, timeout=5.0)
+        replies = session.get(f"{root}/{kind}", payload=payload, timeout=DEADLINE_S)
         return [msgspec.msgpack.decode(reply.ok.payload.to_bytes()) for reply in replies if reply.ok is not None]
 
     yield send
@@ -236,7 +237,7 @@ def test_save_before_the_first_start_is_refused(raw) -> None:
 def test_request_on_a_wildcard_key_is_answered(bench, client) -> None:
     session = open_client(Path(bench.serving.socket_path))
     try:
-        replies = list(session.get("silo/**", payload=b"", target=zenoh.QueryTarget.ALL, timeout=5.0))
+        replies = list(session.get("silo/**", payload=b"", target=zenoh.QueryTarget.ALL, timeout=DEADLINE_S))
     finally:
         close(session)
     kinds = [msgspec.msgpack.decode(reply.ok.payload.to_bytes())["type"] for reply in replies if reply.ok is not None]

@@ -18,6 +18,7 @@ from silo.ipc.messages import ApplyEdits, OpenView, RefusedWhy, Stop
 from silo.ipc.published import EventKind
 from silo.ipc.session import MAX_MESSAGE_BYTES, close, open_client
 from silo.model import Edit, ElementOptions, State
+from tests.waiting import DEADLINE_S
 
 
 def with_unsaved(bench, client: Client, ticks: int = 20) -> None:
@@ -155,7 +156,7 @@ def test_what_is_just_as_large_as_allowed_is_read(bench, kind) -> None:
     assert Stop.max_bytes < MAX_MESSAGE_BYTES
     session = open_client(Path(bench.serving.socket_path))
     try:
-        replies = list(session.get(f"silo/*/bot/{kind.key}", payload=b"\xc1" * kind.max_bytes, timeout=20.0))
+        replies = list(session.get(f"silo/*/bot/{kind.key}", payload=b"\xc1" * kind.max_bytes, timeout=DEADLINE_S))
         assert b"can't be understood" in replies[0].ok.payload.to_bytes()
     finally:
         close(session)
@@ -168,7 +169,7 @@ def test_a_large_request_waits_for_a_helper_process_that_gets_no_processor_for_a
         os.kill(helper_pid, signal.SIGSTOP)
         threading.Timer(0.6, os.kill, (helper_pid, signal.SIGCONT)).start()
         replies = list(
-            session.get(f"silo/*/bot/{ApplyEdits.key}", payload=b"\xc1" * ApplyEdits.max_bytes, timeout=20.0)
+            session.get(f"silo/*/bot/{ApplyEdits.key}", payload=b"\xc1" * ApplyEdits.max_bytes, timeout=DEADLINE_S)
         )
         assert b"can't be understood" in replies[0].ok.payload.to_bytes()
     finally:

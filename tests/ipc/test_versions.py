@@ -69,7 +69,7 @@ def test_a_real_helper_refuses_every_request_of_protocol_1_and_changes_nothing(b
     session = open_client(Path(bench.serving.socket_path))
     try:
         for name, payload in REQUESTS_1.items():
-            replies = list(session.get(f"silo/*/bot/{OF[name].key}", payload=payload, timeout=5.0))
+            replies = list(session.get(f"silo/*/bot/{OF[name].key}", payload=payload, timeout=DEADLINE_S))
             (answer,) = [msgspec.msgpack.decode(reply.ok.payload.to_bytes()) for reply in replies]
             assert answer["type"] == ("HelloReply" if name == "Hello" else "Refused"), name
     finally:

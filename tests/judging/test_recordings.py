@@ -209,14 +209,17 @@ class TestLogger:
         log.derive("b", "a + 1")
         log.derive("a", "joints/q_1")
         assert [one.expression for one in log.extras.derived] == ["joints/q_1", "a + 1"]
-        with pytest.raises(silo.ExpressionError):
+        with pytest.raises(silo.ElementError, match="'/log/a' would be computed from itself"):
             log.derive("a", "b + 1")
+        with pytest.raises(silo.ExpressionError, match="no signal is named 'nope'"):
+            log.derive("a", "joints/q_0 + nope")
 
-    def test_while_running_nothing_is_derived_and_no_script_read(self, log):
+    def test_while_running_a_signal_may_be_derived_but_no_script_read(self, log):
         log.start()
-        for change in (lambda: log.derive("x", "mode"), lambda: log.apply_extras(log.extras)):
-            with pytest.raises(silo.StateError):
-                change()
+        log.derive("x", "mode")
+        assert [one.name for one in log.extras.derived] == ["/log/x"]
+        with pytest.raises(silo.StateError):
+            log.apply_extras(log.extras)
 
     def test_a_script_keeps_what_is_derived_and_limited(self, log, tmp_path):
         log.derive("twice", "2 * joints/q + 0 * mode", unit="°")

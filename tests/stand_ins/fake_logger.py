@@ -24,6 +24,8 @@ from silo.ipc.messages import (
     EditsApplied,
     GetPiece,
     HelloReply,
+    KeptView,
+    KeptViews,
     PinOpened,
     RecorderInfo,
     RecorderStarted,
@@ -42,6 +44,9 @@ from silo.ipc.published import Event, EventKind, NotLive
 from silo.ipc.samples import Samples
 from silo.ipc.surveys import QUANTITIES
 from silo.ipc.versions import PROTOCOL
+from silo.judging.derived import derived_infos
+from silo.judging.moments import Finder, Looking
+from silo.judging.moments import Found as FoundMoments
 from silo.model import (
     Action,
     BufferType,
@@ -57,6 +62,7 @@ from silo.model import (
     RecorderState,
     SavedFile,
     SignalLimits,
+    Sought,
     State,
     Status,
     Table,
@@ -159,7 +165,7 @@ class FakeView:
         begin = max(self.from_ns, self.seen_ns)
         since_ns = begin if self.seen_ns < 0 else 0
         self.seen_ns = client.now_ns
-        known = {info.name: info for info in client.elements}
+        known = {info.name: info for info in client.infos}
         infos = [known[name] for name in self.values if name in known]
         unpublished = {info.name for info in infos if not info.options.enabled}
         newest, texts = [], {}
@@ -201,7 +207,8 @@ class FakePin:
         begin, end = (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
         size = sum(8 * (2 + some.values[:1].size) * len(some) for some in held.values())
         missing = {name: some.why for name, some in held.items() if some.why}
-        self.opened = PinOpened(self.id, f"run-{client.started_ns}" if len(stamps) else "", begin, end, size, missing)
+        self.opened = PinOpened(self.id, f"run-{client.started_ns}" if len(stamps) else "", begin, end, size, missing,
+            oldest_ns=client.oldest_ns(self.names))  # fmt: skip
 
     def close(self) -> None:
         if self in self.client.pins:
@@ -229,6 +236,7 @@ class FakeClient:
         self.pins: list[FakePin] = []
         self.trigger_statuses: list[TriggerStatus] = []
         self.limit_statuses: list[LimitStatus] = []
+        self.views_kept: dict[str, str] = {}
         self.recorder_infos: list[RecorderInfo] = []
         self.derived: tuple[Derived, ...] = ()
         self.limit_options: tuple[SignalLimits, ...] = ()
@@ -258,13 +266,18 @@ class FakeClient:
         return (self.now_ns - self.started_ns) / 1e9 if self.started_ns else 0.0
 
     @property
+    def infos(self) -> list[ElementInfo]:
+        """The elements, then the derived signals."""
+        return [*self.elements, *derived_infos(self.elements, "/log", self.derived)]
+
+    @property
     def ticks(self) -> int:
         end_ns = self.now_ns if self.state is State.RUNNING else self._stopped_ns
         return round((end_ns - self.started_ns) / 1e9 * HZ) if self.started_ns else 0
 
     def recorded(self, name: str) -> ElementOptions:
         """Options of an element in the held recording."""
-        known = next(info.options for info in self.elements if info.name == name)
+        known = next(info.options for info in self.infos if info.name == name)
         return self._recorded.get(name, known)
 
     def is_full(self, name: str) -> bool:
@@ -365,7 +378,7 @@ class FakeClient:
 
     def table(self) -> Table:
         self._ask()
-        return Table(self.revision, list(self.elements))
+        return Table(self.revision, list(self.elements), self.infos[len(self.elements) :])
 
     def scripts(self) -> Scripts:
         self._ask()
@@ -550,6 +563,23 @@ class FakeClient:
         self.publish(EventKind.DELETED, text, by=OWN_NAME)
         return text
 
+    def kept_views(self) -> KeptViews:
+        self._ask()
+        return KeptViews(f"{FOLDER}/views", sorted(self.views_kept))
+
+    def kept_view(self, name: str) -> KeptView:
+        self._ask()
+        if name not in self.views_kept:
+            raise refused(RefusedWhy.NOT_FOUND, f"there is no view '{name}' on the robot")
+        return KeptView(f"{FOLDER}/views/{name}.yaml", self.views_kept[name])
+
+    def keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
+        self._ask()
+        if name in self.views_kept and not overwrite:
+            raise refused(RefusedWhy.EXISTS, f"there is a view '{name}' on the robot")
+        self.views_kept[name] = text
+        return f"view kept on the robot: {FOLDER}/views/{name}.yaml"
+
     def recorders(self) -> list[RecorderInfo]:
         self._ask()
         return list(self.recorder_infos)
@@ -574,6 +604,11 @@ class FakeClient:
         self.publish(EventKind.RECORDING, f"recording '{name}' ended", by=OWN_NAME)
         return f"recording '{name}' ended: 1 files"
 
+    def oldest_ns(self, names: Sequence[str]) -> int:
+        """The oldest moment that the buffers hold of any of these."""
+        held = [self._held_samples(name).time_ns for name in names]
+        return min([int(stamps[0]) for stamps in held if len(stamps)], default=0)
+
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()
         held = FakePin(self, self.samples(names, start_ns, end_ns + 1))
@@ -597,6 +632,31 @@ class FakeClient:
             told(1.0)
         return found
 
+    def find(
+        self, names: Sequence[str], what: Sought, level: float = 0.0, direction: int = 0,
+        bounds: Sequence[tuple[float | None, float | None]] = (), start_ns: int = -(2**62), end_ns: int = 2**62,
+        around_ns: int = 0, most: int = 100, pins: Sequence[FakePin] = (), run: str = "",
+    ) -> dict[str, FoundMoments]:  # fmt: skip
+        self._ask()
+        found = {}
+        for place, name in enumerate(names):
+            held = self._held_samples(name)
+            parts = [self._of_pin(pin, name) for pin in pins]
+            if not run or run == f"run-{self.started_ns}":
+                parts.append(held)
+            stamps = np.concatenate([some.time_ns for some in parts])
+            values = np.concatenate([some.values for some in parts])
+            stamps, at = np.unique(stamps, return_index=True)
+            wanted = (stamps >= start_ns) & (stamps <= end_ns)
+            limits = bounds[place] if bounds else (None, None)
+            looking = Looking(Sought(what), level, direction, limits, round(1e9 * max(1, held.divider) / HZ))
+            finder = Finder(looking, around_ns, most)
+            finder.measure(values[at][wanted])
+            finder.feed(stamps[wanted], values[at][wanted])
+            found[name] = finder.found
+        self.calls.append(("find", tuple(names), Sought(what).value))
+        return found
+
     def _of_pin(self, pin: FakePin, name: str) -> Samples:
         if pin not in self.pins:
             raise refused(RefusedWhy.NOT_FOUND, f"the pin '{pin.id}' is no more: pin again")
@@ -604,8 +664,8 @@ class FakeClient:
 
     def _held_samples(self, name: str) -> Samples:
         """All samples of an element or entry that its buffer holds."""
-        places = {info.name: (info, info.entries) for info in self.elements}
-        for info in self.elements:
+        places = {info.name: (info, info.entries) for info in self.infos}
+        for info in self.infos:
             for entry in info.entries:
                 places.setdefault(info.name + entry.suffix, (info, (entry,)))
         if name not in places:
@@ -640,7 +700,7 @@ class FakeClient:
         count = max(0, last - first + 1) if self.started_ns else 0
         low, high = np.full((len(names), count), np.nan), np.full((len(names), count), np.nan)
         for position, name in enumerate(names):
-            element = next((info for info in self.elements if name.startswith(info.name)), None)
+            element = next((info for info in self.infos if name.startswith(info.name)), None)
             if element is None or not element.options.enabled:
                 continue
             ticks = np.arange(math.ceil((start_ns - self.started_ns) / 1e9 * HZ), self.ticks + 1)
@@ -710,15 +770,18 @@ class FakeClient:
         self.calls.append(("set_limits", limits))
         return f"limits of '{limits.name}' are set"
 
-    def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
+    def survey(
+        self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False, derived: bool = False
+    ) -> Survey:
         self._ask()
         unknown = [quantity for quantity in quantities if quantity not in QUANTITIES]
         if unknown:
             raise refused(RefusedWhy.INVALID, f"no survey: {unknown[0]!r} is no quantity")
         if reset or not self.since_ns:
             self.since_ns = self.now_ns
-        known = {info.name: info for info in self.elements}
-        entries = {info.name + entry.suffix: info for info in self.elements for entry in info.entries}
+        infos = self.infos if derived else self.elements
+        known = {info.name: info for info in infos}
+        entries = {info.name + entry.suffix: info for info in infos for entry in info.entries}
         rows = [
             [self._measured(quantity, name, known.get(name) or entries.get(name)) for name in names or known]
             for quantity in quantities

@@ -78,7 +78,7 @@ class TestScreens:
             await screen.press("t")
             await screen.until(lambda: ("arm_trigger", "fall", False) in fake.calls)
             await screen.shows("trigger 'fall' is off")
-            await screen.until(lambda: screen.app.screen is screen.app.context.upper_screen, "the end of it")
+            await done(screen)
             await screen.press("j")
             await screen.shows("low is blind: /log/x is off; switch it on in the table")
             await screen.press("!")
@@ -214,7 +214,7 @@ class TestLists:
             assert ("arm_trigger", "fall", False) in fake.calls
             await done(screen)
             await screen.press("x")
-            await screen.shows("Forget 2 triggers of robot?")
+            await screen.shows("Remove 2 triggers?")
             await screen.press("escape")
             assert not [call for call in fake.calls if call[0] == "remove_trigger"]
 

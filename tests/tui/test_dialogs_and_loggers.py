@@ -270,7 +270,7 @@ async def test_a_file_of_this_machine_is_opened_over_the_logger_by_a_word_that_t
         await screen.type(f"{tmp_path}/wa")
         await screen.press("tab", "enter")
         await screen.until(lambda: screen.app.screen.scope == "file", "the file")
-        assert "walk.silo" in screen.text.splitlines()[0]
+        await screen.until(lambda: "walk.silo" in screen.text.partition("\n")[0], "its name")
         await screen.press("escape")
         await screen.until(lambda: isinstance(screen.app.screen, TableScreen), "the table")
         assert screen.session is live
@@ -291,7 +291,7 @@ def test_no_key_is_one_that_terminals_eat():
 
 
 def test_no_key_does_two_things_on_one_screen():
-    for scope in ("table", "monitor", "detail", "loggers", *FILE_SCOPES):
+    for scope in ("table", "monitor", "detail", "scope", "loggers", *FILE_SCOPES):
         keys = [key for binding in bindings_for(scope) for key in binding.key.split(",")]
         assert sorted(set(keys)) == sorted(keys), scope
 
@@ -311,10 +311,17 @@ def test_every_command_has_its_method():
     from silo_tui.screens.loggers import LoggersScreen
     from silo_tui.screens.monitor import MonitorScreen
     from silo_tui.screens.recordings import RecordingsScreen
+    from silo_tui.screens.scope import ScopeScreen
     from silo_tui.screens.settings import SettingsScreen
     from silo_tui.screens.triggers import TriggersScreen
 
-    screens = {"table": TableScreen, "monitor": MonitorScreen, "detail": DetailScreen, "loggers": LoggersScreen}
+    screens = {
+        "scope": ScopeScreen,
+        "table": TableScreen,
+        "monitor": MonitorScreen,
+        "detail": DetailScreen,
+        "loggers": LoggersScreen,
+    }
     screens |= {
         "file": FileTableScreen,
         "file_monitor": FileMonitorScreen,
@@ -398,7 +405,7 @@ async def test_a_picture_that_is_called_png_is_written_as_svg_and_the_large_plot
     async with opened(fake) as screen:
         await screen.press("m", "enter")
         await screen.until(
-            lambda: screen.app.screen.scope == "detail" and screen.app.screen.plot.plot, "the large plot"
+            lambda: screen.app.screen.scope == "detail" and not screen.app.screen.stack.store.empty, "the large plot"
         )
         await screen.press(":")
         screen.app.screen.query_one("#command-over").value = f"picture {tmp_path / 'p2.png'}"

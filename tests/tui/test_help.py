@@ -74,11 +74,11 @@ async def test_what_is_not_on_this_screen_is_found_on_the_others(fake, opened):
 async def test_tab_shows_all_screens_and_this_one_again(fake, opened):
     async with opened(fake, size=(160, 50)) as screen:
         await screen.press("question_mark")
-        assert "cursor to the left" not in screen.text
+        assert "half a window back, live too" not in screen.text
         await screen.press("tab")
-        await screen.shows("cursor to the left")
+        await screen.shows("half a window back, live too")
         await screen.press("tab")
-        await screen.until(lambda: "cursor to the left" not in screen.text)
+        await screen.until(lambda: "half a window back, live too" not in screen.text)
 
 
 async def test_letters_are_words_while_they_are_typed(fake, opened):

@@ -38,7 +38,7 @@ LAW = (
     ("asterisk", "all", "TGARL"),
     ("V", "range", "TGARL"),
     ("e", "edit limits change", "TGAH"),
-    ("t", "on/off arm/off", "TGR"),
+    ("t", "on/off arm/off stop", "TGR"),
     ("x", "discard remove delete default", "TPGRH"),
     ("d", "divider", "T"),
     ("s", "size", "T"),
@@ -68,7 +68,7 @@ LAW = (
     ("c less_than_sign greater_than_sign", "catch level", "P"),
     ("exclamation_mark", "force", "G"),
     ("X", "swap", "D"),
-    ("N", "new", "TPGAR"),
+    ("N", "new record", "TPGAR"),
     ("M", "marker", "TPE"),
     ("K", "acknowledge", "A"),
     ("O", "overlay", "R"),
@@ -109,7 +109,6 @@ LEFT_OUT = {
     "alarms": (("C", "one set of columns"), ("A", "here already")),
     "recordings": (
         ("C", "one set of columns"), ("F", "here already"), ("tab", "one view"),
-        ("t N", "recorders aren't run from here"),
     ),
     "events": (("C", "one set of columns"), ("E", "here already")),
     "loggers": (

@@ -4,6 +4,7 @@ import asyncio
 import threading
 
 import pytest
+from textual import events
 
 from silo.ipc.conditions import TriggerStatus, TriggerWord
 from silo.model import TriggerOptions
@@ -95,3 +96,18 @@ async def test_news_leave_a_screen_alone_that_is_being_made(opened, fake, tmp_pa
         screen.app.push_screen(RecordingsScreen(screen.session))
         screen.app._second()
         await screen.shows("Nothing is saved")
+
+
+@pytest.mark.parametrize("key", ["F", "E", "T", "A", "f2", "question_mark", "enter", "D"])
+async def test_a_screen_that_was_asked_for_as_the_program_ends_is_not_made(opened, fake, tmp_path, key):
+    fake.logs = tmp_path
+    async with opened(fake) as screen:
+        screen.app.post_message(events.Key(key, None))
+        screen.app.post_message(events.Key("ctrl+q", None))
+
+
+async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake):
+    async with opened(fake) as screen:
+        await screen.press("t", "q")
+        await screen.shows("Quit without applying?")
+        await screen.shows("/base/position")

@@ -151,8 +151,8 @@ async def test_a_spike_of_one_sample_shows_in_what_is_pinned_at_every_zoom(fake,
             found = held.columns([TORQUE], held.begin_ns, held.end_ns, column_ns)
             if found.low.shape[1] < 4096:
                 assert np.nanmax(found.high) == 40.0
-        facts = held.facts(TORQUE, held.begin_ns // 10**9, held.end_ns // 10**9 + 1, 10**9)
-        assert facts.largest == 40.0
+        _, values = await held.samples(TORQUE, held.begin_ns, held.end_ns)
+        assert values.max() == 40.0
 
 
 async def test_columns_of_what_is_not_fetched_come_from_wider_ones(fake, opened):
@@ -160,7 +160,7 @@ async def test_columns_of_what_is_not_fetched_come_from_wider_ones(fake, opened)
     async with opened(fake) as screen:
         await open_torque(screen)
         held = await hold(screen)
-        held._slices.clear()
+        held.main._slices.clear()
         wide = held.columns([TORQUE], held.begin_ns, held.end_ns, 500_000_000)
         close = held.columns([TORQUE], held.end_ns - 10**9, held.end_ns, 2_000_000)
         assert np.nanmax(wide.high) == 40.0
@@ -174,10 +174,10 @@ async def test_the_axis_of_an_earlier_window_counts_from_where_the_cursor_counts
         await open_torque(screen)
         await hold(screen)
         await screen.press("home")
-        await screen.until(lambda: "A -19." in screen.text or "A -20." in screen.text, "the oldest moment")
+        await screen.until(lambda: "A -59." in screen.text or "A -60." in screen.text, "the oldest moment")
         axis = next(line for line in screen.text.splitlines() if line.rstrip().endswith(" s") and "│" not in line)
         first, last = (float(word) for word in (axis.split()[0], axis.split()[-2]))
-        assert -20.2 < first < -19.5
+        assert -60.2 < first < -59.5
         assert abs(last - first - monitor(screen).window.span_s) < 0.2
 
 
@@ -193,3 +193,179 @@ async def test_what_was_found_is_read_whole_at_80_columns(fake, opened):
         )
         told = next(line for line in screen.text.splitlines() if "highest in" in line)
         assert re.search(r"\d\d:\d\d:\d\d\.\d\d\d", told)
+
+
+# ------------------------------------------------------------------------------- what the buffers hold behind the pin
+
+
+@pytest.fixture
+def spiked(new_fake):
+    """A logger that holds 100 s; the torque has a spike at 4, 8, ... s."""
+
+    def make(size=40_000):
+        return new_fake([scalar(TORQUE, "Nm", buffer_type=BufferType.LOOPING, buffer_size=size)])
+
+    return make
+
+
+async def test_the_highest_is_looked_for_in_all_that_the_buffers_hold(spiked, opened):
+    fake = spiked()
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("plus", "plus", "plus")  # a second, in which there is no spike, as in the one before
+        await screen.until(lambda: monitor(screen).window.span_s == 1.0)
+        fake.advance(1.9)
+        await screen.until(lambda: store_of(screen).end * store_of(screen).column_ns >= fake.now_ns, "newest columns")
+        await screen.press("f", "h")
+        await screen.shows("highest, 16 of 16: 40")
+        held = monitor(screen).pause.source
+        assert monitor(screen).window.at_ns == START_NS + 60 * 10**9
+        assert monitor(screen).window.at_ns < held.main.begin_ns
+        assert held.covers(monitor(screen).window.at_ns)
+
+
+async def test_brackets_step_from_spike_to_spike_far_beyond_the_pin(spiked, opened):
+    fake = spiked()
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("f", "h")
+        await screen.shows("16 of 16: 40")
+        for count in range(15, 10, -1):
+            await screen.press("left_square_bracket")
+            await screen.shows(f"{count} of 16: 40")
+        assert monitor(screen).window.at_ns == START_NS + 40 * 10**9
+        await screen.until(lambda: filled(screen), "the picture there")
+
+
+async def test_a_moment_that_the_buffers_lost_is_said_with_the_oldest_that_is_held(spiked, opened):
+    fake = spiked(8000)
+    fake.run(60)
+    fake.happen("marker", "long ago", fake.started_ns + 10**9)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("E", "enter")
+        await screen.shows("gone, oldest held -19.99")
+        assert monitor(screen).window.cursor is None
+
+
+async def test_an_event_that_the_buffers_hold_is_gone_to_beyond_the_pin(spiked, opened):
+    fake = spiked()
+    fake.run(60)
+    fake.happen("marker", "long ago", fake.started_ns + 10**9)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("E", "enter")
+        await screen.shows('"long ago" at -58.99')
+        assert monitor(screen).window.at_ns == fake.started_ns + 10**9
+
+
+async def test_next_event_goes_beyond_the_pin(spiked, opened):
+    fake = spiked()
+    fake.run(60)
+    fake.happen("marker", "long ago", fake.started_ns + 10**9)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("{")
+        await screen.shows('"long ago" at -58.99')
+
+
+async def test_what_was_pinned_elsewhere_survives_link_and_buffers(spiked, opened):
+    fake = spiked()
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("f", "h")
+        await screen.shows("16 of 16: 40")
+        for count in range(15, 10, -1):
+            await screen.press("left_square_bracket")
+            await screen.shows(f"{count} of 16: 40")
+        held, at_ns = monitor(screen).pause.source, START_NS + 40 * 10**9
+        await screen.until(lambda: len(held.held(TORQUE, at_ns - 10**9, at_ns + 10**9)[0]) > 700, "the samples there")
+        fake.advance(500)
+        fake.cut()
+        time_ns, values = await held.samples(TORQUE, at_ns - 10**9, at_ns + 10**9)
+        np.testing.assert_array_equal(values, logged(time_ns))
+        assert 40 in values
+
+
+async def test_all_pins_are_let_go_of_with_the_pause(spiked, opened):
+    fake = spiked()
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("space", "home")
+        await screen.until(lambda: len(fake.pins) > 1, "a second pin")
+        await screen.press("space")
+        await screen.until(lambda: not fake.pins, "all pins are let go of")
+
+
+async def test_finding_from_an_earlier_window_looks_at_what_came_after_it_too(spiked, opened):
+    fake = spiked()
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("pageup", "pageup", "pageup")
+        await screen.shows("End: now")
+        await screen.press("f", "l")
+        await screen.shows("lowest, ")
+        await screen.press("f", "h")
+        await screen.shows("of 16: 40")
+
+
+async def test_a_full_stop_steps_into_what_no_pin_has(spiked, opened):
+    fake = spiked()
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        held = await hold(screen)
+        begin = held.main.begin_ns
+        monitor(screen)._go_to(begin)
+        await screen.press("comma", "comma")
+        await screen.until(lambda: monitor(screen).window.at_ns == begin - 2 * 2_500_000, "two samples before the pin")
+
+
+# ----------------------------------------------------------------------------------- what is shown is of what is pinned
+
+GAIT = "/log/state/gait"
+
+
+async def open_gait(screen):
+    await screen.type("/gait")
+    await screen.press("enter", "m")
+    await screen.until(lambda: not monitor(screen).stack.store.empty, "history in the plot")
+
+
+async def test_in_a_pause_words_and_values_are_those_of_the_cursor_not_of_now(fake, opened):
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_gait(screen)
+        words = ("stand", "walk", "trot")  # each for 3 s
+        pinned = words[int(61 / 3) % 3]
+        await screen.shows(f"now {pinned}")
+        await hold(screen)
+        await screen.shows(f"at end {pinned}")
+        fake.advance(3.2)
+        seen_ns = fake.now_ns
+        await screen.until(lambda: screen.session.frame_time_ns == seen_ns, "a live frame")
+        await screen.pilot.pause()
+        assert f"at end {pinned}" in screen.text
+        assert "now " not in screen.text.replace("nowhere", "")
+        await screen.press("left")
+        other = words[int(56 / 3) % 3]
+        await screen.shows(f"at cursor {other}")
+        await screen.until(lambda: f"│{other}" in screen.text, "the word beside the band")
+
+
+async def test_a_crossing_is_offered_at_the_value_under_the_cursor(fake, opened):
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("f", "h")
+        await screen.shows("of 3: 40")
+        fake.advance(1.3)
+        await screen.press("f", "x")
+        await screen.shows("Enter finds it")
+        line = screen.app.screen.query_one("#find-level")
+        await screen.until(lambda: line.value == "40", "the level of the spike")

@@ -1,10 +1,19 @@
 """Pictures of the main screens; the facts on them are pinned elsewhere, these guard the look."""
 
 import time
+from types import SimpleNamespace
 
+import msgspec
 import pytest
 
+from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
+from silo.ipc.messages import RecorderInfo, RecordingFile, Recordings, SavedRecording
+from silo.ipc.surveys import FROZEN, NOT_FINITE
+from silo.model import FileType, RecorderState, TriggerOptions
 from silo_tui.app import SiloApp
+from silo_tui.layouts import files
+from silo_tui.layouts.layout import Layout
+from tests.stand_ins.fake_logger import START_NS
 from tests.waiting import DEADLINE_S
 
 STEADY_LOOKS = 10
@@ -68,3 +77,118 @@ def test_the_monitor(fake, new_finder, snap_compare):
         await settle(pilot, lambda app: not app.screen.stack.store.empty)
 
     assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(120, 40), run_before=steps)
+
+
+@pytest.fixture
+def still(monkeypatch):
+    """A wall clock that stands, in Greenwich."""
+    now_ns = START_NS + 3600 * 10**9
+    clock = SimpleNamespace(time=lambda: now_ns / 1e9, time_ns=lambda: now_ns, monotonic=time.monotonic)
+    for module in ("recordings", "recorders", "conditions"):
+        monkeypatch.setattr(f"silo_tui.model.{module}.time", clock)
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+    yield now_ns
+    monkeypatch.delenv("TZ")
+    time.tzset()
+
+
+def by_keys(ready, *keys):
+    """Press keys once values are there, and wait until what they lead to is."""
+
+    async def steps(pilot):
+        await settle(pilot, readings_are_there)
+        await pilot.press(*keys)
+        await settle(pilot, lambda app: any(ready in line for line in text_of(app)))
+
+    return steps
+
+
+def typed(line):
+    names = {" ": "space", ".": "full_stop"}
+    return ["colon", *(names.get(char, char) for char in line), "enter"]
+
+
+def test_recordings(fake, new_finder, snap_compare, still, monkeypatch):
+    fake.run()
+    told = (
+        ("robot_20260921_14-00-00_00007_fall_3", "trigger fall", 6.0, 1_900_000, 2, (FileType.SILO, FileType.BAG)),
+        ("robot_20260921_14-00-00_00007", "saved by op1", 300.0, 41_200_000, 0, (FileType.SILO,)),
+        ("robot_20260921_14-00-00_00006", "program died: killed, -9", 25.0, 9_800_000, 0, (FileType.SILO,)),
+    )
+    rows = [
+        SavedRecording(stem, [RecordingFile(f"{stem}.{kind.name.lower()}", kind, size, still) for kind in kinds],
+                       still - place * 10**12, span_s, why, "robot", marks, own=True)
+        for place, (stem, why, span_s, size, marks, kinds) in enumerate(told)
+    ]  # fmt: skip
+    listed = Recordings("/home/ann/logs", rows, 3, 256 * 10**9, 48 * 10**9)
+    monkeypatch.setattr(fake, "recordings", lambda most=1000: listed)
+    fake.recorder_infos = [
+        RecorderInfo("all", "/home/ann/logs/endless", RecorderState.WAITING, [], 10**9, 0.0, 50 * 10**9, "x", 20,
+                     21 * 10**9, since_ns=still - 9067 * 10**9),
+        RecorderInfo("imu", "/home/ann/logs/recordings", RecorderState.FAILED, ["imu"], parts=12, lost=3,
+                     since_ns=still - 10**9, text="1.9 GB disk left"),
+    ]  # fmt: skip
+    monkeypatch.setattr("silo_tui.model.recorders.RATE_S", 1e9)
+    steps = by_keys("1.9 GB disk left", "F")
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
+
+
+def test_triggers(fake, new_finder, snap_compare, still):
+    fake.run()
+    fall = TriggerOptions("fall", "abs(base/roll) > 0.6", 5.0, 1.0)
+    fake.trigger_statuses = [
+        TriggerStatus(fall, TriggerWord.FIRING, 3, 3, 7, still - 400_000_000),
+        TriggerStatus(msgspec.structs.replace(fall, name="slip"), TriggerWord.ARMED, 17, 9, 7, still - 120 * 10**9),
+        TriggerStatus(msgspec.structs.replace(fall, name="low"), TriggerWord.BLIND, why="/log/x is off"),
+    ]
+    steps = by_keys("low", "T")
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
+
+
+def over(name, word, now_ns, **more):
+    return LimitStatus(name, name, word, "Nm", 84.2, 80.0, 86.31, word, since_ns=now_ns - 12 * 10**9, count=2, **more)
+
+
+def test_alarms(fake, new_finder, snap_compare, still):
+    fake.run()
+    fake.limit_statuses = [
+        over("/log/legs/LF/HAA/temperature", LimitWord.RED_HIGH, still, alarm=True),
+        over("/log/imu/temperature", LimitWord.YELLOW_LOW, still, seen_by="op1@desk"),
+        LimitStatus("/log/x", "/log/x", LimitWord.BLIND, why="it is off"),
+    ]
+    steps = by_keys("3 limits", "A")
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
+
+
+def test_events(fake, new_finder, snap_compare, still):
+    fake.run()
+    for seconds, kind, text in ((1, "started", "started"), (4, "marker", "push 3"), (6, "triggered", "fall fired")):
+        fake.happen(kind, text, fake.started_ns + seconds * 10**9, "op1@desk")
+    steps = by_keys("push 3", "E")
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
+
+
+def test_the_apply_dialog(fake, new_finder, snap_compare, monkeypatch):
+    fake.run()
+    status = fake.status
+    monkeypatch.setattr(fake, "status", lambda: msgspec.structs.replace(status(), room_bytes=256 * 10**6))
+    steps = by_keys("available", "asterisk", *typed("set div=5 size=9000"), "a")
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
+
+
+def test_the_difference_of_a_script(fake, new_finder, snap_compare):
+    fake.run()
+    trigger = "triggers:\n  - name: fall\n    when: abs(base/roll) > 0.6\n    pre_s: 5\n"
+    fake.files["walk.yaml"] = fake.files["robot.yaml"].replace("divider: 40", "divider: 20") + trigger
+    steps = by_keys("trigger fall", *typed("load walk.yaml"))
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
+
+
+def test_a_view_of_folded_branches_with_their_signs(fake, new_finder, snap_compare, still):
+    fake.run()
+    fake.facts = {"signs": {"/log/imu/temperature": NOT_FINITE, "/log/base/velocity": FROZEN}}
+    fake.limit_statuses = [over("/log/legs/LF/HAA/torque", LimitWord.RED_HIGH, still)]
+    files.save(files.place("walk"), Layout("tree", set="statistics", folded=("/legs/RF", "/legs/LH", "/legs/LF/HFE")))
+    steps = by_keys("HH 1 of 16")
+    assert snap_compare(SiloApp(new_finder(fake), view="walk"), terminal_size=(80, 24), run_before=steps)

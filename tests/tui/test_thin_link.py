@@ -4,7 +4,7 @@ import pytest
 
 from silo_tui.terminal.answers import AnswerFilter, knows_mode
 from silo_tui.terminal.pacing import FIRST_BYTES, FIRST_S, SMALLEST_WINDOW, UNPACED, Pacer, link_words
-from silo_tui.terminal.thinness import STEPS, Painted, Thinness
+from silo_tui.terminal.thinness import STEPS, Painted, Thinness, head_words
 
 ANSWER = b"\x1b[?2026;2$y"
 
@@ -227,6 +227,20 @@ def test_a_rate_below_the_wished_one_is_told():
 
 def test_a_computer_too_busy_for_the_wished_rate_is_told_too():
     assert painted(100.0, took_s=0.3) == "2 of 5 Hz"
+
+
+@pytest.mark.parametrize(
+    ("room", "words"),
+    [(60, "THIN 0 of 5 Hz 64 kbit/s 210 ms"), (26, "THIN 0 of 5 Hz 64 kbit/s"), (15, "THIN 0 of 5 Hz"), (3, "THIN")],
+)
+def test_a_narrow_head_leaves_whole_words_out(room, words):
+    thin, slow = Thinness(), Painted()
+    thin.step = 8
+    for tick in range(30):
+        slow.note(5.0, painted=False, now_s=tick / 5)
+    assert head_words(thin, slow, ["64 kbit/s", "210 ms"], room) == words
+    thin.step = 0
+    assert head_words(thin, slow, ["64 kbit/s", "210 ms"], 60) == "0 of 5 Hz"
 
 
 def test_nothing_is_told_of_a_rate_before_it_was_measured():

@@ -154,13 +154,16 @@ async def test_a_view_keeps_which_way_round_an_order_is(new_fake, opened):
 
 
 async def test_a_view_keeps_the_held_scale_of_signals_that_share_a_plot(new_fake, opened):
-    layout = Layout(plots=(("/imu/temperature", "/state/gait"),), scales={"/imu/temperature|/state/gait": (-3.0, 7.0)})
+    pair = ("/legs/LF/HAA/torque", "/legs/LF/HFE/torque")
+    layout = Layout(plots=(pair,), scales={"|".join(pair): (-300.0, 700.0)})
     files.save(files.place("joined"), layout)
     fake = new_fake()
     fake.run()
     async with opened(fake, view="joined") as screen:
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
-        assert screen.app.screen.window.scales == {"/log/imu/temperature|/log/state/gait": (-3.0, 7.0)}
+        await screen.shows("700 ┤")
+        scales = screen.app.screen.window.scales
+        assert scales == {"/log/legs/LF/HAA/torque|/log/legs/LF/HFE/torque": (-300.0, 700.0)}
         assert capture(screen.app.context).scales == layout.scales
 
 
@@ -229,6 +232,26 @@ async def test_what_a_logger_doesnt_have_is_told_and_the_rest_is_shown(fake, ope
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         assert [plotted.name for plotted in screen.app.screen.stack.plots] == [entry]
         await screen.shows("not on this logger: order nope, column nope, 1 of 2 plots (gone/x)")
+
+
+async def test_a_view_is_kept_on_the_robot_for_all_who_look_at_it(new_fake, opened):
+    fake, second = new_fake(), new_fake()
+    async with opened(fake) as screen:
+        await run(screen, "sort div")
+        await run(screen, "view save robot:lab walk")
+        await screen.shows("view kept on the robot")
+        await run(screen, "view")
+        await screen.shows("views: robot:lab walk")
+        await run(screen, "view save robot:lab walk")
+        await screen.shows("Write over view lab walk?")
+        await screen.press("y")
+        await screen.shows("view kept on the robot")
+    second.views_kept = fake.views_kept
+    async with opened(second, view="robot:lab walk") as screen:
+        await screen.shows("view robot:lab walk")
+        assert screen.session.rows.sort == "div"
+        await run(screen, "view robot:other")
+        await screen.shows("there is no view 'other' on the robot")
 
 
 async def test_a_view_that_isnt_there_is_told_with_those_that_are(fake, opened):

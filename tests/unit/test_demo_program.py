@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from silo.analysis.log import Log
 from silo.logger.logger import Logger
 from silo.model import Action, BufferType, FileType
-from silo.programs.demo.program import DemoOptions, end_with, farewell, make_robot, register
+from silo.programs.demo.program import DemoOptions, end_with, farewell, judge, make_robot, register
 from silo.programs.rate import EndSignals, Rate
 from silo.settings.script import apply_script, read_script
 
@@ -98,6 +99,34 @@ def test_the_table_has_elements_of_every_sort(demo: Logger) -> None:
     assert {"scalar", "vector", "matrix", "pose", "twist", "quaternion"} <= {element.kind for element in elements}
     assert any(entry.labels for element in elements for entry in element.entries)
     assert any("S" in entry.dtype for element in elements for entry in element.entries)
+    demo.close()
+
+
+def test_it_slips_at_random_with_a_limit_and_a_trigger_that_waits_to_be_armed(tmp_path: Path) -> None:
+    robot, chosen = make_robot(DemoOptions(frequency_hz=100, elements=12, seed=1))
+    with Logger("demo", frequency=100, max_time=60, folder=tmp_path, script=tmp_path / "demo.yaml") as log:
+        register(log, chosen)
+        log.update()
+        judge(log)
+        log.start()
+        for _ in range(100 * 13):
+            robot.step()
+            log.collect()
+        found = Log(log.snapshot())
+        log.stop()
+    (trigger,) = log.extras.triggers
+    slips = found.eval(f"{trigger.when} and prev({trigger.when}) == 0").values.sum()
+    assert 1 <= slips <= 3
+    assert not trigger.armed
+    assert found["base/tilt"].values.max() > log.extras.limits[0].bounds[3]
+
+
+def test_a_script_that_says_other_things_goes_first(demo: Logger) -> None:
+    demo.derive("own", "battery/voltage * 2")
+    demo.update()
+    judge(demo)
+    assert [one.name for one in demo.extras.derived] == ["/log/own"]
+    assert not demo.extras.triggers
     demo.close()
 
 

@@ -6,9 +6,12 @@ Pure routing: what is checked and who does it; the work is done in the modules t
 
 from silo.helper.answers import (
     conditions,
+    derived,
     elements,
     events,
     files,
+    layouts,
+    moments,
     recorders,
     samples,
     scripts,

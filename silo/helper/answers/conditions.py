@@ -46,7 +46,8 @@ def _limits(parts: Parts, _: GetLimits) -> Alarms:
 def _try_trigger(parts: Parts, request: TryTrigger) -> TriggerTried:
     from silo.helper.trials import try_trigger
 
-    return try_trigger(request.trigger, parts.mirror.open_reader(), parts.mirror.now.table.elements)
+    now = parts.mirror.now
+    return try_trigger(request.trigger, parts.mirror.open_reader(), now.table.elements, now.robot.extras.derived)
 
 
 @answers_to(SetTrigger, RemoveTrigger, SetLimits, RemoveLimits)

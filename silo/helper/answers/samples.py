@@ -26,12 +26,12 @@ def _history(parts: Parts, request: GetHistory) -> Columns | Refused:
     pinned = parts.pins.rows(request.pin) if request.pin else None
     if isinstance(pinned, Refused):
         return pinned
-    return check_history(request) or history(request, parts.mirror.now, parts.mirror.open_reader(), pinned)
+    return check_history(request) or history(request, parts.mirror.now, parts.mirror.open_watcher(), pinned)
 
 
 @answers_to(GetSamples)
 def _samples(parts: Parts, request: GetSamples) -> SampleRows | Refused:
-    source = parts.pins.rows(request.pin) if request.pin else parts.mirror.open_reader()
+    source = parts.pins.rows(request.pin) if request.pin else parts.mirror.open_watcher()
     if isinstance(source, Refused):
         return source
     return check_samples(request) or samples(request, parts.mirror.now, source)
@@ -50,7 +50,7 @@ def _close_stream(parts: Parts, request: CloseStream) -> Done:
 
 @answers_to(OpenPin)
 def _open_pin(parts: Parts, request: OpenPin) -> PinOpened | Refused:
-    return parts.pins.open(request, parts.mirror.now, parts.mirror.open_reader())
+    return parts.pins.open(request, parts.mirror.now, parts.mirror.open_watcher())
 
 
 @answers_to(KeepPin)

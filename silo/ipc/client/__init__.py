@@ -8,23 +8,27 @@ The calls stand in a module per topic, `Client` is made of them.
 """
 
 from collections.abc import Callable
+from contextlib import ExitStack
 
 from silo.arguments import real, text
 from silo.calls import told_class
 from silo.display import html_table
-from silo.errors import ConnectionLostError
 from silo.ipc.client.calling import LONGEST_S
 from silo.ipc.client.conditions import ConditionCalls
+from silo.ipc.client.derived import DerivedCalls
 from silo.ipc.client.events import EventCalls
 from silo.ipc.client.files import FileCalls
+from silo.ipc.client.layouts import KeptViewCalls
 from silo.ipc.client.leases import Leases
 from silo.ipc.client.live import LiveCalls
+from silo.ipc.client.moments import MomentCalls
 from silo.ipc.client.recorders import RecorderCalls
 from silo.ipc.client.samples import SampleCalls
 from silo.ipc.client.saves import Saves
 from silo.ipc.connection import Connection
-from silo.ipc.discovery import Discovery, Found, discover, not_found_text
+from silo.ipc.discovery import Discovery, discover
 from silo.ipc.exchange import client_name
+from silo.ipc.found import Found
 from silo.ipc.messages import Ask
 from silo.ipc.published import Event
 
@@ -32,7 +36,17 @@ __all__ = ["Client", "Discovery", "Found", "connect", "discover"]
 
 
 @told_class("client", make="Client")
-class Client(LiveCalls, SampleCalls, EventCalls, FileCalls, RecorderCalls, ConditionCalls):
+class Client(
+    LiveCalls,
+    SampleCalls,
+    MomentCalls,
+    EventCalls,
+    FileCalls,
+    RecorderCalls,
+    ConditionCalls,
+    DerivedCalls,
+    KeptViewCalls,
+):
     """A connection to one logger. A context manager."""
 
     def __init__(self, found: Found, timeout_s: float = Ask.timeout_s) -> None:
@@ -59,9 +73,10 @@ class Client(LiveCalls, SampleCalls, EventCalls, FileCalls, RecorderCalls, Condi
         """Connect to a logger.
 
         Args:
-            logger: what `discover` found, a name, `name.pid` where several have the name, or empty for the only one.
+            logger: what `discover` found, an address (`robot3/anymal`; a bare name, where only one has it, `name.pid`
+                of several on this computer, `host~id/name` of several hosts of one name), or empty for the only one.
             timeout_s: how long to wait for an answer, at least.
-            config: a Zenoh configuration for loggers of other hosts.
+            config: a remote or a Zenoh configuration, to look there alone; `local` for this computer alone.
 
         Returns:
             A client; close it, or use it as a context manager.
@@ -74,24 +89,19 @@ class Client(LiveCalls, SampleCalls, EventCalls, FileCalls, RecorderCalls, Condi
             return cls(logger, timeout_s)
         text("logger", logger, 'Client.connect("robot")')
         text("config", config, 'Client.connect("robot", config="client.json5")')
-        discovery = discover(timeout_s, config)
-        named = discovery.named(logger)
-        if not named:
-            raise ConnectionLostError(not_found_text(logger, discovery))
-        if len({found.label for found in named}) > 1:
-            labels = ", ".join(found.label for found in named)
-            raise ConnectionLostError(f"several loggers are running, say which one you mean: {labels}")
-        return cls(named[0], timeout_s)
+        with ExitStack() as holding:
+            return cls(discover(timeout_s, config, holding).one(logger), timeout_s)
 
     def __repr__(self) -> str:
         found = self.found
-        where = f" on {found.host}" if found.host else ""
+        where = f" on {found.host}" if found.config else ""
         return f"<Client of {found.label}{where}: {'connected' if self.connected else 'not connected'}>"
 
     def _repr_html_(self) -> str:
         found = self.found
         state = "connected" if self.connected else "not connected"
-        rows = [("logger", found.label), ("user", found.user), ("host", found.host or "this one"), ("state", state)]
+        where = found.host if found.config else "this one"
+        rows = [("logger", found.label), ("user", found.user), ("host", where), ("state", state)]
         return html_table(f"Client of {found.label}", ("", ""), rows)
 
     @property
@@ -139,9 +149,10 @@ def connect(logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config
     """Connect to a running logger.
 
     Args:
-        logger: its name, `name.pid` where several have the name, or empty for the only one.
+        logger: its address (`robot3/anymal`; a bare name, where only one has it, `name.pid` of several on this
+            computer, `host~id/name` of several hosts of one name), or empty for the only one.
         timeout_s: how long to wait for an answer, at least.
-        config: a Zenoh configuration for loggers of other hosts.
+        config: a remote or a Zenoh configuration, to look there alone; `local` for this computer alone.
 
     Returns:
         A client; close it, or use it as a context manager.

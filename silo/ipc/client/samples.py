@@ -106,7 +106,9 @@ class SampleCalls(Calls):
                 resume=reply.resume, client=self._name,
             )  # fmt: skip
 
-    def survey(self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False) -> Survey:
+    def survey(
+        self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False, derived: bool = False
+    ) -> Survey:
         """Return quantities of elements or entries, with statistics over all samples since this client asked first.
 
         The statistics end when it hasn't asked for a minute.
@@ -115,6 +117,7 @@ class SampleCalls(Calls):
             quantities: one or several of `silo.ipc.surveys.QUANTITIES`, such as `"mean"`, `"std"`, `"rate"` (Hz).
             names: elements or entries, at most 20 000; all elements of the table where it is empty.
             reset: begin the statistics anew.
+            derived: without names, the table's derived signals follow its elements.
 
         Returns:
             The survey; its `values` are the bytes of float64 of shape `(quantities, names)`, NaN where a quantity isn't
@@ -128,6 +131,7 @@ class SampleCalls(Calls):
             quantities=texts("quantities", quantities, "['mean', 'std']"),
             names=texts("names", names, "['/log/joints/q']"),
             reset=reset,
+            derived=derived,
             client=self._name,
         )
         return self._call(request)

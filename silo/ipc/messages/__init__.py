@@ -55,6 +55,13 @@ from silo.ipc.messages.scripts import (
     ScriptText as ScriptText,
     Scripts as Scripts,
 )
+from silo.ipc.messages.layouts import (
+    KeepView as KeepView,
+    KeptView as KeptView,
+    KeptViews as KeptViews,
+    ListKeptViews as ListKeptViews,
+    ReadKeptView as ReadKeptView,
+)
 from silo.ipc.messages.events import (
     AddMark as AddMark,
     Events as Events,
@@ -75,6 +82,11 @@ from silo.ipc.messages.samples import (
     SampleRows as SampleRows,
     StreamOpened as StreamOpened,
     by_of as by_of,
+)
+from silo.ipc.messages.moments import (
+    FindMoments as FindMoments,
+    FoundIn as FoundIn,
+    MomentsFound as MomentsFound,
 )
 from silo.ipc.messages.views import (
     CloseView as CloseView,
@@ -119,6 +131,10 @@ from silo.ipc.messages.conditions import (
     TriggerTried as TriggerTried,
     Triggers as Triggers,
     TryTrigger as TryTrigger,
+)
+from silo.ipc.messages.derived import (
+    RemoveDerived as RemoveDerived,
+    SetDerived as SetDerived,
 )
 
 if TYPE_CHECKING:

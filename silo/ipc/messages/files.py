@@ -5,7 +5,7 @@ from typing import ClassVar
 import msgspec
 
 from silo.ipc.messages.base import Do, Done, Reply, SlowAsk
-from silo.model import FileType
+from silo.model import Extras, FileType
 
 
 class RecordingFile(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -116,7 +116,8 @@ class Save(Do[SaveStarted], frozen=True):
     """Save the data in the helper process. The reply comes at once; progress and result come as events.
 
     `name` replaces the usual file name (a plain name: no `/`, no leading dot). `folder` (absolute) replaces the
-    logger's own; only the robot program may choose it. `why` is kept in the files; without it, who asked.
+    logger's own; only the robot program may choose it, and send its present `extras`. `why` is kept in the files;
+    without it, who asked.
     """
 
     timeout_s: ClassVar[float] = 2.0
@@ -125,6 +126,7 @@ class Save(Do[SaveStarted], frozen=True):
     name: str = ""
     folder: str = ""
     why: str = ""
+    extras: Extras | None = None
 
 
 class DeleteRecording(Do[Done], frozen=True):

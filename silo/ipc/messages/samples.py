@@ -53,7 +53,8 @@ class StreamOpened(Reply, frozen=True):
 class PinOpened(Reply, frozen=True):
     """What a pin holds: rows of the `run` with time stamps from `begin_ns` to `end_ns`, both included, 0 where none.
 
-    `text` says what of the wish could not be had, and why; empty where all of it is held.
+    `text` says what of the wish could not be had, and why; empty where all of it is held. `oldest_ns` is the oldest
+    time stamp that the buffers held of any of these names, 0 where they held none.
     """
 
     pin: str
@@ -63,6 +64,7 @@ class PinOpened(Reply, frozen=True):
     size_bytes: int
     missing: dict[str, str] = {}
     text: str = ""
+    oldest_ns: int = 0
 
 
 class By(str, enum.Enum):

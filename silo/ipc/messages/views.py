@@ -58,6 +58,8 @@ class CloseView(Ask[Done], frozen=True):
 class GetSurvey(SlowAsk[Survey], frozen=True):
     """Quantities (`silo.ipc.surveys`) of some elements or entries, of all elements of the table without `names`.
 
+    These are followed by its derived signals with `derived`.
+
     Statistics are over every sample since this client asked first, or since its last `reset`; they end when it hasn't
     asked for a minute.
     """
@@ -65,3 +67,4 @@ class GetSurvey(SlowAsk[Survey], frozen=True):
     quantities: list[str]
     names: list[str] = []
     reset: bool = False
+    derived: bool = False

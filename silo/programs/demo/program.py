@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from silo.logger.logger import Logger
-from silo.model import Action, FileType
+from silo.model import NO_EXTRAS, Action, FileType, TriggerOptions
 from silo.programs.demo.robot import Robot
 from silo.programs.demo.signals import Signal, signals
 from silo.programs.rate import EndSignals, Rate
@@ -33,6 +33,8 @@ class DemoOptions:
     seed: int = 0
     save: tuple[FileType, ...] = ()
     parent_pid: int | None = None  # end when this process, which started us, is gone
+    group: str | None = None  # for `Logger.serve`
+    config: Path | None = None
 
 
 def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
@@ -53,8 +55,9 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
     skipped = log.array("skipped", dtype="u4", group="loop", unit="count", divider=40)
     ticks = log.array("ticks", dtype="i8", group="loop", unit="count", divider=4)
     log.update()
+    judge(log)
 
-    with log, EndSignals() as ending, log.serve():
+    with log, EndSignals() as ending, log.serve(group=options.group, config=options.config):
         if not options.stopped:
             log.start()
         say(welcome(log))
@@ -118,6 +121,18 @@ def register(log: Logger, chosen: Sequence[Signal]) -> None:
         )
 
 
+def judge(log: Logger) -> None:
+    """Derive the tilt, limit it, and set a trigger that waits to be armed; a script that says other things goes first.
+
+    The robot slips at random, and tilts by 0.2 rad then.
+    """
+    if log.extras != NO_EXTRAS or "/log/base/euler" not in log:
+        return
+    log.derive("tilt", "hypot(base/euler_0, base/euler_1)", group="base", unit="rad")
+    log.limit("base/tilt", (None, None, 0.08, 0.15), hysteresis=0.01)
+    log.set_trigger(TriggerOptions("slip", "base/tilt > 0.1", 1.0, 1.0, holdoff_s=2.0, keep=20, armed=False))
+
+
 def welcome(log: Logger) -> str:
     """Return what a user needs to know at the start."""
     options = log.options
@@ -127,6 +142,7 @@ def welcome(log: Logger) -> str:
         f"  script  {script}\n"
         f"  folder  {options.folder}\n"
         f"  watch   silo-tui {options.name}   or   silo watch {options.name}\n"
+        "  slips   it slips at random: in silo-tui, T lists the trigger 'slip', and t arms it\n"
         "  end     Ctrl-C"
     )
 

@@ -44,6 +44,8 @@ RESISTANCE_OHM = 0.15
 AMBIENT_C = 22.0
 BATTERY_WH = 900.0
 STUCK_AFTER_S = 12.0
+FALLS_S = (6.0, 20.0)  # so long it walks between two slips that nearly make it fall
+PUSH_S = 0.08
 SLOW_TICKS = 20  # what changes slowly is computed every so many ticks
 
 _NOISE_ROWS = 4096
@@ -86,6 +88,10 @@ class Robot:
         self._sway = 0.0
         self._x = self._y = self._yaw = 0.0
         self._slip_until = self._flaky_until = self._error_until = 0
+        self._fate = np.random.default_rng([seed, 1])  # of its own: the noise stays the same
+        self._falls_at = round(self._fate.uniform(*FALLS_S) * frequency_hz)
+        self._push_until, self._push_rad_s2 = 0, 0.0
+        self._tilt = self._tilt_rate = 0.0  # about the way it walks, beside the gait
         self._plan_feet()
         self.joints.position_command[:] = leg_angles(self.legs.foot_target).ravel()
         self.joints.position[:] = self.joints.position_command
@@ -142,7 +148,10 @@ class Robot:
         self._sway = 0.006 * moving * math.sin(angle)
         height = HEIGHT_M - 0.006 * moving * (1 - math.cos(2 * angle))
         position = np.array([self._x - self._sway * sine, self._y + self._sway * cosine, height])
-        roll = 0.025 * moving * math.sin(angle + 0.6)
+        push = self._push_rad_s2 if self.ticks < self._push_until else 0.0
+        self._tilt_rate += dt * (push - 80.0 * self._tilt - 8.0 * self._tilt_rate)
+        self._tilt += dt * self._tilt_rate
+        roll = 0.025 * moving * math.sin(angle + 0.6) + self._tilt
         pitch = 0.015 * moving * math.sin(2 * angle) - 0.02 * forward
         rates = ((np.array([roll, pitch, self._yaw]) - base.euler) / dt).tolist()
 
@@ -196,12 +205,22 @@ class Robot:
 
         if chance[1] < 0.0008 * self._moving:
             self._slip_until = self.ticks + 16
+        early = contact & (legs.phase < 0.3)
+        if self.ticks >= self._falls_at and self._moving > 0.9 and early.any():
+            self._nearly_fall()
         slipping = contact & (self.ticks < self._slip_until) & (legs.phase < 0.3)
         legs.slip_distance += slipping * (0.25 * dt)
         legs.contact_state[:] = np.where(slipping, ContactState.SLIPPING, contact)
         sideways = np.hypot(legs.contact_force[:, 0], legs.contact_force[:, 1])
         legs.friction_margin[:] = np.where(contact, 0.6 * legs.contact_force[:, 2] - sideways, 0.0)
         self.estimator.slip_detected[()] = slipping.any()
+
+    def _nearly_fall(self) -> None:
+        """A foot loses its hold: the body tilts by some 0.2 rad and is caught again within a second."""
+        ticks = max(1, round(PUSH_S / self.dt))
+        self._slip_until = self._push_until = self.ticks + ticks
+        self._push_rad_s2 = float(self._fate.choice([-1.0, 1.0]) * self._fate.uniform(40.0, 60.0))
+        self._falls_at = self.ticks + round(self._fate.uniform(*FALLS_S) / self.dt)
 
     def _drive(self, noise: Floats, chance: list[float]) -> None:
         """Angles from the feet, torques from the forces, currents from the torques."""

@@ -26,6 +26,8 @@ class HostOptions:
     script: Path | None = None
     stopped: bool = False
     save: tuple[FileType, ...] = ()
+    group: str | None = None  # for `Logger.serve`
+    config: Path | None = None
 
 
 class Monitor:
@@ -66,7 +68,7 @@ def run_host(options: HostOptions, say: Callable[[str], None] = print) -> None:
     monitor = Monitor(log)
     log.update()
 
-    with log, EndSignals() as ending, log.serve():
+    with log, EndSignals() as ending, log.serve(group=options.group, config=options.config):
         if not options.stopped:
             log.start()
         say(welcome(log))

@@ -1,0 +1,54 @@
+"""Limits as lines of a plot: which of a recording's belong to the signals that are shown. Pure."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from silo.analysis.calculus import Floats
+from silo.recording import Recording
+
+_WORDS = ("red low", "yellow low", "yellow high", "red high")
+
+
+@dataclass(frozen=True)
+class Level:
+    """A bound: drawn across the plot where it lies `inside` of what the curves need, else told in words alone."""
+
+    value: float
+    words: str
+    red: bool
+    right: bool = False
+    inside: bool = True
+
+
+def limit_levels(recording: Recording, names: Collection[str], right: Collection[str]) -> list[Level]:
+    """Return the bounds of these signals, each once; those of `right` are of the axis on the right."""
+    found: dict[tuple[float, str, bool], Level] = {}
+    prefix = recording.prefix.rstrip("/")
+    element_of = {entry.name: element.name for element in recording.elements for entry in element.entries}
+    for limits in recording.extras.limits:
+        end = f"/{limits.name.lstrip('/')}"
+        for name in names:
+            wholes = (name, element_of.get(name, name.rpartition("_")[0]))
+            exact = any(whole in (limits.name, prefix + end) for whole in wholes)
+            if not exact and not any(whole.endswith(end) for whole in wholes):
+                continue
+            for value, word in zip(limits.bounds, _WORDS, strict=True):
+                if value is not None:
+                    level = Level(value, word, word.startswith("red"), name in right)
+                    found.setdefault((value, word, level.right), level)
+    return sorted(found.values(), key=lambda level: (level.right, -level.value))
+
+
+def placed(levels: Sequence[Level], curves: Sequence[tuple[bool, Floats]]) -> list[Level]:
+    """Return the levels with whether they lie near the curves (pairs of `right` and values): far ones flatten them."""
+    made = []
+    for level in levels:
+        values = [values[np.isfinite(values)] for right, values in curves if right is level.right]
+        low = min((float(some.min()) for some in values if len(some)), default=level.value)
+        high = max((float(some.max()) for some in values if len(some)), default=level.value)
+        room = (high - low) or abs(high) or 1.0
+        inside = low - room <= level.value <= high + room
+        made.append(Level(level.value, level.words, level.red, level.right, inside))
+    return made

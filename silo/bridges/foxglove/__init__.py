@@ -1,0 +1,1 @@
+"""Foxglove, Lichtblick and PlotJuggler draw a logger live, over the Foxglove WebSocket protocol."""

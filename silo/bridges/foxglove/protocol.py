@@ -1,0 +1,180 @@
+"""The Foxglove WebSocket protocol: what server and viewer say to each other. Pure rules, no sockets.
+
+Source: the protocol's specification in github.com/foxglove/ws-protocol (docs/spec.md) for `foxglove.websocket.v1`;
+`foxglove.sdk.v1`, which Foxglove and Lichtblick ask for today, has the same messages.
+"""
+
+import json
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+from websockets.typing import Subprotocol
+
+from silo.bridges.messages import LiveTopic, is_texts
+from silo.ipc.samples import Samples
+
+SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
+MESSAGE_DATA, TIME = 1, 2  # from the server, binary
+SERVICE_REQUEST, SERVICE_RESPONSE = 2, 3  # from the viewer, to the viewer, binary
+CHANNELS_AT_ONCE = 500  # of an advertisement; each has its schema, some 300 bytes
+MOST_SUBSCRIPTIONS = 65_535  # as many topics as a file has at most
+FINAL_BINARY, FINAL_TEXT = 0x82, 0x81  # RFC 6455, 5.2: a frame that is the whole message
+
+
+class Level(IntEnum):
+    """How bad it is what a viewer is told."""
+
+    INFO, WARNING, ERROR = range(3)
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A topic by the number it has with viewers."""
+
+    id: int
+    topic: LiveTopic
+
+
+@dataclass(frozen=True)
+class ServiceCall:
+    """A viewer calls a service."""
+
+    service: int
+    call: int
+    encoding: str
+    payload: bytes
+
+
+def server_info(name: str, session: str, *, control: bool) -> str:
+    """Return the first message: who we are, and what we can."""
+    capabilities = ["time", *(["services"] if control else [])]
+    info = {"op": "serverInfo", "name": name, "capabilities": capabilities, "sessionId": session, "metadata": {}}
+    return json.dumps({**info, "supportedEncodings": ["cdr"]})
+
+
+def advertisements(offers: Iterable[Offer]) -> Iterable[str]:
+    """Return the messages that offer topics."""
+    rest = iter(offers)
+    while some := list(islice(rest, CHANNELS_AT_ONCE)):
+        yield json.dumps({"op": "advertise", "channels": [_channel(offer) for offer in some]})
+
+
+def _channel(offer: Offer) -> dict[str, object]:
+    type_ = offer.topic.channel.type
+    return {
+        "id": offer.id, "topic": offer.topic.channel.topic, "encoding": "cdr",
+        "schemaName": type_.name, "schema": type_.text, "schemaEncoding": "ros2msg",
+    }  # fmt: skip
+
+
+def unadvertisement(ids: Sequence[int]) -> str:
+    """Return the message that takes offers back."""
+    return json.dumps({"op": "unadvertise", "channelIds": list(ids)})
+
+
+def status(level: Level, message: str) -> str:
+    """Return a message that viewers show among their problems."""
+    return json.dumps({"op": "status", "level": int(level), "message": message})
+
+
+def services(names: Sequence[str]) -> str:
+    """Return the offer of services of type `std_srvs/srv/Trigger`, numbered from 1."""
+    request = {"encoding": "cdr", "schemaName": "std_srvs/srv/Trigger_Request", "schemaEncoding": "ros2msg"}
+    response = {**request, "schemaName": "std_srvs/srv/Trigger_Response"}
+    answer = "bool success\nstring message\n"
+    return json.dumps(
+        {
+            "op": "advertiseServices",
+            "services": [
+                {
+                    "id": number, "name": name, "type": "std_srvs/srv/Trigger",
+                    "request": {**request, "schema": ""}, "response": {**response, "schema": answer},
+                    "requestSchema": "", "responseSchema": answer,
+                }
+                for number, name in enumerate(names, start=1)
+            ],
+        }
+    )  # fmt: skip
+
+
+def service_call(data: bytes) -> ServiceCall:
+    """Return what a viewer calls. Raises ValueError for anything else."""
+    if len(data) < 13 or data[0] != SERVICE_REQUEST:
+        raise ValueError("only service calls come in binary")
+    service, call, length = struct.unpack_from("<III", data, 1)
+    if 13 + length > len(data):
+        raise ValueError("a service call is cut off")
+    return ServiceCall(service, call, data[13 : 13 + length].decode(errors="replace"), data[13 + length :])
+
+
+def service_response(call: ServiceCall, *, success: bool, message: str) -> bytes:
+    """Return the answer to a call, as `std_srvs/srv/Trigger` has it."""
+    text = message.encode() + b"\0"
+    body = b"\x00\x01\x00\x00" + bytes([success, 0, 0, 0]) + struct.pack("<I", len(text)) + text
+    return struct.pack("<BIII", SERVICE_RESPONSE, call.service, call.call, 3) + b"cdr" + body
+
+
+def service_failure(call: ServiceCall, message: str) -> str:
+    """Return the answer to a call that there is no service for."""
+    return json.dumps({"op": "serviceCallFailure", "serviceId": call.service, "callId": call.call, "message": message})
+
+
+def binary_frame(payload: bytes) -> bytes:
+    """Return a WebSocket frame of a server, as it stands on the wire."""
+    return frame_head(len(payload)) + payload
+
+
+def text_frame(text: str) -> bytes:
+    """Return a WebSocket frame of text."""
+    payload = text.encode()
+    return bytes([FINAL_TEXT]) + frame_head(len(payload))[1:] + payload
+
+
+def frame_head(size: int) -> bytes:
+    """Return what stands before a server's binary payload of so many bytes (RFC 6455, 5.2)."""
+    if size < 126:
+        return bytes([FINAL_BINARY, size])
+    if size < 65536:
+        return struct.pack(">BBH", FINAL_BINARY, 126, size)
+    return struct.pack(">BBQ", FINAL_BINARY, 127, size)
+
+
+def time_frame(time_ns: int) -> bytes:
+    """Return the frame that tells the robot's clock."""
+    return binary_frame(struct.pack("<BQ", TIME, max(time_ns, 0)))
+
+
+class Frames:
+    """The messages of one topic of a while, ready for the wire but for the subscription's number."""
+
+    def __init__(self, topic: LiveTopic, samples: Samples) -> None:
+        self.count = len(samples)
+        self._texts = list(topic.texts(samples)) if is_texts(topic) else []
+        self._records = None if is_texts(topic) else _records(topic, samples)
+
+    def for_subscription(self, number: int) -> bytes:
+        """Return all frames, one behind the other."""
+        if self._records is None:
+            return b"".join(
+                binary_frame(struct.pack("<BIQ", MESSAGE_DATA, number, max(time_ns, 0)) + message)
+                for time_ns, message in self._texts
+            )
+        self._records["subscription"] = number
+        return self._records.tobytes()
+
+
+def _records(topic: LiveTopic, samples: Samples) -> "NDArray[np.void]":
+    """One structured array is the frames of all samples: nothing is done per message."""
+    start = frame_head(13 + topic.message_bytes)
+    head = [("frame", f"V{len(start)}"), ("opcode", "u1"), ("subscription", "<u4"), ("time", "<u8")]
+    records = np.zeros(len(samples), topic.message_dtype(head))
+    topic.fill(records, samples)
+    records["frame"] = np.void(start)
+    records["opcode"] = MESSAGE_DATA
+    records["time"] = np.maximum(samples.time_ns, 0)
+    return records

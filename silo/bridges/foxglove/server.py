@@ -1,0 +1,232 @@
+"""The server: topics of one logger for many viewers, none of which can hold up another one or the robot."""
+
+import asyncio
+import contextlib
+import json
+import logging
+import socket
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from silo.bridges.feed import Feed, Listener
+from silo.bridges.foxglove import guard, protocol
+from silo.bridges.foxglove.protocol import Frames, Level, Offer, ServiceCall
+from silo.bridges.foxglove.viewer import Viewer
+from silo.bridges.listening import LOOPBACK
+from silo.bridges.messages import live_topics
+from silo.errors import SiloError
+from silo.ipc.samples import Samples
+from silo.model import ElementInfo
+
+MOST_VIEWERS = 16
+MOST_REQUEST_BYTES = 4 << 20  # a viewer subscribes to 65,535 topics in 2 MB
+ALIVE_S = 20.0  # a viewer that doesn't answer within this is let go
+
+log = logging.getLogger("silo.foxglove")
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Where the server listens, and to whom. `services` by name do something and say what; empty: read-only."""
+
+    name: str
+    bind: str = "127.0.0.1"
+    token: str = ""
+    origins: tuple[str, ...] = ()
+    services: Mapping[str, Callable[[], str]] | None = None
+
+    @property
+    def on_loopback(self) -> bool:
+        """Whether other computers can't reach it."""
+        return self.bind in LOOPBACK
+
+
+class Server:
+    """Serves until `close`. All but `close` runs in the event loop."""
+
+    def __init__(self, terms: Terms, make_feed: Callable[[Listener], Feed], tell: Callable[[str], None]) -> None:
+        self._terms = terms
+        self._tell = tell
+        self._viewers: set[Viewer] = set()
+        self._offers: dict[int, Offer] = {}
+        self._of_element: dict[str, list[Offer]] = {}
+        self._numbers: dict[tuple[str, str], int] = {}  # of a topic and its type: it keeps its number
+        self._label = ""
+        self._newest_ns = 0
+        self._loop = asyncio.get_running_loop()
+        self._feed = make_feed(Listener(self._soon(self._renew), self._soon(self._deliver), self._soon(self._told)))
+
+    def _soon(self, call: Callable[..., None]) -> Callable[..., None]:
+        def later(*arguments: Any) -> None:
+            with contextlib.suppress(RuntimeError):  # the loop ended: nobody is there to be told
+                self._loop.call_soon_threadsafe(call, *arguments)
+
+        return later
+
+    async def serve(self, listening: socket.socket, ended: asyncio.Event) -> None:
+        """Serve viewers on a socket that is bound already, until `ended`."""
+        self._feed.start()
+        try:
+            async with serve(
+                self._meet, sock=listening, process_request=self._admit, compression=None,
+                subprotocols=[*protocol.SUBPROTOCOLS], max_size=MOST_REQUEST_BYTES, server_header=None,
+                ping_interval=ALIVE_S, ping_timeout=ALIVE_S, close_timeout=1.0, logger=log,
+            ):  # fmt: skip
+                await ended.wait()
+        finally:
+            await asyncio.to_thread(self._feed.close)
+
+    # ------------------------------------------------------------------------------------------------------- viewers
+
+    def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        why = guard.refusal(
+            request.path, request.headers.get("Host", ""), request.headers.get("Origin"), self._terms.token,
+            self._terms.origins, on_loopback=self._terms.on_loopback,
+        )  # fmt: skip
+        if why:
+            return connection.respond(403, f"silo: {why}\n")
+        if len(self._viewers) >= MOST_VIEWERS:
+            return connection.respond(503, f"silo: {MOST_VIEWERS} viewers are connected already; close one\n")
+        return None
+
+    async def _meet(self, connection: ServerConnection) -> None:
+        if connection.subprotocol is None:
+            await connection.close(1002, f"silo speaks {' and '.join(protocol.SUBPROTOCOLS)}")
+            return
+        viewer = Viewer(connection)
+        self._viewers.add(viewer)
+        services = self._terms.services or {}
+        try:
+            await connection.send(
+                protocol.server_info(self._label or self._terms.name, f"{id(self):x}", control=bool(services))
+            )
+            for text in protocol.advertisements(self._offers.values()):
+                await connection.send(text)
+            if services:
+                await connection.send(protocol.services(list(services)))
+            async for message in connection:
+                await self._take(viewer, message)
+        except ConnectionClosed:
+            pass  # it went; what it looked at is asked for no more
+        finally:
+            self._viewers.discard(viewer)
+            self._wish()
+
+    async def _take(self, viewer: Viewer, message: str | bytes) -> None:
+        try:
+            if isinstance(message, bytes):
+                await self._call(viewer, protocol.service_call(message))
+            else:
+                self._obey(viewer, json.loads(message))
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+            viewer.tell(Level.ERROR, f"silo doesn't understand this request ({type(error).__name__}: {error})")
+
+    def _obey(self, viewer: Viewer, request: Mapping[str, Any]) -> None:
+        operation = request["op"]
+        if operation == "subscribe":
+            for one in request["subscriptions"]:
+                self._subscribe(viewer, int(one["id"]), int(one["channelId"]))
+        elif operation == "unsubscribe":
+            for number in request["subscriptionIds"]:
+                viewer.subscriptions.pop(int(number), None)
+        else:
+            viewer.tell(Level.WARNING, f"silo has no '{operation}': topics can be looked at, values can't be sent")
+            return
+        self._wish()
+
+    def _subscribe(self, viewer: Viewer, number: int, channel: int) -> None:
+        if channel not in self._offers:
+            viewer.tell(Level.ERROR, f"channel {channel} is not offered (any more)")
+        elif not 0 <= number < 1 << 32:
+            viewer.tell(Level.ERROR, f"subscription {number} is no unsigned number of 32 bits")
+        elif number in viewer.subscriptions:
+            viewer.tell(Level.ERROR, f"subscription {number} is in use")
+        elif len(viewer.subscriptions) >= protocol.MOST_SUBSCRIPTIONS:
+            viewer.tell(Level.ERROR, f"{protocol.MOST_SUBSCRIPTIONS} subscriptions are the most")
+        else:
+            viewer.subscriptions[number] = channel
+
+    async def _call(self, viewer: Viewer, call: ServiceCall) -> None:
+        names = list(self._terms.services or {})
+        if not self._terms.services or not 1 <= call.service <= len(names):
+            viewer.write(protocol.text_frame(protocol.service_failure(call, "no such service: this is read-only")))
+            return
+        name = names[call.service - 1]
+        try:
+            text, success = await asyncio.to_thread(self._terms.services[name]), True
+        except SiloError as error:
+            text, success = str(error), False
+        self._tell(f"{name}, called by a viewer at {viewer.connection.remote_address[0]}: {text}")
+        viewer.write(protocol.binary_frame(protocol.service_response(call, success=success, message=text)))
+
+    # ------------------------------------------------------------------------------------------------ from the logger
+
+    def _wish(self) -> None:
+        channels = {channel for viewer in self._viewers for channel in viewer.subscriptions.values()}
+        self._feed.wish(frozenset(self._offers[one].topic.element for one in channels if one in self._offers))
+
+    def _renew(self, label: str, elements: Sequence[ElementInfo]) -> None:
+        """The element table changed: offer what is on now. What is offered already keeps its number."""
+        topics, left_out = live_topics(elements)
+        for why in left_out.values():
+            self._tell(why)
+        before, self._label = self._offers, label
+        offers = [
+            Offer(
+                self._numbers.setdefault((topic.channel.topic, topic.channel.type.text), len(self._numbers) + 1), topic
+            )
+            for topic in topics
+        ]
+        self._offers = {offer.id: offer for offer in offers}
+        self._of_element = {}
+        for offer in offers:
+            self._of_element.setdefault(offer.topic.element, []).append(offer)
+        gone = [number for number in before if number not in self._offers]
+        new = [offer for number, offer in self._offers.items() if number not in before]
+        for viewer in self._viewers:
+            if gone:
+                viewer.write(protocol.text_frame(protocol.unadvertisement(gone)))
+                lost = set(gone)
+                viewer.subscriptions = {
+                    number: channel for number, channel in viewer.subscriptions.items() if channel not in lost
+                }
+            for text in protocol.advertisements(new):
+                viewer.write(protocol.text_frame(text))
+        self._wish()
+
+    def _deliver(self, batch: Mapping[str, Samples], taken: Callable[[], None]) -> None:
+        try:
+            wanted: dict[int, list[tuple[Viewer, int]]] = {}
+            for viewer in self._viewers:
+                for number, channel in viewer.subscriptions.items():
+                    wanted.setdefault(channel, []).append((viewer, number))
+            for name, samples in batch.items():
+                self._newest_ns = max(self._newest_ns, int(samples.time_ns[-1]))
+                for offer in self._of_element.get(name, ()):
+                    self._send(offer, samples, wanted.get(offer.id, ()))
+            frame = protocol.time_frame(self._newest_ns)
+            for viewer in self._viewers:
+                if viewer.subscriptions:
+                    viewer.write(frame)
+        finally:
+            taken()
+
+    def _send(self, offer: Offer, samples: Samples, viewers: Sequence[tuple[Viewer, int]]) -> None:
+        if not viewers:
+            return
+        frames = Frames(offer.topic, samples)
+        for viewer, number in viewers:
+            viewer.send(frames, number)
+            if samples.missed:
+                topic = offer.topic.channel.topic
+                viewer.tell(Level.WARNING, f"{samples.missed} samples of {topic} were lost on the way to the bridge")
+
+    def _told(self, text: str) -> None:
+        self._tell(text)
+        for viewer in self._viewers:
+            viewer.tell(Level.WARNING, text)

@@ -1,0 +1,214 @@
+"""What `silo remote init` makes: an authority of its own, a certificate for the robot, users, and a file for each.
+
+By the `openssl` command, which a desk needs for this once a year; a Python package for it would be 4 MB more on every
+robot, and another wheel to find for its processor. Keys never pass through this process.
+"""
+
+import base64
+import ipaddress
+import json
+import os
+import secrets
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from silo.errors import SiloError
+from silo.ipc.access import ROLES, access_control
+from silo.ipc.configuration import LINK
+
+AUTHORITY_DAYS, ROBOT_DAYS = 3650, 825
+LEASE_MS = 5000  # of a radio link: a packet that is sent three times may take 3 s
+
+_REQUEST = """[req]
+distinguished_name = name
+prompt = no
+x509_extensions = authority
+[name]
+CN = {name}
+[authority]
+basicConstraints = critical, CA:TRUE
+keyUsage = critical, keyCertSign, cRLSign
+subjectKeyIdentifier = hash
+[robot]
+basicConstraints = critical, CA:FALSE
+keyUsage = critical, digitalSignature
+extendedKeyUsage = serverAuth, clientAuth
+subjectAltName = {names}
+"""
+
+
+@dataclass(frozen=True)
+class Made:
+    """What was written: `server` goes to the robot or the router, each of `clients` to the user of that name."""
+
+    folder: Path
+    server: Path
+    clients: dict[str, Path]
+
+
+def make_network(folder: Path, hosts: list[str], port: int, users: dict[str, str], listen: str = "0.0.0.0") -> Made:
+    """Make, or add to, a folder with authority, certificate, users and files to hand out.
+
+    The authority that is there stays, and so do users and their passwords; the certificate is renewed. `users` gives a
+    role to each name. Raises SiloError with the reason where something can't be made.
+    """
+    server, clients = folder / "server", folder / "clients"
+    for each in (folder, server, clients):
+        each.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not (folder / "ca-key.pem").exists():
+        _make_authority(folder)
+    known = _known(folder)
+    hosts = hosts or known["hosts"]
+    if not hosts:
+        raise SiloError("say by which name or address the robot is reached: `silo remote init --host robot3.local`")
+    roles: dict[str, str] = {**known["users"], **users}
+    _make_certificate(folder, server, hosts)
+    passwords = _passwords(server / "users.txt", list(roles))
+    _write(server / "users.txt", "".join(f"{name}:{password}\n" for name, password in passwords.items()))
+    _write(server / "server.json5", _server_text(hosts, port, roles, listen))
+    made = {}
+    for name, role in roles.items():
+        made[name] = clients / f"{name}.json5"
+        text = _robot_text if role == "robot" else _client_text
+        _write(made[name], text(folder, hosts[0], port, name, passwords[name], role))
+    _write(folder / "network.json", json.dumps({"hosts": hosts, "users": roles}, indent=2) + "\n")
+    return Made(folder, server, made)
+
+
+def role_of(word: str) -> tuple[str, str]:
+    """Read `alice:operator`. Raises SiloError."""
+    name, _, role = word.partition(":")
+    role = role or "viewer"
+    if role not in ROLES or not name.isascii() or not name.replace("_", "").replace("-", "").isalnum():
+        raise SiloError(
+            f"--user takes NAME:ROLE, of letters and digits and {' or '.join(ROLES)}, got '{word}'; nothing was made"
+        )
+    if name == "local":
+        raise SiloError("the user 'local' is who works on the robot itself; take another name; nothing was made")
+    return name, role
+
+
+def _known(folder: Path) -> dict[str, Any]:
+    try:
+        found: dict[str, Any] = json.loads((folder / "network.json").read_text())
+    except FileNotFoundError:
+        return {"hosts": [], "users": {}}
+    return found
+
+
+def _passwords(file: Path, names: list[str]) -> dict[str, str]:
+    lines = file.read_text().splitlines() if file.exists() else []
+    known = dict(line.split(":", 1) for line in lines if ":" in line)
+    return {name: known.get(name) or secrets.token_urlsafe(12) for name in names}
+
+
+def _make_authority(folder: Path) -> None:
+    with tempfile.TemporaryDirectory() as place:
+        request = Path(place) / "request"
+        request.write_text(_REQUEST.format(name="silo authority", names="DNS:unused"))
+        _openssl(
+            "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-config", str(request),
+            "-days", str(AUTHORITY_DAYS), "-keyout", str(folder / "ca-key.pem"), "-out", str(folder / "ca.pem"),
+        )  # fmt: skip
+    (folder / "ca-key.pem").chmod(0o600)
+
+
+def _make_certificate(folder: Path, server: Path, hosts: list[str]) -> None:
+    names = ", ".join(f"{'IP' if _is_address(host) else 'DNS'}:{host}" for host in hosts)
+    with tempfile.TemporaryDirectory() as place:
+        request, signing = Path(place) / "request", Path(place) / "csr"
+        request.write_text(_REQUEST.format(name=hosts[0], names=names))
+        _openssl(
+            "req", "-new", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-config", str(request),
+            "-keyout", str(server / "key.pem"), "-out", str(signing),
+        )  # fmt: skip
+        _openssl(
+            "x509", "-req", "-in", str(signing), "-CA", str(folder / "ca.pem"), "-CAkey", str(folder / "ca-key.pem"),
+            "-set_serial", f"0x{secrets.token_hex(8)}", "-days", str(ROBOT_DAYS), "-extfile", str(request),
+            "-extensions", "robot", "-out", str(server / "certificate.pem"),
+        )  # fmt: skip
+    (server / "key.pem").chmod(0o600)
+    shutil.copy(folder / "ca.pem", server / "ca.pem")
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True
+
+
+def _openssl(*words: str) -> None:
+    try:
+        done = subprocess.run(["openssl", *words], capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        raise SiloError(
+            "certificates are made by the command openssl, which isn't here: sudo apt install openssl"
+        ) from None
+    if done.returncode:
+        raise SiloError(f"openssl {words[0]} failed: {done.stderr.strip().splitlines()[-1:] or done.returncode}")
+
+
+def _at(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
+def _server_text(hosts: list[str], port: int, roles: dict[str, str], listen: str) -> str:
+    values = {
+        "listen": {"endpoints": [f"tls/{_at(listen)}:{port}"]},
+        "transport": {
+            "auth": {"usrpwd": {"dictionary_file": "users.txt"}},
+            "link": {
+                "tls": {
+                    "root_ca_certificate": "ca.pem",
+                    "listen_certificate": "certificate.pem",
+                    "listen_private_key": "key.pem",
+                },
+                "tx": {**LINK["transport"]["link"]["tx"], "lease": LEASE_MS},
+            },
+        },
+        "access_control": access_control(roles),
+    }
+    words = ", ".join(f"{name} ({role})" for name, role in roles.items())
+    return (
+        f"// Made by `silo remote init` for {', '.join(hosts)}; users: {words}.\n"
+        '// For a robot program, log.serve(config="server.json5"), in its folder. Users that are added count from the\n'
+        "// next start of the robot program on.\n" + json.dumps(values, indent=2) + "\n"
+    )
+
+
+def _client_text(folder: Path, host: str, port: int, name: str, password: str, role: str) -> str:
+    return (
+        f"// Lets {name} in as {role}; it holds a password: for {name} alone.\n"
+        f"//     silo remote add robots {name}.json5\n" + _way(folder, host, port, name, password)
+    )
+
+
+def _robot_text(folder: Path, host: str, port: int, name: str, password: str, role: str) -> str:
+    return (
+        f"// Connects robots to the router on {host}; it holds a password.\n"
+        f'//     log.serve(config="{name}.json5")\n' + _way(folder, host, port, name, password)
+    )
+
+
+def _way(folder: Path, host: str, port: int, name: str, password: str) -> str:
+    values = {
+        "connect": {"endpoints": [f"tls/{_at(host)}:{port}"]},
+        "transport": {
+            "auth": {"usrpwd": {"user": name, "password": password}},
+            "link": {
+                "tls": {"root_ca_certificate_base64": base64.b64encode((folder / "ca.pem").read_bytes()).decode()}
+            },
+        },
+    }
+    return json.dumps(values, indent=2) + "\n"
+
+
+def _write(path: Path, text: str) -> None:
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
+        file.write(text)

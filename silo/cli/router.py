@@ -1,0 +1,39 @@
+"""`silo router`: where robots and desks meet: each robot connects to it, and so does each desk, once."""
+
+import signal
+import threading
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.option(
+    "--config",
+    type=click.Path(path_type=Path, dir_okay=False, exists=True),
+    required=True,
+    help="What it listens on, who may connect, and who may do what: `silo config cp router.json5`, `silo remote init`.",
+)
+def router(config: Path) -> None:
+    """Run a Zenoh router until Ctrl-C: robots connect to it, and desks see them all over one link.
+
+    It keeps nothing, and logging goes on without it: clients and robots connect again by themselves. Any `zenohd` with
+    the same file does the same.
+
+    \b
+    Examples:
+      silo config cp router.json5 && silo router --config router.json5
+      silo router --config lab/server/server.json5
+    """
+    from silo.ipc.session import close, open_router
+
+    session, endpoints = open_router(str(config))
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    click.echo(f"router on {', '.join(endpoints)}")
+    try:
+        ended.wait()
+    finally:
+        close(session)
+    click.echo("router ended; robots go on logging")

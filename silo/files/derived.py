@@ -1,0 +1,93 @@
+"""Derived signals as samples of a recording, so that a file has them like any other signal.
+
+They are computed when a recording is written. Who reads the file finds them among its elements, with their definitions
+in the extras, and computes nothing twice.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.files.judged import RecordingJudge
+from silo.judging.binding import Bound
+from silo.judging.derived import bound_derived, entries_of, info_of
+from silo.judging.evaluation import UNOBSERVABLE
+from silo.model import BufferType, Derived, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+
+def with_derived(recording: Recording) -> Recording:
+    """Return the recording with its derived signals among its elements; what can't be computed is a warning.
+
+    A condition is of type bool where it can be told at every tick, else 0, 1 and NaN.
+    """
+    if not recording.extras.derived:
+        return recording
+    known = {element.name for element in recording.elements}
+    judge = RecordingJudge(recording)
+    made: list[RecordedElement] = []
+    warnings = list(recording.warnings)
+    for one, bound, why in bound_derived(judge.catalogue):
+        if one.name in known:
+            continue
+        element = _computed(judge, recording, one, bound) if bound is not None else None
+        if element is not None and element.count:
+            made.append(element)
+            continue
+        text = f"{one.name} = {one.expression} is not in it: {why or 'its signals have no sample in common'}"
+        if text not in warnings:
+            warnings.append(text)
+    if not made and len(warnings) == len(recording.warnings):
+        return recording
+    return replace(recording, elements=[*recording.elements, *made], warnings=tuple(warnings))
+
+
+def _computed(judge: RecordingJudge, recording: Recording, one: Derived, bound: Bound) -> RecordedElement:
+    """The samples from where all its signals have one to where the first of them ends.
+
+    Of looping buffers readers expect the newest samples: where it ends earlier, NaN follows.
+    """
+    info = info_of(one, bound)
+    divider = math.gcd(*bound.sources.values())
+    sources = [judge.span(source) for source in bound.sources]
+    first = max(begin for begin, _ in sources)
+    end = min(len(recording.time_ns), *(end for _, end in sources))
+    buffer_type = _buffer(recording, bound)
+    until = len(recording.time_ns) if buffer_type is BufferType.LOOPING and end > first else end
+    wanted = np.arange(first, max(first, until), divider, dtype=np.int64)
+    ticks: list[NDArray[np.int64]] = []
+    values: list[NDArray[np.float64]] = []
+    told = bound.logical
+    for judged in judge.batches(bound):
+        ticks.append(judged.ticks)
+        values.append(judged.numbers().reshape(len(judged.ticks), bound.width or 1))
+        inside = (judged.ticks >= first) & (judged.ticks < end)
+        told = told and not bool((judged.codes()[inside] == UNOBSERVABLE).any())
+    held = np.searchsorted(np.concatenate(ticks), wanted, "right") - 1 if ticks else wanted[:0]
+    columns = np.concatenate(values)[held] if ticks else np.zeros((0, bound.width or 1))
+    late = wanted >= end
+    columns[late] = np.nan
+    dtype = "|b1" if told and not late.any() else "<f8"
+    return RecordedElement(
+        name=one.name,
+        unit=info.unit,
+        kind=info.kind,
+        shape=info.shape,
+        divider=divider,
+        buffer_type=buffer_type,
+        first=first,
+        entries=tuple(
+            RecordedEntry(one.name + entry.suffix, Entry(entry.suffix, dtype), columns[:, at].astype(dtype))
+            for at, entry in enumerate(entries_of(bound.width))
+        ),
+        description=info.description,
+    )
+
+
+def _buffer(recording: Recording, bound: Bound) -> BufferType:
+    """The type of the buffers that it is computed from; looping if one of them is."""
+    elements = list(recording.elements)
+    kinds = [elements[column.element].buffer_type for column in bound.columns]
+    return BufferType.LOOPING if BufferType.LOOPING in kinds else kinds[0]

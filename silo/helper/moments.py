@@ -1,0 +1,164 @@
+"""Looking for moments in all that is held of some signals: rows of pins, and of the buffers before and after them.
+
+In blocks, so that memory stays small however long the buffers are; the answer has a bounded number of moments.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.collecting.rows import Rows, Words
+from silo.collecting.schema import SegmentSchema
+from silo.collecting.segment_reader import SegmentReader
+from silo.helper.mirror import LoggerSnapshot
+from silo.helper.picking import Group, Picked, RingSource, bounds, pick, unknown_name
+from silo.helper.pinned_rows import PinnedRows
+from silo.helper.samples import unknown
+from silo.ipc.messages import By, FindMoments, FoundIn, MomentsFound, Refused, RefusedWhy
+from silo.ipc.sampled import SampledEntry
+from silo.judging.moments import Finder, Looking
+
+MAX_NAMES = 64
+MAX_MOMENTS = 10_000  # of all names together
+MAX_PINS = 16
+BLOCK_BYTES = 4 * 2**20
+
+
+class HeldRows:
+    """The rows of pins where these have them, else those of the buffers; to be read as a segment is."""
+
+    def __init__(self, reader: SegmentReader | None, pins: Sequence[PinnedRows]) -> None:
+        """All pins are of the run of the reader, or of another one where there is none."""
+        self._reader = reader
+        self._pins = pins
+
+    @property
+    def schema(self) -> SegmentSchema:
+        """What the rows are of."""
+        return self._reader.schema if self._reader is not None else self._pins[0].schema
+
+    def head(self, ring: int) -> int:
+        """Return the number of the row after the newest one that is held."""
+        return max([0 if self._reader is None else self._reader.head(ring), *(pin.head(ring) for pin in self._pins)])
+
+    def rows(self, ring: int, since: int, limit: int | None = None, words: Words | None = None) -> Rows:
+        """Return rows from `since` on, a stretch without a gap, of each the words at these places."""
+        wanted = [] if words is None else words.tolist()
+        following = None
+        for pin in self._pins:
+            if not pin.holds(ring, wanted) or pin.head(ring) <= since:
+                continue
+            first = pin.first(ring)
+            if first <= since:
+                return pin.rows(ring, since, limit, words)
+            if pin.head(ring) > first and (following is None or first < following.first(ring)):
+                following = pin
+        if self._reader is not None:
+            until = following.first(ring) - since if following is not None else None
+            most = min([each for each in (limit, until) if each is not None], default=None)
+            rows = self._reader.rows(ring, since, most, words)
+            if len(rows) and (following is None or rows.first < following.first(ring)):
+                return rows.part(rows.first, following.first(ring)) if following is not None else rows
+            if following is None:
+                return rows
+        if following is not None:
+            return following.rows(ring, since, limit, words)
+        none = np.zeros((0, len(words) if words is not None else 2), np.uint64)
+        return Rows(self.schema.rings[ring], since, none)
+
+
+def check_moments(request: FindMoments) -> Refused | None:
+    """Why a request can't be answered, None if it can."""
+    problem = None
+    if not request.names or len(request.names) > MAX_NAMES:
+        problem = f"ask for 1 to {MAX_NAMES} names, got {len(request.names)}"
+    elif request.most < 1 or request.most * len(request.names) > MAX_MOMENTS:
+        problem = f"most must be 1 to {MAX_MOMENTS // len(request.names)} moments of each name, got {request.most}"
+    elif not -(2**62) <= request.start_ns <= request.end_ns <= 2**62:
+        problem = f"from {request.start_ns} to {request.end_ns} is out of range, or goes backwards"
+    elif not -(2**62) <= request.around_ns <= 2**62:
+        problem = f"around_ns {request.around_ns} is out of range"
+    elif len(request.bounds) not in (0, len(request.names)):
+        problem = f"bounds are of every name or of none, got {len(request.bounds)} for {len(request.names)} names"
+    elif len(request.pins) > MAX_PINS:
+        problem = f"name at most {MAX_PINS} pins, got {len(request.pins)}"
+    elif request.level != request.level or request.direction not in (-1, 0, 1):
+        problem = "the level must be a number and the direction -1, 0 or 1"
+    return Refused(RefusedWhy.INVALID, f"nothing was looked for: {problem}") if problem else None
+
+
+def find_moments(
+    request: FindMoments, now: LoggerSnapshot, reader: SegmentReader | None, pins: Sequence[PinnedRows]
+) -> MomentsFound | Refused:
+    """Return what was found of each name, in what `pins` and the buffers hold of one run."""
+    name = unknown_name(request.names, now)
+    if name is not None:
+        return unknown(name)
+    run = request.run or (reader.schema.run if reader is not None else "")
+    pins = [pin for pin in pins if pin.schema.run == run]
+    source = HeldRows(reader if reader is not None and reader.schema.run == run else None, pins)
+    if not pins and (reader is None or reader.schema.run != run):
+        return MomentsFound(run, [FoundIn(name, why="nothing of that recording is held") for name in request.names])
+    found = pick(request.names, now, source.schema)
+    frequency_hz = source.schema.frequency_hz
+    limits = dict(zip(request.names, request.bounds or [(None, None)] * len(request.names), strict=True))
+    finders = {
+        one.name: Finder(
+            Looking(request.what, request.level, request.direction, limits[one.name],
+                    max(1, round(1e9 * one.divider / frequency_hz))),
+            request.around_ns, request.most,
+        )
+        for one in found.names
+    }  # fmt: skip
+    if any(finder.looking.needs_span for finder in finders.values()):
+        for name, _, values in _blocks(found, source, request):
+            finders[name].measure(values)
+    for name, stamps, values in _blocks(found, source, request):
+        finders[name].feed(stamps, values)
+    return MomentsFound(run, [_of(name, finders.get(name), found.missing.get(name, "")) for name in request.names])
+
+
+def _of(name: str, finder: Finder | None, why: str) -> FoundIn:
+    if finder is None:
+        return FoundIn(name, why=why)
+    found = finder.found
+    values = found.values.astype(found.values.dtype.newbyteorder("<"))
+    return FoundIn(
+        name, found.total, found.before, found.time_ns.astype("<i8").tobytes(), values.tobytes(), values.dtype.str,
+        found.begin_ns, found.end_ns,
+    )  # fmt: skip
+
+
+def _blocks(
+    found: Picked, source: RingSource, request: FindMoments
+) -> Iterator[tuple[str, NDArray[np.int64], NDArray[np.generic]]]:
+    """Return the samples of each name, block by block, oldest first; what is overwritten meanwhile is left out."""
+    for number, group in enumerate(found.groups):
+        entries = [(one.name, one.entries[0]) for one in found.names if one.group == number]
+        for rows in _rows(source, group, request):
+            for name, entry in entries:
+                yield name, rows.time_ns, _column(rows, entry)
+
+
+def _rows(source: RingSource, group: Group, request: FindMoments) -> Iterator[Rows]:
+    row, end = bounds(source, group, request.start_ns, request.end_ns + 1, By.TIME)
+    most = max(1, BLOCK_BYTES // group.row_bytes)
+    while row < end:
+        rows = source.rows(group.ring, row, min(most, end - row), group.words)
+        if not len(rows) and rows.first <= row:
+            return
+        rows = rows.part(rows.first, end)
+        row = rows.first + len(rows)
+        if len(rows):
+            yield rows
+
+
+def _column(rows: Rows, entry: SampledEntry) -> NDArray[np.generic]:
+    dtype = np.dtype(entry.dtype)
+    if not dtype.itemsize:
+        return np.zeros(len(rows), dtype)
+    stored = dtype.newbyteorder(">" if entry.swapped else "<")
+    strides = (8 * rows.words.shape[1],)
+    column: NDArray[np.generic] = np.ndarray((len(rows),), stored, rows.words.data, entry.offset, strides)
+    return column.astype(dtype)

@@ -1,0 +1,71 @@
+"""Moments that the helper process looks for."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from silo.arguments import texts
+from silo.calls import told_class
+from silo.errors import RefusedError
+from silo.ipc.client.calling import Calls
+from silo.ipc.messages import FindMoments
+from silo.model import Sought
+
+if TYPE_CHECKING:
+    from silo.ipc.samples import Pin
+    from silo.judging.moments import Found as FoundMoments
+
+
+@told_class("client")
+class MomentCalls(Calls):
+    """Moments in all samples that buffers and pins hold."""
+
+    def find(
+        self,
+        names: Sequence[str],
+        what: Sought | str,
+        level: float = 0.0,
+        direction: int = 0,
+        bounds: Sequence[tuple[float | None, float | None]] = (),
+        start_ns: int = -(2**62),
+        end_ns: int = 2**62,
+        around_ns: int = 0,
+        most: int = 100,
+        pins: "Sequence[Pin]" = (),
+        run: str = "",
+    ) -> "dict[str, FoundMoments]":
+        """Look for something in every sample that buffers and pins hold; the helper process looks, nothing is fetched.
+
+        Args:
+            names: 1 to 64 entries.
+            what: `"highest"`, `"lowest"`, `"crossing"`, `"edge"`, `"change"`, `"not finite"`, `"outside"`, `"hole"`.
+            level: what is crossed.
+            direction: 1 for a rising crossing, -1 for a falling one, 0 for either.
+            bounds: of each name the smallest and the largest value that isn't outside, None for none.
+            start_ns: the first time stamp.
+            end_ns: the last time stamp.
+            around_ns: the moments next to this one are in the answer.
+            most: how many of each name; all names together have at most 10 000.
+            pins: what is looked through beside the buffers, where it has what these have no more.
+            run: the run that it is about, as pins name it; the newest where it is empty.
+
+        Returns:
+            By name: `total` moments, of which `before` come before those that are here as `time_ns` and `values`, both
+            of shape `(n,)`; `begin_ns` and `end_ns` say what was looked through, `why` why nothing was.
+
+        Raises:
+            RefusedError: a name or `what` is unknown, a number out of range, or a pin is no more.
+            ElementError: the names are no list of texts; nothing was asked.
+        """
+        from silo.ipc.moments import found_of
+
+        try:
+            sought = Sought(what)
+        except ValueError:
+            words = ", ".join(f"'{one.value}'" for one in Sought)
+            raise RefusedError(f"one can look for {words}, got {what!r}; nothing was asked") from None
+        request = FindMoments(
+            names=texts("names", names, "['/log/joints/q_0']"), what=sought, level=level, direction=direction,
+            bounds=list(bounds), start_ns=start_ns, end_ns=end_ns, around_ns=around_ns, most=most,
+            pins=[pin.id for pin in pins], run=run, client=self._name,
+        )  # fmt: skip
+        return found_of(self._call(request))

@@ -1,0 +1,122 @@
+"""Configurations of Zenoh: files that people write, remotes by their name, and what silo adds to both.
+
+What a file says wins over what silo would have set, except that nothing is ever broadcast. Paths in it are relative to
+its own folder.
+"""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from silo.errors import ConnectionLostError
+from silo.ipc.json5 import read_json5
+from silo.ipc.remotes import LOCAL, remote_file, remotes
+
+# always, whatever a file says: nobody is looked for by broadcast, and nobody is told of others
+FORCED: dict[str, Any] = {
+    "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+    # every restart of a publisher would leave 17 MB locked in its clients
+    "transport": {"shared_memory": {"enabled": False}},
+}
+LINK: dict[str, Any] = {
+    "transport": {
+        "unicast": {"open_timeout": 1000, "accept_timeout": 1000},
+        "link": {
+            "tx": {
+                "lease": 2000,
+                "keep_alive": 4,
+                "queue": {"congestion_control": {"block": {"wait_before_close": 200_000}}},
+            }
+        },
+    },
+}
+# what comes over a network may be slow, and how slow is known to the other side only
+SLOW_ACCEPT: dict[str, Any] = {"transport": {"unicast": {"open_timeout": 10_000, "accept_timeout": 10_000}}}
+OPEN_TRIPS = 8  # round trips that may pass until a session is open: 3 of TLS, 3 of Zenoh, and a lost packet
+LEASE_TRIPS = 4
+PATHS = (
+    "transport/link/tls/root_ca_certificate",
+    "transport/link/tls/listen_certificate",
+    "transport/link/tls/listen_private_key",
+    "transport/link/tls/connect_certificate",
+    "transport/link/tls/connect_private_key",
+    "transport/auth/usrpwd/dictionary_file",
+)
+
+
+def scaled(rtt_s: float) -> dict[str, Any]:
+    """Return what a client sets for a link of that round trip time: times that leave room for some trips."""
+    ms = rtt_s * 1000
+    return {
+        "transport": {
+            "unicast": {"open_timeout": round(1000 + OPEN_TRIPS * ms), "accept_timeout": round(1000 + OPEN_TRIPS * ms)},
+            "link": {"tx": {"lease": round(2000 + LEASE_TRIPS * ms)}},
+        }
+    }
+
+
+def find_file(config: str) -> str:
+    """Return the path of a configuration: a file as it is, or the file of a remote by its name.
+
+    Raises ConnectionLostError for what is neither.
+    """
+    path = Path(config).expanduser()
+    if path.is_file():
+        return str(path.absolute())
+    known = remotes()
+    if config in known:
+        return str(remote_file(config))
+    names = f"the remotes are {', '.join(known)}" if known else "there are no remotes"
+    raise ConnectionLostError(
+        f"{config}: there is no such file, and no remote of that name ({names}; `silo remote add` makes one, "
+        f"'{LOCAL}' means this computer alone)"
+    )
+
+
+def from_file(config: str) -> zenoh.Config:
+    """Return what a file says, its paths made absolute. Raises ConnectionLostError for what is no configuration."""
+    try:
+        settings: zenoh.Config = zenoh.Config.from_file(config)
+    except (zenoh.ZError, OSError) as error:
+        raise ConnectionLostError(f"{config}: is not a configuration of Zenoh: {reason_of(error)}") from error
+    for key in PATHS:
+        value = json.loads(settings.get_json(key))
+        if value and not os.path.isabs(value):  # noqa: PTH117  # Zenoh has texts
+            settings.insert_json5(key, json.dumps(str(Path(config).absolute().parent / value)))
+    return settings
+
+
+def written(config: str) -> dict[str, Any]:
+    """Return what stands in a file itself; nothing of one that isn't JSON5 (Zenoh reads YAML, too)."""
+    try:
+        found = read_json5(Path(config).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def insert(settings: zenoh.Config, values: dict[str, Any], unless: dict[str, Any] | None = None, at: str = "") -> None:
+    """Set values, except those that `unless` has."""
+    for name, value in values.items():
+        given = (unless or {}).get(name)
+        if isinstance(value, dict):
+            insert(settings, value, given if isinstance(given, dict) else {}, f"{at}{name}/")
+        elif given is None:
+            settings.insert_json5(at + name, json.dumps(value))
+
+
+def endpoints_of(settings: zenoh.Config, key: str, mode: str) -> list[str]:
+    """Return the endpoints to `connect` to or to `listen` on, in that mode."""
+    found = json.loads(settings.get_json(f"{key}/endpoints"))
+    if isinstance(found, dict):
+        found = found.get(mode, [])
+    return list(found)
+
+
+def reason_of(error: Exception | None) -> str:
+    """Return Zenoh's words without the places in its sources."""
+    text = str(error).split(" at /", 1)[0].strip()
+    return text.splitlines()[0][:300] if text else type(error).__name__

@@ -1,0 +1,67 @@
+"""Trying a way to robots layer by layer: what `silo remote doctor` prints."""
+
+from collections.abc import Iterator
+
+from silo.errors import ConnectionLostError, VersionError
+from silo.ipc.configuration import find_file, from_file
+from silo.ipc.discovery import discover
+from silo.ipc.exchange import ask_once, exchange, key_of
+from silo.ipc.found import Found, told_apart
+from silo.ipc.messages import Hello
+from silo.ipc.probing import Layer, LayerError, reach, tls_problem, user_of
+from silo.ipc.sessions import borrowed
+from silo.version import VERSION
+
+TIMEOUT_S = 2.0
+
+
+def examine(config: str) -> Iterator[tuple[Layer, str]]:
+    """Yield each layer that works, with what was found there. Raises LayerError at the first that doesn't."""
+    try:
+        path = find_file(config)
+        settings = from_file(path)
+    except ConnectionLostError as error:
+        raise LayerError(Layer.CONFIGURATION, str(error)) from error
+    yield Layer.CONFIGURATION, path
+    reached = reach(path)
+    if reached.endpoint is not None and reached.address:
+        yield Layer.NAME, f"{reached.endpoint.host} is {reached.address}"
+        yield Layer.ROUTE, f"a round trip takes {reached.rtt_s * 1000:.1f} ms"
+        yield Layer.PORT, f"{reached.endpoint.port} takes connections"
+        if reached.endpoint.kind == "tls":
+            problem = tls_problem(path, reached.endpoint, reached.rtt_s)
+            if problem is not None:
+                raise problem
+            yield Layer.TLS, "name, date and authority of its certificate are right"
+    user = user_of(settings)
+    with borrowed("", path):
+        yield Layer.PASSWORD, f"user '{user}' is let in" if user else "it lets us in without"
+        loggers = discover(TIMEOUT_S, path).loggers
+        yield from _asked(loggers, user)
+
+
+def _asked(loggers: list[Found], user: str) -> Iterator[tuple[Layer, str]]:
+    """Ask every logger who it is, and whether it takes changes of us."""
+    for found, address in zip(loggers, told_apart(loggers), strict=True):
+        try:
+            reply = ask_once(found, Hello(version=VERSION), TIMEOUT_S)
+        except VersionError as error:
+            raise LayerError(Layer.VERSION, str(error)) from error
+        except ConnectionLostError as error:
+            raise LayerError(Layer.ROLE, str(error)) from error
+        may = "may change it" if _may_change(found) else "may look, not change"
+        yield Layer.ROLE, f"{address}: {f'user {user!r}' if user else 'this user'} {may}"
+        yield Layer.VERSION, f"{address}: silo {reply.version}, protocol {reply.protocol}"
+
+
+def _may_change(found: Found) -> bool:
+    root = found.root
+    if root is None:
+        return False
+    question = Hello(version=VERSION)
+    with borrowed(found.socket, found.config) as mine:
+        try:
+            exchange(mine.session, root.key("do"), question, TIMEOUT_S + mine.slack_s, key_of(question, root))
+        except ConnectionLostError:
+            return False  # access control swallows what isn't allowed
+    return True

@@ -1,0 +1,89 @@
+"""A logger that was found, and the words for it: `anymal`, `anymal.4711`, `robot3/anymal`, `robot3~3fa977b2e0/anymal`.
+
+The first two may fit several loggers, the third two robots of one cloned image; the last fits one.
+"""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+from silo.ipc.keys import Root
+
+# a host, perhaps with the id that a logger has drawn, and a logger, perhaps with a process id
+ADDRESS = re.compile(r"(?:[A-Za-z0-9][A-Za-z0-9_.-]*(?:~[0-9a-f]+)?/)?[A-Za-z0-9][A-Za-z0-9_.-]*")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A logger that listens. `pid` is the robot program's; `socket` is empty for one that is reached by `config`."""
+
+    name: str
+    pid: int
+    socket: str
+    user: str
+    config: str = ""
+    host: str = ""
+    dead: bool = False  # the robot program is gone, its helper still tells what became of the data
+    since: float = 0.0  # when it began to listen, or died; seconds since 1970
+    id: str = ""  # drawn by the logger; empty where it isn't known yet
+    copy: int = 0  # tells loggers of one name in one process apart
+
+    @property
+    def label(self) -> str:
+        """What means this logger among those of its host: `anymal.4711`; of another host, its whole address."""
+        if self.pid:
+            return f"{self.name}.{self.pid}{f'-{self.copy}' if self.copy else ''}"
+        return self.root.address if self.root is not None and self.config else self.name
+
+    @property
+    def root(self) -> Root | None:
+        """Where its keys begin; None where that must be asked for."""
+        return Root(self.host, self.name, self.id) if self.host else None
+
+    @property
+    def machine(self) -> str:
+        """The part of the id that is of the computer: what starts there again may be the same robot."""
+        return self.id[:MACHINE_DIGITS]
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """Return every word that means this logger, the shortest first; of these the last means no other."""
+        mine = [self.name, *([self.label] if self.pid else [])]
+        if self.host:
+            mine += [f"{self.host}/{name}" for name in mine]
+        if self.root is not None and self.id:
+            mine.append(self.root.address)
+        return tuple(mine)
+
+    def is_meant_by(self, wanted: str) -> bool:
+        """Return whether a word that somebody typed fits this logger; an empty one fits all."""
+        return not wanted or wanted in self.addresses
+
+    def matches(self, pattern: str) -> bool:
+        """Return whether a glob fits one of its addresses: where many are meant."""
+        return any(fnmatchcase(address, pattern) for address in self.addresses)
+
+
+MACHINE_DIGITS = 4
+
+
+def is_glob(word: str) -> bool:
+    """Return whether a word means many: no address has these characters."""
+    return any(character in word for character in "*?[")
+
+
+def told_apart(found: Iterable[Found]) -> list[str]:
+    """Return for each logger the shortest address that fits no other of them: a process id before an id."""
+    all_found = list(found)
+    taken = [set(one.addresses) for one in all_found]
+
+    def of(place: int) -> str:
+        one = all_found[place]
+        others = set().union(*(names for at, names in enumerate(taken) if at != place))
+        # the bare name last of all: who reads a list of addresses wants to see what differs
+        mine = [address for address in one.addresses if address != one.name]
+        here = [one.label] if one.pid else []
+        return next((address for address in (*here, *mine, one.name) if address not in others), one.label)
+
+    return [of(place) for place in range(len(all_found))]

@@ -1,0 +1,52 @@
+"""Moments that one looks for in all that is held of some signals."""
+
+import msgspec
+
+from silo.ipc.messages.base import Reply, SlowAsk
+from silo.model import Sought
+
+
+class FoundIn(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What was found of one name, oldest first: `total` moments, of which `before` come before those that are here.
+
+    `time_ns` are little-endian int64, `values` beside them of the type `dtype`: those of the samples, of a hole its
+    length in ns. All from `begin_ns` to `end_ns` was looked through, both 0 where nothing is held; `why` says why.
+    """
+
+    name: str
+    total: int = 0
+    before: int = 0
+    time_ns: bytes = b""
+    values: bytes = b""
+    dtype: str = "<f8"
+    begin_ns: int = 0
+    end_ns: int = 0
+    why: str = ""
+
+
+class MomentsFound(Reply, frozen=True):
+    """What was found, in the order of the names that were asked for."""
+
+    run: str
+    found: list[FoundIn]
+
+
+class FindMoments(SlowAsk[MomentsFound], frozen=True):
+    """Look for something in all samples of 1 to 64 entries that buffers and `pins` hold of `run` (empty: the newest).
+
+    From `start_ns` to `end_ns`, both included. The reply has of each name the `most` moments next to `around_ns`, and
+    how many there are in all. `level` and `direction` (1 rising, -1 falling, 0 either) are of a crossing, `bounds` of
+    each name are what is inside.
+    """
+
+    names: list[str]
+    what: Sought
+    level: float = 0.0
+    direction: int = 0
+    bounds: list[tuple[float | None, float | None]] = []
+    start_ns: int = -(2**62)
+    end_ns: int = 2**62
+    around_ns: int = 0
+    most: int = 100
+    pins: list[str] = []
+    run: str = ""

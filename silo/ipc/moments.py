@@ -1,0 +1,23 @@
+"""Moments that a helper process found, as arrays."""
+
+import numpy as np
+
+from silo.errors import ConnectionLostError
+from silo.ipc.messages import FoundIn, MomentsFound
+from silo.judging.moments import Found
+
+
+def found_of(reply: MomentsFound) -> dict[str, Found]:
+    """Return what was found by name. Raises ConnectionLostError for a reply that makes no sense."""
+    return {one.name: _found(one) for one in reply.found}
+
+
+def _found(one: FoundIn) -> Found:
+    try:
+        time_ns = np.frombuffer(one.time_ns, "<i8").astype(np.int64)
+        values = np.frombuffer(one.values, one.dtype) if one.values else np.zeros(len(time_ns), one.dtype)
+    except (ValueError, TypeError) as error:
+        raise ConnectionLostError(f"the helper process tells of moments that make no sense: {error}") from error
+    if len(values) != len(time_ns) or not 0 <= one.before <= one.total - len(time_ns):
+        raise ConnectionLostError(f"the helper process tells of moments of {one.name} that make no sense")
+    return Found(one.total, one.before, time_ns, values, one.begin_ns, one.end_ns, one.why)

@@ -1,0 +1,245 @@
+"""Which layer of a way to a robot fails: name resolution, route, port, TLS, user and password. One message for each.
+
+Zenoh itself says only "unable to connect". What can be told is told before it is asked, and measured at the same time:
+the round trip of a TCP connection, by which all waiting scales.
+"""
+
+import base64
+import enum
+import json
+import re
+import socket
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import zenoh
+
+from silo.errors import ConnectionLostError
+from silo.ipc.configuration import endpoints_of, from_file, reason_of, written
+
+if TYPE_CHECKING:
+    import ssl
+
+REACH_S = 5.0  # how long an address may stay silent
+ALERT_S = 0.5  # how long to wait for what a server of TLS 1.3 says of our certificate, beside two round trips
+_ENDPOINT = re.compile(r"(?P<kind>[a-z-]+)/(?P<host>\[[^\]]*\]|[^:/?#]+):(?P<port>[0-9]+)([?#].*)?")
+_OVER_TCP = ("tcp", "tls", "ws")
+
+
+class Layer(enum.Enum):
+    """What fails, from below to above."""
+
+    CONFIGURATION = "configuration"
+    NAME = "name resolution"
+    ROUTE = "route"
+    PORT = "port"
+    TLS_AUTHORITY = "TLS authority"
+    TLS_NAME = "TLS name"
+    TLS_DATE = "TLS date"
+    TLS_CLIENT = "TLS client certificate"
+    TLS = "TLS"
+    PASSWORD = "password"
+    ROLE = "role"
+    VERSION = "version"
+
+
+class LayerError(ConnectionLostError):
+    """A way to a robot fails, and at which layer."""
+
+    def __init__(self, layer: Layer, text: str) -> None:
+        super().__init__(text)
+        self.layer = layer
+
+
+class Endpoint(NamedTuple):
+    """Where to connect to: `tls/robot3.local:7447`."""
+
+    kind: str
+    host: str
+    port: int
+    text: str
+
+
+class Reached(NamedTuple):
+    """An endpoint that takes connections, and its round trip time in s; that is 0 where it can't be measured."""
+
+    endpoint: Endpoint | None
+    address: str
+    rtt_s: float
+
+
+def endpoint_of(text: str) -> Endpoint | None:
+    """Read an endpoint; None for what isn't reached by host and port."""
+    found = _ENDPOINT.fullmatch(text)
+    if found is None or int(found["port"]) > 65535:
+        return None
+    return Endpoint(found["kind"], found["host"].strip("[]"), int(found["port"]), text)
+
+
+def reach(config: str, timeout_s: float = REACH_S) -> Reached:
+    """Return the first endpoint of a configuration that takes connections.
+
+    Raises LayerError with the reason of each, where none does.
+    """
+    texts = endpoints_of(from_file(config), "connect", "client")
+    if not texts:
+        raise LayerError(
+            Layer.CONFIGURATION,
+            f'{config}: names nobody to connect to; add connect: {{ endpoints: ["tls/HOST:7447"] }}, or make a remote '
+            "by `silo remote add NAME tls/HOST:7447`",
+        )
+    failed: list[LayerError] = []
+    for text in texts:
+        endpoint = endpoint_of(text)
+        if endpoint is None or endpoint.kind not in _OVER_TCP:
+            return Reached(endpoint, "", 0.0)  # QUIC, a Unix socket: Zenoh alone can tell
+        try:
+            return _reached(endpoint, timeout_s)
+        except LayerError as error:
+            failed.append(error)
+    raise LayerError(failed[0].layer, "\n".join(dict.fromkeys(str(error) for error in failed)))
+
+
+def _reached(endpoint: Endpoint, timeout_s: float) -> Reached:
+    try:
+        found = socket.getaddrinfo(endpoint.host, endpoint.port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise LayerError(
+            Layer.NAME,
+            f"{endpoint.text}: no computer is called '{endpoint.host}' here ({_words(error)}): check the spelling, "
+            "write its IP address, or add it to /etc/hosts",
+        ) from error
+    told: OSError | None = None
+    for family, kind, protocol, _, address in found:
+        with socket.socket(family, kind, protocol) as sock:
+            sock.settimeout(timeout_s)
+            begun_s = time.monotonic()
+            try:
+                sock.connect(address)
+            except OSError as failure:
+                # a refusal says more than silence: somebody is there
+                told = failure if not isinstance(told, ConnectionRefusedError) else told
+                continue
+            return Reached(endpoint, str(address[0]), time.monotonic() - begun_s)
+    where = f"{endpoint.text} ({', '.join(dict.fromkeys(str(one[4][0]) for one in found))})"
+    if isinstance(told, ConnectionRefusedError):
+        raise LayerError(
+            Layer.PORT,
+            f"{where}: that computer is there, but nobody listens on port {endpoint.port}: is the robot program or the "
+            "router running, and is this the port that it listens on?",
+        ) from told
+    silent = isinstance(told, TimeoutError)
+    why = f"no answer within {timeout_s:g} s" if silent else _words(told)
+    raise LayerError(
+        Layer.ROUTE,
+        f"{where}: no way there: {why}: is it switched on, in this network or behind the VPN, and does no firewall "
+        "swallow it?",
+    ) from told
+
+
+def explain(config: str, reached: Reached, error: Exception) -> LayerError:
+    """Return why Zenoh could not connect to an endpoint that takes connections."""
+    settings = from_file(config)
+    if reached.endpoint is not None and reached.endpoint.kind == "tls":
+        problem = tls_problem(config, reached.endpoint, reached.rtt_s)
+        if problem is not None:
+            return problem
+    where = reached.endpoint.text if reached.endpoint is not None else f"what {config} names"
+    if reached.endpoint is None or reached.endpoint.kind not in _OVER_TCP:
+        return LayerError(
+            Layer.PORT,
+            f"{where}: can't connect ({reason_of(error)}): check address, certificates, user name and password in "
+            f"{config}; over UDP nobody says which of them fails",
+        )
+    user = user_of(settings)
+    if not user:
+        text = f"it takes connections, but lets nobody in without user name and password, and {config} has none"
+    else:
+        text = f"user '{user}' or its password is refused; both stand in {config}"
+    return LayerError(Layer.PASSWORD, f"{where}: {text} (or what listens there isn't silo)")
+
+
+def user_of(settings: zenoh.Config) -> str:
+    """Return the user name of a configuration; empty where it has none."""
+    return json.loads(settings.get_json("transport/auth/usrpwd/user")) or ""
+
+
+def tls_problem(config: str, endpoint: Endpoint, rtt_s: float = 0.0) -> LayerError | None:
+    """Shake hands as Zenoh does, and return what is wrong with the certificates; None where nothing is."""
+    import ssl  # takes 15 ms, and only what fails needs it
+
+    tls = json.loads(from_file(config).get_json("transport/link/tls"))
+    # Zenoh shows no values that can be secret, and takes this one for such
+    tls |= {key: value for key, value in _written_tls(config).items() if key.endswith("_base64")}
+    try:
+        context = ssl.create_default_context(cadata=_authority(tls))
+        context.check_hostname = tls.get("verify_name_on_connect") is not False
+        if tls.get("connect_certificate") and tls.get("connect_private_key"):
+            context.load_cert_chain(tls["connect_certificate"], tls["connect_private_key"])
+    except (OSError, ValueError) as error:  # an ssl.SSLError is one, too
+        return LayerError(
+            Layer.CONFIGURATION, f"the certificates that the configuration names can't be read: {_words(error)}"
+        )
+    try:
+        with socket.create_connection((endpoint.host, endpoint.port), REACH_S) as raw:
+            raw.settimeout(REACH_S + 4 * rtt_s)
+            with context.wrap_socket(raw, server_hostname=endpoint.host) as wrapped:
+                wrapped.settimeout(ALERT_S + 2 * rtt_s)
+                wrapped.recv(1)
+    except ssl.SSLCertVerificationError as error:
+        return _certificate_problem(endpoint, error)
+    except TimeoutError:
+        return None  # it waits for our first word: all is well
+    except ssl.SSLError as error:
+        if "CERTIFICATE" in (error.reason or "").upper() or "ALERT_UNKNOWN_CA" in (error.reason or ""):
+            return LayerError(
+                Layer.TLS_CLIENT,
+                f"{endpoint.text}: it wants a certificate of ours, and the configuration has none, or one that it "
+                "doesn't accept: set connect_certificate, connect_private_key and enable_mtls under transport.link.tls",
+            )
+        return LayerError(
+            Layer.TLS,
+            f"{endpoint.text}: what listens there speaks no TLS ({error.reason}): is it tcp/ or another port?",
+        )
+    except OSError:
+        return None  # it hung up: not because of TLS
+    return None
+
+
+def _written_tls(config: str) -> dict[str, object]:
+    place: object = written(config)
+    for word in ("transport", "link", "tls"):
+        place = place.get(word) if isinstance(place, dict) else None
+    return place if isinstance(place, dict) else {}
+
+
+def _authority(tls: dict[str, object]) -> str | None:
+    encoded, path = tls.get("root_ca_certificate_base64"), tls.get("root_ca_certificate")
+    if isinstance(encoded, str):
+        return base64.b64decode(encoded).decode()
+    return Path(path).read_text() if isinstance(path, str) else None
+
+
+def _certificate_problem(endpoint: Endpoint, error: "ssl.SSLCertVerificationError") -> LayerError:
+    if error.verify_code in (62, 64):  # X509_V_ERR_HOSTNAME_MISMATCH, X509_V_ERR_IP_ADDRESS_MISMATCH
+        return LayerError(
+            Layer.TLS_NAME,
+            f"{endpoint.text}: its certificate is for another name than '{endpoint.host}' ({error.verify_message}): "
+            "connect to the name that it was made for, or make it one with this name (`silo remote init --host`)",
+        )
+    if error.verify_code in (9, 10):
+        return LayerError(
+            Layer.TLS_DATE,
+            f"{endpoint.text}: its certificate is not valid today ({error.verify_message}): are the clocks of both "
+            "computers right? Else renew it (`silo remote init`)",
+        )
+    return LayerError(
+        Layer.TLS_AUTHORITY,
+        f"{endpoint.text}: its certificate is not of the authority that we trust ({error.verify_message}): take the "
+        "client file that was made with the robot's (`silo remote init`)",
+    )
+
+
+def _words(error: BaseException | None) -> str:
+    return str(getattr(error, "strerror", "") or error)

@@ -1,0 +1,118 @@
+"""Sessions of clients: one for each configuration, shared by all that talk through it; one for each local socket.
+
+The desk has one link to its router, whatever the number of robots behind it. A shared session connects again by itself
+and is closed when the last of its users gives it back.
+"""
+
+import logging
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from silo.ipc.configuration import find_file
+from silo.ipc.probing import REACH_S, reach
+from silo.ipc.session import close, open_client
+
+WAITED_TRIPS = 4  # of an answer, beyond the time that it may take where there is no way
+
+log = logging.getLogger("silo.client")
+
+
+@dataclass
+class _Shared:
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    session: zenoh.Session | None = None
+    rtt_s: float = 0.0
+    users: int = 0
+
+
+@dataclass(frozen=True)
+class Borrowed:
+    """A session to talk through, and the round trip time of its link in s, 0 on this computer."""
+
+    session: zenoh.Session
+    config: str
+    rtt_s: float = 0.0
+
+    @property
+    def slack_s(self) -> float:
+        """How much longer than on this computer an answer may take."""
+        return WAITED_TRIPS * self.rtt_s
+
+
+_shared: dict[str, _Shared] = {}
+_guard = threading.Lock()
+
+
+def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> Borrowed:
+    """Return a session to a local socket, or one to what a configuration names: that which is open, or a new one.
+
+    Raises ConnectionLostError, with the layer that fails where it is a network.
+    """
+    if socket_path:
+        return Borrowed(open_client(Path(socket_path)), "")
+    path = find_file(config)
+    with _guard:
+        shared = _shared.setdefault(path, _Shared())
+        shared.users += 1
+    try:
+        with shared.lock:
+            if shared.session is None:
+                reached = reach(path, reach_s)
+                shared.session = open_client(None, path, reached)
+                shared.rtt_s = reached.rtt_s
+            return Borrowed(shared.session, path, shared.rtt_s)
+    except BaseException:
+        _leave(path)
+        raise
+
+
+def give_back(borrowed: Borrowed) -> None:
+    """Close a session, if nobody else uses it; takes up to 2.5 s if the other side is frozen."""
+    if borrowed.config:
+        _leave(borrowed.config)
+    else:
+        close(borrowed.session)
+
+
+def _leave(path: str) -> None:
+    with _guard:
+        shared = _shared[path]
+        shared.users -= 1
+        if shared.users:
+            return
+        del _shared[path]
+    with shared.lock:
+        if shared.session is not None:
+            close(shared.session)
+
+
+@contextmanager
+def borrowed(socket_path: str, config: str) -> Iterator[Borrowed]:
+    """Borrow a session for a moment. Raises ConnectionLostError."""
+    mine = borrow(socket_path, config)
+    try:
+        yield mine
+    finally:
+        give_back(mine)
+
+
+def undeclare(*declared: Any) -> None:
+    """End subscriptions and tokens; fine where their session has ended before."""
+    for one in declared:
+        if one is not None:
+            try:
+                one.undeclare()
+            except zenoh.ZError as error:
+                log.debug("the session ended before it: %s", error)
+
+
+def open_configurations() -> dict[str, int]:
+    """Return the configurations to which sessions are open, with how many use each."""
+    with _guard:
+        return {path: shared.users for path, shared in _shared.items() if shared.session is not None}

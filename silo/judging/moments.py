@@ -1,0 +1,254 @@
+"""Which samples of a signal are what one looks for: the highest, a crossing, a change, a hole; exact to the sample.
+
+`places` looks through one array, `Finder` through any number of blocks and keeps as many moments as are asked for, next
+to a time: what a ring holds may be longer than what fits into an answer. Both find the same.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.model import Sought
+from silo.values import numbers
+
+Places = NDArray[np.intp]
+LONG_GAP = 1.5  # periods between two samples from which on some are missing
+
+
+@dataclass(frozen=True)
+class Looking:
+    """What one looks for: a crossing of `level`, with `direction` 1 rising, -1 falling, 0 either way.
+
+    `bounds` are the smallest and the largest value inside; a hole is a time without sample that is longer than 1.5
+    `period_ns`.
+    """
+
+    what: Sought
+    level: float = 0.0
+    direction: int = 0
+    bounds: tuple[float | None, float | None] = (None, None)
+    period_ns: int = 1
+
+    @property
+    def needs_span(self) -> bool:
+        """Whether the smallest and the largest value must be known before the places can be."""
+        return self.what is Sought.EDGE
+
+
+@dataclass(frozen=True)
+class Found:
+    """Moments of one signal, oldest first: `total` in all, of which `before` come before those that are here.
+
+    `values` are those of the samples, of a hole its length in ns. `begin_ns` and `end_ns` are the oldest and the newest
+    sample that was looked at, both 0 where there was none, and `why` says why.
+    """
+
+    total: int
+    before: int
+    time_ns: NDArray[np.int64]
+    values: NDArray[Any]
+    begin_ns: int = 0
+    end_ns: int = 0
+    why: str = ""
+
+
+def places(
+    looking: Looking, time_ns: NDArray[np.int64], values: NDArray[Any], half_span: float | None = None
+) -> Places:
+    """Return which samples are what one looks for, ascending; both arrays of shape `(n,)`.
+
+    A crossing is the first sample on the other side of the level (on it counts as above), the nan in between left out.
+    A hole is the last sample before it. An edge is a step of more than half of what the signal spans; `half_span` is
+    half of that where these are not all its samples.
+    """
+    what = looking.what
+    if what is Sought.HOLE:
+        return np.flatnonzero(np.diff(time_ns) > LONG_GAP * looking.period_ns)
+    if what is Sought.CHANGE or (what is Sought.EDGE and values.dtype.kind in "SUVb"):
+        return _changes(values)
+    if values.dtype.kind in "SUV":
+        return np.zeros(0, np.intp)
+    found = numbers(values)
+    offsets = found.offsets
+    if what is Sought.NOT_FINITE:
+        return _begins(~np.isfinite(offsets))
+    if what is Sought.OUTSIDE:
+        low, high = (None if bound is None else bound - found.base for bound in looking.bounds)
+        outside = np.zeros(len(offsets), np.bool_)
+        outside |= False if low is None else offsets < low
+        outside |= False if high is None else offsets > high
+        return _begins(outside)
+    if what is Sought.CROSSING:
+        # the level moves to the base: it is the float, the samples are exact
+        return _crossings(offsets, looking.level - found.base, looking.direction)
+    if what is Sought.EDGE:
+        return _edges(offsets, half_span)
+    numbered = offsets[~np.isnan(offsets)]
+    if not len(numbered):
+        return np.zeros(0, np.intp)
+    return _begins(offsets == (numbered.max() if what is Sought.HIGHEST else numbered.min()))
+
+
+def _begins(here: NDArray[np.bool_]) -> Places:
+    """Where each unbroken run begins."""
+    before = np.concatenate([[False], here[:-1]])
+    return np.flatnonzero(here & ~before)
+
+
+def _changes(values: NDArray[Any]) -> Places:
+    if len(values) < 2:
+        return np.zeros(0, np.intp)
+    after, before = values[1:], values[:-1]
+    # a nan after a nan is no change
+    missing = np.isnan(values) if values.dtype.kind in "fc" else np.isnat(values) if values.dtype.kind in "Mm" else None
+    both = np.zeros(len(after), np.bool_) if missing is None else missing[1:] & missing[:-1]
+    return np.flatnonzero((after != before) & ~both) + 1
+
+
+def _crossings(values: NDArray[np.float64], level: float, direction: int) -> Places:
+    known = np.flatnonzero(~np.isnan(values))
+    above = values[known] >= level
+    rising = ~above[:-1] & above[1:]
+    falling = above[:-1] & ~above[1:]
+    wanted = rising if direction > 0 else falling if direction < 0 else rising | falling
+    return known[1:][wanted] if len(known) else known
+
+
+def _half_span(values: NDArray[np.float64]) -> tuple[float, float]:
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if len(finite) else (np.inf, -np.inf)
+
+
+def _edges(values: NDArray[np.float64], half: float | None) -> Places:
+    """Steps of more than half of what the signal spans, from one sample to the next."""
+    if half is None:
+        low, high = _half_span(values)
+        half = high / 2 - low / 2 if high > low else 0.0
+    if len(values) < 2 or not half > 0:
+        return np.zeros(0, np.intp)
+    with np.errstate(invalid="ignore"):
+        steps = np.abs(values[1:] / 2 - values[:-1] / 2)
+    return np.flatnonzero(np.isfinite(steps) & (steps > half / 2)) + 1
+
+
+class Finder:
+    """Looks through the blocks of one signal, oldest first, and keeps the `most` moments next to `around_ns`."""
+
+    def __init__(self, looking: Looking, around_ns: int, most: int) -> None:
+        self.looking = looking
+        self._around_ns = around_ns
+        self._most = (max(1, most // 2), max(1, most - most // 2))  # before, and from there on
+        self._low, self._high = np.inf, -np.inf  # of all samples, where a search needs that first
+        self._tail: tuple[NDArray[np.int64], NDArray[Any]] | None = None  # what the next block is compared with
+        self._extreme: Any = None
+        self._begin_ns = self._end_ns = 0
+        self._forget()
+
+    def _forget(self) -> None:
+        self._total = self._early = 0
+        self._times: list[list[NDArray[np.int64]]] = [[], []]
+        self._values: list[list[NDArray[Any]]] = [[], []]
+        self._counts = [0, 0]
+
+    def measure(self, values: NDArray[Any]) -> None:
+        """Note what a block spans: first of all blocks, where `looking.needs_span`."""
+        if values.dtype.kind not in "SUVb":
+            low, high = _half_span(_floats(values))
+            self._low, self._high = min(self._low, low), max(self._high, high)
+
+    def feed(self, time_ns: NDArray[np.int64], values: NDArray[Any]) -> None:
+        """Look through the next block."""
+        if not len(time_ns):
+            return
+        self._begin_ns, self._end_ns = self._begin_ns or int(time_ns[0]), int(time_ns[-1])
+        old = 0
+        if self._tail is not None:
+            old = len(self._tail[0])
+            time_ns, values = np.concatenate([self._tail[0], time_ns]), np.concatenate([self._tail[1], values])
+        what = self.looking.what
+        if what in (Sought.HIGHEST, Sought.LOWEST):
+            found = self._extremes(values)
+        else:
+            half = self._high / 2 - self._low / 2 if self.looking.needs_span and self._high > self._low else 0.0
+            found = places(self.looking, time_ns, values, half if self.looking.needs_span else None)
+        if what is Sought.HOLE:
+            self._keep(time_ns[found], np.diff(time_ns)[found])
+        else:
+            found = found[found >= old]  # of the tail it was said before
+            self._keep(time_ns[found], values[found])
+        self._remember(time_ns, values)
+
+    def _extremes(self, values: NDArray[Any]) -> Places:
+        if values.dtype.kind in "SUV":
+            return np.zeros(0, np.intp)
+        exact = _exact(values)
+        known = exact[~_missing(values)]
+        if not len(known):
+            return np.zeros(0, np.intp)
+        highest = self.looking.what is Sought.HIGHEST
+        extreme = (known.max() if highest else known.min()).item()
+        if self._extreme is None or (extreme > self._extreme if highest else extreme < self._extreme):
+            self._extreme = extreme
+            self._forget()
+        return _begins((exact == self._extreme) & ~_missing(values))
+
+    def _remember(self, time_ns: NDArray[np.int64], values: NDArray[Any]) -> None:
+        """Keep the last sample, of a crossing the last one that is a number: with it the next block is compared."""
+        last = len(values) - 1
+        if self.looking.what is Sought.CROSSING and values.dtype.kind not in "SUV":
+            known = np.flatnonzero(~_missing(values))
+            last = int(known[-1]) if len(known) else -1
+        if last >= 0:
+            self._tail = time_ns[last : last + 1].copy(), values[last : last + 1].copy()
+
+    def _keep(self, time_ns: NDArray[np.int64], values: NDArray[Any]) -> None:
+        self._total += len(time_ns)
+        cut = int(np.searchsorted(time_ns, self._around_ns, "left"))
+        self._early += cut
+        most_before, most_after = self._most
+        if cut:
+            self._add(0, time_ns[max(0, cut - most_before) : cut], values[max(0, cut - most_before) : cut])
+            while self._counts[0] - len(self._times[0][0]) >= most_before:
+                self._counts[0] -= len(self._times[0].pop(0))
+                self._values[0].pop(0)
+        room = most_after - self._counts[1]
+        if room > 0 and cut < len(time_ns):
+            self._add(1, time_ns[cut : cut + room], values[cut : cut + room])
+
+    def _add(self, side: int, time_ns: NDArray[np.int64], values: NDArray[Any]) -> None:
+        self._times[side].append(time_ns.copy())
+        self._values[side].append(values.copy())
+        self._counts[side] += len(time_ns)
+
+    @property
+    def found(self) -> Found:
+        """What was found in all blocks."""
+        most = self._most[0]
+        kept = min(self._counts[0], most)
+        skip = self._counts[0] - kept
+        times = np.concatenate([*self._times[0], *self._times[1], np.zeros(0, np.int64)])[skip:]
+        parts = [*self._values[0], *self._values[1]]
+        values = np.concatenate(parts)[skip:] if parts else np.zeros(0)
+        return Found(self._total, self._early - kept, times, values, self._begin_ns, self._end_ns)
+
+
+def _floats(values: NDArray[Any]) -> NDArray[np.float64]:
+    found = numbers(values)
+    return found.offsets + found.base if found.base else found.offsets
+
+
+def _exact(values: NDArray[Any]) -> NDArray[Any]:
+    """Return what can be compared from block to block without rounding."""
+    if values.dtype.kind in "Mm":
+        return values.astype(np.int64)
+    return values.real if values.dtype.kind == "c" else values
+
+
+def _missing(values: NDArray[Any]) -> NDArray[np.bool_]:
+    kind = values.dtype.kind
+    if kind in "fc":
+        missing: NDArray[np.bool_] = np.isnan(values.real)
+        return missing
+    return np.isnat(values) if kind in "Mm" else np.zeros(len(values), np.bool_)

@@ -1,0 +1,439 @@
+"""What is held of some signals while a picture stands still: fetched pins, and the robot's buffers behind them.
+
+The one place that plots, searches and jumps ask. A moment that no pin has is pinned when one goes there, as long as the
+buffers have it; only what these have lost as well is gone. Whatever becomes of the link, what was fetched stays.
+"""
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from silo.columns import ColumnStore, HistoryColumns
+from silo.errors import RefusedError, SiloError
+from silo.judging.moments import Found, Looking
+from silo.model import ElementInfo, LoggedEvent
+from silo.values import newest_values
+from silo_tui.model.live import Reading
+from silo_tui.model.pinned import PinnedSource, PinReader
+from silo_tui.model.plots import Plotted
+from silo_tui.model.searching import found_in
+from silo_tui.model.source import PlotSource, Samples
+
+MOST_PIECES = 12  # a helper process has 64 pins for all its clients
+NAMES_AT_ONCE = 64  # that a helper process looks through
+HELD_PERIODS = 100  # a slow loop is late by many
+
+
+class PinHandle(PinReader, Protocol):
+    """A pin that is open in a helper process."""
+
+    @property
+    def run(self) -> str:
+        """Whose rows it has; empty where it has none."""
+
+    @property
+    def begin_ns(self) -> int:
+        """The oldest time stamp in it."""
+
+    @property
+    def end_ns(self) -> int:
+        """The newest one."""
+
+    @property
+    def oldest_ns(self) -> int:
+        """The oldest one that the buffers had; 0 where that isn't known."""
+
+    @property
+    def text(self) -> str:
+        """What could not be had, and why."""
+
+    @property
+    def refused(self) -> str:
+        """Why it is no more; empty while it is."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+class Buffers(Protocol):
+    """The buffers of a logger; what can't be had of them raises a SiloError."""
+
+    @property
+    def reachable(self) -> bool:
+        """Whether somebody answers."""
+
+    async def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> PinHandle:
+        """Pin what they hold from one time to another."""
+
+    async def find(
+        self, looking: Mapping[str, Looking], around_ns: int, most: int, end_ns: int, pins: Sequence[PinHandle]
+    ) -> dict[str, Found]:
+        """Look for moments in them and in these pins, all of one run."""
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    begin_ns: int
+    end_ns: int
+
+
+class HeldSource:
+    """A source of plots that stands still. Lives in the event loop."""
+
+    live = False
+
+    def __init__(
+        self,
+        live: PlotSource,
+        plots: Sequence[Plotted],
+        pinned_ns: tuple[int, int],
+        newest_ns: int,
+        shown: ColumnStore,
+        buffers: Buffers | None,
+    ) -> None:
+        """`pinned_ns` is pinned at once, `newest_ns` the moment at which it stands still (0: the end of that).
+
+        `shown` are the columns that were drawn.
+        """
+        self._live = live
+        self._plots = tuple(plots)
+        self._buffers = buffers
+        self._pins: list[PinHandle] = []
+        self._oldest_ns = 0  # in the buffers, as they said last
+        self._closed = False
+        self._lost = False  # whether they are of another run by now
+        self._covering = asyncio.Lock()
+        self._newest_ns = newest_ns
+        self.main = PinnedSource(live, plots, *pinned_ns, shown)
+        self._pieces = [self.main]  # by time; no two have a moment in common
+        self._period_ns = min((self.period_ns(plotted.element.name) for plotted in plots), default=0)
+
+    # ------------------------------------------------------------------------------------------ what is, and how much
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The entries that are held."""
+        return self.main.names
+
+    def element(self, name: str) -> ElementInfo | None:
+        """Return the element of that name, as it was."""
+        return self.main.element(name)
+
+    def period_ns(self, element: str) -> int:
+        """Return the time between two samples of an element, as it was."""
+        return self.main.period_ns(element)
+
+    def is_live(self, element: str) -> bool:
+        """Return whether the element is held."""
+        return self.main.is_live(element)
+
+    @property
+    def happened(self) -> Sequence[LoggedEvent]:
+        """What happened, also since the picture was held."""
+        return self._live.happened
+
+    @property
+    def begin_ns(self) -> int:
+        """The oldest moment that can be looked at: pinned, or still in the buffers."""
+        pinned = self._pieces[0].begin_ns
+        return min(pinned, self._oldest_ns) if self._oldest_ns and self._in_buffers else pinned
+
+    @property
+    def end_ns(self) -> int:
+        """The moment at which it stands still, or the newest that was looked at since."""
+        return max(self._newest_ns, self._pieces[-1].end_ns)
+
+    @property
+    def _in_buffers(self) -> bool:
+        """Whether there may be more in the buffers than in the pins."""
+        return self._buffers is not None and self._buffers.reachable and bool(self._pins) and not self._lost
+
+    @property
+    def pieces(self) -> Sequence[PinnedSource]:
+        """What is pinned, by time."""
+        return tuple(self._pieces)
+
+    @property
+    def pinned(self) -> bool:
+        """Whether anything is pinned."""
+        return bool(self._pins)
+
+    @property
+    def problem(self) -> str:
+        """Why no more is fetched."""
+        return self.main.problem
+
+    @property
+    def held_s(self) -> float:
+        """Seconds that are pinned."""
+        return sum(piece.held_s for piece in self._pieces)
+
+    @property
+    def fetched_s(self) -> float:
+        """Seconds of which all samples are here."""
+        return sum(piece.fetched_s for piece in self._pieces)
+
+    @property
+    def held_text(self) -> str:
+        """How much is pinned."""
+        return self.main.held_text if len(self._pieces) == 1 else _text_of(self.held_s)
+
+    @property
+    def text(self) -> str:
+        """How much is pinned and how much of it is here: `41 s held, 5.0 s of it here`."""
+        others = self._pieces if len(self._pieces) > 1 else ()
+        if not others or self.main.problem or not self._pins:
+            return self.main.text
+        here = "all here" if all(piece.complete for piece in others) else f"{_text_of(self.fetched_s)} of it here"
+        return f"{self.held_text} held, {here}"
+
+    def covers(self, time_ns: int) -> bool:
+        """Return whether a moment is pinned."""
+        return any(piece.begin_ns <= time_ns <= piece.end_ns for piece in self._pieces)
+
+    def _gaps(self, start_ns: int, end_ns: int) -> list[_Stretch]:
+        """What of a stretch is in no pin, but for what is too short for a sample: pins begin and end with one."""
+        found, begin = [], start_ns
+        for piece in self._pieces:
+            found.append(_Stretch(begin, min(end_ns, piece.begin_ns - 1)))
+            begin = max(begin, piece.end_ns + 1)
+        found.append(_Stretch(begin, end_ns))
+        return [gap for gap in found if gap.end_ns - gap.begin_ns > 2 * self._period_ns]
+
+    # ------------------------------------------------------------------------------------------------------- pinning
+
+    async def open(self) -> str:
+        """Pin the picture; return what of it could not be had. Raises a SiloError where nothing can."""
+        if self._buffers is None or not self.names:
+            return ""
+        begin_ns, end_ns = self.main.begin_ns, self.main.end_ns
+        pin = await self._buffers.pin(self.names, begin_ns, end_ns)
+        self._take(pin)
+        self._oldest_ns = pin.oldest_ns
+        if not pin.run:
+            self.main.problem = "the logger holds nothing of it"
+        else:
+            self.main.opened(pin, pin.begin_ns, pin.end_ns)
+        return pin.text
+
+    async def cover(self, start_ns: int, end_ns: int) -> str:
+        """Pin what of a stretch is in no pin yet and in the buffers still; return what could not be had, and why."""
+        async with self._covering:
+            told, newest_ns = "", self.end_ns
+            for gap in reversed(self._gaps(max(start_ns, self.begin_ns), end_ns)):
+                if self._in_buffers:
+                    told = await self._pin_more(gap, newest_ns) or told
+            return told
+
+    async def _pin_more(self, gap: _Stretch, newest_ns: int) -> str:
+        assert self._buffers is not None
+        try:
+            pin = await self._buffers.pin(self.names, gap.begin_ns, gap.end_ns)
+        except RefusedError as error:
+            return str(error)
+        except SiloError:
+            return "no link"
+        run = next((known.run for known in self._pins if known.run), "")
+        if not pin.run or not pin.begin_ns or pin.run != run:
+            pin.close()
+            self._lost = self._lost or bool(pin.run and pin.run != run)
+            self._oldest_ns = pin.oldest_ns if pin.run == run else self._oldest_ns
+            return pin.text
+        self._take(pin)
+        self._oldest_ns = pin.oldest_ns
+        piece = PinnedSource(self._live, self._plots, gap.begin_ns, gap.end_ns, ColumnStore((), 1, 1))
+        whole = pin.oldest_ns < gap.begin_ns and not pin.text
+        piece.opened(
+            pin, gap.begin_ns if whole else pin.begin_ns, gap.end_ns if gap.end_ns <= newest_ns else pin.end_ns
+        )
+        self._pieces = sorted([*self._pieces, piece], key=lambda each: each.begin_ns)
+        self._forget_farthest(piece)
+        return pin.text
+
+    def _take(self, pin: PinHandle) -> None:
+        self._pins.append(pin)
+        if self._closed:
+            self.close()  # it came when nobody looks any more
+
+    def _forget_farthest(self, here: PinnedSource) -> None:
+        """Let go of the pin that is farthest from where one looks, never of the picture that was held."""
+        if len(self._pieces) <= MOST_PIECES:
+            return
+        others = [piece for piece in self._pieces if piece is not self.main]
+        farthest = max(others, key=lambda piece: abs(piece.begin_ns - here.begin_ns))
+        self._pieces.remove(farthest)
+        for pin in [pin for pin in self._pins if farthest.reads(pin)]:
+            self._pins.remove(pin)
+            pin.close()
+
+    async def bring(self, time_ns: int, around_ns: int) -> bool:
+        """Pin a moment with what is around it; False where it is held nowhere any more."""
+        slack = 2 * max((self.period_ns(plotted.element.name) for plotted in self._plots), default=0)
+        if not self.covers(time_ns):
+            # what came after the picture was held is pinned only where one goes there
+            end_ns = time_ns + around_ns
+            await self.cover(time_ns - around_ns, end_ns if time_ns > self.end_ns else min(end_ns, self.end_ns))
+        return any(piece.begin_ns - slack <= time_ns <= piece.end_ns + slack for piece in self._pieces)
+
+    async def fetch(self, start_ns: int, end_ns: int) -> None:
+        """Fetch all samples between two times, as far as they are pinned, the newest first."""
+        for piece in reversed(self._pieces):
+            if piece.begin_ns <= end_ns and start_ns <= piece.end_ns:
+                await piece.fetch(max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns))
+
+    def mended(self) -> None:
+        """Try again what failed: the link is there."""
+        for piece in self._pieces:
+            if any(piece.reads(pin) and not pin.refused for pin in self._pins):
+                piece.problem = ""
+
+    def close(self) -> None:
+        """Let go of all pins."""
+        self._closed = True
+        pins, self._pins = self._pins, []
+        for pin in pins:
+            pin.close()
+
+    # ---------------------------------------------------------------------------------------------------- what it shows
+
+    async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """All samples of an entry from `start_ns` to `end_ns`, both included; where they can't come, those here."""
+        parts: list[tuple[int, Samples]] = [
+            (piece.begin_ns, await piece.samples(name, max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)))
+            for piece in self._pieces
+            if piece.begin_ns <= end_ns and start_ns <= piece.end_ns
+        ]
+        gaps = self._buffered(start_ns, end_ns)
+        parts += [(gap.begin_ns, await self._buffered_samples(name, gap)) for gap in gaps]
+        return _joined([some for _, some in sorted(parts, key=lambda part: part[0])])
+
+    def _buffered(self, start_ns: int, end_ns: int) -> list[_Stretch]:
+        """What of a stretch the buffers have alone."""
+        return self._gaps(max(start_ns, self.begin_ns), min(end_ns, self.end_ns)) if self._in_buffers else []
+
+    async def _buffered_samples(self, name: str, gap: _Stretch) -> Samples:
+        try:
+            return await self._live.samples(name, gap.begin_ns, gap.end_ns)
+        except SiloError:  # what is pinned is all that there is
+            return np.zeros(0, np.int64), np.zeros(0)
+
+    async def _buffered_columns(self, names: Sequence[str], gap: _Stretch, column_ns: int) -> HistoryColumns | None:
+        try:
+            return await self._live.history(names, gap.begin_ns, gap.end_ns, column_ns)
+        except SiloError:
+            return None
+
+    def held(self, name: str, start_ns: int, end_ns: int) -> Samples:
+        """The samples of an entry from `start_ns` to `end_ns`, both included, that are here."""
+        return _joined([piece.held(name, start_ns, end_ns) for piece in self._pieces])
+
+    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Columns of a stretch of time: of the pins, and of the buffers where these have it alone."""
+        gaps = self._buffered(start_ns, end_ns)
+        overlapping = [piece for piece in self._pieces if piece.begin_ns <= end_ns and start_ns <= piece.end_ns]
+        if len(overlapping) == 1 and not gaps:
+            return await overlapping[0].history(names, start_ns, end_ns, column_ns)
+        store = _room(names, start_ns, end_ns, column_ns)
+        for gap in gaps:
+            if (past := await self._buffered_columns(names, gap, column_ns)) is not None:
+                store.take(past)
+        for piece in overlapping:
+            begin, end = max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)
+            store.take(await piece.history(names, begin, max(end, begin + 1), column_ns))
+        return store.stretch(None)
+
+    def columns(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
+        """Columns from what is here."""
+        if len(self._pieces) == 1:
+            return self.main.columns(names, start_ns, end_ns, column_ns)
+        store = _room(names, start_ns, end_ns, column_ns)
+        for piece in self._pieces:
+            begin, end = max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)
+            if begin <= end:
+                store.take(piece.columns(names, begin, end, column_ns))
+        return store.stretch(None)
+
+    async def readings(self, names: Sequence[str], time_ns: int) -> dict[str, Reading]:
+        """What held at a time, of elements: the newest sample up to then, as far as it is pinned."""
+        piece = next((each for each in self._pieces if each.begin_ns <= time_ns <= each.end_ns), None)
+        if piece is None and self._pieces[-1].end_ns < time_ns:
+            piece = self._pieces[-1]
+        if piece is None:
+            return {}
+        found = {}
+        for name in names:
+            element = self.element(name)
+            if element is not None and self.is_live(name):
+                found[name] = await reading_of(piece, element, time_ns)
+        return found
+
+    # ------------------------------------------------------------------------------------------------------ searching
+
+    @property
+    def _all_here(self) -> bool:
+        return all(piece.complete for piece in self._pieces) and not self._gaps(self.begin_ns, self.end_ns)
+
+    async def find(self, looking: Mapping[str, Looking], around_ns: int, most: int) -> tuple[dict[str, Found], str]:
+        """Look for moments in all that is held of entries, and return why some of it could not be looked through."""
+        if self._all_here or not self._in_buffers:
+            return await self._find_here(looking, around_ns, most), "" if self._all_here else "no link"
+        assert self._buffers is not None
+        run = next((pin.run for pin in self._pins if pin.run), "")
+        pins = [pin for pin in self._pins if pin.run == run]
+        names = list(looking)
+        found: dict[str, Found] = {}
+        try:
+            for begin in range(0, len(names), NAMES_AT_ONCE):
+                some = {name: looking[name] for name in names[begin : begin + NAMES_AT_ONCE]}
+                found.update(await self._buffers.find(some, around_ns, most, self.end_ns, pins))
+        except SiloError as error:
+            why = str(error) if isinstance(error, RefusedError) else "no link"
+            return await self._find_here(looking, around_ns, most), why
+        return found, ""
+
+    async def _find_here(self, looking: Mapping[str, Looking], around_ns: int, most: int) -> dict[str, Found]:
+        for piece in self._pieces:
+            await piece.fetch(piece.begin_ns, piece.end_ns)
+        held = {name: self.held(name, self.begin_ns, self.end_ns) for name in looking}
+        return {
+            name: await asyncio.to_thread(found_in, looking[name], some, around_ns, most) for name, some in held.items()
+        }
+
+
+async def reading_of(source: "PlotSource | PinnedSource", element: ElementInfo, time_ns: int) -> Reading:
+    """Return what held at a time: the newest sample up to then. Raises a SiloError where a logger doesn't answer."""
+    newest = np.full(len(element.entries), np.nan)
+    texts: dict[int, str] = {}
+    held = 0
+    begin_ns = time_ns - HELD_PERIODS * source.period_ns(element.name)
+    for position, entry in enumerate(element.entries):
+        stamps, values = await source.samples(element.name + entry.suffix, begin_ns, time_ns)
+        held = max(held, len(stamps))
+        if len(stamps):
+            floats, words = newest_values(values[-1:])
+            newest[position] = floats[0]
+            texts.update((position, word) for word in words.values())
+    return Reading(newest, texts, held, 0, time_ns)
+
+
+def _joined(parts: Sequence[Samples]) -> Samples:
+    parts = [part for part in parts if len(part[0])] or list(parts[:1])
+    if not parts:
+        return np.zeros(0, np.int64), np.zeros(0)
+    if len(parts) == 1:
+        return parts[0]
+    return np.concatenate([time_ns for time_ns, _ in parts]), np.concatenate([values for _, values in parts])
+
+
+def _room(names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> ColumnStore:
+    first, stop = start_ns // column_ns, end_ns // column_ns + 1
+    store = ColumnStore(names, stop - first, column_ns)
+    store.advance_to(stop)
+    return store
+
+
+def _text_of(seconds: float) -> str:
+    return f"{float(f'{seconds:.2g}'):g} s"

@@ -1,0 +1,127 @@
+"""Derived signals in files: columns like any other, with their definitions, computed once."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import silo
+from silo.analysis.log import Log
+from silo.files import write
+from silo.files.convert import convert
+from silo.files.derived import with_derived
+from silo.files.formats import read_recording
+from silo.model import BufferType, Derived, Entry, Extras
+from silo.recording import RecordedElement, RecordedEntry, Recording
+from tests.files.test_silo_round_trip import mini_reader, original_stamps
+
+
+def element(name, values, divider=1, first=0):
+    values = np.asarray(values)
+    entry = RecordedEntry(f"/log/{name}", Entry("", values.dtype.str), values)
+    return RecordedElement(f"/log/{name}", "m", "scalar", (), divider, BufferType.GROWING, first, (entry,))
+
+
+def recording(*elements, derived=(), ticks=12):
+    time_ns = 10**18 + np.arange(ticks) * 10**6
+    extras = Extras(tuple(Derived(f"/log/{name}", text) for name, text in derived))
+    return Recording("robot", time_ns, ticks, elements, frequency_hz=1000.0, extras=extras)
+
+
+@pytest.fixture
+def logged():
+    return recording(
+        element("x", np.arange(12.0)),
+        element("third", np.arange(4.0), divider=3),
+        element("late", np.arange(3.0), divider=2, first=6),
+        derived=(("twice", "2 * x"), ("sum", "twice + third"), ("slow", "late - third"), ("high", "x > 5")),
+    )
+
+
+def columns(found):
+    return {one.name: one.entries[0].values.tolist() for one in found.elements}
+
+
+@pytest.mark.parametrize("ending", ["silo", "csv", "mcap", "rosbag2"])
+def test_every_format_has_them_as_columns_and_keeps_what_they_are(logged, tmp_path, ending):
+    write(logged, tmp_path, "robot", ["silo"], "run")
+    target = tmp_path / f"other.{ending}"
+    convert(tmp_path / "run.silo", target)
+    found = read_recording(target)
+    assert columns(found)["/log/twice"] == [2.0 * at for at in range(12)]
+    assert columns(found)["/log/high"] == [at > 5 for at in range(12)]
+    assert found.extras == logged.extras
+    assert [one.description for one in found.elements if one.name == "/log/sum"] == ["= twice + third"]
+
+
+def test_what_is_read_back_is_not_computed_again(logged, tmp_path):
+    write(logged, tmp_path, "robot", ["silo"], "run")
+    found = read_recording(tmp_path / "run.silo")
+    assert with_derived(found) is found
+    kept = dataclasses.replace(found, elements=[one for one in found.elements if one.name != "/log/x"])
+    assert Log(kept)["twice"].values.tolist() == [2.0 * at for at in range(12)]
+    assert list(Log(found)).count("/log/twice") == 1
+
+
+def test_signals_of_different_rates_are_told_at_their_common_ticks(logged):
+    found = {one.name: one for one in with_derived(logged).elements}
+    assert columns(with_derived(logged))["/log/sum"] == [2.0 * at + at // 3 for at in range(12)]
+    slow = found["/log/slow"]
+    assert (slow.first, slow.divider) == (6, 1)
+    assert slow.entries[0].values.tolist() == [(at - 6) // 2 - at // 3 for at in range(6, 12)]
+
+
+def test_the_readers_of_the_original_get_their_values_and_time_stamps(tmp_path):
+    def looping(name, values, divider, first):
+        return dataclasses.replace(element(name, values, divider, first), buffer_type=BufferType.LOOPING)
+
+    made = recording(
+        looping("x", np.arange(8.0), 1, 4),
+        looping("third", np.arange(3.0), 3, 3),
+        element("short", np.arange(9.0)),  # of a buffer that keeps its first samples
+        derived=(("sum", "x + third"), ("brief", "x + short"), ("double", "2 * short")),
+    )
+    write(made, tmp_path, "robot", ["silo"], "run")
+    offset, entries = mini_reader(tmp_path / "run.silo")
+    by_name = {name: (samples, divider, looping, data) for name, _, samples, divider, looping, _, data in entries}
+    for name, stamps, values in (
+        ("/log/sum", range(4, 12), [at - 4 + (at // 3 - 1) for at in range(4, 12)]),
+        ("/log/brief", range(4, 12), [0 + 4, 1 + 5, 2 + 6, 3 + 7, 4 + 8, np.nan, np.nan, np.nan]),
+        ("/log/double", range(9), [2 * at for at in range(9)]),
+    ):
+        samples, divider, looped, data = by_name[name]
+        assert original_stamps(looped, 12, samples, divider, offset) == list(stamps)
+        np.testing.assert_array_equal(np.frombuffer(data), values)
+
+
+def test_what_can_not_be_computed_is_told_once(tmp_path):
+    made = recording(element("x", np.arange(12.0)), derived=(("power", "x * gone"),))
+    write(made, tmp_path, "robot", ["silo"], "run")
+    convert(tmp_path / "run.silo", tmp_path / "run.csv")
+    warnings = read_recording(tmp_path / "run.csv").warnings
+    assert [text for text in warnings if "/log/power = x * gone is not in it: no signal is named 'gone'" in text] != []
+    assert sum("/log/power" in text for text in warnings) == 1
+
+
+def test_a_log_in_a_notebook_lists_them(logged):
+    assert "/log/sum" in Log(logged)._repr_html_()
+
+
+@pytest.mark.parametrize("served", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_logger_saves_what_was_derived_while_it_ran(tmp_path, runtime_folder, served):
+    with silo.Logger("derived", frequency=100, folder=tmp_path, script=tmp_path / "s.yaml") as log:
+        x = log.array("x")
+        if served:
+            log.serve()
+        log.start()
+        log.derive("twice", "2 * x", unit="V")
+        for at in range(20):
+            x[...] = at
+            log.collect()
+        log.stop()
+        (file, bag) = log.save(["silo", "bag"])
+    for path in (file.path, bag.path):
+        found = silo.open_log(path)
+        assert found["twice"].values.tolist() == [2.0 * at for at in range(20)]
+        assert found["twice"].unit == "V"
+        assert [one.name for one in found.recording.extras.derived] == ["/log/twice"]

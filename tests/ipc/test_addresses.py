@@ -1,0 +1,292 @@
+"""One robot, one address: two robots of one cloned image behind a router, and words that mean one of them or none."""
+
+import json
+import os
+import signal
+import socket
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+
+import silo
+from silo.cli.main import EXIT_USAGE, run
+from silo.errors import ConnectionLostError
+from silo.ipc.client import Client
+from silo.ipc.discovery import Discovery, SeveralError, discover
+from silo.ipc.found import Found, is_glob, told_apart
+from silo.ipc.keys import Root, root_of
+from silo.ipc.sessions import open_configurations
+from silo.logger.identity import drawn_id, machine_digits
+from silo.model import State
+from tests.waiting import wait_until
+
+HOST = socket.gethostname()
+
+
+# ------------------------------------------------------------------------------------------------------------- words
+
+
+def far(host: str, name: str, drawn: str) -> Found:
+    return Found(name, 0, "", "", "desk.json5", host, id=drawn)
+
+
+def near(name: str, pid: int, copy: int = 0) -> Found:
+    return Found(name, pid, f"/run/{name}.{pid}.sock", "me", "", "here", id=f"aaaa{pid:06x}", copy=copy)
+
+
+def test_a_key_leads_back_to_host_id_and_logger() -> None:
+    root = Root("robot ~3", "anymal", "3fa977b2e0")
+    assert root_of(root.key("alive")) == root
+    assert root.address == "robot ~3~3fa977b2e0/anymal"
+    assert str(zenoh.KeyExpr(str(root))) == str(root)
+
+
+def test_keys_before_ids_are_still_understood() -> None:
+    assert root_of("silo/robot3/anymal/ask") == Root("robot3", "anymal")
+
+
+def test_two_ids_of_one_computer_begin_alike_and_differ() -> None:
+    first, second = drawn_id(), drawn_id()
+    assert first != second
+    assert first[:4] == second[:4] == machine_digits()
+
+
+@pytest.mark.parametrize("word", ["", "anymal", "anymal.7", "here/anymal", "here/anymal.7", "here~aaaa000007/anymal"])
+def test_a_logger_is_meant_by_its_name_its_process_its_host_and_its_id(word) -> None:
+    assert near("anymal", 7).is_meant_by(word)
+
+
+@pytest.mark.parametrize(
+    "word", ["any", "anymal.8", "there/anymal", "here~aaaa000008/anymal", "here/", "/anymal", "here"]
+)
+def test_no_other_word_means_it(word) -> None:
+    assert not near("anymal", 7).is_meant_by(word)
+
+
+@pytest.mark.parametrize(
+    "loggers",
+    [
+        [far("same", "anymal", "1111000001"), far("same", "anymal", "2222000002")],
+        [far("one", "anymal", "1111000001"), far("two", "anymal", "2222000002")],
+        [near("anymal", 7), near("anymal", 8), near("anymal", 8, 1)],
+        [near("anymal", 7), far("here", "anymal", "2222000002")],
+        [near("anymal", 7), far("there", "anymal", "2222000002"), far("there", "other", "2222000003")],
+    ],
+)
+def test_every_address_that_is_listed_means_one_logger_when_it_is_typed(loggers) -> None:
+    found = Discovery(loggers, [])
+    for word, logger in zip(told_apart(loggers), loggers, strict=True):
+        assert found.one(word) == logger
+
+
+def test_a_name_that_fits_two_is_refused_with_both_addresses() -> None:
+    found = Discovery([far("one", "anymal", "1111000001"), far("two", "anymal", "2222000002")], [])
+    with pytest.raises(SeveralError, match=r"2 loggers are called 'anymal', say which one: one/anymal, two/anymal;"):
+        found.one("anymal")
+
+
+def test_a_glob_means_many_and_is_refused_where_one_is_meant() -> None:
+    found = Discovery([far("robot1", "anymal", "1111000001"), far("robot2", "spot", "2222000002")], [])
+    assert is_glob("robot*/*")
+    with pytest.raises(SeveralError, match=r"'robot1/\*' can mean several loggers.*`silo ls 'robot1/\*'`"):
+        found.one("robot1/*")
+    assert [one.name for one in found.matching("robot*/*")] == ["anymal", "spot"]
+    assert [one.name for one in found.matching("*/spot")] == ["spot"]
+
+
+# ------------------------------------------------------------------------------------------ two robots behind a router
+
+
+class Fleet:
+    """A router, and two loggers called `same` on hosts that are called the same."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        self.folder = folder
+        self.router = self.open_router()
+        self.robot, self.desk = folder / "robot.json5", str(folder / "desk.json5")
+        self.robot.write_text(json.dumps({"connect": {"endpoints": [self.endpoint]}}))
+        Path(self.desk).write_text(json.dumps({"connect": {"endpoints": [self.endpoint]}}))
+        self.loggers = [silo.Logger("same", folder=folder / name, script=folder / f"{name}.yaml") for name in "01"]
+        self.servings = []
+        for logger in self.loggers:
+            logger.add(np.zeros(3), "x", action=silo.Action.SAVE_AND_PUBLISH)
+            self.servings.append(logger.serve(config=self.robot))
+        wait_until(lambda: len(self.found()) == 2)
+
+    def open_router(self) -> zenoh.Session:
+        config = zenoh.Config()
+        for key, value in {
+            "mode": "router",
+            "listen/endpoints": [self.endpoint],
+            "scouting/multicast/enabled": False,
+            "scouting/gossip/enabled": False,
+            "scouting/delay": 0,
+        }.items():
+            config.insert_json5(key, json.dumps(value))
+        return zenoh.open(config)
+
+    def found(self) -> list[Found]:
+        try:
+            return discover(config=self.desk).loggers
+        except ConnectionLostError:
+            return []  # none is connected to the router yet
+
+    def logger_of(self, found: Found) -> silo.Logger:
+        with Client.connect(found) as client:
+            folder = client.status().folder
+        return self.loggers[int(Path(folder).name)]
+
+    def close(self) -> None:
+        for logger in self.loggers:
+            logger.close()
+        self.router.close()
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory(dir="/dev/shm") as runtime:
+        patch.setenv("SILO_RUNTIME_DIR", runtime)
+        patch.setattr("silo.logger.logger.end_namesakes", lambda _: None)  # two robots in one process
+        made = Fleet(tmp_path_factory.mktemp("fleet"))
+        yield made
+        made.close()
+
+
+@pytest.mark.slow
+def test_two_robots_of_one_image_are_two_loggers_with_addresses_of_their_own(fleet) -> None:
+    first, second = fleet.found()
+    assert (first.host, first.name) == (second.host, second.name) == (HOST, "same")
+    assert first.id != second.id
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [["stop", "same"], ["set", "same", "x", "off"], ["start", f"{HOST}/same"], ["stop"]])
+def test_a_command_to_a_name_of_two_reaches_none_and_lists_addresses(fleet, words, capsys) -> None:
+    states = [(logger.is_running, logger.revision) for logger in fleet.loggers]
+    assert run(["--config", fleet.desk, *words]) == EXIT_USAGE
+    said = " ".join(capsys.readouterr().err.split())
+    assert all(found.root.address in said for found in fleet.found())
+    assert "nothing was asked" in said
+    assert [(logger.is_running, logger.revision) for logger in fleet.loggers] == states
+
+
+@pytest.mark.slow
+def test_a_command_to_an_address_reaches_that_robot_alone(fleet) -> None:
+    for found in fleet.found():
+        mine = fleet.logger_of(found)
+        others = [logger for logger in fleet.loggers if logger is not mine]
+        assert run(["--config", fleet.desk, "start", found.root.address]) == 0
+        assert mine.is_running
+        assert not any(logger.is_running for logger in others)
+        assert run(["stop", found.root.address, "--config", fleet.desk]) == 0
+        assert not mine.is_running
+
+
+@pytest.mark.slow
+def test_edits_of_one_address_change_one_robot(fleet) -> None:
+    found = fleet.found()[0]
+    mine = fleet.logger_of(found)
+    (other,) = [logger for logger in fleet.loggers if logger is not mine]
+    before = other.revision
+    changed = mine.revision
+    assert run(["--config", fleet.desk, "set", found.root.address, "x", "divider=7"]) == 0
+    assert mine.revision > changed
+    assert other.revision == before
+
+
+@pytest.mark.slow
+def test_connect_takes_an_address_and_refuses_a_name_of_two(fleet) -> None:
+    address = fleet.found()[1].root.address
+    with silo.connect(address, config=fleet.desk) as client:
+        assert client.found.root.address == address
+    with pytest.raises(ConnectionLostError, match="2 loggers are called 'same'"):
+        silo.connect("same", config=fleet.desk)
+
+
+@pytest.mark.slow
+def test_ls_shows_hosts_and_what_tells_the_two_apart(fleet, capsys) -> None:
+    assert run(["--config", fleet.desk, "ls"]) == 0
+    head, *rows = capsys.readouterr().out.splitlines()
+    assert head.split()[:3] == ["LOGGER", "HOST", "STATE"]
+    assert head.split()[-1] == "ADDRESS"
+    assert sorted(row.split()[-1] for row in rows) == sorted(found.root.address for found in fleet.found())
+    assert {row.split()[1] for row in rows} == {HOST}
+
+
+@pytest.mark.slow
+def test_clients_of_one_configuration_share_one_session(fleet) -> None:
+    first, second = (Client.connect(found) for found in fleet.found())
+    with first, second:
+        assert first._connection.session().zid() == second._connection.session().zid()
+        assert open_configurations() == {fleet.desk: 2}
+        with first.view(["/log/x"], rate_hz=30), second.topic("x"):
+            first.close()
+            assert second.status().logger == "same"
+    assert open_configurations() == {}
+
+
+@pytest.mark.slow
+def test_a_remote_is_looked_at_beside_this_computer_and_a_robot_that_both_show_is_one(
+    fleet, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    (tmp_path / "silo" / "remotes").mkdir(parents=True)
+    (tmp_path / "silo" / "remotes" / "lab.json5").write_text(Path(fleet.desk).read_text())
+    ids = {found.id for found in fleet.found()}
+    assert {(found.id, found.config) for found in discover().loggers} == {(one, "lab") for one in ids}
+    assert {found.id for found in discover(config="lab").loggers} == ids
+    assert discover(config="local").loggers == []
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(Path(fleet.servings[0].socket_path).parent))
+    assert {(found.id, found.config) for found in discover().loggers} == {(one, "") for one in ids}
+
+
+@pytest.mark.slow
+def test_a_client_waits_for_its_robot_and_never_goes_over_to_another_of_its_name(fleet) -> None:
+    mine, other = fleet.loggers
+    (found,) = [one for one in fleet.found() if fleet.logger_of(one) is mine]
+    with Client.connect(found) as client:
+        fleet.servings[0].close()
+        wait_until(lambda: not client.connected)
+        with pytest.raises(ConnectionLostError, match="no connection to logger"):
+            client.start()
+        assert not other.is_running
+        fleet.servings[0] = mine.serve(config=fleet.robot)
+        wait_until(lambda: client.connected)
+        assert client.status().folder == str(fleet.folder / "0")
+
+
+@pytest.mark.slow
+def test_clients_come_back_when_their_router_does(fleet) -> None:
+    first, second = (Client.connect(found) for found in fleet.found())
+    with first, second, second.view(["/log/x"], rate_hz=30):
+        fleet.router.close()
+        wait_until(lambda: not first.connected and not second.connected)
+        fleet.router = fleet.open_router()
+        wait_until(lambda: first.connected and second.connected)
+        assert first.status().state is State.STOPPED
+        assert first._connection.session().zid() == second._connection.session().zid()
+
+
+@pytest.mark.slow
+def test_a_logger_keeps_its_address_when_its_helper_process_is_killed(bench, client) -> None:
+    (before,) = discover().loggers
+    os.kill(bench.serving.helper_pid, signal.SIGKILL)
+    wait_until(lambda: not client.connected)
+    wait_until(lambda: client.connected)
+    (after,) = discover().loggers
+    assert (after.root, after.id) == (before.root, client.found.id)
+
+
+@pytest.mark.slow
+def test_a_client_without_the_file_beside_the_socket_asks_who_is_there(bench) -> None:
+    Path(f"{bench.serving.socket_path}.key").unlink()
+    with Client.connect("bot") as client:
+        assert client.found.host == HOST
+        assert client.status().logger == "bot"

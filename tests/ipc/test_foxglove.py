@@ -1,0 +1,368 @@
+"""The Foxglove bridge: every sample of what is subscribed to, for everybody, and nothing for strangers."""
+
+import asyncio
+import importlib.util
+import json
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import silo
+from silo.bridges.feed import Feed
+from silo.bridges.listening import bound
+from silo.ipc.client import Client
+from silo.model import Edit, ElementOptions, State
+from tests.ipc.conftest import Bench
+from tests.waiting import DEADLINE_S, wait_until
+
+pytestmark = pytest.mark.skipif(importlib.util.find_spec("websockets") is None, reason="needs silo-logger[foxglove]")
+if importlib.util.find_spec("websockets"):
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    from silo.bridges.foxglove import viewer as viewers
+    from silo.bridges.foxglove.program import services
+    from silo.bridges.foxglove.server import Server, Terms
+    from tests.stand_ins.foxglove_viewer import WEBSOCKET, Viewer
+
+NODE_CLIENT = Path(__file__).with_name("foxglove_client.mjs")
+NODE_PACKAGES = ("@foxglove/ws-protocol@0.8.0", "@foxglove/rosmsg@5.0.5", "@foxglove/rosmsg2-serialization@3.1.0")
+
+DAMAGED = [
+    "{", "[]", '"op"', "{}", '{"op": "subscribe"}', '{"op": "subscribe", "subscriptions": [{"id": "x"}]}',
+    '{"op": "subscribe", "subscriptions": [{"id": -1, "channelId": 1}]}',
+    '{"op": "unsubscribe", "subscriptionIds": 5}',
+    '{"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 99999}]}', '{"op": "advertise", "channels": []}',
+    b"", b"\x02", b"\x02" + b"\xff" * 12, b"\x01" * 40,
+]  # fmt: skip
+
+
+class Bridge:
+    """A server in a thread of this process, and what it said."""
+
+    def __init__(self, **terms: object) -> None:
+        self.said: list[str] = []
+        self.listening = bound("127.0.0.1", 0)
+        self.listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)  # soon full for who doesn't read
+        self.port = self.listening.getsockname()[1]
+        self.url = f"ws://localhost:{self.port}"
+        self._terms = Terms("bot", **terms)
+        self._begun = threading.Event()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()))
+        self._thread.start()
+        self._begun.wait()
+
+    async def _serve(self) -> None:
+        self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
+        self._begun.set()
+        self.server = Server(
+            self._terms, lambda listener: Feed(lambda: Client.connect("bot"), listener), self.said.append
+        )
+        await self.server.serve(self.listening, self._ended)
+
+    def reads(self, *names: str) -> None:
+        """Wait until the samples of exactly these elements come."""
+        wait_until(lambda: self.server._feed._streamed == set(names))
+
+    def has_read(self, time_ns: int) -> None:
+        """Wait until the tick of this time has come."""
+        wait_until(lambda: self.server._newest_ns >= time_ns)
+
+    def close(self) -> None:
+        self._loop.call_soon_threadsafe(self._ended.set)
+        self._thread.join()
+        self.listening.close()
+
+
+@pytest.fixture
+def bridge(bench: Bench) -> Iterator[Callable[..., Bridge]]:
+    """Starts bridges to the bench's logger."""
+    started: list[Bridge] = []
+
+    def start(**terms: object) -> Bridge:
+        started.append(Bridge(**terms))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.close()
+
+
+@pytest.fixture
+def look(bridge: Callable[..., Bridge]) -> Iterator[Callable[..., "Viewer"]]:
+    """Connects viewers to a bridge, the first one's unless another is named."""
+    opened: list[Viewer] = []
+    bridges: list[Bridge] = []
+
+    def connect(*topics: str, to: Bridge | None = None, **arguments: object) -> Viewer:
+        if to is None:
+            bridges.extend([bridge()] if not bridges else [])
+            to = bridges[0]
+        opened.append(Viewer(to.url, **arguments))
+        opened[-1].wait_for(*topics or ("/log/x",))
+        return opened[-1]
+
+    yield connect
+    for one in opened:
+        one.close()
+
+
+def switch(client: Client, name: str, on: bool) -> None:
+    client.apply([Edit(name, ElementOptions(enabled=on, action=silo.Action.SAVE_AND_PUBLISH))], -1)
+
+
+class TestTopics:
+    def test_every_element_that_is_on_is_offered_published_or_not(self, look):
+        viewer = look("/log/kept", "/log/mixed")
+        assert set(viewer.channels) == {
+            f"/log/{name}" for name in ("x", "q", "matrix", "gait", "word", "mixed", "slow", "kept")
+        }
+        assert {channel["encoding"] for channel in viewer.channels.values()} == {"cdr"}
+        assert {channel["schemaEncoding"] for channel in viewer.channels.values()} == {"ros2msg"}
+
+    def test_a_logger_is_read_only_unless_said_otherwise(self, look):
+        assert (look().info["supportedEncodings"], look().info["capabilities"]) == (["cdr"], ["time"])
+
+    def test_what_is_switched_off_is_taken_back_and_keeps_its_number_until_it_is_on_again(self, client, look):
+        viewer = look("/log/q")
+        number = viewer.channels["/log/q"]["id"]
+        switch(client, "/log/q", False)
+        assert viewer.json("unadvertise")["channelIds"] == [number]
+        switch(client, "/log/q", True)
+        viewer.json("advertise")
+        assert viewer.channels["/log/q"]["id"] == number
+
+
+class TestSamples:
+    def test_each_is_there_once_with_its_time_and_value_as_other_people_decode_it(self, bench, client, bridge, look):
+        one = bridge()
+        viewer = look("/log/x", "/log/q", to=one)
+        viewer.subscribe(_1="/log/x", _2="/log/q")
+        one.reads("/log/x", "/log/q")
+        client.start()
+        bench.q[:] = 1, 2, 3
+        bench.ticks(300)
+        found = {"/log/x": [], "/log/q": []}
+        for _ in range(600):
+            topic, time_ns, message = viewer.message()
+            stamp = message.header.stamp
+            assert stamp.sec * 10**9 + stamp.nanosec == time_ns
+            found[topic].append((time_ns, message))
+        times = [bench.begin_ns + tick * bench.tick_ns for tick in range(300)]
+        assert [time_ns for time_ns, _ in found["/log/x"]] == times
+        assert [message.value for _, message in found["/log/x"]] == list(range(1, 301))
+        assert [time_ns for time_ns, _ in found["/log/q"]] == times
+        vector = found["/log/q"][0][1].vector
+        assert (vector.x, vector.y, vector.z) == (1, 2, 3)
+
+    def test_every_type_arrives(self, bench, client, bridge, look):
+        expected = {"/log/matrix": [1, 2, 3, 4], "/log/gait": 1, "/log/word": "größe", "/log/kept": 2.5}
+        one = bridge()
+        viewer = look(*expected, to=one, subprotocol=WEBSOCKET)
+        viewer.subscribe(**{f"_{number}": topic for number, topic in enumerate(expected)})
+        one.reads(*expected)
+        bench.matrix[:], bench.gait[...], bench.kept[...] = [[1, 2], [3, 4]], 1, 2.5
+        bench.word[...] = "größe".encode()
+        client.start()
+        bench.ticks(1)
+        got = {}
+        for _ in expected:
+            topic, _, message = viewer.message()
+            got[topic] = message.value.tolist() if hasattr(message.value, "tolist") else message.value
+        assert got == expected
+
+    def test_a_structure_arrives_in_fields(self, bench, client, bridge, look):
+        one = bridge()
+        viewer = look("/log/mixed", to=one)
+        viewer.subscribe(_7="/log/mixed")
+        one.reads("/log/mixed")
+        bench.mixed[...] = (0.5, 7)
+        client.start()
+        bench.ticks(1)
+        message = viewer.message()[2]
+        assert (message.a, message.n) == (0.5, 7)
+
+    def test_a_subscription_more_or_less_costs_the_others_no_sample(self, bench, client, bridge, look):
+        one = bridge()
+        viewer = look("/log/x", "/log/q", "/log/kept", to=one)
+        viewer.subscribe(_1="/log/x")
+        one.reads("/log/x")
+        client.start()
+        found = []
+
+        def turn() -> None:
+            bench.ticks(1)
+            while len(found) < int(bench.x):
+                topic, _, message = viewer.message()
+                if topic == "/log/x":
+                    found.append(message.value)
+
+        for change, names in [
+            (lambda: viewer.subscribe(_2="/log/q"), {"/log/x", "/log/q"}),
+            (lambda: viewer.subscribe(_3="/log/kept"), {"/log/x", "/log/q", "/log/kept"}),
+            (lambda: viewer.unsubscribe(2, 3), {"/log/x"}),
+        ]:
+            change()
+            while one.server._feed._streamed != names:
+                turn()
+            turn()
+        assert found == list(range(1, len(found) + 1))
+
+    def test_what_nobody_subscribes_to_is_not_read(self, bridge, look):
+        one = bridge()
+        viewer = look("/log/x", to=one)
+        viewer.subscribe(_1="/log/x")
+        one.reads("/log/x")
+        viewer.close()
+        one.reads()
+
+    def test_a_frozen_viewer_loses_messages_and_holds_up_nobody(self, bench, client, bridge, look, monkeypatch):
+        monkeypatch.setattr(viewers, "QUEUE_BYTES", 20_000)
+        one = bridge()
+        frozen, other = look("/log/q", to=one), look("/log/q", to=one)
+        for viewer in (frozen, other):
+            viewer.subscribe(_1="/log/q")
+        one.reads("/log/q")
+        client.start()
+        got = 0
+        while not any(viewer.dropped for viewer in one.server._viewers):
+            bench.ticks(500)
+            for _ in range(500):
+                assert other.message()[0] == "/log/q"
+                got += 1
+        assert [bool(viewer.dropped) for viewer in one.server._viewers].count(True) == 1
+
+
+class TestStrangers:
+    def test_a_page_of_somebody_may_not_connect(self, look):
+        with pytest.raises(InvalidStatus, match="403"):
+            look(origin="https://evil.example")
+
+    def test_viewers_that_are_known_may(self, look):
+        for origin in ("https://app.foxglove.dev", "http://localhost:8080", "file://"):
+            assert look(origin=origin).info["op"] == "serverInfo"
+
+    def test_a_name_that_was_bent_to_this_computer_leads_nowhere(self, bridge):
+        one = bridge()
+        one.url = one.url.replace("localhost", "127.0.0.1.nip.example")
+        stream = socket.create_connection(("127.0.0.1", one.port))
+        with pytest.raises(InvalidStatus, match="403"), connect(one.url, sock=stream):
+            pass
+
+    def test_with_control_the_token_has_to_be_there(self, bench, bridge, look):
+        one = bridge(token="secret", services=services(lambda: Client.connect("bot"), "bot"))
+        with pytest.raises(InvalidStatus, match="403"):
+            look(to=one)
+        one.url += "/secret"
+        viewer = look(to=one)
+        assert viewer.info["capabilities"] == ["time", "services"]
+        assert viewer.wait_for_services() == ["/bot/start", "/bot/stop", "/bot/save"]
+
+    def test_start_and_stop_are_called_and_answer_in_words(self, bench, bridge, look):
+        one = bridge(token="secret", services=services(lambda: Client.connect("bot"), "bot"))
+        one.url += "/secret"
+        viewer = look(to=one)
+        viewer.wait_for_services()
+        answer = viewer.call(1, 44)
+        assert (answer[4], b"running" in answer) == (1, True)
+        assert bench.logger.state is State.RUNNING
+        assert b"stopped" in viewer.call(2, 45)
+        assert bench.logger.state is State.STOPPED
+
+    def test_without_control_nothing_can_be_called(self, bench, look):
+        assert b"read-only" in look().call(1, 1)
+        assert bench.logger.state is State.STOPPED
+
+    def test_damaged_requests_are_answered_in_words_and_end_nothing(self, look):
+        viewer = look()
+        for request in DAMAGED:
+            viewer.socket.send(request)
+            assert viewer.json("status")["message"], request
+        viewer.subscribe(_1="/log/x")
+
+
+class TestPrograms:
+    @pytest.mark.slow
+    def test_serve_has_a_bridge_of_its_own_that_ends_with_it_and_says_nothing(self, runtime_folder, tmp_path, capfd):
+        with silo.Logger("bot", frequency=100, folder=tmp_path) as log:
+            log.array("x", 2)
+            with log.serve(foxglove=0) as serving:
+                viewer = Viewer(f"ws://localhost:{serving.foxglove_port}")
+                viewer.wait_for("/log/x")
+                pid = serving._viewers.pid
+                viewer.close()
+        assert not Path(f"/proc/{pid}").exists()
+        assert capfd.readouterr().err == ""
+
+    @pytest.mark.slow
+    def test_a_port_that_is_taken_is_said_and_no_helper_is_left(self, runtime_folder, tmp_path):
+        with bound("127.0.0.1", 0) as taken, silo.Logger("bot", frequency=100, folder=tmp_path) as log:
+            with pytest.raises(silo.SiloError, match="can't listen at"):
+                log.serve(foxglove=taken.getsockname()[1])
+            log.serve().close()
+
+    @pytest.mark.slow
+    def test_the_bridge_of_a_robot_that_is_killed_ends(self, robots, tmp_path):
+        robot = robots("bot", "", "foxglove")
+        (pid,) = [
+            int(path.parent.name)
+            for path in Path("/proc").glob("[0-9]*/cmdline")
+            if f"--logger\0bot.{robot.pid}\0" in path.read_text()
+        ]
+        robot.kill()
+        wait_until(lambda: not Path(f"/proc/{pid}").exists())
+
+    def test_the_command_says_where_and_goes_on_when_the_robot_is_started_anew(self, bench, tmp_path):
+        command = [sys.executable, "-c", "from silo.cli import main; main()", "foxglove", "bot", "--port", "0"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
+            address = program.stdout.readline().split()[-1]
+            try:
+                viewer = Viewer(address)
+                viewer.wait_for("/log/kept")
+                bench.logger.close()
+                viewer.json("unadvertise")
+                with silo.Logger("bot", frequency=100, folder=tmp_path) as again:
+                    again.array("fresh", 2)
+                    again.serve()
+                    viewer.wait_for("/log/fresh")
+                viewer.close()
+            finally:
+                program.send_signal(signal.SIGINT)
+            assert program.wait(DEADLINE_S) == 0
+
+
+@pytest.fixture(scope="module")
+def node_packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Foxglove's own client and decoders, from npm."""
+    if shutil.which("npm") is None:
+        pytest.skip("needs node and npm")
+    folder = tmp_path_factory.mktemp("node")
+    shutil.copy(NODE_CLIENT, folder)
+    options = ["--silent", "--no-audit", "--no-fund", "--prefer-offline", "--fetch-retries", "0"]
+    command = ["npm", "install", *options, "ws@8.23.0", *NODE_PACKAGES]
+    if subprocess.run(command, cwd=folder, capture_output=True, check=False).returncode:
+        pytest.skip("npm can't install Foxglove's client")
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("subprotocol", ["foxglove.sdk.v1", "foxglove.websocket.v1"])
+def test_foxgloves_own_client_decodes_every_message(bench, client, bridge, node_packages, subprotocol):
+    one = bridge()
+    topics = [f"/log/{name}" for name in ("x", "q", "matrix", "gait", "word", "mixed", "kept")]
+    command = ["node", NODE_CLIENT.name, one.url, subprotocol, "20000", *topics]
+    with subprocess.Popen(command, cwd=node_packages, stdout=subprocess.PIPE, text=True) as program:
+        one.reads(*topics)
+        client.start()
+        for _ in range(10):
+            bench.ticks(300)
+            one.has_read(bench.now_ns - bench.tick_ns)
+        got = json.loads(program.stdout.readline())
+    assert got == {"total": 20_000, "wrong": 0, "topics": len(topics)}

@@ -1,0 +1,86 @@
+"""Finding moments in a real helper process: in all that buffers and pins hold, judged on every sample."""
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import RefusedError
+from silo.model import BufferType, Edit, ElementOptions
+
+
+def short_buffer(client, name, size):
+    client.apply(
+        [Edit(name, ElementOptions(buffer_size=size, buffer_type=BufferType.LOOPING, action=silo.Action.SAVE))], -1
+    )
+
+
+def spiked(bench, at, ticks):
+    """Tick so often; one sample of q_x is 40."""
+    for tick in range(ticks):
+        bench.q[:] = (40 if tick == at else tick % 7), 0, 0
+        bench.ticks(1)
+
+
+def test_a_spike_of_one_sample_is_found_in_all_that_is_held(bench, client):
+    client.start()
+    spiked(bench, 123, 300)
+    found = client.find(["/log/q_x"], "highest")["/log/q_x"]
+    assert (found.total, found.time_ns.tolist()) == (1, [bench.begin_ns + 123 * bench.tick_ns])
+    assert found.values.tolist() == [40]
+    assert (found.begin_ns, found.end_ns) == (bench.begin_ns, bench.begin_ns + 299 * bench.tick_ns)
+
+
+def test_an_answer_is_bounded_and_counts_all(bench, client):
+    client.start()
+    spiked(bench, -1, 300)
+    around = bench.begin_ns + 150 * bench.tick_ns
+    found = client.find(["/log/q_x"], "crossing", 3.0, 1, around_ns=around, most=4)["/log/q_x"]
+    rising = [bench.begin_ns + tick * bench.tick_ns for tick in range(300) if tick % 7 == 3]
+    assert (found.total, len(found.time_ns)) == (len(rising), 4)
+    assert found.time_ns.tolist() == rising[found.before : found.before + 4]
+    assert found.time_ns[1] < around <= found.time_ns[2]
+
+
+def test_rows_that_a_pin_has_are_looked_through_when_the_buffer_has_lost_them(bench, client):
+    short_buffer(client, "/log/q", 100)
+    client.start()
+    spiked(bench, 60, 100)
+    with client.pin(["/log/q_x"], 0, bench.begin_ns + 99 * bench.tick_ns) as pin:
+        spiked(bench, -1, 400)
+        alone = client.find(["/log/q_x"], "highest")["/log/q_x"]
+        with_pin = client.find(["/log/q_x"], "highest", pins=[pin])["/log/q_x"]
+        all_of = client.find(["/log/q_x"], "change", pins=[pin], most=1000)["/log/q_x"]
+    assert alone.values.max() == 6
+    assert (with_pin.time_ns.tolist(), with_pin.values.tolist()) == ([bench.begin_ns + 60 * bench.tick_ns], [40])
+    assert np.all(np.diff(all_of.time_ns) > 0)
+
+
+def test_a_pin_of_a_run_before_is_looked_through_alone(bench, client):
+    client.start()
+    spiked(bench, 30, 50)
+    with client.pin(["/log/q_x"], 0, 2**61) as pin:
+        client.restart("discard")
+        spiked(bench, -1, 50)
+        found = client.find(["/log/q_x"], "highest", pins=[pin], run=pin.opened.run)["/log/q_x"]
+    assert (found.total, found.values.tolist()) == (1, [40])
+
+
+def test_a_pin_says_how_far_back_the_buffers_reach(bench, client):
+    client.start()
+    bench.ticks(80)
+    begin, end = bench.begin_ns + 50 * bench.tick_ns, bench.begin_ns + 60 * bench.tick_ns
+    with client.pin(["/log/x"], begin, end) as pin:
+        assert (pin.opened.begin_ns, pin.opened.oldest_ns) == (begin, bench.begin_ns)
+
+
+@pytest.mark.parametrize(
+    ("how", "says"),
+    [({"what": "hottest"}, "highest"), ({"most": 0}, "most must be"), ({"direction": 3}, "direction"),
+     ({"names": ["/log/nobody"]}, "is called"), ({"bounds": [(0, 1), (0, 1)]}, "bounds"),
+     ({"level": float("nan")}, "level")],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused(bench, client, how, says):
+    client.start()
+    bench.ticks(3)
+    with pytest.raises(RefusedError, match=says):
+        client.find(**{"names": ["/log/x"], "what": "highest", **how})

@@ -1,0 +1,419 @@
+"""Ways to robots elsewhere: made by `silo remote`, tried by its doctor, which names the layer that fails."""
+
+import json
+import shutil
+import socket
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import silo
+from silo.cli.authority import Made, make_network, role_of
+from silo.cli.main import EXIT_NO_LOGGER, EXIT_USAGE, cli, run
+from silo.errors import ConnectionLostError, SiloError
+from silo.ipc.access import access_control
+from silo.ipc.configuration import find_file, from_file, scaled
+from silo.ipc.examining import examine
+from silo.ipc.json5 import read_json5
+from silo.ipc.probing import Layer, LayerError, endpoint_of, reach
+from silo.ipc.remotes import remote_file, remotes
+from silo.ipc.session import open_client
+from silo.ipc.versions import PROTOCOL
+
+CONFIG = Path(__file__).parents[2] / "config"
+
+pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="makes certificates with openssl")
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
+def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user without remotes."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    return tmp_path
+
+
+def config_of(path: Path, endpoint: str, **more: object) -> str:
+    path.write_text(json.dumps({"connect": {"endpoints": [endpoint]}, **more}))
+    return str(path)
+
+
+# ------------------------------------------------------------------------------------------------ files and their words
+
+
+def test_json5_is_read_as_zenoh_reads_it() -> None:
+    text = """// a comment
+    { mode: "client", /* and */ 'connect': { endpoints: ["tcp/[::1]:7447", 'a//b',], timeout_ms: 200, }, on: true,
+      "a:b": -1.5e3 }"""
+    found = {"endpoints": ["tcp/[::1]:7447", "a//b"], "timeout_ms": 200}
+    assert read_json5(text) == {"mode": "client", "connect": found, "on": True, "a:b": -1500.0}
+
+
+@pytest.mark.parametrize("name", ["access-control", "tls"])
+def test_the_examples_are_read(name) -> None:
+    assert read_json5((CONFIG / f"{name}.json5").read_text())["listen"]["endpoints"]
+
+
+def test_the_rules_of_the_example_are_those_that_init_writes() -> None:
+    example = read_json5((CONFIG / "access-control.json5").read_text())["access_control"]
+    made = access_control({"viewer": "viewer", "engineer": "operator"})
+    assert example["rules"] == made["rules"]
+    assert {one["id"] for one in example["subjects"]} == {one["id"] for one in made["subjects"]}
+    assert example["policies"] == made["policies"]
+
+
+def test_rules_for_one_host_fit_every_id_that_its_loggers_draw() -> None:
+    keys = [key for rule in access_control({}, "robot3")["rules"] for key in rule["key_exprs"]]
+    assert "silo/robot3~$*/*/do" in keys
+    assert all(key.startswith("silo/robot3~$*/*/") for key in keys)
+
+
+def test_paths_in_a_configuration_are_relative_to_its_file(tmp_path, monkeypatch) -> None:
+    (tmp_path / "lab").mkdir()
+    auth = {"auth": {"usrpwd": {"dictionary_file": "users.txt"}}}
+    path = config_of(tmp_path / "lab" / "server.json5", "tcp/localhost:1", transport=auth)
+    monkeypatch.chdir(tmp_path)
+    found = json.loads(from_file(path).get_json("transport/auth/usrpwd/dictionary_file"))
+    assert found == str(tmp_path / "lab" / "users.txt")
+
+
+def test_times_of_a_client_leave_room_for_round_trips() -> None:
+    quick, slow = (scaled(rtt_s)["transport"] for rtt_s in (0.0, 0.6))
+    assert quick["unicast"]["open_timeout"] == 1000
+    assert slow["unicast"]["open_timeout"] >= 1000 + 5 * 600
+    assert slow["link"]["tx"]["lease"] > quick["link"]["tx"]["lease"] == 2000
+
+
+def test_what_a_file_says_of_times_wins(tmp_path, monkeypatch) -> None:
+    opened = []
+
+    def note(settings):
+        opened.append(settings)
+        raise silo.SiloError("seen")
+
+    monkeypatch.setattr("silo.ipc.session.zenoh.open", note)
+    link = {"unicast": {"open_timeout": 10000}, "link": {"tx": {"lease": 10000}}}
+    path = config_of(tmp_path / "c.json5", "tcp/localhost:1", transport=link)
+    with pytest.raises(SiloError, match="seen"):
+        open_client(None, path)
+    (settings,) = opened
+    assert [json.loads(settings.get_json(f"transport/{key}")) for key in ("unicast/open_timeout", "link/tx/lease")] == [
+        10000,
+        10000,
+    ]
+    assert json.loads(settings.get_json("transport/unicast/accept_timeout")) == 1000  # what it doesn't say is ours
+    assert json.loads(settings.get_json("scouting/multicast/enabled")) is False
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("tls/robot3.local:7447", ("tls", "robot3.local", 7447)),
+        ("tcp/[fe80::1]:7447", ("tcp", "fe80::1", 7447)),
+        ("quic/10.0.0.1:7447#so_sndbuf=1", ("quic", "10.0.0.1", 7447)),
+    ],
+)
+def test_endpoints_are_read(text, found) -> None:
+    assert endpoint_of(text)[:3] == found
+
+
+@pytest.mark.parametrize(
+    "text", ["robot3", "tcp/robot3", "tcp/robot3:99999", "robot3:7447", "unixsock-stream//run/x.sock"]
+)
+def test_what_is_no_endpoint_with_a_port_is_none(text) -> None:
+    assert endpoint_of(text) is None
+
+
+# ----------------------------------------------------------------------------------------------------- silo remote
+
+
+def test_a_remote_is_added_listed_and_removed(mine, capsys) -> None:
+    assert run(["remote", "add", "lab", "tls/robot3.local:7447"]) == 0
+    assert remotes() == ["lab"]
+    assert remote_file("lab").stat().st_mode & 0o077 == 0
+    assert find_file("lab") == str(remote_file("lab"))
+    capsys.readouterr()
+    assert run(["remote", "ls"]) == 0
+    assert "tls/robot3.local:7447" in capsys.readouterr().out
+    assert run(["remote", "rm", "lab"]) == 0
+    assert remotes() == []
+
+
+def test_a_remote_that_is_there_is_replaced_only_when_asked(mine, capsys) -> None:
+    assert run(["remote", "add", "lab", "tcp/one:1"]) == 0
+    assert run(["remote", "add", "lab", "tcp/two:2"]) == 1
+    assert "nothing was changed" in capsys.readouterr().err
+    assert "tcp/one:1" in remote_file("lab").read_text()
+    assert run(["remote", "add", "lab", "tcp/two:2", "--replace"]) == 0
+    assert "tcp/two:2" in remote_file("lab").read_text()
+
+
+@pytest.mark.parametrize("words", [["local", "tcp/a:1"], ["a/b", "tcp/a:1"], ["lab", "robot3"]])
+def test_what_can_be_no_remote_is_refused(mine, words) -> None:
+    assert run(["remote", "add", *words]) == EXIT_USAGE
+    assert remotes() == []
+
+
+def test_a_file_that_is_added_keeps_its_certificates(mine) -> None:
+    tls = {"link": {"tls": {"root_ca_certificate": "ca.pem"}}}
+    given = config_of(mine / "client.json5", "tls/robot3:1", transport=tls)
+    assert run(["remote", "add", "lab", given]) == 0
+    found = read_json5(remote_file("lab").read_text())["transport"]["link"]["tls"]["root_ca_certificate"]
+    assert found == str(mine / "ca.pem")
+
+
+def test_a_configuration_that_is_neither_file_nor_remote_is_told(mine, capsys) -> None:
+    assert run(["--config", "lab", "ls"]) == EXIT_NO_LOGGER
+    assert "no remote of that name" in capsys.readouterr().err
+
+
+def test_config_stands_before_or_after_every_command(mine) -> None:
+    for words in (["--config", "nowhere", "ls"], ["ls", "--config", "nowhere"], ["files", "ls", "--config", "nowhere"]):
+        assert run(words) == EXIT_NO_LOGGER, words
+
+
+def test_every_command_that_speaks_with_loggers_takes_config() -> None:
+    import click
+
+    context = click.Context(cli)
+    for name in (
+        "ls",
+        "info",
+        "watch",
+        "set",
+        "start",
+        "stop",
+        "restart",
+        "save",
+        "record",
+        "mark",
+        "events",
+        "alarms",
+    ):
+        command = cli.get_command(context, name)
+        assert any("--config" in each.opts for each in command.params), name
+
+
+# ---------------------------------------------------------------------------------------------- init, and the doctor
+
+
+class Network:
+    """What `silo remote init` makes, and a robot that listens by it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.port = folder, free_port()
+        users = {"alice": "operator", "bob": "viewer"}
+        self.made: Made = make_network(folder / "lab", ["localhost"], self.port, users, "127.0.0.1")
+        self.server = self.made.server / "server.json5"
+        with (self.made.server / "users.txt").open("a") as file:
+            file.write("eve:nothing\n")  # a user without a role
+        self.logger = silo.Logger("walker", folder=folder / "logs", script=folder / "walker.yaml")
+        self.logger.add(np.zeros(3), "x", action=silo.Action.SAVE_AND_PUBLISH)
+        self.logger.serve(config=self.server)
+
+    def client(self, user: str) -> dict[str, object]:
+        return read_json5(self.made.clients[user].read_text())
+
+    def changed(self, path: Path, **values: str) -> str:
+        """A client file of alice's with other values by place, as `connect.endpoints=...`."""
+        found = self.client("alice")
+        for place, value in values.items():
+            *way, last = place.split("__")
+            inner = found
+            for word in way:
+                inner = inner[word]
+            inner[last] = value
+        path.write_text(json.dumps(found))
+        return str(path)
+
+
+@pytest.fixture(scope="module")
+def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory(dir="/dev/shm") as runtime:
+        patch.setenv("SILO_RUNTIME_DIR", runtime)
+        made = Network(tmp_path_factory.mktemp("network"))
+        yield made
+        made.logger.close()
+
+
+def layers(config: str) -> list[Layer]:
+    return [layer for layer, _ in examine(config)]
+
+
+def failure(config: str) -> LayerError:
+    with pytest.raises(LayerError) as caught:
+        layers(config)
+    return caught.value
+
+
+@pytest.mark.slow
+def test_who_was_handed_a_file_is_in_with_the_role_that_init_gave(network) -> None:
+    alice, bob = (str(network.made.clients[name]) for name in ("alice", "bob"))
+    with silo.connect("walker", config=bob) as client:
+        assert not client.hello().may_edit
+        with pytest.raises(ConnectionLostError, match="access rules don't let this user change"):
+            client.start()
+    with silo.connect("walker", config=alice) as client:
+        assert client.hello().may_edit
+        assert client.start().state.value == "running"
+        client.stop()
+
+
+@pytest.mark.slow
+def test_the_doctor_finds_a_way_that_works_healthy_layer_by_layer(network) -> None:
+    found = layers(str(network.made.clients["alice"]))
+    assert found == [
+        Layer.CONFIGURATION, Layer.NAME, Layer.ROUTE, Layer.PORT, Layer.TLS, Layer.PASSWORD, Layer.ROLE, Layer.VERSION,
+    ]  # fmt: skip
+
+
+def test_a_name_that_nobody_has_is_a_matter_of_name_resolution(tmp_path) -> None:
+    failed = failure(config_of(tmp_path / "c.json5", "tcp/robot..3:7447"))
+    assert (failed.layer, "no computer is called 'robot..3'" in str(failed)) == (Layer.NAME, True)
+
+
+def test_an_address_that_stays_silent_is_a_matter_of_the_route(tmp_path) -> None:
+    with socket.socket() as silent, socket.socket() as first, socket.socket() as second:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen(0)  # Linux drops what comes when the queue is full
+        for each in (first, second):
+            each.setblocking(False)
+            each.connect_ex(silent.getsockname())
+        with pytest.raises(LayerError, match=r"no way there: no answer within 0\.2 s") as caught:
+            reach(config_of(tmp_path / "c.json5", f"tcp/127.0.0.1:{silent.getsockname()[1]}"), 0.2)
+    assert caught.value.layer is Layer.ROUTE
+
+
+def test_a_port_where_nobody_listens_is_a_matter_of_the_port(tmp_path) -> None:
+    failed = failure(config_of(tmp_path / "c.json5", f"tcp/127.0.0.1:{free_port()}"))
+    assert (failed.layer, "nobody listens on port" in str(failed)) == (Layer.PORT, True)
+
+
+@pytest.mark.slow
+def test_a_certificate_for_another_name_is_a_matter_of_the_tls_name(network, tmp_path) -> None:
+    path = network.changed(tmp_path / "c.json5", connect__endpoints=[f"tls/127.0.0.1:{network.port}"])
+    failed = failure(path)
+    assert (failed.layer, "for another name than '127.0.0.1'" in str(failed)) == (Layer.TLS_NAME, True)
+
+
+@pytest.mark.slow
+def test_a_certificate_of_somebody_else_is_a_matter_of_the_tls_authority(network, tmp_path) -> None:
+    other = make_network(tmp_path / "other", ["localhost"], network.port, {"alice": "operator"})
+    failed = failure(str(other.clients["alice"]))
+    assert (failed.layer, "not of the authority that we trust" in str(failed)) == (Layer.TLS_AUTHORITY, True)
+
+
+@pytest.mark.slow
+def test_a_certificate_that_ran_out_is_a_matter_of_the_tls_date(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("silo.cli.authority.ROBOT_DAYS", -1)
+    port = free_port()
+    made = make_network(tmp_path / "lab", ["localhost"], port, {"alice": "operator"}, "127.0.0.1")
+    logger = silo.Logger("late", folder=tmp_path, script=tmp_path / "late.yaml")
+    logger.add(np.zeros(1), "x")
+    with logger.serve(config=made.server / "server.json5"):
+        failed = failure(str(made.clients["alice"]))
+    logger.close()
+    assert (failed.layer, "not valid today" in str(failed)) == (Layer.TLS_DATE, True)
+
+
+@pytest.mark.slow
+def test_a_wrong_password_is_a_matter_of_the_password(network, tmp_path) -> None:
+    path = network.changed(tmp_path / "c.json5", transport__auth__usrpwd__password="guess")
+    failed = failure(path)
+    assert (failed.layer, "user 'alice' or its password is refused" in str(failed)) == (Layer.PASSWORD, True)
+
+
+@pytest.mark.slow
+def test_a_user_whom_no_rule_names_is_a_matter_of_the_role(network, tmp_path) -> None:
+    path = network.changed(
+        tmp_path / "c.json5", transport__auth__usrpwd__user="eve", transport__auth__usrpwd__password="nothing"
+    )
+    failed = failure(path)
+    assert (failed.layer, "user 'eve' is let in, but sees no logger" in str(failed)) == (Layer.ROLE, True)
+
+
+@pytest.mark.slow
+def test_another_silo_is_a_matter_of_the_version(network, monkeypatch) -> None:
+    monkeypatch.setattr("silo.ipc.exchange.PROTOCOL", PROTOCOL)
+    monkeypatch.setattr("silo.ipc.versions.PROTOCOL", PROTOCOL + 1)
+    failed = failure(str(network.made.clients["alice"]))
+    assert (failed.layer, "runs an older silo" in str(failed)) == (Layer.VERSION, True)
+
+
+@pytest.mark.slow
+def test_commands_say_what_the_doctor_says_and_do_not_exit_with_0(network, tmp_path, mine, capsys) -> None:
+    wrong = network.changed(tmp_path / "c.json5", transport__auth__usrpwd__password="guess")
+    for words in (["ls"], ["stop", "walker"], ["info", "walker"]):
+        assert run([*words, "--config", wrong]) == EXIT_NO_LOGGER
+        assert "user 'alice' or its password is refused" in capsys.readouterr().err
+    assert run(["remote", "doctor", wrong]) == EXIT_NO_LOGGER
+    assert "FAILS   password" in capsys.readouterr().out
+    assert run(["remote", "doctor", str(network.made.clients["bob"])]) == 0
+    assert "may look, not change" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_remote_that_fails_does_not_hide_the_loggers_of_this_computer(network, bench, mine, capsys) -> None:
+    assert run(["remote", "add", "gone", f"tcp/127.0.0.1:{free_port()}"]) == 0
+    assert run(["remote", "add", "lab", str(network.made.clients["bob"])]) == 0
+    capsys.readouterr()
+    assert run(["ls"]) == 0
+    shown = capsys.readouterr()
+    assert [line.split()[0] for line in shown.out.splitlines()[1:]] == ["bot", "walker"]
+    assert "remote 'gone'" in shown.err
+    assert "nobody listens on port" in shown.err
+
+
+@pytest.mark.slow
+def test_init_again_adds_a_user_and_keeps_authority_and_passwords(tmp_path) -> None:
+    first = make_network(tmp_path / "lab", ["robot3.local", "10.0.0.7"], 7447, {"alice": "operator"})
+    authority = (tmp_path / "lab" / "ca.pem").read_bytes()
+    alice = read_json5(first.clients["alice"].read_text())
+    again = make_network(tmp_path / "lab", [], 7447, {"carol": "viewer"})
+    assert sorted(again.clients) == ["alice", "carol"]
+    assert (tmp_path / "lab" / "ca.pem").read_bytes() == authority
+    assert read_json5(again.clients["alice"].read_text()) == alice
+    assert {path.stat().st_mode & 0o077 for path in (again.server / "key.pem", again.clients["carol"])} == {0}
+    shown = subprocess.run(
+        ["openssl", "x509", "-in", again.server / "certificate.pem", "-noout", "-text"], capture_output=True, check=True
+    )
+    assert b"DNS:robot3.local, IP Address:10.0.0.7" in shown.stdout
+
+
+@pytest.mark.parametrize("word", ["alice:boss", "a b:viewer", ":viewer", "local:operator"])
+def test_a_user_who_can_not_be_is_refused(word) -> None:
+    with pytest.raises(SiloError, match="nothing was made"):
+        role_of(word)
+
+
+# ------------------------------------------------------------------------------------------ trying again by itself
+
+
+@pytest.mark.slow
+def test_watch_waits_for_a_way_that_is_not_there_yet(bench, mine, capsys, monkeypatch) -> None:
+    port = free_port()
+    path = config_of(mine / "desk.json5", f"tcp/127.0.0.1:{port}")
+    server = mine / "server.json5"
+    server.write_text(json.dumps({"listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]}}))
+    bench.logger.start()
+    bench.ticks(5)
+
+    def listen() -> None:  # while it waits, somebody begins to listen
+        bench.serving.close()
+        bench.serving = bench.logger.serve(config=server)
+
+    monkeypatch.setattr("silo.cli.common._pause", listen)
+    assert run(["watch", "bot", "x", "-n", "1", "--config", path]) == 0
+    shown = capsys.readouterr()
+    assert "nobody listens on port" in shown.err
+    assert "trying again every 1 s" in shown.err
+    assert "/log/x" in shown.out

@@ -1,0 +1,108 @@
+"""A router by the files of `silo remote init`: robots connect to it with a password of theirs, desks with a role."""
+
+import json
+import shutil
+import socket
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import silo
+from silo.cli.authority import Made, make_network
+from silo.errors import ConnectionLostError
+from silo.ipc.client import Client
+from silo.ipc.discovery import discover
+from silo.ipc.session import close, open_router
+from tests.waiting import wait_until
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("openssl") is None, reason="makes certificates with openssl"),
+]
+
+
+class Site:
+    """A router, and a robot that is connected to it."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        users = {"alice": "operator", "bob": "viewer", "robots": "robot"}
+        self.made: Made = make_network(folder / "lab", ["localhost"], port, users, "127.0.0.1")
+        self.server = str(self.made.server / "server.json5")
+        self.router, self.endpoints = open_router(self.server)
+        self.logger = silo.Logger("walker", folder=folder / "logs", script=folder / "walker.yaml")
+        self.logger.add(np.zeros(3), "x", action=silo.Action.SAVE_AND_PUBLISH)
+        self.serving = self.logger.serve(config=self.made.clients["robots"])
+        wait_until(lambda: self.sees("alice"))
+
+    def config(self, user: str) -> str:
+        return str(self.made.clients[user])
+
+    def sees(self, user: str) -> list[str]:
+        try:
+            return [found.name for found in discover(config=self.config(user)).loggers]
+        except ConnectionLostError:
+            return []
+
+    def close(self) -> None:
+        self.logger.close()
+        close(self.router)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory(dir="/dev/shm") as runtime:
+        patch.setenv("SILO_RUNTIME_DIR", runtime)
+        made = Site(tmp_path_factory.mktemp("site"))
+        yield made
+        made.close()
+
+
+def test_roles_hold_at_the_router(site) -> None:
+    with silo.connect("walker", config=site.config("bob")) as viewer:
+        assert not viewer.hello().may_edit
+        with (
+            viewer.view(["/log/x"], rate_hz=30) as view,
+            silo.connect("walker", config=site.config("alice")) as operator,
+        ):
+            operator.start()
+            site.logger.collect()
+            wait_until(view.frame)
+            with pytest.raises(ConnectionLostError, match="access rules don't let this user change"):
+                viewer.stop()
+            operator.stop()
+
+
+def test_a_robot_asks_nobody(site) -> None:
+    with pytest.raises(ConnectionLostError, match="user 'robots' is let in, but sees no logger"):
+        discover(config=site.config("robots"))
+
+
+def test_a_robot_with_a_password_for_the_router_still_answers_its_own_users(site, monkeypatch) -> None:
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(Path(site.serving.socket_path).parent))
+    with Client.connect("walker", config="local") as client:
+        assert client.hello().may_edit
+        assert client.found.socket
+
+
+def test_a_robot_is_served_while_its_router_is_away_and_seen_when_that_comes_back(site) -> None:
+    close(site.router)
+    wait_until(lambda: not site.sees("alice"))
+    site.logger.start()
+    site.logger.collect()
+    assert site.logger.ticks == 1
+    site.logger.stop()
+    site.router, _ = open_router(site.server)
+    wait_until(lambda: site.sees("alice") == ["walker"])
+
+
+def test_the_router_listens_where_its_file_says_and_nowhere_else(site, tmp_path) -> None:
+    assert [endpoint.partition("/")[0] for endpoint in site.endpoints] == ["tls"]
+    (tmp_path / "empty.json5").write_text(json.dumps({"mode": "router"}))
+    with pytest.raises(ConnectionLostError, match="names nothing to listen on"):
+        open_router(str(tmp_path / "empty.json5"))

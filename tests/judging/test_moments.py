@@ -1,0 +1,77 @@
+"""Looking for moments block by block finds what one look at the whole finds, whatever the blocks."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from silo.judging.moments import Finder, Looking, places
+from silo.model import Sought
+
+PERIOD = 10
+floats = st.lists(st.sampled_from([0.0, 1.0, 2.5, -3.0, 7.0, math.nan, math.inf, -math.inf]), max_size=40)
+whole_numbers = st.lists(st.sampled_from([2**63 - 1, 2**63 - 2, 2**53 + 1, 0, 5, -7]), max_size=40)
+looks = st.builds(
+    Looking, st.sampled_from(list(Sought)), st.sampled_from([-3.0, 0.0, 1.5, 7.0]), st.sampled_from([-1, 0, 1]),
+    st.sampled_from([(None, 2.0), (-1.0, None), (-1.0, 2.0), (None, None)]), st.just(PERIOD),
+)  # fmt: skip
+
+
+def finder_of(looking, times, values, cuts, around=0, most=1000):
+    finder = Finder(looking, around, most)
+    ends = sorted({min(cut, len(values)) for cut in cuts} | {0, len(values)})
+    blocks = [slice(begin, end) for begin, end in pairwise(ends)]
+    if looking.needs_span:
+        for block in blocks:
+            finder.measure(values[block])
+    for block in blocks:
+        finder.feed(times[block], values[block])
+    return finder.found
+
+
+@settings(deadline=None, max_examples=300)
+@given(floats | whole_numbers, looks, st.lists(st.integers(0, 40), max_size=6),
+       st.lists(st.integers(1, 40), min_size=40, max_size=40))  # fmt: skip
+def test_blocks_of_any_size_find_what_the_whole_finds(samples, looking, cuts, steps):
+    kind = "i8" if samples and all(isinstance(value, int) for value in samples) else "f8"
+    values, times = np.array(samples, kind), np.cumsum(np.array(steps[: len(samples)], np.int64))
+    wanted = times[places(looking, times, values)]
+    if kind == "i8" and looking.what in (Sought.HIGHEST, Sought.LOWEST) and len(values):
+        exact = values == (values.max() if looking.what is Sought.HIGHEST else values.min())
+        wanted = times[exact & ~np.concatenate([[False], exact[:-1]])]  # numbers that a float64 can't tell apart
+    found = finder_of(looking, times, values, cuts)
+    assert found.time_ns.tolist() == wanted.tolist()
+    assert (found.total, found.before) == (len(wanted), 0)
+    if len(samples):
+        assert (found.begin_ns, found.end_ns) == (times[0], times[-1])
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.lists(st.booleans(), min_size=2, max_size=60), st.integers(0, 70), st.integers(1, 12),
+       st.lists(st.integers(0, 60), max_size=6))  # fmt: skip
+def test_the_moments_next_to_a_time_are_kept_and_all_are_counted(samples, around, most, cuts):
+    values, times = np.array(samples), np.arange(len(samples), dtype=np.int64)
+    wanted = times[places(Looking(Sought.CHANGE), times, values)].tolist()
+    found = finder_of(Looking(Sought.CHANGE), times, values, cuts, around, most)
+    kept = found.time_ns.tolist()
+    assert found.total == len(wanted)
+    assert kept == wanted[found.before : found.before + len(kept)]
+    before = [each for each in wanted if each < around][-max(1, most // 2) :]
+    after = [each for each in wanted if each >= around][: max(1, most - most // 2)]
+    assert kept == before + after
+
+
+@pytest.mark.parametrize("what", list(Sought))
+def test_texts_are_only_looked_through_for_changes_and_holes(what):
+    values, times = np.array([b"a", b"a", b"b"]), np.array([0, 10, 40], np.int64)
+    found = finder_of(Looking(what, period_ns=PERIOD), times, values, [1, 2])
+    wanted = {Sought.EDGE: [40], Sought.CHANGE: [40], Sought.HOLE: [10]}
+    assert found.time_ns.tolist() == wanted.get(what, [])
+
+
+def test_of_a_hole_its_length_is_told():
+    found = finder_of(Looking(Sought.HOLE, period_ns=PERIOD), np.array([0, 10, 40, 50]), np.zeros(4), [2])
+    assert (found.time_ns.tolist(), found.values.tolist()) == ([10], [30])

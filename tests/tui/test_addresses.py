@@ -1,0 +1,107 @@
+"""`silo-tui host/name`: which logger is meant, or which file, and what is said of it."""
+
+from pathlib import Path
+
+import pytest
+
+from silo.errors import ConnectionLostError, LogNotFoundError, VersionError
+from silo_tui.sessions.finder import Found, FoundLogger
+from silo_tui.sessions.target import also_a_file, file_meant
+
+FAR = ("anymal", "robot3/anymal", "robot3~3fa977b2e0/anymal")
+
+
+def test_an_address_of_a_logger_that_runs_wins_over_a_path(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("robot3").mkdir()
+    Path("robot3/anymal").mkdir()
+    assert file_meant("robot3/anymal", lambda: FAR) is None
+    assert also_a_file("robot3/anymal").endswith("silo-tui ./robot3/anymal")
+    assert also_a_file("robot4/anymal") == ""
+
+
+def test_a_path_that_begins_with_a_dot_is_never_an_address(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(LogNotFoundError):
+        file_meant("./robot3/anymal", lambda: FAR)
+
+
+def test_one_waits_for_an_address_where_there_is_no_such_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert file_meant("robot3/anymal", lambda: ()) is None
+    Path("logs").mkdir()
+    with pytest.raises(LogNotFoundError):
+        file_meant("logs/anymal", lambda: ())
+
+
+def test_an_ending_always_means_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(LogNotFoundError):
+        file_meant("robot3/anymal.silo", lambda: ("robot3/anymal.silo",))
+
+
+class Far:
+    """Finds the fake on two hosts that are called the same."""
+
+    own_name = "ann@here"
+
+    def __init__(self, *ids: str) -> None:
+        self.loggers = tuple(
+            FoundLogger(
+                "robot", 0, "lab", f"silo/same~{one}/robot", host="same",
+                addresses=("robot", "same/robot", f"same~{one}/robot"),
+            )
+            for one in ids
+        )  # fmt: skip
+
+    def find(self) -> Found:
+        return Found(self.loggers)
+
+
+async def test_two_robots_of_one_image_are_listed_with_addresses_that_open_them(fake, opened, monkeypatch):
+    async with opened(fake, name="same/robot", ready=False) as screen:
+        far = Far("aaaa000001", "bbbb000002")
+        monkeypatch.setattr(screen.app._opener, "_finder", far)
+        await screen.shows("2 loggers are called 'same/robot'")
+        await screen.shows("choose one, or name it:")
+        await screen.until(lambda: screen.text.count("same~bbbb000002/robot") == 2, "its line and the advice")
+        assert "same~aaaa000001/robot" in screen.text
+    assert [one.is_meant_by("same~bbbb000002/robot") for one in far.loggers] == [False, True]
+
+
+async def test_a_logger_that_does_not_answer_is_tried_again_by_itself(fake, opened, monkeypatch):
+    monkeypatch.setattr("silo_tui.commands.opening.AGAIN_S", 0.0)
+    tries = []
+
+    def connect(_):
+        tries.append(1)
+        if len(tries) < 3:
+            raise ConnectionLostError("the link is cut")
+        return fake
+
+    async with opened(fake, name="nobody", ready=False) as screen:
+        monkeypatch.setattr(screen.app._opener._finder, "connect", connect)
+        screen.app._opener._wanted = ""
+        await screen.until(lambda: len(tries) == 3, "the third try")
+        await screen.shows("/base/position")
+
+
+async def test_a_logger_of_another_silo_is_not_tried_again(fake, opened, monkeypatch):
+    monkeypatch.setattr("silo_tui.commands.opening.AGAIN_S", 0.0)
+    monkeypatch.setattr("silo_tui.commands.opening.LOOK_S", 0.01)
+    tries, looks = [], []
+
+    def connect(_):
+        tries.append(1)
+        raise VersionError("runs an older silo")
+
+    async with opened(fake, name="nobody", ready=False) as screen:
+        finder = screen.app._opener._finder
+        find = finder.find
+        monkeypatch.setattr(finder, "connect", connect)
+        monkeypatch.setattr(finder, "find", lambda: looks.append(1) or find())
+        screen.app._opener._wanted = ""
+        await screen.shows("runs an older silo")
+        seen = len(looks)
+        await screen.until(lambda: len(looks) > seen + 5, "more looks")
+        assert len(tries) == 1

@@ -1,0 +1,139 @@
+"""The large plot is the monitor with one plot: the same keys, the same pause, the same window."""
+
+import numpy as np
+import pytest
+
+from silo.model import BufferType
+from silo_tui.actions import commands_for
+from tests.stand_ins.fake_logger import START_NS, scalar, vector
+
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
+TORQUE = "/log/legs/LF/HAA/torque"
+SHARED = (
+    "pause", "closer", "wider", "cursor_left", "cursor_right", "cursor_far_left", "cursor_b", "next_sample", "find",
+    "previous_sample", "next_found", "previous_found", "next_event", "previous_event", "earlier", "later", "oldest",
+    "newest", "all_held", "scale", "export_plots", "events", "set_marker",
+)  # fmt: skip
+
+
+async def open_large(screen, words="/LF/HAA/torque"):
+    await screen.type(words)
+    await screen.press("enter", "m")
+    await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plot")
+    below = screen.app.screen
+    await screen.press("enter")
+    await screen.until(lambda: screen.app.screen is not below and not screen.app.screen.stack.store.empty, "large plot")
+    return below
+
+
+def large(screen):
+    return screen.app.screen
+
+
+def test_the_large_plot_has_the_keys_of_the_monitor():
+    keys = {command.id: command.keys for command in commands_for("monitor")}
+    large_keys = {command.id: command.keys for command in commands_for("detail")}
+    assert {each: keys[each] for each in SHARED} == {each: large_keys.get(each) for each in SHARED}
+
+
+async def test_it_lives_on_with_its_status_and_values(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_large(screen)
+        await screen.shows("RUNNING")
+        fake.advance(2.0)
+        store = lambda: large(screen).stack.store  # noqa: E731
+        await screen.until(lambda: store().end * store().column_ns >= fake.now_ns, "what came since")
+
+
+async def test_a_moment_is_found_in_it_and_the_monitor_stands_there_too(fake, opened):
+    fake.run(21)
+    async with opened(fake) as screen:
+        below = await open_large(screen)
+        await screen.press("f", "h")
+        await screen.shows("of 3: 40")
+        at_ns = large(screen).window.at_ns
+        assert (at_ns - START_NS) % (4 * 10**9) == 0
+        assert large(screen).window.cursor is not None
+        await screen.press("escape", "escape")
+        await screen.until(lambda: screen.app.screen is below, "the monitor")
+        await screen.shows("PAUSED")
+        await screen.press("space")
+        await screen.until(lambda: not fake.pins, "the pin is let go of")
+
+
+async def test_it_begins_where_the_monitor_stands(new_fake, opened):
+    fake = new_fake([scalar(TORQUE, "Nm", buffer_type=BufferType.GROWING)])
+    fake.run(61)
+    async with opened(fake) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plot")
+        await screen.press("f", "h")
+        await screen.shows("of 16: 40")
+        for count in range(15, 10, -1):
+            await screen.press("left_square_bracket")
+            await screen.shows(f"{count} of 16: 40")
+        await screen.press("enter")
+        await screen.shows("TIME")
+        await screen.until(lambda: large(screen).window.cursor is not None, "the cursor in its picture")
+        assert large(screen).window.at_ns == START_NS + 40 * 10**9
+        await screen.shows("… 40.0000")
+
+
+async def test_a_pause_in_it_holds_all_plots_of_the_monitor(new_fake, opened):
+    fake = new_fake([scalar(TORQUE, "Nm"), scalar("/log/legs/LF/HFE/torque", "Nm")])
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.press("asterisk", "m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plots")
+        await screen.press("enter", "space")
+        await screen.shows("held, all here")
+        assert set(large(screen).pause.source.names) == {TORQUE, "/log/legs/LF/HFE/torque"}
+
+
+async def test_cursor_b_samples_home_end_and_all_work_in_it(new_fake, opened):
+    fake = new_fake([scalar(TORQUE, "Nm", buffer_type=BufferType.GROWING)])
+    fake.run(30)
+    async with opened(fake, size=(100, 30)) as screen:
+        await open_large(screen)
+        await screen.press("space")
+        await screen.shows("held, all here")
+        await screen.press("left", "B", "comma", "comma")
+        await screen.until(lambda: large(screen).window.other_ns is not None, "cursor B")
+        await screen.shows("slope/s")
+        window = large(screen).window
+        await screen.until(lambda: 0 < window.other_ns - window.at_ns <= 2 * 2_500_000, "two samples before B")
+        await screen.press("home")
+        await screen.until(lambda: window.at_ns == START_NS, "the oldest that is held")
+        await screen.press("0")
+        await screen.until(lambda: window.span_s == 30.0, "all that is held")
+        await screen.press("end")
+        await screen.until(lambda: window.at_ns == large(screen)._newest_ns, "the newest")
+
+
+async def test_a_click_puts_the_cursor_there(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_large(screen)
+        await screen.pilot.click("PlotStack", offset=(40, 6))
+        await screen.shows("at cursor")
+
+
+async def test_n_and_z_go_through_the_entries_of_a_vector_in_plots(new_fake, opened):
+    fake = new_fake([vector("/log/base/position", "m")])
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plots")
+        names = lambda: [each.name[-1] for each in screen.app.screen.stack.plots]  # noqa: E731
+        assert names() == ["x", "y", "z"]
+        await screen.press("j", "z")
+        assert names() == ["y"]
+        await screen.press("n")
+        assert names() == ["z"]
+        await screen.press("z")
+        assert names() == ["x", "y", "z"]
+        await screen.until(
+            lambda: np.isfinite(screen.app.screen.stack.store.low).any(axis=1).sum() == 3, "columns of all three"
+        )

@@ -1,0 +1,89 @@
+"""Lists: filter, order and marks as rules; the keys of the large plot and of the list of loggers on the screen."""
+
+import pytest
+
+from silo_tui.model.lists import Marks, Order, arranged, passes
+
+SHOWN = ["a", "b", "c", "d"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "found"),
+    [("", True), ("fall", True), ("FALL roll", True), ("slip|roll", True), ("-slip", True), ("-roll", False),
+     ("slip", False), ("-", False)],
+)  # fmt: skip
+def test_a_line_passes_that_has_all_words(asked, found):
+    assert passes("ARMED fall abs(base/roll) > 0.6", asked) == found
+
+
+def test_an_order_turns_round_with_lines_that_are_alike():
+    order = Order("made", "g", "as they were made", lambda one: 0)
+    assert arranged("abc", order, turned=False) == ["a", "b", "c"]
+    assert arranged("abc", order, turned=True) == ["c", "b", "a"]
+    largest = Order("size", "s", "the largest first", len, True)
+    assert arranged(["a", "ccc", "bb"], largest, turned=False) == ["ccc", "bb", "a"]
+
+
+def test_marking_all_again_unmarks_them_and_leaves_what_is_hidden():
+    marks = Marks()
+    marks.toggle("hidden")
+    marks.toggle_all(SHOWN)
+    assert marks.keys == {*SHOWN, "hidden"}
+    marks.toggle_all(SHOWN)
+    assert marks.keys == {"hidden"}
+
+
+@pytest.mark.parametrize(("begin", "end"), [("b", "d"), ("d", "b")])
+def test_a_range_is_marked_whichever_end_it_begins_at(begin, end):
+    marks = Marks()
+    assert "V again" in marks.range_to(begin, SHOWN)
+    assert marks.range_to(end, SHOWN) == "range of 3 marked"
+    assert marks.keys == {"b", "c", "d"}
+    assert marks.anchor is None
+
+
+def test_marks_and_range_of_lines_that_are_gone_are_forgotten():
+    marks = Marks()
+    marks.toggle("a")
+    marks.range_to("b", SHOWN)
+    marks.keep(["c"])
+    assert (marks.keys, marks.anchor) == (set(), None)
+    assert not marks.clear()
+
+
+@pytest.mark.slow
+async def test_the_large_plot_steps_through_its_signals_and_to_what_is_held(fake, opened):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await screen.type("/LF torque")
+        await screen.press("enter", "*", "m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty, "plots")
+        await screen.press("g", "enter")
+        await screen.until(lambda: screen.app.screen.scope == "detail", "the large plot")
+        first = lambda: screen.app.screen.plots[0].name.split("/")[-2]  # noqa: E731
+        assert first() == "HAA"
+        for key, joint in (("j", "HFE"), ("j", "KFE"), ("j", "HAA"), ("k", "KFE"), ("g", "HAA"), ("G", "KFE")):
+            await screen.press(key)
+            assert first() == joint, key
+        await screen.shows("LF/KFE/torque")
+        await screen.press("0")
+        await screen.shows("space holds them")
+
+
+@pytest.mark.slow
+async def test_the_list_of_loggers_moves_looks_again_and_takes_commands(new_fake, opened):
+    fakes = [new_fake(name=name) for name in ("arm", "base", "legs")]
+    async with opened(*fakes, ready=False) as screen:
+        await screen.shows("legs")
+        lines = screen.app.screen.query_one("OptionList")
+        for key, at in (("G", 2), ("g", 0), ("end", 2), ("home", 0)):
+            await screen.press(key)
+            assert lines.highlighted == at, key
+        await screen.press("r", ":")
+        await screen.type("nonsense")
+        await screen.press("enter")
+        await screen.shows("there is no command 'nonsense'")
+        await screen.press(":")
+        await screen.type("settings")
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.screen.scope == "settings", "what was typed")

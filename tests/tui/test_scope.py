@@ -1,0 +1,161 @@
+"""The scope: a crossing stands still, at the same place of the picture; nothing is set up in the logger for it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from silo_tui.model.scope import (
+    Mode,
+    Scope,
+    axis_word,
+    fitting_span,
+    halfway,
+    newest_of,
+    other_span,
+    parse_settings,
+    picture_of,
+)
+from tests.stand_ins.fake_logger import START_NS
+
+TORQUE = "/log/legs/LF/HAA/torque"
+MS = 1_000_000
+
+
+class TestModel:
+    def test_a_pulse_of_a_sample_stands_at_the_share_before_the_crossing_whenever_it_comes(self):
+        scope = Scope(20.0, span_s=0.2)
+        for at_ns in (START_NS, START_NS + 123_456_789, 10**12 + 1):
+            time_ns = at_ns + MS * np.arange(-300, 300)
+            values = np.where(time_ns == at_ns, 40.0, 0.0)
+            store = picture_of({"a": (time_ns, values)}, scope, at_ns, 200)
+            high = np.flatnonzero(store.high[0] == 40.0)
+            assert high.tolist() == [80]  # 40 % of 200 columns
+            assert np.isfinite(store.low[0]).all()
+
+    def test_samples_outside_of_the_picture_are_left_out(self):
+        scope = Scope(0.0, span_s=0.1, pre=0.5)
+        store = picture_of({"a": (np.array([-60 * MS, 0, 60 * MS]), np.array([7.0, 1.0, 9.0]))}, scope, 0, 100)
+        assert np.nanmax(store.high) == 1.0
+
+    def test_the_axis_counts_from_the_crossing(self):
+        scope = Scope(0.0, span_s=0.2)
+        assert [axis_word(scope, share) for share in (0.0, 0.4, 1.0)] == ["-80 ms", "0", "+120 ms"]
+
+    def test_the_span_fits_the_rate(self):
+        assert fitting_span(MS) == 0.2
+        assert other_span(0.2, closer=True) < 0.2 < other_span(0.2, closer=False)
+
+    def test_halfway_has_no_more_digits_than_it_needs(self):
+        assert halfway(0.0, 40.123456) == 20.0
+        assert halfway(3.0, 3.0) == 3.0
+
+    def test_the_newest_crossing_is_shown_and_those_between_are_counted(self):
+        assert newest_of([1, 5, 9], 4) == (9, 1)
+        assert newest_of([1], 4) == (None, 0)
+
+    def test_settings_are_typed_in_words(self):
+        assert parse_settings("falling -3.5 pre 10% single", Scope(1.0)) == Scope(-3.5, -1, Mode.SINGLE, 0.1)
+        for wrong in ("fast", "pre 200", "nan"):
+            with pytest.raises(ValueError, match=r"."):
+                parse_settings(wrong, Scope(1.0))
+
+
+async def open_scope(screen, fake):
+    """The torque has one sample of 40 at 4, 8, ... s."""
+    await screen.type("/LF/HAA/torque")
+    await screen.press("enter", "m")
+    await screen.until(lambda: not screen.app.screen.stack.store.empty, "history in the plot")
+    await screen.press("c")
+    await screen.shows("SCOPE normal")
+    return screen.app.screen
+
+
+async def run_to(screen, fake, seconds):
+    """The clock goes on, and the screen has a frame of it."""
+    fake.now_ns = START_NS + round(seconds * 1e9)
+    await screen.until(lambda: screen.session.frame_time_ns == fake.now_ns, "a frame")
+
+
+@pytest.mark.slow
+class TestScreen:
+    async def test_a_pulse_of_one_sample_is_caught_by_one_key_on_the_plot(self, fake, opened):
+        fake.run(21)
+        async with opened(fake) as screen:
+            scope = await open_scope(screen, fake)
+            await screen.shows("ARMED")
+            assert 5 < scope.settings.level < 40  # halfway
+            await run_to(screen, fake, 25)
+            await screen.shows("CAUGHT")
+            assert scope.caught_ns == START_NS + 24 * 10**9
+            assert np.nanmax(scope.stack.store.high) == 40.0
+            place = int(np.flatnonzero(scope.stack.store.high[0] == 40.0)[0])
+            await run_to(screen, fake, 29)
+            await screen.until(lambda: scope.caught_ns == START_NS + 28 * 10**9, "the next one")
+            assert int(np.flatnonzero(scope.stack.store.high[0] == 40.0)[0]) == place  # it stands still
+            assert not [call for call in fake.calls if "trigger" in call[0]]
+            assert not fake.pins
+
+    async def test_crossings_between_two_looks_are_counted(self, fake, opened):
+        fake.run(21)
+        async with opened(fake) as screen:
+            scope = await open_scope(screen, fake)
+            await run_to(screen, fake, 33)
+            await screen.shows("2 more came between")
+            assert scope.caught == 3
+
+    async def test_single_catches_once_until_space_arms_it_again(self, fake, opened):
+        fake.run(21)
+        async with opened(fake) as screen:
+            scope = await open_scope(screen, fake)
+            await screen.press("c")
+            await screen.shows("SCOPE single")
+            await run_to(screen, fake, 25)
+            await screen.shows("CAUGHT")
+            await run_to(screen, fake, 29)
+            await screen.shows("space arms it again")
+            assert scope.caught == 1
+            await screen.press("space")
+            await screen.shows("ARMED")
+            await run_to(screen, fake, 33)
+            await screen.until(lambda: scope.caught == 2, "one more")
+
+    async def test_force_shows_what_is_there_without_a_crossing(self, fake, opened):
+        fake.run(21)
+        async with opened(fake) as screen:
+            scope = await open_scope(screen, fake)
+            await screen.press("exclamation_mark")
+            await screen.until(lambda: np.isfinite(scope.stack.store.low).any(), "a picture")
+            assert not scope.caught
+
+    async def test_the_level_moves_and_settings_are_typed(self, fake, opened):
+        fake.run(21)
+        async with opened(fake) as screen:
+            scope = await open_scope(screen, fake)
+            before = scope.settings.level
+            await screen.press("greater_than_sign")
+            assert scope.settings.level > before
+            await screen.press("less_than_sign", "less_than_sign")
+            assert scope.settings.level < before
+            await screen.press("e")
+            await screen.until(lambda: screen.app.screen is not scope, "the line")
+            line = screen.app.screen.query_one("Input")
+            line.value = "falling 3 pre 10 auto"
+            await screen.press("enter")
+            await screen.shows("↓ falling through 3   pre 10%")
+            await screen.press("escape")
+            await screen.until(lambda: screen.app.screen is not scope, "the monitor")
+
+    async def test_an_element_that_is_off_makes_it_blind_and_says_why(self, fake, opened):
+        fake.run(21)
+        async with opened(fake) as screen:
+            await open_scope(screen, fake)
+            find = fake.find
+
+            def off(names, *more, **how):
+                found = find(names, *more, **how)
+                return {name: replace(one, why="it is off") for name, one in found.items()}
+
+            fake.find = off
+            fake.advance(1.0)
+            await screen.shows("BLIND")
