@@ -46,13 +46,6 @@ class JudgedRows:
         fixed = self._reader.schema.rings[element.ring].buffer_type is BufferType.FIXED
         return element.live_ring if fixed and element.live_ring >= 0 else element.ring
 
-    def derive(self, derived: Sequence[Derived]) -> bool:
-        """Bind expressions to these derived signals from now on; whether they are others than before."""
-        if tuple(derived) == tuple(self.catalogue.derived):
-            return False
-        self.catalogue = Catalogue(self.catalogue.elements, self.catalogue.prefix, derived)
-        return True
-
     @property
     def cursors(self) -> dict[int, int]:
         """The next row of each ring that is read."""
@@ -61,6 +54,13 @@ class JudgedRows:
     def recall(self, cursors: Mapping[int, int]) -> None:
         """Go on with these rows."""
         self._cursors.update((ring, row) for ring, row in cursors.items() if ring in self._cursors)
+
+    def derive(self, derived: Sequence[Derived]) -> bool:
+        """Bind expressions to these derived signals from now on; whether they are others than before."""
+        if tuple(derived) == tuple(self.catalogue.derived):
+            return False
+        self.catalogue = Catalogue(self.catalogue.elements, self.catalogue.prefix, derived)
+        return True
 
     def want(self, columns: Iterable[Column], since: int) -> None:
         """Read these and no others from now on: what was not read before from tick `since` on."""
