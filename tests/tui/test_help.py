@@ -45,7 +45,8 @@ def test_the_words_of_options_and_filter_are_those_of_their_tables():
 
 
 def test_every_sign_of_the_table_is_explained():
-    explained = {entry.left: entry.right for entry in entries("table", {}, everywhere=False) if entry.group == "Signs"}
+    signs = [entry for entry in entries("table", {}, everywhere=False) if entry.group == "Signs"]
+    explained = {letters: entry.right for entry in signs for letters in entry.left.split()}
     assert all(explained[letters] for letters in (*(letters for _, letters in SIGNS), OLD))
 
 
@@ -74,11 +75,11 @@ async def test_what_is_not_on_this_screen_is_found_on_the_others(fake, opened):
 async def test_tab_shows_all_screens_and_this_one_again(fake, opened):
     async with opened(fake, size=(160, 50)) as screen:
         await screen.press("question_mark")
-        assert "half a window back, live too" not in screen.text
+        assert "over time, x-y, spectrum, histogram" not in screen.text
         await screen.press("tab")
-        await screen.shows("half a window back, live too")
+        await screen.shows("over time, x-y, spectrum, histogram")
         await screen.press("tab")
-        await screen.until(lambda: "half a window back, live too" not in screen.text)
+        await screen.until(lambda: "over time, x-y, spectrum, histogram" not in screen.text)
 
 
 async def test_letters_are_words_while_they_are_typed(fake, opened):
