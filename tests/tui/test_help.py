@@ -73,7 +73,7 @@ async def test_what_is_not_on_this_screen_is_found_on_the_others(fake, opened):
 
 
 async def test_tab_shows_all_screens_and_this_one_again(fake, opened):
-    async with opened(fake, size=(160, 50)) as screen:
+    async with opened(fake, size=(160, 150)) as screen:
         await screen.press("question_mark")
         assert "half a window back, live too" not in screen.text
         await screen.press("tab")
