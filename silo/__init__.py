@@ -53,11 +53,13 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         get_logger as get_logger,
         init as init,
         mark as mark,
+        record as record,
         restart as restart,
         save as save,
         serve as serve,
         start as start,
         stop as stop,
+        stop_recording as stop_recording,
         update as update,
     )
     from silo.logger.elements import LoggedElement as LoggedElement
@@ -82,7 +84,10 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
 __version__ = VERSION
 
 _HOMES = {
-    "silo.logger.default": "add array cleanup close collect get_logger init mark restart save serve start stop update",
+    "silo.logger.default": (
+        "add array cleanup close collect get_logger init mark record restart save serve start stop stop_recording "
+        "update"
+    ),
     "silo.errors": (
         "ArgumentError ConnectionLostError ElementError FileFormatError GoesOnError LogNotFoundError NoRoomError "
         "RefusedError SaveError ScriptError SegmentError SiloError SourceError StateError UnknownNameError "

@@ -180,7 +180,7 @@ class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
     """A condition, and what is captured around the ticks at which it fires; see `Logger.trigger`.
 
     `slope` and `mode` are words of `silo.judging.triggers`, `keep` is how many captures stay on the disk, 0 for all.
-    Not `armed`, it is kept and fires never.
+    Not `armed`, it is kept and fires never. In mode auto it fires by itself `patience_s` after the end of a capture.
     """
 
     name: str
@@ -195,6 +195,7 @@ class TriggerOptions(msgspec.Struct, frozen=True, omit_defaults=True):
     save: tuple[FileType, ...] = (FileType.SILO,)
     keep: int = 0
     armed: bool = True
+    patience_s: float = 0.0
 
 
 class CaptureFacts(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -30,16 +30,14 @@ def foxglove(logger: str | None, port: int, bind: str, control: bool, token: boo
       silo foxglove anymal --control    (start, stop and save from the panel "Service Call")
     """
     check_installed("websockets", "foxglove")
-    from silo.bridges.foxglove.program import once, run, services
+    from silo.bridges.foxglove.program import run
     from silo.bridges.foxglove.server import Terms
+    from silo.bridges.services import pinned, services
     from silo.ipc.client import Client
 
     config = configuration()  # of this thread's command
 
-    def reach() -> Client:
-        return Client.connect(logger or "", config=config)
-
-    name = once(reach)
+    name, reach = pinned(lambda wanted: Client.connect(wanted, config=config), logger or "")
     secret = secrets.token_urlsafe(24) if control or token or bind not in LOOPBACK else ""
     offered = services(reach, name) if control else None
     terms = Terms(name, bind, secret, origins, offered)

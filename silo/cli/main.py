@@ -52,6 +52,7 @@ COMMANDS = {
     "foxglove": LazyCommand(
         "Other viewers", "silo.cli.foxglove", "foxglove", "Show a logger in Foxglove, PlotJuggler."
     ),
+    "ros2": LazyCommand("Other viewers", "silo.cli.ros2", "ros2", "Show a logger to ROS 2, by rmw_zenoh."),
     "demo": LazyCommand("Programs", "silo.cli.programs", "demo", "Run a simulated legged robot that logs."),
     "host": LazyCommand("Programs", "silo.cli.programs", "host", "Log this computer."),
     "remote": LazyCommand("Programs", "silo.cli.remote", "remote", "Reach loggers of other computers."),

@@ -96,7 +96,9 @@ def _made(name: str, when: str, pre: str, post: str, edge: str, rearm: str, pers
 @click.option("--mode", type=click.Choice(["normal", "single"]), default="normal", help="single: the first fire only.")
 @click.option("--save", "types", multiple=True, type=click.Choice(SAVED_NAMES), default=["silo"], show_default=True,
               help="What to write; may be repeated.")  # fmt: skip
-@click.option("--keep", type=click.IntRange(0), default=0, help="Of a run the newest so many captures, 0 for all.")
+@click.option(
+    "--keep", type=click.IntRange(0), default=0, help="Of its captures on the disk the newest so many, 0 for all."
+)
 def add(
     words: tuple[str, ...], pre: str, post: str, edge: str, rearm: str, persist: str, holdoff: str, mode: str,
     types: tuple[str, ...], keep: int,

@@ -139,6 +139,52 @@ def scan_part(data: memoryview) -> PartScan:
     return scan
 
 
+def rows_after(data: memoryview) -> tuple[PartFacts, dict[int, int]] | None:
+    """Return what a part says of itself, and by ring the row after its last one, without reading what is in between.
+
+    Milliseconds for a gigabyte, where `scan_part` takes seconds; None for what it takes more to tell.
+    """
+    facts: PartFacts | None = None
+    last: dict[int, tuple[RingFacts, memoryview, memoryview]] = {}
+    at = len(MAGIC)
+    while at + _PREFIX <= len(data):
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        body, end = data[at + _PREFIX : at + _PREFIX + length], at + _PREFIX + length
+        if end > len(data):
+            break
+        if opcode == Opcode.CHUNK:
+            found = _indexed(facts, data, end)
+            if found is None:
+                break
+            ring, index, end = found
+            last[ring.ring] = ring, body, index
+        elif opcode == Opcode.ATTACHMENT:
+            name, _, content = attachment(body)
+            facts = unpack_part(content) if name == PART_ATTACHMENT else facts
+        elif opcode not in (Opcode.METADATA, Opcode.HEADER):
+            break
+        at = end
+    if facts is None:
+        return None
+    rows = {ring.ring: ring.begin for ring in facts.rings}
+    for ring, body, index in last.values():
+        first = first_row(ring, unpack_chunk(body), index)
+        rows[ring.ring] = first + (len(index) - _ENTRIES_AT) // INDEX_ENTRY.itemsize
+    return facts, rows
+
+
+def _indexed(facts: PartFacts | None, data: memoryview, at: int) -> tuple[RingFacts, memoryview, int] | None:
+    """Whose chunk ends here, the first body of its index, and where that index ends; None where it is not whole."""
+    if facts is None or at + _PREFIX + _ENTRIES_AT > len(data):
+        return None
+    opcode, length, channel = struct.unpack_from("<BQH", data, at)
+    ring = next((ring for ring in facts.rings if channel in ring.channels), None)
+    if opcode != Opcode.MESSAGE_INDEX or ring is None:
+        return None
+    end = at + (_PREFIX + length) * len(ring.channels)  # all channels of a ring have as many messages
+    return (ring, data[at + _PREFIX : at + _PREFIX + length], end) if end <= len(data) else None
+
+
 def _take_chunk(scan: PartScan, record: PartRecord) -> bool:
     """Take in a chunk with its index; False if it is damaged, with which the file ends."""
     ring = ring_of(scan.facts, record) if scan.facts is not None else None

@@ -27,7 +27,7 @@ STRING = "string"
 
 _STRINGS_AT_ONCE = 65536
 _NESTED = 1
-_ARRAY = 48
+_ARRAY, _SEQUENCE = 48, 144  # added for a fixed length, for any length
 _TYPE_IDS = {
     name: number
     for number, name in enumerate(
@@ -42,6 +42,8 @@ _CAMEL = {name: re.sub("^Ui", "UI", name.capitalize()) for name in _TYPE_IDS}
 _DEPENDENCIES: dict[str, tuple[tuple[str, str], ...]] = {
     "std_msgs/Header": (("builtin_interfaces/Time", "stamp"), ("string", "frame_id")),
     "builtin_interfaces/Time": (("int32", "sec"), ("uint32", "nanosec")),
+    "std_msgs/MultiArrayLayout": (("std_msgs/MultiArrayDimension[]", "dim"), ("uint32", "data_offset")),
+    "std_msgs/MultiArrayDimension": (("string", "label"), ("uint32", "size"), ("uint32", "stride")),
     "geometry_msgs/Point": (("float64", "x"), ("float64", "y"), ("float64", "z")),
 } | {f"geometry_msgs/{kind.message.name}": kind.message.fields for kind in KINDS if kind.message}
 
@@ -78,7 +80,7 @@ class MessageType:
         found: list[str] = []
         waiting = [kind for kind, _ in self.fields]
         while waiting:
-            kind = waiting.pop(0)
+            kind = waiting.pop(0).removesuffix("[]")
             if kind in _DEPENDENCIES and kind not in found:
                 found.append(kind)
                 waiting.extend(nested for nested, _ in _DEPENDENCIES[kind])
@@ -335,8 +337,8 @@ def _describe(name: str, fields: tuple[tuple[str, str], ...]) -> dict[str, objec
 
 
 def _describe_field(kind: str, name: str) -> dict[str, object]:
-    base, _, length = kind.rstrip("]").partition("[")
-    number = _TYPE_IDS.get(base, _NESTED) + (_ARRAY if length else 0)
+    base, bracket, length = kind.rstrip("]").partition("[")
+    number = _TYPE_IDS.get(base, _NESTED) + (_ARRAY if length else _SEQUENCE if bracket else 0)
     nested = "" if base in _TYPE_IDS else _long_name(base)
     type_ = {"type_id": number, "capacity": int(length or 0), "string_capacity": 0, "nested_type_name": nested}
     return {"name": name, "type": type_}

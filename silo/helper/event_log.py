@@ -64,6 +64,12 @@ class EventLog:
         kept = found[-limit:] if limit > 0 else []
         return kept, len(found) - len(kept)
 
+    @property
+    def written(self) -> int:
+        """The number up to which all lines stand in the file."""
+        with self._lock:
+            return self._waiting[0].number - 1 if self._waiting else self._events[-1].number if self._events else 0
+
     def of_run(self, run: str) -> list[LoggedEvent]:
         """Return what happened in a run, as far as memory has it."""
         with self._lock:

@@ -48,8 +48,13 @@ class Events:
         progress: float = 0.0,
         files: Sequence[SavedFile] = (),
         tick: int | None = None,
+        stamp_ns: int = 0,
+        run: str = "",
     ) -> LoggedEvent:
-        """Publish an event with the present status; it stands at `tick`, or at the newest one."""
+        """Publish an event with the present status; it stands at `tick`, or at the newest one, of `run` or the present.
+
+        `stamp_ns` is the time stamp of that tick, where it is known.
+        """
         status = self._mirror.status()
         newest = status.ticks - 1
         begun_ns = status.started_ns if kind is EventKind.STARTED else 0  # this is told some time after
@@ -58,9 +63,9 @@ class Events:
             text,
             begun_ns or time.time_ns(),
             newest if tick is None else tick,
-            status.last_tick_ns if tick in (None, newest) else self._mirror.stamp_of(tick or 0),
+            stamp_ns or (status.last_tick_ns if tick in (None, newest) else self._mirror.stamp_of(tick or 0)),
             plain(by) or self._mirror.now.robot.logger,
-            self._mirror.run,
+            run or self._mirror.run,
         )
         if kind is not EventKind.SAVING:  # only news; how it ends is logged
             event = self.log.add(event)

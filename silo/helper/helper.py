@@ -83,6 +83,7 @@ class Helper:
         self._root = Root(socket.gethostname(), name, drawn)
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._term_s = 0.0  # when SIGTERM came
+        self._gave_up = False  # SIGTERM came, and the robot program goes on
         self._deleted = ""  # the run whose files somebody deleted
         self._exit_code = 0
         self._judge: Judge | None = None
@@ -154,11 +155,12 @@ class Helper:
             marks.stop()
             if ended is _Ended.FILES_DELETED:
                 self._exit_code = FILES_DELETED
-                judge.stop("the helper process was replaced")
+                judge.stop("the helper process was replaced", hand_over=True)
                 journaling.stop()
                 saver.stop()
             elif ended is _Ended.GOODBYE:
-                judge.stop("the program closed its logger")
+                ending = "the helper process was ended" if self._gave_up else "the program closed its logger"
+                judge.stop(ending, hand_over=self._gave_up)
                 journaling.stop()
                 events.publish(EventKind.CLOSED, "the robot program closed its logger")
                 saver.stop(SAVE_GRACE_S)
@@ -185,6 +187,7 @@ class Helper:
                 os.eventfd_read(self._wake)
             if not readable and self._term_s and time.monotonic() >= self._term_s + TERM_GRACE_S:
                 log.warning("ended by SIGTERM; the robot program goes on")
+                self._gave_up = True
                 return _Ended.GOODBYE
             # a run first: what comes after it on the link may be about it, and it outlives the robot process
             if not self._take_runs(mirror) and runs in readable:

@@ -1,38 +1,41 @@
-"""The judge thread: triggers and limits of the present run, and the files of what is captured.
+"""The judge thread: triggers and limits of the present run.
 
-Two threads: one judges and copies rows before they are overwritten, one writes files, which may take its time.
+It judges and copies rows before they are overwritten; another thread writes the files of what is captured. What it
+knows is stored before anything is told: a helper process that takes the place of this one goes on from there.
 """
 
 import concurrent.futures
-import dataclasses
+import contextlib
 import logging
-import queue
-import shutil
+import os
+import re
 import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from silo.collecting.segment_reader import SegmentReader
-from silo.errors import ElementError, SaveError, SegmentError, SiloError
+from silo.errors import ElementError, SegmentError, SiloError
+from silo.helper.capture_writer import CaptureWriter
 from silo.helper.events import Events
+from silo.helper.leased_triggers import LeasedTriggers
 from silo.helper.mirror import Mirror
 from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.ipc.published import EventKind
-from silo.model import NO_EXTRAS, Extras, FileType, SavedFile, TriggerOptions
-from silo.recording import with_events
+from silo.model import NO_EXTRAS, Extras, TriggerOptions
+from silo.runtime import runtime_dir
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
+    from silo.helper.judge_memory import JudgeMemory
     from silo.helper.segment_judge import SegmentJudge, Step
-    from silo.helper.spool import Spool
 
 IDLE_S = 0.1  # how often is looked whether there is a run with triggers
+
+STATE_NAME = re.compile(r".*\.judge").fullmatch  # of what a judge leaves; `silo.helper.judge_state` reads it
 
 ORDER_S = 1.5  # how long a client waits for the judge thread; it asks for 2 s
 
@@ -54,40 +57,40 @@ class Judge:
 
     def __init__(self, mirror: Mirror, events: Events) -> None:
         self._mirror, self._events = mirror, events
+        self.leased = LeasedTriggers()
         self._wake = threading.Event()
         self._ended = False
         self._offered: deque[SegmentReader] = deque()
         self._judge: SegmentJudge | None = None
         self._run = self._why = ""
         self._closed = False  # captures of a run that stopped are closed
-        self._jobs: queue.Queue[tuple[Spool, TriggerOptions] | None] = queue.Queue()
-        self._unwritten: dict[int, int] = {}  # bytes of the captures that wait to be written, by spool
-        self._kept: dict[tuple[str, str], deque[list[SavedFile]]] = {}
+        self._writer = CaptureWriter(mirror, events)
+        self._memory: JudgeMemory | None = None
+        self._looked = False  # for what a predecessor left
+        self._hands_over = False
         self._orders: deque[tuple[Callable[[], Any], concurrent.futures.Future[Any]]] = deque()
         self._standing = Standing()  # at the end of the last run
         self._failed = ""
-        self._files: dict[tuple[str, str], tuple[str, ...]] = {}  # of the newest capture of a trigger of a run
-        self._threads = [
-            threading.Thread(target=self._watch, name="judge"),
-            threading.Thread(target=self._write_all, name="captures"),
-        ]
+        self._thread = threading.Thread(target=self._watch, name="judge")
 
     def start(self) -> None:
         """Start the threads."""
-        for thread in self._threads:
-            thread.start()
+        self._thread.start()
+        self._writer.start()
 
-    def stop(self, why: str) -> None:
+    def stop(self, why: str, *, hand_over: bool = False) -> None:
         """Judge what is left, close the captures under way with the reason, write their files, end the threads.
 
-        May be called twice.
+        With `hand_over` a successor goes on with those that it finds whole in the rings. May be called twice.
         """
-        self._why = self._why or why
+        if not self._ended:
+            self._why, self._hands_over = why, hand_over
         self._ended = True
         self._wake.set()
-        self._threads[0].join()
-        self._jobs.put(None)
-        self._threads[1].join()
+        self._thread.join()
+        self._writer.stop()
+        if self._memory is not None and not self._hands_over:
+            self._memory.forget_all()
 
     def take_run(self) -> None:
         """Judge the run that the mirror has just taken over, however soon the next one replaces it."""
@@ -114,21 +117,42 @@ class Judge:
             if self._judge is not None:
                 self._judge.arm(name, armed=armed)
 
-        self._ordered(order)
+        self._ordered(order, changes=True)
 
     def force(self, name: str) -> int:
         """Fire now; returns the tick. Raises ElementError where nothing is logged."""
-        tick: int = self._ordered(lambda: self._force(name))
+        tick: int = self._ordered(lambda: self._force(name), changes=True)
         return tick
+
+    def hold(self, one: TriggerOptions, lease_s: float, owner: str) -> bool:
+        """Hold a client's trigger for so long; whether it is a new one. Raises ElementError."""
+        now = self._mirror.now
+        is_new = self.leased.set(one, lease_s, owner, now.robot.extras, now.table.elements, now.options)
+        self._wake.set()
+        return is_new
+
+    def let_go(self, name: str) -> bool:
+        """Forget a client's trigger; False where none is held of that name."""
+        found = self.leased.drop(name)
+        self._wake.set()
+        return found
+
+    def names(self) -> list[str]:
+        """Return the names of all triggers."""
+        return [one.name for one in self.leased.beside(self._mirror.now.robot.extras).triggers]
 
     def acknowledge(self, names: list[str], who: str, time_ns: int) -> int:
         """Note that somebody has seen alarms; returns how many there were. Raises ElementError."""
-        count: int = self._ordered(lambda: self._judge.acknowledge(names, who, time_ns) if self._judge else 0)
+        count: int = self._ordered(
+            lambda: self._judge.acknowledge(names, who, time_ns) if self._judge else 0, changes=True
+        )
         return count
 
-    def _ordered(self, order: Callable[[], Any]) -> Any:
-        """Have the judge thread do it between two looks at the rings."""
-        if not self._threads[0].is_alive():
+    def _ordered(self, order: Callable[[], Any], *, changes: bool = False) -> Any:
+        """Have the judge thread do it between two looks at the rings; what it changes is stored before the answer."""
+        if changes:
+            return self._ordered(lambda: self._kept_after(order))
+        if not self._thread.is_alive():
             return order()
         future: concurrent.futures.Future[Any] = concurrent.futures.Future()
         self._orders.append((order, future))
@@ -137,6 +161,12 @@ class Judge:
             return future.result(ORDER_S)
         except concurrent.futures.TimeoutError:
             raise ElementError("the helper process is busy judging rows; ask again in a moment") from None
+
+    def _kept_after(self, order: Callable[[], Any]) -> Any:
+        result = order()
+        if self._judge is not None:
+            self._keep(self._judge)
+        return result
 
     def _do_orders(self) -> None:
         while self._orders:
@@ -156,27 +186,33 @@ class Judge:
                     msgspec.structs.replace(known.get(one.name, TriggerStatus(one, TriggerWord.WAITING)), options=one),
                     why,
                 )
-                for one in robot.extras.triggers
+                for one in self.leased.beside(robot.extras).triggers
             ]
             limits = self._standing.limits or tuple(
                 LimitStatus(one.name, one.name, LimitWord.BLIND, why=why or "nothing was logged yet")
                 for one in robot.extras.limits
             )
-            return Standing(self._standing.run, self._standing.tick, tuple(triggers), limits)
+            return Standing(self._standing.run, self._standing.tick, self._owned(triggers), limits)
         run = judge.reader.schema.run
         found = [
-            msgspec.structs.replace(one, files=self._files.get((run, one.options.name), ())) for one in judge.triggers()
+            msgspec.structs.replace(one, files=self._writer.files(run, one.options.name)) for one in judge.triggers()
         ]
         if self._closed:
             found = [_waiting(one, "") for one in found]
-        return Standing(run, judge.reader.ticks, tuple(found), tuple(judge.limits()))
+        return Standing(run, judge.judged, self._owned(found), tuple(judge.limits()))
+
+    def _owned(self, triggers: list[TriggerStatus]) -> tuple[TriggerStatus, ...]:
+        return tuple(
+            msgspec.structs.replace(one, owner=owner) if (owner := self.leased.owner(one.options.name)) else one
+            for one in triggers
+        )
 
     def _force(self, name: str) -> int:
         judge = self._judge
         if judge is None or self._closed:
             raise ElementError(f"trigger '{name}' can't fire: the logger doesn't run; start it; nothing was changed")
         found, tick = judge.force(name)
-        self._tell(found)
+        self._bring(judge, found)
         return tick
 
     # ------------------------------------------------------------------------------------------------- judging
@@ -189,6 +225,8 @@ class Judge:
             wait_s = self._guarded()
             self._do_orders()
         self._guarded()
+        if self._hands_over:
+            self._hand_over()
         self._end_run(self._why)
         self._do_orders()
 
@@ -204,10 +242,31 @@ class Judge:
         return IDLE_S
 
     def _forget(self, text: str) -> None:
-        self._judge, self._failed = None, text
+        """Judge this run no more. What was captured until now is written, and says so."""
+        judge, self._judge, self._failed = self._judge, None, text
+        if judge is not None:
+            found = judge.close("judging failed")
+            try:
+                self._bring(judge, found)
+            except Exception:  # what it knows may be what is broken
+                log.exception("what triggers and limits knew can't be stored")
+                for spool in found.whole:
+                    self._writer.add(spool)
         self._events.publish(EventKind.BLIND, text)
 
+    def _hand_over(self) -> None:
+        """Leave what is under way to the helper process that comes next, and write what it would not find."""
+        judge = self._judge
+        if judge is None:
+            return
+        with contextlib.suppress(SiloError):
+            self._bring(judge, judge.hand_over(self._why))
+        self._judge = None
+
     def _step(self) -> float:
+        if not self._looked:
+            self._looked = True
+            self._look_back()
         while self._offered:
             self._next_run(self._offered.popleft())
         if self._run != self._mirror.run and not self._offered:
@@ -217,26 +276,29 @@ class Judge:
         if judge is None or not judge.active:
             return IDLE_S
         running = judge.reader.running  # before its rows are read: a stop after them is seen at the next look
-        self._tell(judge.step())
+        self._bring(judge, judge.step())
         if not running and not self._closed:
             self._closed = True
-            self._tell(judge.end(judge.reader.stop_reason or "the logger was stopped"))
+            self._bring(judge, judge.end(judge.reader.stop_reason or "the logger was stopped"))
         return judge.wait_s
 
     def _adopt(self) -> None:
         """Judge what the robot program has by now, where it differs from what the run began with."""
         robot, judge = self._mirror.now.robot, self._judge
-        if robot.segment != self._mirror.segment or (judge is not None and judge.extras == robot.extras):
+        for name, owner in self.leased.expire():
+            log.info("trigger '%s' of %s is forgotten: nobody renewed it", name, owner)
+        extras = self.leased.beside(robot.extras)
+        if robot.segment != self._mirror.segment or (judge is not None and judge.extras == extras):
             return  # of another run, or known
         if judge is None:
-            if not _has_conditions(robot.extras) or self._failed or not self._run:
+            if not _has_conditions(extras) or self._failed or not self._run:
                 return
             reader = self._mirror.open_reader()
             if reader is None or reader.schema.run != self._run:
                 return
-            self._begin(reader, robot.extras, since=reader.ticks)
-        elif judge.extras != robot.extras:
-            judge.adopt(robot.extras)
+            self._begin(reader, extras, since=reader.ticks)
+        else:
+            judge.adopt(extras)
             self._tell_problems(judge)
 
     def _next_run(self, reader: SegmentReader | None) -> None:
@@ -246,17 +308,69 @@ class Judge:
             return
         self._end_run("a new run began")
         self._run, self._closed, self._failed = run, False, ""
-        if reader is None or not _has_conditions(reader.schema.extras):
+        if reader is None:
             return
-        self._begin(reader, reader.schema.extras)
+        if self._memory is not None:
+            self._memory.forget_others(run)
+        if self._go_on(reader) or not _has_conditions(reader.schema.extras):
+            return
+        # of a damaged state nobody knows what it had fired for: nothing fires twice
+        is_damaged = self._memory is not None and self._memory.was_damaged(run)
+        self._begin(reader, reader.schema.extras, since=reader.ticks if is_damaged else 0)
 
-    def _begin(self, reader: SegmentReader, extras: Extras, since: int = 0) -> None:
+    # ------------------------------------------------------------------------------------------- before and after us
+
+    def _look_back(self) -> None:
+        """Take in what judges before this one left, if there is anything, and tell what nobody can go on with."""
+        with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
+            if any(map(STATE_NAME, os.listdir(runtime_dir()))):  # noqa: PTH208  # nearly always there is none
+                self._remembering().look()
+
+    def _remembering(self) -> "JudgeMemory":
+        if self._memory is None:
+            from silo.helper.judge_memory import JudgeMemory
+
+            robot = self._mirror.now.robot
+            self._memory = JudgeMemory(robot.logger, robot.pid, self._events, self._writer)
+        return self._memory
+
+    def _go_on(self, reader: SegmentReader) -> bool:
+        """Go on with a run that a predecessor judged; False where none did."""
+        state = self._memory.left(reader.schema.run) if self._memory is not None else None
+        if state is None:
+            return False
+        from silo.helper.judge_memory import lost_text
+
+        self._closed, self._failed = state.closed, state.failed
+        try:
+            judge = self._made(reader, state.extras, state.until)
+            whole = judge.recall(state)
+        except (SiloError, ValueError, KeyError, IndexError) as error:
+            log.exception("what the helper process before this one left can't be used")
+            for kept in state.captures:
+                self._events.publish(EventKind.BLIND, lost_text(kept, f"its judge left what can't be used: {error}"))
+            self._begin(reader, state.extras, since=reader.ticks)
+            return True
+        for spool in whole:
+            self._writer.add(spool)
+        if not state.failed:
+            self._judge = judge
+        return True
+
+    def _made(self, reader: SegmentReader, extras: Extras, since: int) -> "SegmentJudge":
         from silo.helper.segment_judge import SegmentJudge
 
-        self._judge = SegmentJudge(
-            reader, self._mirror.now.table.elements, extras, since, lambda: sum(list(self._unwritten.values()))
-        )
-        self._tell_problems(self._judge)
+        return SegmentJudge(reader, self._mirror.now.table.elements, extras, since, lambda: self._writer.size_bytes)
+
+    def _begin(self, reader: SegmentReader, extras: Extras, since: int = 0) -> None:
+        self._judge = judge = self._made(reader, extras, since)
+        if since:
+            judge.count_from(self._remembering().numbers(reader.schema.run))
+        self._tell_problems(judge)
+        self._keep(judge)  # a successor that finds nothing judges all: then nothing was told
+
+    def _keep(self, judge: "SegmentJudge", found: "Step | None" = None) -> None:
+        self._remembering().keep(judge, found, closed=self._closed, failed=self._failed)
 
     def _tell_problems(self, judge: "SegmentJudge") -> None:
         for problem in judge.problems:
@@ -267,83 +381,23 @@ class Judge:
         if judge is None:
             return
         try:
-            self._tell(judge.end(why))
+            found = judge.end(why)
         except SiloError as error:
-            self._events.publish(EventKind.BLIND, f"the end of the run was not judged: {error}")
+            found = judge.close(why)
+            found.blind.append(f"the end of the run was not judged: {error}")
         self._closed = True
+        self._bring(judge, found)
         self._standing = self._stands()
         self._judge = None
 
-    def _tell(self, found: "Step") -> None:
-        for text in found.blind:
-            self._events.publish(EventKind.BLIND, text)
-        for name, capture in found.fired:
-            tick = capture.fires[0].tick
-            self._events.publish(EventKind.TRIGGERED, f"trigger '{name}' fired at tick {tick}", tick=tick)
+    def _bring(self, judge: "SegmentJudge", found: "Step") -> None:
+        """Store what is known by now, then tell what was found and have it written: never the other way round."""
+        memory = self._remembering()
+        if found or memory.is_due():
+            self._keep(judge, found)
+        memory.tell(found)
         for spool in found.whole:
-            self._unwritten[id(spool)] = spool.size_bytes
-            self._jobs.put((spool, spool.options))
-        for over, text in found.limits:
-            self._events.publish(EventKind.LIMIT if over else EventKind.LIMIT_ENDED, text)
-
-    # ------------------------------------------------------------------------------------------------- writing
-
-    def _write_all(self) -> None:
-        while (job := self._jobs.get()) is not None:
-            self._guarded_write(*job)
-            del self._unwritten[id(job[0])]
-            del job  # while the thread waits, nothing must hold the memory of a segment that is gone
-
-    def _guarded_write(self, spool: "Spool", options: TriggerOptions) -> None:
-        try:
-            self._write(spool, options)
-        except Exception as error:
-            # whatever a writer does, the next capture gets its chance, and clients hear of this one
-            log.exception("a capture was not saved")
-            why = str(error) if isinstance(error, SiloError | OSError) else repr(error)
-            text = f"capture {spool.capture.number} of '{spool.trigger}' was not saved: {why}"
-            self._events.publish(EventKind.SAVE_FAILED, text)
-
-    def _write(self, spool: "Spool", options: TriggerOptions) -> None:
-        from silo.files import write
-        from silo.files.naming import next_run_number
-        from silo.helper.writing import WriteOrder, write_apart
-
-        happened = self._events.log.of_run(spool.schema.run)
-        first, last = spool.capture.first, spool.capture.last
-        recording = with_events(spool.recording(), [event for event in happened if first <= event.tick <= last])
-        if spool.schema.run == self._mirror.run:  # derived signals and limits as they are by now
-            extras = msgspec.structs.replace(self._mirror.now.robot.extras, capture=recording.extras.capture)
-            recording = dataclasses.replace(recording, extras=extras)
-        folder, logger = self._mirror.now.robot.folder, recording.logger
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        run = next_run_number(folder, logger)
-        name = f"{logger}_{datetime.now():%Y%m%d_%H-%M-%S}_{run:05d}_{options.name}_{spool.capture.number}"
-        files = write(recording, folder, logger, [FileType.SILO], name, why=f"trigger {options.name}")
-        others: list[FileType] = [kind for kind in options.save if kind is not FileType.SILO]
-        if others:
-            # what CSV and bags need would leave this process with twice its memory
-            order = WriteOrder(folder, logger, others, name, log=files[0].path)
-            report = write_apart(None, order, lambda _: None)
-            files += report.files
-            if report.error:
-                raise SaveError(f"{report.error}; saved: {', '.join(file.path for file in files)}")
-            if FileType.SILO not in options.save:
-                _remove(Path(files.pop(0).path))
-        capture, ended = spool.capture, spool.ended and f" ({spool.ended})"
-        paths = ", ".join(file.path for file in files)
-        text = f"capture {capture.number} of '{options.name}', ticks {capture.first} to {capture.last}{ended}: {paths}"
-        self._events.publish(EventKind.CAPTURED, text, files=files)
-        self._files[spool.schema.run, options.name] = tuple(file.path for file in files)
-        self._keep(spool.schema.run, options, files)
-
-    def _keep(self, run: str, options: TriggerOptions, files: list[SavedFile]) -> None:
-        """Remove the oldest captures beyond those that are kept: only files of this very run and trigger."""
-        kept = self._kept.setdefault((run, options.name), deque())
-        kept.append(files)
-        while options.keep and len(kept) > options.keep:
-            for file in kept.popleft():
-                _remove(Path(file.path))
+            self._writer.add(spool)
 
 
 def _has_conditions(extras: Extras) -> bool:
@@ -355,13 +409,3 @@ def _waiting(one: TriggerStatus, why: str) -> TriggerStatus:
     state = one.state if one.options.armed else TriggerWord.OFF
     state = state if state in (TriggerWord.OFF, TriggerWord.FIRED) else TriggerWord.WAITING
     return msgspec.structs.replace(one, state=TriggerWord.BLIND if why else state, holdoff_s=0.0, why=why)
-
-
-def _remove(path: Path) -> None:
-    """Remove one saved log with what belongs to it."""
-    if path.is_dir():
-        shutil.rmtree(path, ignore_errors=True)
-        return
-    path.unlink(missing_ok=True)
-    if path.suffix == ".csv":
-        path.with_name(f"{path.name}.json").unlink(missing_ok=True)

@@ -33,6 +33,7 @@ class JudgedRows:
         self.catalogue = Catalogue([self._known(one) for one in self._elements], schema.prefix, schema.extras.derived)
         self._wanted: dict[int, set[tuple[int, int]]] = {}
         self._cursors: dict[int, int] = {}
+        self._silent: set[int] = set()
 
     def _known(self, element: ElementSchema | _Off) -> Known:
         info = element.info
@@ -44,6 +45,15 @@ class JudgedRows:
         # of what keeps its first samples only, the ring for live views has the rest
         fixed = self._reader.schema.rings[element.ring].buffer_type is BufferType.FIXED
         return element.live_ring if fixed and element.live_ring >= 0 else element.ring
+
+    @property
+    def cursors(self) -> dict[int, int]:
+        """The next row of each ring that is read."""
+        return dict(self._cursors)
+
+    def recall(self, cursors: Mapping[int, int]) -> None:
+        """Go on with these rows."""
+        self._cursors.update((ring, row) for ring, row in cursors.items() if ring in self._cursors)
 
     def derive(self, derived: Sequence[Derived]) -> bool:
         """Bind expressions to these derived signals from now on; whether they are others than before."""
@@ -80,7 +90,30 @@ class JudgedRows:
         for ring in self._wanted:
             found[ring], missed = self._read(ring, until)
             lost = max(lost, missed)
+        # rows of all these ticks were committed: of a ring that has fewer the buffer is full
+        rings = self._reader.schema.rings
+        self._silent = {ring for ring, row in self._cursors.items() if row < -(-until // rings[ring].divider)}
         return found, lost
+
+    @property
+    def silent(self) -> frozenset[int]:
+        """Rings that record no more, as their buffers are full: what is in them can't be told from here on."""
+        return frozenset(self._silent)
+
+    def silent_why(self, expressions: Iterable[Bound]) -> str:
+        """Return which signals of expressions record no more, in words; empty where all do."""
+        full = [
+            (column.element, self._reader.schema.rings[column.source])
+            for bound in expressions
+            for column in bound.columns
+            if column.source in self._silent
+        ]
+        if not full:
+            return ""
+        element, ring = full[0]
+        kept = "keeps its first samples only" if ring.buffer_type is BufferType.FIXED else "may not grow any more"
+        name, buffer = self._elements[element].info.name, ring.buffer_type.name.lower()
+        return f"'{name}' {kept} (buffer={buffer}), and its buffer is full"
 
     def _read(self, ring: int, until: int) -> tuple[SourceRows, int]:
         cursor, lost = self._cursors[ring], 0

@@ -17,7 +17,7 @@ from silo.errors import ElementError
 from silo.helper.judged_rows import JudgedRows
 from silo.ipc.conditions import LimitStatus, LimitWord
 from silo.judging.binding import OFF, Bound, Column, Signal, meaning
-from silo.judging.evaluation import Evaluator, SourceRows
+from silo.judging.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from silo.judging.extras import bind_limits, scalar_names
 from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
 from silo.model import SignalLimits
@@ -35,7 +35,7 @@ _WORDS = {
 
 
 @dataclass
-class _Scalar:
+class Scalar:
     """What is kept of one scalar beside its state: the worst of its violations, and what clients were told."""
 
     name: str
@@ -46,18 +46,30 @@ class _Scalar:
 
 
 @dataclass
+class LimitMemory:
+    """What is kept of the limits of one signal, to go on elsewhere."""
+
+    options: SignalLimits
+    scalars: list[Scalar]
+    states: list[EntryState]
+    newest: np.ndarray
+    evaluator: EvaluatorMemory | None
+
+
+@dataclass
 class _Limited:
     """The limits of one signal. Without an evaluator its columns are those of one ring, and no context."""
 
     options: SignalLimits
     why: str = ""
-    scalars: list[_Scalar] = field(default_factory=list)
+    scalars: list[Scalar] = field(default_factory=list)
     unit: str = ""
     limit: Limit = field(default_factory=lambda: Limit(LimitRule()))
     expressions: tuple[Bound, ...] = ()
     evaluator: Evaluator | None = None
     newest: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     stirred: bool = False  # not all of it is green, or was
+    silent: str = ""  # why nothing of it is recorded any more
 
     def columns(self) -> list[Column]:
         return [column for bound in self.expressions for column in bound.columns]
@@ -72,7 +84,7 @@ class _Limited:
 
 
 def _stirs(state: EntryState) -> bool:
-    return bool(state.level or state.pending_samples or state.is_open)
+    return bool(state.level or state.beyond_yellow or state.is_open)
 
 
 def _is_worse(one: Violation, other: Violation) -> bool:
@@ -82,6 +94,19 @@ def _is_worse(one: Violation, other: Violation) -> bool:
     if one.worst != other.worst:
         return True
     return one.peak > other.peak if one.worst > 0 else one.peak < other.peak
+
+
+@dataclass(frozen=True)
+class LimitNews:
+    """What clients must be told of a scalar: whether it is beyond its limits (else well again), in words, and where.
+
+    `tick` is that of the worst sample, or of the first that is well; -1 where there is none.
+    """
+
+    over: bool
+    text: str
+    tick: int = -1
+    stamp_ns: int = 0
 
 
 class _Together:
@@ -147,9 +172,9 @@ class LimitJudge:
             rule, expressions = bind_limits(options, catalogue)
         except ElementError as error:
             problems.append(f"limits of '{options.name}' are not judged: {error}")
-            return _Limited(options, str(error), [_Scalar(options.name)])
+            return _Limited(options, str(error), [Scalar(options.name)])
         signal = expressions[0]
-        scalars = [_Scalar(name) for name in scalar_names(signal, catalogue, options.name)]
+        scalars = [Scalar(name) for name in scalar_names(signal, catalogue, options.name)]
         if not signal.sources:
             off = ", ".join(self._rows.off_names(expressions)[:3])
             return _Limited(options, f"{off} is off", scalars, signal.unit)
@@ -159,6 +184,31 @@ class LimitJudge:
             options, "", scalars, signal.unit, Limit(rule, len(scalars)), expressions,
             None if plain else Evaluator(*expressions), np.full(len(scalars), np.nan), bool(rule.stale_ns),
         )  # fmt: skip
+
+    def memory(self) -> list[LimitMemory]:
+        """Return what it remembers."""
+        return [
+            LimitMemory(
+                one.options,
+                one.scalars,
+                one.limit.states,
+                one.newest,
+                one.evaluator.memory() if one.evaluator else None,
+            )
+            for one in self._limited.values()
+            if not one.why
+        ]
+
+    def recall(self, memory: Iterable[LimitMemory]) -> None:
+        """Go on where another one stood. Raises ValueError."""
+        for kept in memory:
+            one = self._limited.get(kept.options.name)
+            if one is None or one.why or one.options != kept.options or len(kept.states) != len(one.scalars):
+                continue
+            one.scalars, one.limit.states, one.newest = kept.scalars, kept.states, kept.newest
+            if one.evaluator is not None and kept.evaluator is not None:
+                one.evaluator.recall(kept.evaluator)
+            one.take(())
 
     @property
     def active(self) -> bool:
@@ -194,10 +244,23 @@ class LimitJudge:
             one.newest = values[-1]
             one.take(one.limit.feed(judged.ticks[own], judged.time_ns[own], values, context))
 
+    def check_silent(self) -> list[str]:
+        """Note what is recorded no more, and return in words what is so since the last time."""
+        silent = self._rows.silent
+        found = []
+        for one in self._limited.values():
+            if one.why or not one.expressions:
+                continue
+            why = self._rows.silent_why(one.expressions) if not silent.isdisjoint(one.expressions[0].sources) else ""
+            if why and not one.silent:
+                found.append(f"limits of '{one.options.name}' are blind from here on: {why}")
+            one.silent = why
+        return found
+
     def check_stale(self, now_ns: int) -> None:
         """Note what has had no new value for too long."""
         for one in self._limited.values():
-            if not one.why and one.limit.rule.stale_ns:
+            if not one.why and not one.silent and one.limit.rule.stale_ns:
                 one.limit.check_stale(now_ns)
 
     def acknowledge(self, names: Sequence[str], who: str, time_ns: int) -> int:
@@ -215,8 +278,8 @@ class LimitJudge:
         """Return how each scalar stands."""
         return [_status(one, at) for one in self._limited.values() for at in range(len(one.scalars))]
 
-    def news(self) -> list[tuple[bool, str]]:
-        """Return what clients must be told now: whether a scalar is beyond its limits or well again, in words."""
+    def news(self) -> list[LimitNews]:
+        """Return what clients must be told now."""
         now_s = time.monotonic()
         found = [
             news
@@ -227,7 +290,9 @@ class LimitJudge:
             if (news := _news(one, scalar, state, now_s))
         ]
         more = len(found) - MOST_NEWS
-        return found if more <= 0 else [*found[:MOST_NEWS], (True, f"{more} more signals changed beside their limits")]
+        if more > 0:
+            return [*found[:MOST_NEWS], LimitNews(True, f"{more} more signals changed beside their limits")]
+        return found
 
 
 def _sample_ticks(bound: Bound, rows: Mapping[int, SourceRows]) -> NDArray[np.int64]:
@@ -258,12 +323,12 @@ def _status(one: _Limited, at: int) -> LimitStatus:
             scalar.name, one.options.name, LimitWord.BLIND, one.unit, why=one.why, bounds=one.options.bounds
         )
     state, value = one.limit.states[at], float(one.newest[at])
-    word = _word(state, value)
+    word = LimitWord.BLIND if one.silent else _word(state, value)
     made = LimitStatus(
         scalar.name, one.options.name, word, one.unit, value if math.isfinite(value) else None,
         count=state.count, stale_count=state.stale_count, alarm=bool(state.alarm or state.stale_alarm),
         seen_by=state.acknowledged.who if state.acknowledged else "",
-        why="it has no value yet" if word is LimitWord.BLIND else "", bounds=one.options.bounds,
+        why=(one.silent or "it has no value yet") if word is LimitWord.BLIND else "", bounds=one.options.bounds,
     )  # fmt: skip
     return _with_worst(made, one.limit.rule, state, scalar.worst)
 
@@ -281,7 +346,7 @@ def _with_worst(made: LimitStatus, rule: LimitRule, state: EntryState, worst: Vi
     )  # fmt: skip
 
 
-def _news(one: _Limited, scalar: _Scalar, state: EntryState, now_s: float) -> tuple[bool, str] | None:
+def _news(one: _Limited, scalar: Scalar, state: EntryState, now_s: float) -> LimitNews | None:
     count, over = state.count + state.stale_count, bool(state.level or state.stale or state.is_open)
     if (count == scalar.told_count and over == scalar.told_over) or now_s - scalar.told_s < TELL_AGAIN_S:
         return None
@@ -291,13 +356,21 @@ def _news(one: _Limited, scalar: _Scalar, state: EntryState, now_s: float) -> tu
     scalar.told_count, scalar.told_over, scalar.told_s = count, over, now_s
     newest = state.violation
     if not fresh:
-        return (False, f"{scalar.name} is within its limits again") if not over else None
+        return LimitNews(False, f"{scalar.name} is within its limits again", _well_tick(state)) if not over else None
     if state.stale or newest is None:
-        return True, f"{scalar.name} == has had no new value for {one.limit.rule.stale_ns * 1e-9:g} s"
+        return LimitNews(True, f"{scalar.name} == has had no new value for {one.limit.rule.stale_ns * 1e-9:g} s")
     bound = _bound_of(one.limit.rule, newest.worst)
     times = f", {new} times" if new > 1 else ""
     ended = "" if over else "; within its limits again"
-    return True, (
+    text = (
         f"{scalar.name} {_WORDS[newest.worst].value} {newest.peak:.6g}{unit} at tick {newest.peak_tick}, "
         f"limit {bound:.6g}{unit}{times}{ended}"
     )
+    return LimitNews(True, text, newest.peak_tick, newest.peak_ns)
+
+
+def _well_tick(state: EntryState) -> int:
+    """The tick at which a scalar was well again, -1 where only the newest is known."""
+    if state.violation is None:
+        return -1
+    return max(state.since_tick, state.violation.last_tick)

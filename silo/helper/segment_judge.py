@@ -4,18 +4,19 @@ Belongs to the judge thread. It reads rings behind their heads and never holds u
 before it came are what it was blind for, and it says so.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import msgspec
 
 from silo.collecting.schema import TIME_RING
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import ElementError
+from silo.helper.judge_state import JudgeState, KeptCapture, KeptTrigger, Untold
 from silo.helper.judged_rows import JudgedRows
-from silo.helper.limit_judge import LimitJudge
+from silo.helper.limit_judge import LimitJudge, LimitNews
 from silo.helper.spool import Spool
-from silo.ipc.conditions import LimitStatus, TriggerStatus, TriggerWord
+from silo.ipc.conditions import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
 from silo.judging.binding import Bound, bind, meaning
 from silo.judging.evaluation import Evaluator
 from silo.judging.extras import trigger_rule
@@ -44,6 +45,7 @@ class _Watched:
     expressions: tuple[Bound, ...] = ()
     evaluator: Evaluator | None = None
     why: str = ""
+    silent: str = ""  # why nothing of its signals is recorded any more
 
 
 @dataclass
@@ -53,7 +55,10 @@ class Step:
     fired: list[tuple[str, Capture]] = field(default_factory=list)
     blind: list[str] = field(default_factory=list)
     whole: list[Spool] = field(default_factory=list)
-    limits: list[tuple[bool, str]] = field(default_factory=list)  # whether one was violated, or is well again
+    limits: list[LimitNews] = field(default_factory=list)
+
+    def __bool__(self) -> bool:
+        return bool(self.fired or self.blind or self.whole or self.limits)
 
 
 class SegmentJudge:
@@ -80,6 +85,8 @@ class SegmentJudge:
         self._limits = LimitJudge(self._rows)
         self._until, self._steps = since, 0
         self._spools: list[Spool] = []
+        self._numbers: dict[str, int] = {}  # captures of each name so far: they stand in names of files
+        self._found = Step()
         self._unwritten = unwritten
         self.adopt(reader.schema.extras if extras is None else extras)
 
@@ -88,6 +95,7 @@ class SegmentJudge:
         self.problems = []
         before, self.extras = self._watched, extras
         anew = self._rows.derive(extras.derived)  # what stands on one may mean something else now
+        self._numbers.update((name, one.trigger.captures) for name, one in before.items())
         self._watched = {one.name: self._taken(one, before.get(one.name), anew=anew) for one in extras.triggers}
         self._limits.adopt(extras.limits, self.problems, anew=anew)
         columns = [column for one in self._watched.values() for bound in one.expressions for column in bound.columns]
@@ -97,12 +105,12 @@ class SegmentJudge:
         """A trigger with these options: the same one, the same with other words about it, or one that begins now."""
         if before is not None and before.options == options and not (anew and self._differs(before)):
             return before
-        trigger = Trigger(trigger_rule(options, self.reader.schema.frequency_hz), armed=options.armed)
+        rule = trigger_rule(options, self.reader.schema.frequency_hz)
+        trigger = Trigger(rule, armed=options.armed, captures=self._numbers.get(options.name, 0))
         made = _Watched(options, trigger)
         if before is not None:
-            # numbers stand in names of files: they go on
-            trigger.captures, trigger.fires, trigger.capture = (
-                before.trigger.captures, before.trigger.fires, before.trigger.capture
+            trigger.captures, trigger.fires, trigger.capture, trigger.before = (
+                before.trigger.captures, before.trigger.fires, before.trigger.capture, before.trigger.before
             )  # fmt: skip
             if before.options != options and _same_but_armed(before.options, options):
                 before.options = options
@@ -139,6 +147,11 @@ class SegmentJudge:
         return max(0.005, min(LONGEST_WAIT_S, self._rows.shortest_s / 4))
 
     @property
+    def judged(self) -> int:
+        """How many ticks are judged."""
+        return self._until
+
+    @property
     def active(self) -> bool:
         """Whether there is anything to judge."""
         return bool(self._watched or self._spools) or self._limits.active
@@ -158,11 +171,11 @@ class SegmentJudge:
 
     def force(self, name: str) -> tuple[Step, int]:
         """Fire at the newest tick that is judged; returns what that brought, and the tick. Raises ElementError."""
-        found = self.step()
         if name not in self._watched:
             raise ElementError(f"no trigger is called '{name}'; nothing was changed")
-        if not self._until:
+        if not self.reader.ticks:
             raise ElementError(f"trigger '{name}' can't fire: nothing was logged yet; nothing was changed")
+        found = self.step()
         tick, watched = self._until - 1, self._watched[name]
         rows = self.reader.rows(TIME_RING, tick, 1)
         time_ns = int(rows.time_ns[0]) if len(rows) else self.reader.last_time_ns
@@ -188,12 +201,13 @@ class SegmentJudge:
             state = TriggerWord.BLIND
         elif state is TriggerWord.BLIND:
             off = self._rows.off_names(one.expressions)
-            why = f"{', '.join(off[:3])} is off" if off else "its signals have no value now"
+            silent = self._rows.silent_why(one.expressions)
+            why = f"{', '.join(off[:3])} is off" if off else silent or "its signals have no value now"
         last = trigger.capture.fires[-1] if trigger.capture else None
         left_s = trigger.holdoff_left(tick) / self.reader.schema.frequency_hz if state is TriggerWord.HOLDOFF else 0.0
         return TriggerStatus(
             one.options, state, trigger.fires, trigger.captures, last.tick if last else -1, last.time_ns if last else 0,
-            left_s, why,
+            left_s, why, whole=_whole(trigger, tick),
         )  # fmt: skip
 
     def limits(self) -> list[LimitStatus]:
@@ -204,7 +218,7 @@ class SegmentJudge:
 
     def step(self) -> Step:
         """Judge what is new, up to the tick that stands in all rings."""
-        found = Step()
+        self._found = found = Step()
         # the time ring's head is written last: rows of all ticks before it stand in every ring
         ticks = self.reader.ticks
         while self._until < ticks and self.active:
@@ -214,6 +228,7 @@ class SegmentJudge:
             self._copy(until, found)
         self._until = ticks
         if self._limits.active:
+            found.blind += self._limits.check_silent()
             self._limits.check_stale(self.reader.last_time_ns)
             found.limits += self._limits.news()
         self._steps += 1
@@ -235,6 +250,16 @@ class SegmentJudge:
             rearm = judged.codes(1) if one.options.rearm else None
             for capture in one.trigger.feed(judged.ticks, judged.time_ns, judged.codes(0), rearm):
                 self._capture(one.options, capture, found)
+            self._check_silent(one, one.evaluator, until - 1, found)
+
+    def _check_silent(self, one: _Watched, evaluator: Evaluator, tick: int, found: Step) -> None:
+        """Take in that none of the signals of a trigger is recorded any more."""
+        why = self._rows.silent_why(one.expressions) if self._rows.silent.issuperset(evaluator.sources) else ""
+        if why:
+            one.trigger.blind(tick)
+        if why and not one.silent:
+            found.blind.append(f"trigger '{one.options.name}' is blind from here on: {why}")
+        one.silent = why
 
     # ------------------------------------------------------------------------------------------------- captures
 
@@ -243,6 +268,8 @@ class SegmentJudge:
             if spool.trigger == options.name and spool.capture.number == capture.number:
                 spool.extend(capture)
                 return
+        if not options.save:
+            return  # it is for looking: what it captured is still in the rings
         found.fired.append((options.name, capture))
         if self._unwritten() + sum(spool.size_bytes for spool in self._spools) > MOST_SPOOL_BYTES:
             found.blind.append(
@@ -263,13 +290,87 @@ class SegmentJudge:
 
     def end(self, why: str) -> Step:
         """Judge the rest, and close the captures that are under way, with the reason."""
-        found = self.step()
+        self.step()
+        return self.close(why)
+
+    def close(self, why: str) -> Step:
+        """Close the captures that are under way and judge no more; with what the last step found until it failed."""
+        found, self._found = self._found, Step()
         for spool in self._spools:
-            missing = spool.capture.last + 1 - self._until
-            spool.ended = f"{why}, {missing} ticks before its end"
-            found.whole.append(spool)
+            self._end_spool(spool, why)
+        found.whole += self._spools
         self._spools = []
         return found
+
+    def _end_spool(self, spool: Spool, why: str) -> None:
+        missing = max(0, spool.capture.last + 1 - spool.ticks)
+        spool.ended = f"{why}, {missing} ticks before its end"
+
+    def hand_over(self, why: str) -> Step:
+        """Judge the rest, and close the captures that a successor would not find whole in the rings any more."""
+        found = self.step()
+        gone = [spool for spool in self._spools if not spool.is_held()]
+        for spool in gone:
+            self._end_spool(spool, why)
+            one = self._watched.get(spool.trigger)
+            if one is not None and one.trigger.capture is not None:
+                one.trigger.capture = replace(one.trigger.capture, last=self._until - 1)  # what follows is another one
+        found.whole += gone
+        self._spools = [spool for spool in self._spools if spool not in gone]
+        return found
+
+    # ------------------------------------------------------------------------------------------------- going on
+
+    def state(self, waiting: Sequence[KeptCapture], untold: Sequence[Untold], *, closed: bool) -> JudgeState:
+        """Return what a successor needs to go on, with the captures that wait to be written."""
+        schema = self.reader.schema
+        triggers = [
+            KeptTrigger(one.options, one.trigger, one.evaluator.memory() if one.evaluator else None)
+            for one in self._watched.values()
+        ]
+        under_way = [KeptCapture(spool.options, spool.capture, spool.ended) for spool in self._spools]
+        return JudgeState(
+            schema.run, schema.pid, schema.pid_start, self._until, self.extras, self._rows.cursors, triggers,
+            self._limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
+        )  # fmt: skip
+
+    def count_from(self, numbers: Mapping[str, int]) -> None:
+        """Number captures from these on."""
+        self._numbers.update(numbers)
+        for name, one in self._watched.items():
+            one.trigger.captures = max(one.trigger.captures, numbers.get(name, 0))
+
+    def recall(self, state: JudgeState) -> list[Spool]:
+        """Go on where another one stood, of the same extras; returns the captures that only have to be written.
+
+        Those under way are copied anew, as far as the rings still hold them. Raises ValueError, KeyError.
+        """
+        for kept in state.triggers:
+            one = self._watched.get(kept.options.name)
+            if one is not None and one.options == kept.options:
+                one.trigger = kept.trigger
+                if one.evaluator is not None and kept.evaluator is not None:
+                    one.evaluator.recall(kept.evaluator)
+        self._limits.recall(state.limits)
+        self._rows.recall(state.cursors)
+        self._numbers.update(state.numbers)
+        whole: list[Spool] = []
+        for capture in state.captures:
+            spool = Spool(capture.options, capture.capture, self.reader)
+            spool.ended = capture.ended
+            is_whole = spool.append(self._until)
+            (whole if is_whole or capture.ended else self._spools).append(spool)
+        return whole
+
+
+def _whole(trigger: Trigger, until: int) -> CapturedSpan | None:
+    """The newest capture all of whose ticks are before `until`."""
+    newest = trigger.capture
+    found = newest if newest is None or newest.last < until else trigger.before
+    if found is None:
+        return None
+    fire = found.fires[0]
+    return CapturedSpan(found.number, found.first, found.last, fire.tick, fire.time_ns, fire.forced)
 
 
 def _same_but_armed(one: TriggerOptions, other: TriggerOptions) -> bool:

@@ -26,12 +26,21 @@ class Spool:
         elements = [element for element in reader.schema.elements if element.info.options.action.saves]
         self._rings = {TIME_RING, *(element.ring for element in elements)}
         self._parts: dict[int, list[Rows]] = {ring: [] for ring in self._rings}
-        self._next = {ring: -(-capture.first // self._divider(ring)) for ring in self._rings}
+        # a slow signal brings the sample that holds where the capture begins, and that its time stamp
+        self._next = {ring: capture.first // self._divider(ring) for ring in self._rings}
+        self._next[TIME_RING] = min(self._next[ring] * self._divider(ring) for ring in self._rings)
+        self._begun = dict(self._next)
         self._missing = 0
+        self._schema: SegmentSchema | None = None  # of the rows that there are: 13 ms for 500 elements
         self.ended = ""
 
     def _divider(self, ring: int) -> int:
         return self._reader.schema.rings[ring].divider
+
+    @property
+    def run(self) -> str:
+        """The run that it is of."""
+        return self._reader.schema.run
 
     def extend(self, capture: Capture) -> None:
         """Take in that more fires made the capture longer."""
@@ -39,6 +48,7 @@ class Spool:
 
     def append(self, until: int) -> bool:
         """Copy the rows of ticks before `until` that are new; whether the capture is whole then."""
+        self._schema = None
         end = min(until, self.capture.last + 1)
         for ring in self._rings:
             stop = -(-end // self._divider(ring))
@@ -47,13 +57,24 @@ class Spool:
             rows = self._reader.rows(ring, self._next[ring], stop - self._next[ring])
             if rows.first > self._next[ring]:
                 # they were overwritten before: what is whole begins here
-                self._missing = max(self._missing, (rows.first - self._next[ring]) * self._divider(ring))
+                lost_from = max(self._next[ring] * self._divider(ring), self.capture.first)
+                self._missing = max(self._missing, rows.first * self._divider(ring) - lost_from)
                 self._parts[ring] = []
                 rows = self._reader.rows(ring, rows.first, max(stop - rows.first, 0))
             if len(rows):
                 self._parts[ring].append(Rows(rows.ring, rows.first, rows.words))
                 self._next[ring] = rows.first + len(rows)
         return until > self.capture.last
+
+    def is_held(self) -> bool:
+        """Whether the rings hold all of it so far, and will for a second."""
+        schema = self._reader.schema
+        for ring, begun in self._begun.items():
+            layout = schema.rings[ring]
+            soon = self._reader.head(ring) + -(-round(schema.frequency_hz) // layout.divider)
+            if layout.buffer_type is BufferType.LOOPING and soon - layout.capacity >= begun:
+                return False
+        return True
 
     @property
     def size_bytes(self) -> int:
@@ -65,6 +86,11 @@ class Spool:
     @property
     def schema(self) -> SegmentSchema:
         """What the rows hold, every buffer as large as what it has of the capture."""
+        if self._schema is None:
+            self._schema = self._made_schema()
+        return self._schema
+
+    def _made_schema(self) -> SegmentSchema:
         schema = self._reader.schema
         rings = tuple(msgspec.structs.replace(ring, buffer_type=BufferType.LOOPING) for ring in schema.rings)
         elements = []

@@ -24,10 +24,22 @@ class TriggerWord(str, enum.Enum):
         return cls.OTHER
 
 
+class CapturedSpan(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Ticks `first` to `last` around the fire at `tick`, with its time stamp; `forced` where no condition fired."""
+
+    number: int
+    first: int
+    last: int
+    tick: int
+    time_ns: int
+    forced: bool = False
+
+
 class TriggerStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     """One trigger. `fires` and `captures` count those of this run; `why` tells why it is blind.
 
     `last_tick` and `last_ns` are of the last fire, -1 and 0 where there was none; `files` those of its newest capture.
+    `whole` is the newest capture that has all its ticks. `owner` is the client that holds it under a lease.
     """
 
     options: TriggerOptions
@@ -39,6 +51,8 @@ class TriggerStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     holdoff_s: float = 0.0
     why: str = ""
     files: tuple[str, ...] = ()
+    whole: CapturedSpan | None = None
+    owner: str = ""
 
 
 class LimitWord(str, enum.Enum):

@@ -37,6 +37,7 @@ POLL_S = 0.05
 RETRY_S = 0.2
 HELLO_TIMEOUT_S = 1.0
 DEAD_SCAN_S = 0.5
+TOKEN_POLL_S = 0.001
 LOOK_S = 1.0
 REACH_S = 2.0  # its thread looks for the way again and again, and is to end soon
 
@@ -128,6 +129,7 @@ class Connection:
                 attached = list(self._attached)
             for one in attached:
                 one.attach(session, root, client_id)
+            _wait_for_token(alive, HELLO_TIMEOUT_S + borrowed.slack_s)
         except BaseException:
             for one in attached:
                 one.detach()
@@ -310,6 +312,21 @@ class Connection:
         if others:
             self._lose()
             self.found = others[0]
+
+
+def _wait_for_token(alive: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]", timeout_s: float) -> None:
+    """Wait until the token of a helper process is known: the end of one that isn't is never told.
+
+    Raises ConnectionLostError where it has ended already; rules that hide tokens are no reason not to connect.
+    """
+    until_s = time.monotonic() + timeout_s
+    while time.monotonic() < until_s:
+        sample = alive.try_recv()
+        if sample is not None and sample.kind == zenoh.SampleKind.DELETE:
+            raise ConnectionLostError("the helper process ended just now; try again")
+        if sample is not None:
+            return
+        time.sleep(TOKEN_POLL_S)
 
 
 def _mark(found: Found) -> str:

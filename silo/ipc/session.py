@@ -1,4 +1,5 @@
-"""Opening Zenoh sessions: what a helper process listens on, how a client connects. Nothing else configures Zenoh.
+"""Opening Zenoh sessions: what a helper process listens on, how a client connects. Nothing else configures Zenoh
+but the bridge to ROS 2, which joins the network of another program (`silo.bridges.ros2.graph`).
 
 Without a configuration file there is no network: one Unix socket per logger in a folder that only its user may enter.
 The default `zenoh.Config()` listens on all interfaces and scouts by multicast; it is never used as it stands.

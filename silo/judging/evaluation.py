@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from silo.judging.binding import OFF, Bound, Computed, Constant, Part, Remembered, Signal, columns_of
 from silo.judging.operations import OPERATIONS, REDUCING, Truth, Value, as_numbers, as_truth, columned, raw, spread
-from silo.judging.windows import Window
+from silo.judging.windows import Window, WindowMemory
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -162,6 +162,33 @@ class _Memory:
     window: Window | None = None
 
 
+@dataclass
+class SourceMemory:
+    """The last row of a source: its tick, and values by element and entry."""
+
+    source: int
+    tick: int | None
+    values: list[tuple[int, int, float]]
+
+
+@dataclass
+class PartMemory:
+    """What a remembering function keeps."""
+
+    last: np.ndarray
+    sample: np.ndarray
+    time_ns: int
+    window: WindowMemory | None
+
+
+@dataclass
+class EvaluatorMemory:
+    """What another evaluator of the same expressions needs to go on in this one's place."""
+
+    sources: list[SourceMemory]
+    parts: list[PartMemory]
+
+
 class Evaluator:
     """Computes expressions over the rows of one run, batch after batch. A new run needs a new one.
 
@@ -217,6 +244,32 @@ class Evaluator:
         self._keep()
         self._rows, self._grids, self._made = {}, {}, {}
         return Judged(grid.ticks, grid.time_ns, values, seen)
+
+    def memory(self) -> EvaluatorMemory:
+        """Return what it remembers."""
+        sources = [
+            SourceMemory(source, one.tick, [(*key, value) for key, value in one.values.items()])
+            for source, one in self._sources.items()
+        ]
+        parts = [
+            PartMemory(
+                np.asarray(one.last, np.float64), np.asarray(one.sample, np.float64), one.time_ns,
+                one.window.memory() if one.window else None,
+            )
+            for one in self._memories.values()
+        ]  # fmt: skip
+        return EvaluatorMemory(sources, parts)
+
+    def recall(self, memory: EvaluatorMemory) -> None:
+        """Go on where another one stood, of the same expressions bound to the same run. Raises ValueError."""
+        for kept in memory.sources:
+            known = self._sources[kept.source]
+            known.tick = kept.tick
+            known.values = {(element, entry): value for element, entry, value in kept.values}
+        for own, part in zip(self._memories.values(), memory.parts, strict=True):
+            own.last, own.sample, own.time_ns = part.last, part.sample, part.time_ns
+            if own.window is not None and part.window is not None:
+                own.window.recall(part.window)
 
     def _seen(self, sources: Sequence[int], grid: _Grid) -> Bools | None:
         if OFF in sources:

@@ -12,7 +12,7 @@ from silo.judging.binding import Bound, Catalogue, Known, bind
 from silo.judging.derived import binds, placed
 from silo.judging.limits import LimitRule, limit_rule
 from silo.judging.tokens import ExpressionError
-from silo.judging.triggers import Held, Mode, Slope, TriggerRule
+from silo.judging.triggers import Held, Mode, Slope, TriggerRule, check_pre
 from silo.model import BufferType, Derived, ElementInfo, Extras, SignalLimits, TriggerOptions
 
 MOST_DERIVED = 200
@@ -129,8 +129,11 @@ def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
         raise ElementError(
             f"edge {name} must be rising, falling, level, enter or leave, its mode normal or single: {error}"
         ) from None
-    if mode is Mode.AUTO:
-        raise ElementError(f"mode {name} must be normal or single; nothing was changed")
+    if mode is Mode.AUTO and options.save:
+        raise ElementError(
+            f"mode {name} must be normal or single: auto captures without end, which is for looking (a scope), not for "
+            "files; nothing was changed"
+        )
     return TriggerRule(
         ticks("pre", options.pre_s),
         ticks("post", options.post_s),
@@ -138,7 +141,13 @@ def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
         ticks("persist", options.persist_s),
         ticks("holdoff", options.holdoff_s),
         mode,
+        ticks("patience", options.patience_s),
     )
+
+
+def check_held(one: TriggerOptions, elements: Sequence[ElementInfo], frequency_hz: float) -> None:
+    """Raise ElementError where the buffers can't hold what a trigger captures of the past, with the size that would."""
+    check_pre(trigger_rule(one, frequency_hz).pre, frequency_hz, held_by(elements))
 
 
 def held_by(elements: Sequence[ElementInfo]) -> list[Held]:

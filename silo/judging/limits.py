@@ -39,8 +39,8 @@ class Level(enum.IntEnum):
 class LimitRule:
     """Bounds of each scalar of a signal: a value at a bound is within it. Infinite where there is none.
 
-    `persistence` samples in a row make a state, `hysteresis` is how far inside a bound it ends. `stale_ns`: no value
-    that is new for so long is an alarm too; 0 for never.
+    `persistence` samples in a row make a state (those beyond red are beyond yellow too), `hysteresis` is how far inside
+    a bound it ends. `stale_ns`: no value that is new for so long is an alarm too; 0 for never.
     """
 
     red_low: float = -math.inf
@@ -122,8 +122,13 @@ class EntryState:
     alarm: Level = Level.GREEN
     acknowledged: Acknowledgement | None = None
     since_tick: int = -1  # of the state
-    pending: Level = Level.GREEN  # what the newest samples ask for
-    pending_samples: int = 0  # that do so, 0 where they agree with the state
+    # how many of the newest samples in a row are so; what is beyond red is beyond yellow too, opposite is on the other
+    # side than the state
+    beyond_yellow: int = 0
+    beyond_red: int = 0
+    within_red: int = 0
+    within_yellow: int = 0
+    opposite: int = 0
     fresh_ns: int | None = None  # when the value was new
     last: float = math.nan
     stale_count: int = 0
@@ -191,7 +196,7 @@ class Limit:
         return [
             entry
             for entry, (state, quiet) in enumerate(zip(self.states, green.tolist(), strict=True))
-            if not quiet or state.level or state.pending_samples or state.is_open
+            if not quiet or state.level or state.beyond_yellow or state.is_open
         ]
 
     def _feed_entry(
@@ -214,8 +219,8 @@ class Limit:
             for changed in self._violate(entry, state, ticks[run], time_ns[run], values[run], level):
                 found[changed.number] = changed
             if code == _OUT:
-                state.pending_samples = 0
                 self._move(state, Level.GREEN, int(ticks[start]))
+                _count(state, Level.GREEN, 0)
             else:
                 self._persist(state, ticks[run], values[run], level)
         return list(found.values())
@@ -257,21 +262,41 @@ class Limit:
         return [*changed, state.violation]
 
     def _persist(self, state: EntryState, ticks: Ints, values: Floats, level: Level) -> None:
-        """Change the state after enough samples in a row that ask for it."""
-        held = self._held(state.level, level, values)
-        starts = [0, *(np.flatnonzero(held[1:] != held[:-1]) + 1).tolist()]
-        for start, stop in zip(starts, [*starts[1:], len(held)], strict=True):
-            if level is state.level or held[start]:
-                state.pending, state.pending_samples = state.level, 0
-                continue
-            if level is not state.pending:
-                state.pending, state.pending_samples = level, 0
-            needed = self.rule.persistence - state.pending_samples
-            if needed <= stop - start:
-                state.pending_samples = 0
-                self._move(state, level, int(ticks[start + needed - 1]))
-                return  # the rest of them is of this range too
-            state.pending_samples += stop - start
+        """Change the state after enough samples in a row that ask for it, by samples of one range."""
+        at = 0
+        while at < len(ticks):
+            held = self._held(state.level, level, values[at:])
+            changes = np.flatnonzero(held[1:] != held[:-1])
+            count = int(changes[0]) + 1 if len(changes) else len(held)
+            # what is still within the hysteresis of a state agrees with it
+            counted = state.level if held[0] else level
+            moves_to, after = self._next_move(state, counted)
+            taken = min(count, after)
+            _count(state, counted, taken)
+            at += taken
+            if after <= count:
+                self._move(state, moves_to, int(ticks[at - 1]))
+
+    def _next_move(self, state: EntryState, level: Level) -> tuple[Level, int]:
+        """Which state samples of this level lead to next, and how many of them it takes; very many: to none."""
+        now, size, side = abs(state.level), abs(level), -1 if level < 0 else 1
+        needed = self.rule.persistence
+        found: list[tuple[int, Level]] = []
+        if size == 2 and (now < 2 or level * state.level < 0):
+            found.append((needed - state.beyond_red, level))
+        if size and not now:
+            found.append((needed - state.beyond_yellow, Level(side)))
+        if level * state.level < 0:
+            found.append((needed - state.opposite, Level(side)))
+        if now == 2 and size < 2:
+            found.append((needed - state.within_red, Level(state.level // 2)))
+        if now and not size:
+            found.append((needed - state.within_yellow, Level.GREEN))
+        if not found:
+            return state.level, _NEVER
+        # of two that are due at once the one that goes farther
+        after, moves_to = min(found, key=lambda one: (max(one[0], 1), -abs(one[1] - state.level)))
+        return moves_to, max(after, 1)
 
     def _held(self, state: Level, level: Level, values: Floats) -> NDArray[np.bool_]:
         """Where values that are less bad than the state are still within its hysteresis."""
@@ -285,7 +310,7 @@ class Limit:
     def _move(self, state: EntryState, level: Level, tick: int) -> None:
         if level is state.level:
             return
-        state.level, state.since_tick = level, tick
+        state.level, state.since_tick, state.opposite = level, tick, 0
         if abs(level) > abs(state.alarm):
             state.alarm, state.acknowledged = level, None
 
@@ -318,5 +343,16 @@ class Limit:
             state.stale_alarm, state.acknowledged = True, None
 
 
+def _count(state: EntryState, level: Level, samples: int) -> None:
+    """Count samples of one level in; 0 of them: nothing is counted any more."""
+    size = abs(level) if samples else -1
+    state.beyond_yellow = state.beyond_yellow + samples if size >= 1 else 0
+    state.beyond_red = state.beyond_red + samples if size == 2 else 0
+    state.within_red = state.within_red + samples if 0 <= size < 2 else 0
+    state.within_yellow = state.within_yellow + samples if size == 0 else 0
+    state.opposite = state.opposite + samples if level * state.level < 0 and samples else 0
+
+
+_NEVER = 2**62
 # beside the levels: out of context, and no value
 _OUT, _SKIP = 9, 8

@@ -96,14 +96,15 @@ class Trigger:
     captures: int = 0  # begun so far
     fires: int = 0
     capture: Capture | None = None  # the newest one; more fires may extend it
-    _ready: bool = True  # rearmed since the last fire
-    _turned: bool = False  # the condition turned true while that counted
-    _known: int = UNOBSERVABLE  # the last result that was one
-    _now: int = UNOBSERVABLE
-    _since: int | None = None  # from when on it is true without a break
-    _holdoff_end: int = 0
-    _patient_until: int | None = None
-    _tick: int = -1  # the newest that was judged
+    before: Capture | None = None  # the one before it
+    ready: bool = True  # rearmed since the last fire
+    turned: bool = False  # the condition turned true while that counted
+    known: int = UNOBSERVABLE  # the last result that was one
+    now: int = UNOBSERVABLE
+    since: int | None = None  # from when on it is true without a break
+    holdoff_end: int = 0
+    patient_until: int | None = None
+    tick: int = -1  # the newest that was judged
     _new: list[Capture] = field(default_factory=list)
 
     def feed(self, ticks: Ints, time_ns: Ints, condition: Codes, rearm: Codes | None = None) -> list[Capture]:
@@ -123,7 +124,7 @@ class Trigger:
         for start, stop in zip(starts, [*starts[1:], len(ticks)], strict=True):
             self._stretch(ticks[start:stop], time_ns[start:stop], int(condition[start]),
                           None if rearm is None else int(rearm[start]))  # fmt: skip
-        self._tick, self._now = int(ticks[-1]), int(condition[-1])
+        self.tick, self.now = int(ticks[-1]), int(condition[-1])
         return self._new
 
     def force(self, tick: int, time_ns: int) -> list[Capture]:
@@ -132,16 +133,20 @@ class Trigger:
         self._fire(tick, time_ns, forced=True)
         return self._new
 
+    def blind(self, tick: int) -> None:
+        """Take in that up to this tick nothing could be told, and that there is nothing to tell it from."""
+        self.now, self.since, self.tick = UNOBSERVABLE, None, tick
+
     def arm(self, tick: int) -> None:
         """Watch again from this tick on, also after the one capture of SINGLE mode."""
         if not self.armed:
-            self.armed, self._ready = True, True
-            self._turned, self._patient_until = False, None
-            self._holdoff_end = tick
+            self.armed, self.ready = True, True
+            self.turned, self.patient_until = False, None
+            self.holdoff_end = tick
 
     def disarm(self) -> None:
         """Fire no more until `arm`. A capture that began goes on."""
-        self.armed, self._turned = False, False
+        self.armed, self.turned = False, False
 
     def state(self, tick: int) -> TriggerState:
         """What it does at a tick, fit to show."""
@@ -149,13 +154,13 @@ class Trigger:
             return TriggerState.FIRING
         if not self.armed:
             return TriggerState.DISARMED
-        if self._now == UNOBSERVABLE and self._tick >= 0:
+        if self.now == UNOBSERVABLE and self.tick >= 0:
             return TriggerState.UNOBSERVABLE
-        return TriggerState.HOLDOFF if tick < self._holdoff_end else TriggerState.ARMED
+        return TriggerState.HOLDOFF if tick < self.holdoff_end else TriggerState.ARMED
 
     def holdoff_left(self, tick: int) -> int:
         """Return for how many ticks from this one on turns are ignored."""
-        return max(self._holdoff_end - tick, 0)
+        return max(self.holdoff_end - tick, 0)
 
     # ----------------------------------------------------------------------------------------------- the rules
 
@@ -163,19 +168,19 @@ class Trigger:
         """Take in ticks at all of which the results are these."""
         level = self.rule.slope is Slope.LEVEL
         rearms = (condition == FALSE or level) if rearm is None else rearm == TRUE
-        self._ready = self._ready or rearms
+        self.ready = self.ready or rearms
         if condition != TRUE:
-            self._since = None
+            self.since = None
             if condition == FALSE:
-                self._turned = False
-        elif self._since is None:
-            self._since = int(ticks[0])
-            counts = self.armed and self._ready and self._since >= self._holdoff_end
-            self._turned = self._turned or level or (self._known == FALSE and counts)
+                self.turned = False
+        elif self.since is None:
+            self.since = int(ticks[0])
+            counts = self.armed and self.ready and self.since >= self.holdoff_end
+            self.turned = self.turned or level or (self.known == FALSE and counts)
         if condition != UNOBSERVABLE:
-            self._known = condition
-        if self.rule.mode is Mode.AUTO and self._patient_until is None:
-            self._patient_until = int(ticks[0]) + self.rule.patience
+            self.known = condition
+        if self.rule.mode is Mode.AUTO and self.patient_until is None:
+            self.patient_until = int(ticks[0]) + self.rule.patience
         at = 0
         while at < len(ticks):
             by_condition = self._next_fire(ticks) if condition == TRUE else len(ticks)
@@ -186,19 +191,19 @@ class Trigger:
             self._fire(int(ticks[at]), int(time_ns[at]), forced=by_patience < by_condition)
             at += 1
             if at < len(ticks):
-                self._ready = self._ready or rearms
+                self.ready = self.ready or rearms
                 ticks, time_ns, at = ticks[at:], time_ns[at:], 0
 
     def _next_fire(self, ticks: Ints) -> int:
-        if not (self.armed and self._ready and (self._turned or self.rule.slope is Slope.LEVEL)):
+        if not (self.armed and self.ready and (self.turned or self.rule.slope is Slope.LEVEL)):
             return len(ticks)
-        assert self._since is not None
-        return int(np.searchsorted(ticks, max(self._since + self.rule.persist, self._holdoff_end)))
+        assert self.since is not None
+        return int(np.searchsorted(ticks, max(self.since + self.rule.persist, self.holdoff_end)))
 
     def _next_by_patience(self, ticks: Ints) -> int:
-        if self._patient_until is None or not self.armed:
+        if self.patient_until is None or not self.armed:
             return len(ticks)
-        return int(np.searchsorted(ticks, self._patient_until))
+        return int(np.searchsorted(ticks, self.patient_until))
 
     def _fire(self, tick: int, time_ns: int, *, forced: bool) -> None:
         rule = self.rule
@@ -208,20 +213,21 @@ class Trigger:
             self.capture = replace(open_now, last=last, fires=(*open_now.fires[:999], fire))
         else:
             self.captures += 1
+            self.before = open_now
             self.capture = Capture(self.captures, max(tick - rule.pre, 0), last, (fire,))
         if self._new and self._new[-1].number == self.capture.number:
             self._new[-1] = self.capture
         else:
             self._new.append(self.capture)
         self.fires += 1
-        self._patient_until = last + 1 + rule.patience if rule.mode is Mode.AUTO else None
+        self.patient_until = last + 1 + rule.patience if rule.mode is Mode.AUTO else None
         if rule.mode is Mode.SINGLE:
             self.disarm()
         # what lasts is captured end to end, not as one capture without end
         at_least = rule.post + 1 if rule.slope is Slope.LEVEL else 0
-        self._holdoff_end = tick + max(rule.holdoff, at_least)
+        self.holdoff_end = tick + max(rule.holdoff, at_least)
         if not forced:
-            self._ready, self._turned = False, False
+            self.ready, self.turned = False, False
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,46 @@
 """Minimum, maximum, mean and deviation within a moving time, the same however the samples come in batches.
 
-A window is put together of blocks of 1, 2, 4, ... samples that begin at multiples of their length, counted from the
-start. Which blocks these are follows from the window alone, and so does every rounding; running sums would differ with
-each cut, and keep an infinity for ever. The cost per row grows with the logarithm of the window.
+A window is put together of what stands before and what stands after one sample, the turn: accumulated from the turn
+backwards once, and from the turn on as samples come. When a window has left the turn behind, its newest sample is the
+next one. So nothing is ever subtracted, an infinity is gone with its sample, and a row costs the same for any window.
+Where the turns are follows from the windows alone, and so does every rounding. Windows of a few samples, which would
+turn at every other row, are gathered instead.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Merge = Callable[[Floats, Floats], Floats]
+Ints = NDArray[np.int64]
+
+SHORT = 64  # samples that are gathered: the mean of 50 rows of them takes 40 us
+BLOCK = 128  # rows that are gathered at once: 5000 of them leave the cache and take 7 us each, these 1
+
+
+@dataclass
+class WindowMemory:
+    """What a window needs to go on: its samples, the number of the oldest since the start, and two more numbers."""
+
+    times: np.ndarray
+    samples: np.ndarray
+    first: int
+    begin: int  # of the stretch without a break
+    turn: int  # -1 for none
+
+
+@dataclass
+class _Side:
+    """Samples accumulated from the turn: by row how many there are and what they make, shape `(n, parts, k)`.
+
+    The parts are minimum, maximum or sum; for the deviation the sums of distances from a `center`, and of their
+    squares. The center is one of the samples: that keeps the digits of large numbers.
+    """
+
+    counts: Floats
+    parts: Floats
+    center: Floats
 
 
 @dataclass
@@ -24,94 +52,234 @@ class Window:
 
     function: str
     window_ns: int
-    _times: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    _values: Floats | None = None
-    _first: int = 0  # which sample since the start the oldest kept one is
-    _zero: Floats | None = None  # the first samples: distances from them keep the digits of large numbers
+    _times: Ints = field(default_factory=lambda: np.zeros(0, np.int64))  # with room for more
+    _samples: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    _low: int = 0  # where in them the kept samples begin and end
+    _high: int = 0
+    _first: int = 0  # which sample since the start is in place 0
+    _begin: int = 0  # which one the present stretch without a break begins with
+    _turn: int = -1
+    _before: _Side | None = None  # row i: samples `_from + i` up to the turn
+    _from: int = 0
+    _after: _Side | None = None  # one row: samples from the turn on, before sample `_next`
+    _next: int = 0
 
-    def feed(self, time_ns: NDArray[np.int64], values: Floats, breaks: NDArray[np.intp]) -> Floats:
+    def feed(self, time_ns: Ints, values: Floats, breaks: NDArray[np.intp]) -> Floats:
         """Return the value at each sample, over those of the last `window_ns` with itself; NaN where there is none.
 
         `values` has shape `(n,)` or `(n, k)`. At `breaks`, and where the clock goes back, the window begins anew.
         """
-        if not len(time_ns):
+        count = len(time_ns)
+        if not count:
             return values
-        flat = values.reshape(len(values), -1)
-        kept = len(self._times)
-        times = np.concatenate([self._times, time_ns]) if kept else time_ns
-        samples = np.concatenate([self._values, flat]) if kept and self._values is not None else flat
-        jumps = np.flatnonzero(times[1:] < times[:-1]) + 1
-        cuts = np.unique(np.concatenate([breaks + kept, jumps])).tolist()
-        starts = np.empty(len(times) - kept, np.int64)
-        begin = 0
-        for end in [*cuts, len(times)]:
-            low = max(begin, kept)
-            if end > low:
-                found = np.searchsorted(times[begin:end], times[low:end] - self.window_ns, "right")
-                starts[low - kept : end - kept] = begin + found
-            begin = end
-        stops = np.arange(kept + 1, len(times) + 1, dtype=np.int64)
-        made = self._reduced(samples, starts, stops)
-        drop = int(starts[-1])
-        self._times, self._values = times[drop:].copy(), samples[drop:].copy()
-        self._first += drop
+        flat = values.reshape(count, -1)
+        self._append(time_ns, flat)
+        stops = np.arange(1, count + 1, dtype=np.int64) + (self._first + self._high - count)
+        starts = self._starts(time_ns, breaks, int(stops[0]) - 1)
+        made = np.empty_like(flat)
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            is_short = stops - starts <= SHORT
+            if is_short.all():
+                for low in range(0, count, BLOCK):
+                    made[low : low + BLOCK] = self._gathered(starts[low : low + BLOCK], stops[low : low + BLOCK])
+            elif not is_short.any():
+                self._accumulated(starts, stops, made)
+            else:
+                places = np.flatnonzero(is_short)
+                for low in range(0, len(places), BLOCK):
+                    block = places[low : low + BLOCK]
+                    made[block] = self._gathered(starts[block], stops[block])
+                long = np.empty((int(count - is_short.sum()), flat.shape[1]))
+                self._accumulated(starts[~is_short], stops[~is_short], long)
+                made[~is_short] = long
+        self._low = int(starts[-1]) - self._first
         return made.reshape(values.shape)
 
-    def _reduced(self, samples: Floats, starts: NDArray[np.int64], stops: NDArray[np.int64]) -> Floats:
+    # ------------------------------------------------------------------------------------------------- the samples
+
+    def _append(self, time_ns: Ints, flat: Floats) -> None:
+        count = len(time_ns)
+        if self._high + count > len(self._times):
+            kept = self._high - self._low
+            room = 2 * (kept + count)
+            times, samples = np.empty(room, np.int64), np.empty((room, flat.shape[1]))
+            times[:kept] = self._times[self._low : self._high]
+            if kept:
+                samples[:kept] = self._samples[self._low : self._high]
+            self._times, self._samples = times, samples
+            self._first, self._low, self._high = self._first + self._low, 0, kept
+        self._times[self._high : self._high + count] = time_ns
+        self._samples[self._high : self._high + count] = flat
+        self._high += count
+
+    def _starts(self, time_ns: Ints, breaks: NDArray[np.intp], number: int) -> Ints:
+        """The first sample of the window of each new sample, the first of which has this number."""
+        count, place = len(time_ns), number - self._first
+        cuts = breaks.tolist()
+        if (time_ns[1:] < time_ns[:-1]).any():
+            cuts = sorted({*cuts, *(np.flatnonzero(time_ns[1:] < time_ns[:-1]) + 1).tolist()})
+        if place > self._low and time_ns[0] < self._times[place - 1] and 0 not in cuts:
+            cuts = [0, *cuts]
+        starts = np.empty(count, np.int64)
+        low = 0
+        for high in [*cuts, count]:
+            if high > low:
+                begin = max(self._begin - self._first, self._low)
+                times = self._times[begin : place + high]
+                starts[low:high] = np.searchsorted(times, time_ns[low:high] - self.window_ns, "right") + begin
+            if high < count:
+                self._begin = number + high
+            low = high
+        starts += self._first
+        return starts
+
+    def _part(self, low: int, high: int) -> Floats:
+        return self._samples[low - self._first : high - self._first]
+
+    # ----------------------------------------------------------------------------------------------- short windows
+
+    def _gathered(self, starts: Ints, stops: Ints) -> Floats:
+        lengths = stops - starts
+        along = np.arange(lengths.max())
+        inside = along < lengths[:, None]
+        places = np.minimum(starts[:, None] + along, stops[:, None] - 1) - self._first
+        samples = self._samples[places]
+        known = inside[:, :, None]
+        center = samples[:, :1]
+        counts = lengths[:, None].astype(np.float64)
+        if np.isnan(self._part(int(starts[0]), int(stops[-1]))).any():
+            known = known & ~np.isnan(samples)
+            center = np.take_along_axis(samples, known.argmax(axis=1)[:, None], 1)
+            counts = known.sum(axis=1).astype(np.float64)
         if self.function in ("min", "max"):
-            # NaN is what fmin and fmax leave out
             merge = np.fmin if self.function == "min" else np.fmax
-            return _query(samples, self._first, starts, stops, merge, np.full(samples.shape[1:], np.nan))
+            reduced: Floats = merge.reduce(np.where(known, samples, np.nan), axis=1)
+            return reduced
+        if self.function == "mean":
+            # added up one by one, whatever stands beside them
+            mean: Floats = np.cumsum(np.where(known, samples, 0.0), axis=1)[:, -1] / counts
+            return mean
+        away = np.where(known, samples - center, 0.0)
+        total = np.cumsum(away, axis=1)[:, -1]
+        squares = np.cumsum(away * away, axis=1)[:, -1]
+        return _deviation(squares - total * total / counts, counts)
+
+    # ------------------------------------------------------------------------------------------------ long windows
+
+    def _accumulated(self, starts: Ints, stops: Ints, made: Floats) -> None:
+        row = 0
+        while row < len(starts):
+            if self._turn < 0 or starts[row] > self._turn:
+                self._turn_at(int(starts[row]), int(stops[row]) - 1)
+            end = row + int(np.searchsorted(starts[row:], self._turn, "right"))
+            made[row:end] = self._merged(starts[row:end], stops[row:end])
+            row = end
+
+    def _turn_at(self, start: int, turn: int) -> None:
+        """Have windows from sample `start` on put together at this one."""
+        self._turn = self._next = turn
+        samples = self._part(start, turn)[::-1]
+        side, nothing = self._nothing(), np.zeros((1, samples.shape[1]))
+        self._from, self._before = start, self._extended(side, samples)
+        # the last row is of no sample at all, forward order
+        self._before.counts = np.concatenate([nothing, self._before.counts])[::-1]
+        self._before.parts = np.concatenate([side.parts, self._before.parts])[::-1]
+        self._after = self._nothing()
+
+    def _nothing(self) -> _Side:
+        width = self._samples.shape[1]
+        parts = np.full((1, 1, width), np.nan) if self.function in ("min", "max") else np.zeros((1, 2, width))
+        if self.function == "mean":
+            parts = parts[:, :1]
+        return _Side(np.zeros((1, width)), parts, np.full(width, np.nan))
+
+    def _extended(self, side: _Side, samples: Floats) -> _Side:
+        """What comes out at each of more samples."""
+        if self.function in ("min", "max"):
+            merge = np.fmin if self.function == "min" else np.fmax
+            made = merge.accumulate(np.concatenate([side.parts[-1], samples]))[1:]
+            return _Side(np.zeros(samples.shape), made[:, None], side.center)
         missing = np.isnan(samples)
-        counts = np.where(missing, 0.0, 1.0)
-        clean = np.where(missing, 0.0, samples)
-        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            if self.function == "mean":
-                pairs = np.stack([clean, counts], axis=-1)
-                total = _query(pairs, self._first, starts, stops, np.add, np.zeros(pairs.shape[1:]))
-                mean: Floats = total[..., 0] / total[..., 1]
-                return mean
-            if self._zero is None:
-                self._zero = np.where(np.isfinite(samples[0]), samples[0], 0.0)
-            moments = np.stack([counts, clean - self._zero, np.zeros_like(clean)], axis=-1)
-            found = _query(moments, self._first, starts, stops, _merged_moments, np.zeros(moments.shape[1:]))
-            deviation: Floats = np.sqrt(found[..., 2] / found[..., 0])
-            return deviation
+        center = side.center
+        if missing.any():
+            known = np.where(missing, 0.0, 1.0)
+            counts = np.cumsum(np.concatenate([side.counts[-1:], known]), axis=0)[1:]
+            if self.function == "std" and np.isnan(center).any() and len(samples):
+                found = samples[(~missing).argmax(axis=0), np.arange(samples.shape[1])]
+                center = np.where(np.isnan(center), found, center)
+        else:
+            counts = side.counts[-1] + np.arange(1.0, len(samples) + 1)[:, None]
+            if self.function == "std" and len(samples):
+                center = np.where(np.isnan(center), samples[0], center)
+        away = samples - center if self.function == "std" else samples
+        if missing.any():
+            away = np.where(missing, 0.0, away)
+        stacked = np.empty((len(samples) + 1, side.parts.shape[1], samples.shape[1]))
+        stacked[0], stacked[1:, 0] = side.parts[-1], away
+        if self.function == "std":
+            np.multiply(away, away, out=stacked[1:, 1])
+        return _Side(counts, np.cumsum(stacked, axis=0)[1:], center)
+
+    def _merged(self, starts: Ints, stops: Ints) -> Floats:
+        """The value of windows that have the turn in them."""
+        assert self._before is not None
+        assert self._after is not None
+        last = int(stops[-1])
+        begin = self._next
+        after = self._extended(self._after, self._part(begin, last))
+        rows = starts - self._from
+        if len(rows) == last - begin:  # nearly always: each of the samples is one of the rows
+            counts, parts = after.counts, after.parts
+        else:
+            counts, parts = after.counts[stops - begin - 1], after.parts[stops - begin - 1]
+        before = self._before
+        self._after, self._next = _Side(after.counts[-1:], after.parts[-1:], after.center), last
+        if self.function in ("min", "max"):
+            merge = np.fmin if self.function == "min" else np.fmax
+            extreme: Floats = merge(before.parts[rows, 0], parts[:, 0])
+            return extreme
+        counts_before = before.counts[rows]
+        both = counts_before + counts
+        if self.function == "mean":
+            mean: Floats = (before.parts[rows, 0] + parts[:, 0]) / both
+            return mean
+        total_before, squares_before = before.parts[rows, 0], before.parts[rows, 1]
+        mean_before, mean_after = total_before / counts_before, parts[:, 0] / counts
+        squares = parts[:, 1] - parts[:, 0] * mean_after
+        apart = (after.center - before.center) + (mean_after - mean_before)
+        # Chan's formula for two sets together: nothing cancels
+        whole = (
+            (squares_before - total_before * mean_before) + squares + apart * apart * (counts_before * counts / both)
+        )
+        whole = np.where(counts_before == 0, squares, whole)
+        if (counts == 0).any():
+            whole = np.where(counts == 0, squares_before - total_before * mean_before, whole)
+        return _deviation(whole, both)
+
+    # ---------------------------------------------------------------------------------------------------- going on
+
+    def memory(self) -> WindowMemory:
+        """Return what another window of this function and length needs to go on in this one's place."""
+        low, high = self._low, self._high
+        return WindowMemory(
+            self._times[low:high].copy(), self._samples[low:high].copy(), self._first + low, self._begin, self._turn
+        )
+
+    def recall(self, memory: WindowMemory) -> None:
+        """Go on where another window stood."""
+        self._times, self._samples = memory.times.copy(), memory.samples.copy()
+        self._first, self._low, self._high = memory.first, 0, len(memory.times)
+        self._begin, turn = memory.begin, memory.turn
+        self._turn = -1
+        if turn >= memory.first:
+            self._turn_at(memory.first, turn)
+            after = self._extended(self._nothing(), self._part(turn, memory.first + self._high))
+            self._after, self._next = (
+                _Side(after.counts[-1:], after.parts[-1:], after.center),
+                memory.first + self._high,
+            )
 
 
-def _merged_moments(one: Floats, other: Floats) -> Floats:
-    """Count, mean and sum of squared distances of two sets together (Chan's formula: nothing cancels)."""
-    count = one[..., 0] + other[..., 0]
-    share = other[..., 0] / np.where(count > 0, count, 1.0)
-    away = other[..., 1] - one[..., 1]
-    mean = np.where(one[..., 0] > 0, one[..., 1] + away * share, other[..., 1])
-    both = (one[..., 0] > 0) & (other[..., 0] > 0)
-    squares = one[..., 2] + other[..., 2] + np.where(both, away * away * one[..., 0] * share, 0.0)
-    return np.stack([count, mean, squares], axis=-1)
-
-
-def _query(
-    level: Floats, first: int, starts: NDArray[np.int64], stops: NDArray[np.int64], merge: Merge, empty: Floats
-) -> Floats:
-    """Return each `level[starts[i]:stops[i]]` merged along the first axis; `first` is the number of `level[0]`."""
-    low, high = starts + first, stops + first
-    # from the left and from the right: a window's blocks are merged in the order of their samples
-    left = np.broadcast_to(empty, (len(low), *empty.shape)).copy()
-    right = left.copy()
-    while True:
-        odd = np.flatnonzero((low & 1 == 1) & (low < high))
-        if len(odd):
-            left[odd] = merge(left[odd], level[low[odd] - first])
-            low[odd] += 1
-        odd = np.flatnonzero((high & 1 == 1) & (low < high))
-        if len(odd):
-            high[odd] -= 1
-            right[odd] = merge(level[high[odd] - first], right[odd])
-        if not (low < high).any():
-            return merge(left, right)
-        skip = first & 1  # half a block at the beginning is in no window that is left
-        pairs = (len(level) - skip) // 2
-        level = merge(level[skip : skip + 2 * pairs : 2], level[skip + 1 : skip + 2 * pairs : 2])
-        first = (first + skip) // 2
-        low >>= 1
-        high >>= 1
+def _deviation(squares: Floats, counts: Floats) -> Floats:
+    made: Floats = np.sqrt(np.maximum(squares, 0.0) / counts)
+    return made

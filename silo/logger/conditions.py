@@ -13,7 +13,7 @@ from silo.arguments import line, text, whole
 from silo.errors import ElementError, SaveError
 from silo.logger.configuration import Configuration
 from silo.logger.options import file_types
-from silo.model import Derived, Extras, FileType, SignalLimits, TriggerOptions, join_name
+from silo.model import Derived, Edit, Extras, FileType, SignalLimits, TriggerOptions, join_name
 
 log = logging.getLogger("silo")
 
@@ -192,7 +192,8 @@ class Conditions(Configuration):
             holdoff: it ignores what follows for so long.
             mode: `"normal"`, or `"single"`: the first only.
             save: file types.
-            keep: of its captures in this run the newest so many stay, 0 for all.
+            keep: of its captures on the disk, of this run and earlier ones, the newest so many stay, 0 for all; removed
+                is only what the logger's own list says that it wrote.
 
         Raises:
             ExpressionError: a condition makes no sense; the message shows the place.
@@ -270,14 +271,16 @@ class Conditions(Configuration):
             self._extras = msgspec.structs.replace(self._extras, triggers=kept)
             self._tell()
 
-    def apply_extras(self, extras: Extras) -> None:
+    def apply_extras(self, extras: Extras, edits: Sequence[Edit] = ()) -> None:
         """Take derived signals, limits and triggers of a script in the place of all that there are.
 
         Args:
             extras: all of them; empty ones forget what there is.
+            edits: what is about to be changed of the table; they are checked beside it.
 
         Raises:
-            ElementError: one of them doesn't fit the table; nothing was changed.
+            ElementError: one of them doesn't fit the table, or captures more of the past than buffers hold; nothing was
+                changed.
             ExpressionError: an expression makes no sense; the message shows the place.
             StateError: the logger runs, or is closed.
         """
@@ -285,7 +288,12 @@ class Conditions(Configuration):
 
         with self._lock:
             self._check_stopped("load a script")
-            self._take_extras(checked_extras(extras, self._table.infos, self.options.prefix))
+            options = {edit.name: edit.options for edit in edits}
+            planned = [
+                msgspec.structs.replace(info, options=options.get(info.name, info.options))
+                for info in self._table.infos
+            ]
+            self._take_extras(checked_extras(extras, planned, self.options.prefix, self.options.frequency_hz))
             self._tell()
 
     def _warn_of_triggers(self, *, served: bool) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
+import msgspec
 from numpy.typing import DTypeLike, NDArray
 
 from silo.arguments import line, switch, text
@@ -406,7 +407,13 @@ class Configuration:
             self._check_stopped("load a script")
             script = read_script(file)
             plan = apply_script(script, self._table.infos, self.options.frequency_hz)
-            extras = self._extras if script.extras is None else self._extras_of(script.extras, file)
+            extras = self._extras
+            if script.extras is not None:
+                planned = [
+                    msgspec.structs.replace(info, options=options)
+                    for info, options in zip(self._table.infos, plan.options, strict=True)
+                ]
+                extras = self._extras_of(script.extras_beside(extras), planned, file)
             self._table.set_all(plan.options)
             self._take_extras(extras)
             self._tell()
@@ -421,11 +428,11 @@ class Configuration:
             self._table.revision += 1  # clients show them as rows of the table
         self._extras = extras
 
-    def _extras_of(self, given: Extras, file: Path) -> Extras:
+    def _extras_of(self, given: Extras, infos: Sequence[ElementInfo], file: Path) -> Extras:
         from silo.settings.script_extras import checked_extras
 
         try:
-            return checked_extras(given, self._table.infos, self.options.prefix)
+            return checked_extras(given, infos, self.options.prefix, self.options.frequency_hz)
         except ElementError as error:
             raise ScriptError(f"{file}: {error}; nothing was changed") from error
 

@@ -77,6 +77,8 @@ stop = _of_default(Logger.stop)
 restart = _of_default(Logger.restart)
 save = _of_default(Logger.save)
 serve = _of_default(Logger.serve)
+record = _of_default(Logger.record)
+stop_recording = _of_default(Logger.stop_recording)
 close = cleanup = _of_default(Logger.close)
 
 
@@ -111,10 +113,12 @@ __all__ = [
     "get_logger",
     "init",
     "mark",
+    "record",
     "restart",
     "save",
     "serve",
     "start",
     "stop",
+    "stop_recording",
     "update",
 ]

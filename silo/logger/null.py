@@ -180,7 +180,7 @@ class NullLogger:
     def remove_limits(self, name: str) -> None:
         """Do nothing."""
 
-    def apply_extras(self, extras: Extras) -> None:
+    def apply_extras(self, extras: Extras, edits: Sequence[Edit] = ()) -> None:
         """Do nothing."""
 
     def update(self, *, read_script: bool = True) -> None:

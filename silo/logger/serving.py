@@ -369,6 +369,8 @@ class Serving:
             self._thread.join()  # the goodbye goes to the helper that is there then
             os.close(self._wake)
         if say_goodbye:
+            if self._viewers is not None:
+                self._viewers.close()  # before its logger goes, which it would complain of
             try:
                 self._send(Goodbye())
             except OSError:

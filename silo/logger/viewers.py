@@ -16,11 +16,13 @@ class FoxgloveProcess:
     def __init__(self, logger: str, port: int) -> None:
         """Start it; it listens, and waits for `begin`.
 
-        Raises SiloError where the port is taken or `websockets` is missing, OSError.
-
         Args:
             logger: its name.
             port: of 127.0.0.1; 0: one that is free.
+
+        Raises:
+            SiloError: the port is taken, or `websockets` is missing.
+            OSError: no process can be started.
         """
         check_installed("websockets", "foxglove")
         home = str(Path(__file__).resolve().parents[2])

@@ -20,7 +20,6 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
 from silo.model import RecorderState
-from silo.recorder.closing import close_parts
 from silo.recorder.draining import MOST_PERIOD_S, Drain, Drained
 from silo.recorder.layout import ending, layout_of
 from silo.recorder.ledger import Ledger
@@ -34,10 +33,13 @@ from silo.recorder.orders import (
     decode_command,
     encode,
 )
+from silo.recorder.resuming import Closing, left_rows
 from silo.recorder.writing import Disk, RunBegins, RunEnds, Writing
 
 FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
 FLUSH_BYTES = 4 << 20
+EARLY_BYTES = 64 << 20  # of rows that are read while what a predecessor left is closed
+EARLY_PERIOD_S = 0.05
 REPORT_S = 1.0
 RELEASE_S = 5.0  # how often memory pages of the rings are let go of, which would count as the recorder's own
 PREDECESSOR_S = 60.0  # how long one that ends may take to finish its part
@@ -58,6 +60,7 @@ class Recorder:
         self._flushed_s = self._reported_s = self._released_s = time.monotonic()
         self._why = ""
         self._first = True
+        self._early: list[Drained] = []  # read while a predecessor's part was closed
         self._next_since_s = 0.0
         self._news: list[str] = []
 
@@ -75,16 +78,21 @@ class Recorder:
             return self._record(ledger)
 
     def _record(self, ledger: Ledger) -> RecorderState:
-        closed, problems = close_parts(ledger.folder)
+        self._ledger = ledger
+        run, rows = left_rows(ledger.folder, self._order.name, ledger.written) if self._order.resume else ("", {})
+        closing = Closing(ledger.folder)
+        if run:
+            self._read_meanwhile(closing, run, rows)
+        closed, problems = closing.result()
         for part in closed:
             self._news.append(part.text)
         self._news += problems
         ledger.settle(closed)
-        self._ledger = ledger
         self._writing = Writing(self._order, ledger, self._disk)
         if self._order.resume:
             self._writing.totals.parts = sum(part.recorder == self._order.name and part.samples > 0 for part in closed)
         self._writing.start()
+        self._put_early()
         problem = ""
         try:
             while not self._why and not self._writing.over.is_set():
@@ -214,6 +222,33 @@ class Recorder:
         if pending.rows or pending.losses:
             self._writing.put(joined(pending))
 
+    def _read_meanwhile(self, closing: Closing, run: str, rows: dict[int, int]) -> None:
+        """Read a run on from where a predecessor stood, as far as memory has room, until its part is closed."""
+        while not closing.is_over:
+            self._listen(min(self._drain.period_s if self._drain else MOST_PERIOD_S, EARLY_PERIOD_S))
+            if self._drain is None and self._runs and self._runs[0].schema.run == run:
+                reader = self._runs.popleft()
+                self._drain = Drain(reader, layout_of(reader.schema, self._order.patterns), rows)
+            if self._drain is not None and sum(one.size_bytes for one in self._early) < EARLY_BYTES:
+                self._early.append(self._drain.read(FLUSH_BYTES * 2))
+
+    def _put_early(self) -> None:
+        """Have written what was read early, if it is what comes next; else it is read anew."""
+        drain, early, self._early = self._drain, self._early, []
+        if drain is None:
+            return
+        written = self._ledger.written
+        follows = {ring: written.next_rows.get(ring, 0) for ring in drain.begun_with}
+        if written.run != drain.reader.schema.run or follows != drain.begun_with:
+            self._runs.appendleft(drain.reader)
+            self._drain = None
+            return
+        self._first = False
+        self._announce(drain)
+        for one in early:
+            if one.rows or one.losses:
+                self._writing.put(joined(one))
+
     def _begin_run(self) -> bool:
         if not self._runs:
             return False
@@ -226,6 +261,12 @@ class Recorder:
             begin = begin if self._order.resume else None
         self._first = False
         self._drain = Drain(reader, layout, begin)
+        self._announce(self._drain)
+        return True
+
+    def _announce(self, drain: Drain) -> None:
+        """Have a run begin in the files, and tell what of it can't be recorded without end."""
+        layout = drain.layout
         if not layout.elements:
             self._news.append(f"nothing of this run is recorded: no element matches {' '.join(self._order.patterns)}")
         elif names := ending(layout):
@@ -234,8 +275,7 @@ class Recorder:
                 f"{len(names)} elements come to an end when their buffers are full ({shown}): set "
                 "buffer_type=looping to record them without end"
             )
-        self._writing.put(RunBegins(layout, self._drain.begun_with))
-        return True
+        self._writing.put(RunBegins(layout, drain.begun_with))
 
     def _drain_last(self) -> None:
         """Take what is in the rings now, however long the disk takes."""

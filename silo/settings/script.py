@@ -21,7 +21,7 @@ import yaml
 
 from silo.errors import SaveError, ScriptError
 from silo.model import NO_EXTRAS, ElementInfo, ElementOptions, Extras, FieldChange
-from silo.settings.script_extras import format_extras
+from silo.settings.script_extras import format_extras, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
 from silo.settings.words import Settings, phrase
 from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
@@ -41,7 +41,8 @@ class Script:
     path: Path
     elements: tuple[ScriptElement, ...]
     unknown_keys: tuple[UnknownKey, ...] = ()
-    extras: Extras | None = None  # derived signals and limits, None where the script says nothing of them
+    extras: Extras | None = None  # derived signals, limits and triggers, None where the script says nothing of them
+    kinds: frozenset[str] = frozenset()  # keys of them that it has
 
     @property
     def warnings(self) -> list[str]:
@@ -49,6 +50,10 @@ class Script:
         shown = [f"{self.path}:{key.line}: {key.text}; it was left alone" for key in self.unknown_keys[:MAX_PROBLEMS]]
         more = len(self.unknown_keys) - MAX_PROBLEMS
         return shown + ([f"{self.path}: and {more} more unknown keys"] if more > 0 else [])
+
+    def extras_beside(self, now: Extras) -> Extras:
+        """Return the extras that it leads to where there are these: kinds that it doesn't speak of stay."""
+        return now if self.extras is None else merged(self.extras, self.kinds, now)
 
 
 @dataclass(frozen=True)
@@ -114,7 +119,7 @@ def parse_script(text: str, path: str | os.PathLike[str]) -> Script:
             elements = tuple(reader.elements(root))
     if reader.problems:
         raise ScriptError(_message(path, reader.problems + [(key.line, key.text) for key in reader.unknown]))
-    return Script(path, elements, tuple(reader.unknown), reader.extras)
+    return Script(path, elements, tuple(reader.unknown), reader.extras, reader.kinds)
 
 
 def _message(path: Path, problems: list[tuple[int, str]]) -> str:

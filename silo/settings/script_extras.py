@@ -13,10 +13,13 @@ triggers:
     when: "abs(base/roll) > 0.6"
     pre_s: 5
     post_s: 1
+
+A key that is there stands for all of its kind, `triggers: []` for none; of a kind without a key everything stays as it
+was, such as what the program has set.
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
 import msgspec
@@ -41,6 +44,21 @@ def read_extras(keys: Mapping[str, yaml.Node], report: Callable[[int, str], None
         tuple(_items(keys.get(DERIVED), DERIVED, Derived, report)),
         tuple(_items(keys.get(LIMITS), LIMITS, SignalLimits, report)),
         tuple(_items(keys.get(TRIGGERS), TRIGGERS, TriggerOptions, report)),
+    )
+
+
+def given_kinds(keys: Mapping[str, yaml.Node]) -> frozenset[str]:
+    """Return which of the keys are there."""
+    return frozenset(key for key in KEYS if key in keys)
+
+
+def merged(script: Extras, given: Collection[str], now: Extras) -> Extras:
+    """Return what a script leads to beside what there is: kinds whose keys it lacks stay."""
+    return msgspec.structs.replace(
+        now,
+        derived=script.derived if DERIVED in given else now.derived,
+        limits=script.limits if LIMITS in given else now.limits,
+        triggers=script.triggers if TRIGGERS in given else now.triggers,
     )
 
 
@@ -95,9 +113,9 @@ def extras_text(extras: Extras) -> str:
     return ", ".join(told) or "no derived signals, limits, triggers any more"
 
 
-def checked_extras(extras: Extras, elements: Sequence[ElementInfo], prefix: str) -> Extras:
+def checked_extras(extras: Extras, elements: Sequence[ElementInfo], prefix: str, frequency_hz: float) -> Extras:
     """Return extras that fit a table. Raises ElementError for the first that doesn't."""
-    from silo.judging.extras import with_derived, with_limits, with_trigger
+    from silo.judging.extras import check_held, with_derived, with_limits, with_trigger
 
     made = NO_EXTRAS
     for derived in extras.derived:
@@ -106,4 +124,5 @@ def checked_extras(extras: Extras, elements: Sequence[ElementInfo], prefix: str)
         made = with_limits(made, limits, elements, prefix)
     for trigger in extras.triggers:
         made = with_trigger(made, trigger, elements, prefix)
+        check_held(trigger, elements, frequency_hz)
     return made

@@ -13,7 +13,7 @@ import yaml
 
 from silo.model import Action, BufferType, Extras
 from silo.settings.rules import OPTION, shorten
-from silo.settings.script_extras import KEYS, read_extras
+from silo.settings.script_extras import KEYS, given_kinds, read_extras
 from silo.settings.words import Amount, Change, UnreadableError, read_text, read_word
 from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, line_of
 
@@ -71,6 +71,7 @@ class Reader:
         self.problems: list[tuple[int, str]] = []
         self.unknown: list[UnknownKey] = []
         self.extras: Extras | None = None
+        self.kinds: frozenset[str] = frozenset()  # of them that have their key
 
     def report(self, line: int, text: str) -> None:
         """Note a problem."""
@@ -83,7 +84,7 @@ class Reader:
             return
         known = ("log_elements", *KEYS) if isinstance(root, yaml.MappingNode) else ("log_elements",)
         listed = self._mapping(root, "", known, "a script")
-        self.extras = read_extras(listed, self.report)
+        self.extras, self.kinds = read_extras(listed, self.report), given_kinds(listed)
         if "log_elements" not in listed:
             if not self.problems and not self.unknown:
                 self.report(line_of(root), "`log_elements:` is missing")

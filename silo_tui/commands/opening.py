@@ -116,6 +116,7 @@ class Opener:
         if not app.screen_stack:
             return True  # the program was ended meanwhile
         session = Session(logger.name)
+        session.address = logger.addresses[-1] if logger.alike and logger.addresses else ""
         context.take_session(session)
         runner = CommandRunner(context)
         screen = TableScreen(session, runner.run, runner.complete, read_only=context.read_only)

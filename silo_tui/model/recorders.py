@@ -19,7 +19,7 @@ CAUTION = (RecorderState.WAITING, RecorderState.DIED, RecorderState.OTHER)
 USUAL = "recordings"  # the folder, which needs no mention
 BAR = 5
 FULL_SHARE = 0.8  # of the budget, from which it is amber
-RATE_S = 0.5  # least time between two looks that make a rate
+RATE_S = 2.5  # least time between two looks that make a rate: a recorder writes once a second
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,6 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         self._peaks: Sequence[Peak] = ()
         self._peak: int | None = None
         self._top_hz = 0.0
-        self._turned = 0  # which of the signals stands first now
         self.window, self.pause = monitor.window, monitor.pause
         self.stack = stack
         stack.show_panels([tuple(self.plots[: self.count])])
@@ -89,6 +88,7 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         self._asked = stack.store
         self.plot = DetailPlot()
         self.plot.display = False
+        self._turned = 0  # which of the signals stands first now
         self.take_back()
 
     def compose(self) -> ComposeResult:
@@ -337,8 +337,8 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         self._turned = (self._turned + step) % len(self.plots)
         step %= len(self.plots)
         self.plots = self.plots[step:] + self.plots[:step]
-        self.count, self._peak = 1, None
-        self.stack.show_panels([tuple(self.plots[: self.count])])
+        self.count, self._said, self._peak = 1, "", None
+        self.stack.show_panels([tuple(self.plots[:1])])
         self.request_view()
 
     def command_detail_refresh(self) -> None:

@@ -25,6 +25,7 @@ class FoundLogger:
     dead: bool = False  # the robot program is gone, its helper still answers
     host: str = ""  # where it runs, as far as that is known
     addresses: tuple[str, ...] = ()  # all words that mean it
+    alike: bool = False  # another one that was found has its name, on a computer of the same name
 
     @property
     def where(self) -> str:
@@ -74,8 +75,9 @@ class ClientFinder:
         for each in there.loggers:
             key = each.socket or str(each.root)
             self._seen[key] = each
-            who = FoundLogger(each.name, each.pid, each.user or each.host, key, each.dead, each.host, each.addresses)
-            loggers.append(who)
+            alike = sum((one.host, one.name) == (each.host, each.name) for one in there.loggers) > 1
+            user = each.user or each.host
+            loggers.append(FoundLogger(each.name, each.pid, user, key, each.dead, each.host, each.addresses, alike))
         advice = [
             f"{folder.owner} runs {', '.join(folder.loggers) or 'a logger'}, closed to you: {folder.advice}"
             for folder in there.forbidden

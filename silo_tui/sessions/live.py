@@ -61,6 +61,7 @@ class Session:
 
     def __init__(self, name: str, columns: Sequence[TableColumn[Any]] = LIVE_COLUMNS) -> None:
         self.name = name
+        self.address = ""  # shown in place of host and name where another logger has both
         self.link: Link | None = None
         self.status = NO_STATUS
         self.may_edit = True

@@ -54,7 +54,7 @@ class StatusBar(Widget):
         variables = self.app.theme_variables
         line.append("silo ", style="bold")
         host = f"{status.host}/" if status.host and self.size.width >= 60 else ""
-        line.append(f"{host}{session.name}  ")
+        line.append(f"{session.address or host + session.name}  ")
         if not session.link or session.status.helper_pid == 0:
             line.append("connecting …")
             return line

@@ -1,10 +1,13 @@
 """Triggers judged and captured by a real helper process: files that are whole, and say it where they aren't."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import silo
 from silo.ipc.client import Client
+from silo.ipc.conditions import LimitWord, TriggerWord
 from silo.ipc.published import EventKind
 from silo.settings.script import read_script
 from tests.waiting import wait_until
@@ -128,3 +131,108 @@ def test_a_script_with_a_trigger_that_fits_not_changes_nothing(bench, client, tm
         client.load_script("with.yaml")
     assert bench.logger.extras.triggers == ()
     assert bench.logger["x"].options.divider == 1
+
+
+# ------------------------------------------------------------------------------------------- what is kept on the disk
+
+
+def logs_of(bench):
+    return sorted(path.name for path in Path(bench.logger.options.folder).glob("*_high_*.silo"))
+
+
+def test_of_all_runs_together_the_newest_so_many_captures_stay(bench, client, events):
+    bench.logger.trigger("high", "x % 10 == 0", keep=2)
+    for run in range(2):
+        bench.x[...] = 0
+        bench.logger.start(unsaved="clear")
+        bench.ticks(35)
+        captured(events, 3 * (run + 1))
+        bench.logger.stop()
+    wait_until(lambda: len(logs_of(bench)) == 2)
+    assert [name.rpartition("_")[2] for name in logs_of(bench)] == ["2.silo", "3.silo"]
+
+
+def test_a_file_that_somebody_put_in_the_place_of_a_capture_is_not_removed(bench, client, events):
+    bench.logger.trigger("high", "x % 10 == 0", keep=1)
+    bench.logger.start()
+    bench.ticks(12)
+    ((path,),) = captured(events)
+    Path(path).rename(f"{path}.mine")
+    Path(path).write_text("mine")
+    bench.ticks(20)
+    captured(events, 3)
+    wait_until(lambda: len(logs_of(bench)) == 2)
+    assert Path(path).read_text() == "mine"
+
+
+# -------------------------------------------------------------------------------------------------------- scripts
+
+
+def test_a_script_leaves_alone_what_it_does_not_speak_of(bench, client, tmp_path):
+    bench.logger.derive("twice", "2 * x")
+    bench.logger.limit("x", (None, None, 1.0, 2.0))
+    bench.logger.trigger("high", "x > 50")
+    script = tmp_path / "scripts" / "more.yaml"
+    script.write_text("log_elements: []\ntriggers:\n  - {name: low, when: x < 0}\n")
+    wait_until(lambda: "high" in client.read_script().text)
+    client.load_script("more.yaml")
+    extras = bench.logger.extras
+    assert [one.name for one in extras.triggers] == ["low"]
+    assert (len(extras.derived), len(extras.limits)) == (1, 1)
+    script.write_text("log_elements: []\nsignal_limits: []\n")
+    bench.logger.load_script(script)
+    extras = bench.logger.extras
+    assert (len(extras.derived), len(extras.limits), len(extras.triggers)) == (1, 0, 1)
+
+
+def test_a_script_whose_trigger_wants_more_past_than_its_buffers_hold_is_refused(bench, client, tmp_path):
+    script = tmp_path / "scripts" / "more.yaml"
+    text = "log_elements: []\ntriggers:\n  - {name: low, when: x < 0, pre_s: 60}\n"
+    script.write_text(text)
+    with pytest.raises(silo.ScriptError, match="set size="):
+        bench.logger.load_script(script)
+    with pytest.raises(silo.RefusedError, match="set size="):
+        client.load_script("more.yaml")
+    assert bench.logger.extras.triggers == ()
+
+
+def test_a_script_may_bring_the_buffers_that_its_trigger_needs(bench, client, tmp_path):
+    bench.logger.set(buffer_type="looping", buffer_size="70s")
+    bench.logger.save_script(tmp_path / "scripts" / "more.yaml")
+    script = tmp_path / "scripts" / "more.yaml"
+    script.write_text(script.read_text() + "triggers:\n  - {name: low, when: x < 0, pre_s: 60}\n")
+    bench.logger.set(buffer_type="looping", buffer_size="10s")
+    wait_until(lambda: client.table().elements[0].options.buffer_size == 1000)
+    client.load_script("more.yaml")
+    assert bench.logger.extras.triggers[0].name == "low"
+
+
+# ------------------------------------------------------------------------------------------- what can't be told
+
+
+def test_signals_whose_buffer_is_full_are_blind_not_quiet(bench, client, events):
+    bench.logger.set("kept", buffer_type="fixed", buffer_size=50)
+    bench.logger.trigger("high", "kept > 50")
+    bench.logger.limit("kept", (None, None, 10.0, 20.0))
+    bench.logger.start()
+    bench.ticks(200)
+    wait_until(lambda: client.triggers().tick == 200)
+    (trigger,), (limit,) = client.triggers().triggers, client.alarms().limits
+    assert (trigger.state, limit.word) == (TriggerWord.BLIND, LimitWord.BLIND)
+    for why in (trigger.why, limit.why):
+        assert why == "'/log/kept' keeps its first samples only (buffer=fixed), and its buffer is full"
+    wait_until(lambda: len({event.text for event in events if event.kind is EventKind.BLIND}) == 2)
+    told = [event.text for event in events if event.kind is EventKind.BLIND]
+    assert len(told) == len(set(told))
+
+
+def test_a_limit_event_stands_at_the_tick_of_the_worst_sample(bench, client, events):
+    bench.logger.limit("x", (None, None, 100.0, 200.0))
+    bench.logger.start()
+    for tick in range(90):
+        bench.x[...] = 150.0 if tick == 40 else 0.0
+        bench.logger.collect()
+        bench.now_ns += bench.tick_ns
+    event = wait_until(lambda: next((one for one in events if one.kind is EventKind.LIMIT), None))
+    assert event.tick == 40
+    assert event.stamp_ns == bench.begin_ns + 40 * bench.tick_ns

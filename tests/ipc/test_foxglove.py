@@ -17,6 +17,7 @@ import pytest
 import silo
 from silo.bridges.feed import Feed
 from silo.bridges.listening import bound
+from silo.bridges.services import services
 from silo.ipc.client import Client
 from silo.model import Edit, ElementOptions, State
 from tests.ipc.conftest import Bench
@@ -28,7 +29,6 @@ if importlib.util.find_spec("websockets"):
     from websockets.sync.client import connect
 
     from silo.bridges.foxglove import viewer as viewers
-    from silo.bridges.foxglove.program import services
     from silo.bridges.foxglove.server import Server, Terms
     from tests.stand_ins.foxglove_viewer import WEBSOCKET, Viewer
 

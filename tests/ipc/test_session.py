@@ -93,7 +93,7 @@ def test_configuration_file_with_a_mistake_is_named(runtime: Path, tmp_path: Pat
         open_server(runtime, "bot", PID, str(config))
 
 
-@pytest.mark.parametrize("name", ["access-control", "tls"])
+@pytest.mark.parametrize("name", ["access-control", "tls", "router"])
 def test_example_configurations_are_understood_by_zenoh(name: str) -> None:
     path = Path(__file__).parents[2] / "config" / f"{name}.json5"
     assert "listen" in str(zenoh.Config.from_file(path))

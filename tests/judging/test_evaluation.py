@@ -3,13 +3,15 @@
 import math
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.helper.judge_state import array_of, array_parts
 from silo.judging.binding import OFF, Catalogue, Known, bind
-from silo.judging.evaluation import Evaluator, SourceRows
+from silo.judging.evaluation import Evaluator, EvaluatorMemory, SourceRows
 from silo.model import Entry
 from tests.examples import examples
 from tests.judging.reference import Reference, Stream
@@ -168,7 +170,10 @@ def test_roundings_are_the_same_for_any_cut(seed, cuts):
             (tick, tick * 10**6, {key: float(rng.normal() * 10.0 ** rng.integers(-6, 7)) for key in keys})
             for tick in range(0, 300, divider) if rng.random() > 0.01
         ])  # fmt: skip
-    for text in ("mean(a, 37ms) - mean(c, 0.1s)", "std(a * b, 23ms)", "sum(v * w) / norm(v)", "mean(rate(c), 40ms)"):
+    for text in (
+        "mean(a, 37ms) - mean(c, 0.1s)", "std(a * b, 23ms)", "sum(v * w) / norm(v)", "mean(rate(c), 40ms)",
+        "std(a, 90ms) - std(v_1, 70ms)", "mean(a, 0.2s) * min(a, 80ms)",
+    ):  # fmt: skip
         bound = bind(text, CATALOGUE)
         (ticks, whole), (cut_ticks, cut) = evaluated(bound, streams), evaluated(bound, streams, cuts)
         assert (ticks == cut_ticks).all()
@@ -239,3 +244,28 @@ def test_previous_steps_per_sample_of_its_own_signal():
     found = evaluated(bind("prev(b) + 0 * a", CATALOGUE), streams)[1]
     assert np.isnan(found[:2]).all()
     assert found[2:].tolist() == [5.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["mean(a, 37ms) - prev(b)", "std(a, 90ms) + rate(c)", "sum(diff(v * w))", "max(prev(v), 20ms) > mean(c > 0, 50ms)"],
+)
+@pytest.mark.parametrize("at", [0, 1, 77, 150])
+def test_another_one_goes_on_with_the_same_bits_from_what_it_remembers(text, at):
+    rng = np.random.default_rng(at)
+    streams = {}
+    for source, divider in DIVIDERS.items():
+        keys = [(at, n) for at, e in enumerate(ELEMENTS) if e.source == source for n in range(len(e.entries))]
+        streams[source] = Stream(divider, [
+            (tick, tick * 10**6, {key: float(rng.normal()) for key in keys}) for tick in range(0, 300, divider)
+        ])  # fmt: skip
+    bound = bind(text, CATALOGUE)
+    first, second = Evaluator(bound), Evaluator(bound)
+    parts = [first.feed({source: rows_of(stream, source, -math.inf, at) for source, stream in streams.items()})]
+    memory = msgspec.msgpack.decode(
+        msgspec.msgpack.encode(first.memory(), enc_hook=array_parts), type=EvaluatorMemory, dec_hook=array_of
+    )
+    second.recall(memory)
+    parts.append(second.feed({source: rows_of(stream, source, at) for source, stream in streams.items()}))
+    found = np.concatenate([part.numbers() for part in parts])
+    assert found.tobytes() == evaluated(bound, streams)[1].tobytes()

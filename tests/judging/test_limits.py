@@ -37,7 +37,8 @@ class Slow:
 
     def __init__(self, rule):
         self.rule, self.level, self.alarm = rule, 0, 0
-        self.pending, self.count = 0, 0
+        self.recent = []  # levels that count, since they were last in context
+        self.moved = 0  # how many of them were there when the state changed
         self.open, self.violations = None, []
         self.fresh, self.last, self.stale, self.stale_count = None, math.nan, False, 0
 
@@ -53,7 +54,7 @@ class Slow:
                     self.fresh, self.stale = time_ns, False
                 self.last = value
         if context is not None and context != 1:
-            self.level, self.count, self.open = 0, 0, None
+            self.level, self.open, self.recent, self.moved = 0, None, [], 0
             return
         if math.isnan(value):
             return
@@ -73,14 +74,26 @@ class Slow:
         if rule.hysteresis and self.level and abs(raw) < abs(self.level) and raw * self.level >= 0:
             bound = bounds[self.level]
             held = value > bound - rule.hysteresis if self.level > 0 else value < bound + rule.hysteresis
-        if held or raw == self.level:
-            self.count = 0
+        self.recent.append(self.level if held else raw)
+        newest = self.recent[-rule.persistence :]
+        if len(newest) < rule.persistence:
             return
-        self.count = self.count + 1 if raw == self.pending and self.count else 1
-        self.pending = raw
-        if self.count >= rule.persistence:
-            self.level, self.count = raw, 0
-            self.alarm = max(self.alarm, raw, key=abs)
+        side = -1 if newest[-1] < 0 else 1
+        wanted = []
+        if all(abs(one) == 2 for one in newest):
+            wanted.append(2 * side)
+        elif not self.level and all(newest):
+            wanted.append(side)
+        if len(self.recent) - self.moved >= rule.persistence and all(one * self.level < 0 for one in newest):
+            wanted.append(side)
+        if not any(newest):
+            wanted.append(0)
+        elif abs(self.level) == 2 and all(abs(one) < 2 for one in newest):
+            wanted.append(self.level // 2)
+        to = max(wanted, key=lambda one: abs(one - self.level), default=self.level)
+        if to != self.level:
+            self.level, self.moved = to, len(self.recent)
+            self.alarm = max(self.alarm, to, key=abs)
 
 
 @settings(max_examples=examples(400))
@@ -103,6 +116,24 @@ def test_any_cut_gives_what_a_judge_sample_by_sample_gives(values, persistence, 
         (v["worst"], v["first"], v["peak"], v["peak_tick"], v["samples"]) for v in slow.violations
     ]
     assert state.is_open == (slow.open is not None)
+
+
+@pytest.mark.parametrize("values", [[25, 15] * 5, [15, 25] * 5, [-25, -15] * 5])
+def test_time_beyond_yellow_counts_also_when_it_is_beyond_red(values):
+    limit, _ = fed(LimitRule(-20, -10, 10, 20, persistence=4), values)
+    assert abs(limit.states[0].level) == 1
+    assert abs(limit.states[0].alarm) == 1
+    assert limit.states[0].since_tick == 3
+
+
+def test_red_needs_so_many_samples_beyond_red_in_a_row_whatever_came_before():
+    limit, _ = fed(LimitRule(-20, -10, 10, 20, persistence=3), [15, 25, 25, 25])
+    assert (limit.states[0].level, limit.states[0].since_tick) == (Level.RED_HIGH, 3)
+
+
+def test_a_value_between_yellow_and_green_is_red_no_more():
+    limit, _ = fed(LimitRule(-20, -10, 10, 20, persistence=3), [25] * 3 + [15, 0] * 3)
+    assert limit.states[0].level is Level.YELLOW_HIGH
 
 
 def test_one_sample_beyond_a_bound_is_kept_with_its_peak_and_tick_whatever_the_persistence():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import silo
+import silo.model
 from silo.collecting.segment_reader import SegmentReader
 from silo.helper.segment_judge import MOST_SPOOL_BYTES, SegmentJudge
 
@@ -47,10 +48,12 @@ def test_a_capture_is_exact_to_the_tick(robot):
     robot.ticks(500, [(317, 1)])
     (spool,) = robot.judge.step().whole
     recording = spool.recording()
-    assert (recording.offset - len(recording.time_ns), recording.offset - 1) == (297, 327)
+    # the slow signal brings the sample that holds at tick 297, with its time stamp
+    assert (recording.offset - len(recording.time_ns), recording.offset - 1) == (290, 327)
     log = silo.Log(recording)
     assert log["fast/x_1"].values.tolist() == [0.0] * 20 + [100.0] + [0.0] * 10
-    assert log["slow"].values.tolist() == [300.0, 310.0, 320.0]
+    assert len(log["fast/x_1"].values) == 327 - 297 + 1
+    assert log["slow"].values.tolist() == [290.0, 300.0, 310.0, 320.0]
     assert recording.warnings == ()
     facts = recording.extras.capture
     assert (facts.trigger, facts.first, facts.last, facts.fires, facts.ended) == ("spike", 297, 327, (317,), "")
@@ -101,7 +104,7 @@ def test_an_end_before_post_gives_what_there_is_and_says_so(robot):
     robot.ticks(50, [(40, 0)])
     (spool,) = robot.judge.end("the robot program died").whole
     recording = spool.recording()
-    assert len(recording.time_ns) == 15
+    assert len(silo.Log(recording)["fast/x_0"].values) == 15
     assert "the robot program died, 991 ticks before its end" in recording.warnings[0]
     assert recording.extras.capture.ended.startswith("the robot program died")
 
@@ -184,3 +187,45 @@ def test_what_keeps_its_first_samples_hinders_no_trigger(robot):
     (spool,) = robot.judge.step().whole
     log = silo.Log(spool.recording())
     assert len(log["fast/x_0"]) == 31
+
+
+def test_what_is_captured_is_written_and_says_so_when_judging_fails(robot):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="1s")
+    robot.start()
+    robot.ticks(50, [(40, 0)])
+    robot.judge.step()
+    robot.ticks(50)
+
+    found = robot.judge.close("judging failed")
+
+    (spool,) = found.whole
+    assert spool.ended == "judging failed, 991 ticks before its end"
+    assert len(silo.Log(spool.recording())["fast/x_0"].values) == 15
+    assert robot.judge.close("again").whole == []
+
+
+def test_a_trigger_that_is_removed_and_set_again_within_post_has_two_captures(robot):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="100ms")
+    robot.start()
+    robot.ticks(50, [(40, 0)])
+    whole = robot.judge.step().whole
+    extras = robot.judge.extras
+    robot.judge.adopt(silo.model.Extras())
+    robot.judge.adopt(extras)
+    robot.ticks(200, [(10, 0)])
+    whole += robot.judge.step().whole
+    assert [(spool.capture.number, spool.capture.first) for spool in whole] == [(1, 35), (2, 55)]
+
+
+def test_only_what_a_successor_would_not_find_in_the_rings_is_closed_at_a_handover(robot):
+    robot.logger.trigger("early", "fast/x_0 > 50", pre="5ms", post="20s")
+    robot.logger.trigger("late", "fast/x_1 > 50", pre="5ms", post="20s")
+    robot.start()
+    robot.ticks(1000, [(40, 0)])
+    robot.judge.step()
+    robot.ticks(2000, [(1900, 1)])
+    (spool,) = robot.judge.hand_over("the helper process was replaced").whole
+    assert (spool.trigger, spool.capture.first) == ("early", 35)
+    assert spool.ended.startswith("the helper process was replaced")
+    kept = robot.judge.state([], [], closed=False).captures
+    assert [(one.options.name, one.capture.first) for one in kept] == [("late", 2895)]

@@ -16,6 +16,7 @@ from silo.errors import ElementError, SaveError
 from silo.files.atomic import write_all
 from silo.files.bag import write_bag
 from silo.files.bag_read import read_bag
+from silo.files.part_scan import rows_after, scan_part
 from silo.model import RecorderState
 from silo.recorder.closing import close_part, close_parts, left_parts
 from silo.recorder.ledger import Ledger, left_free
@@ -242,6 +243,18 @@ def test_a_part_cut_at_any_byte_is_closed_with_all_whole_chunks(killed, tmp_path
             assert sum(truth.by_others(closed.path).values()) == closed.samples
     assert ends == sorted(ends)
     assert {100, 200, 300, 400} >= set(ends) >= {100, 200, 300}
+
+
+def test_with_which_row_to_go_on_is_told_at_a_glance_as_by_reading_all(killed) -> None:
+    whole = killed.read_bytes()
+    told = 0
+    for size in [*np.random.default_rng(4).integers(0, len(whole), 40).tolist(), len(whole)]:
+        cut = memoryview(whole[:size])
+        found = rows_after(cut)
+        if found is not None:
+            told += 1
+            assert found[1] == scan_part(cut).next_rows
+    assert told > 20
 
 
 def test_what_a_kill_left_is_read_as_it_is(killed, truth, capsys) -> None:

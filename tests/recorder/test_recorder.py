@@ -2,6 +2,8 @@
 
 import os
 import signal
+import socket
+import threading
 from pathlib import Path
 
 import pytest
@@ -10,8 +12,10 @@ from silo.analysis.log import open_log
 from silo.files.bag_read import read_bag
 from silo.files.part_facts import PART_ENDING
 from silo.model import RecorderState
+from silo.recorder import resuming
 from silo.recorder.closing import close_parts, left_parts
-from silo.recorder.orders import RecordOrder
+from silo.recorder.orders import Finish, Follow, RecordOrder, encode
+from silo.recorder.recorder import Recorder
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
@@ -114,6 +118,36 @@ def test_killed_recorder_loses_nothing_when_another_goes_on(robot, recorders, tm
     assert any("closed, as its recorder was killed" in one.told for one in again.reports)
     for path in parts(tmp_path):
         truth.by_others(path)
+
+
+def test_the_rings_are_read_while_what_a_killed_recorder_left_is_closed(
+    robot, recorders, tmp_path, truth, monkeypatch
+) -> None:
+    robot.start()
+    recorder = begin(robot, recorders, tmp_path)
+    robot.ticks(300)
+    wait_until(lambda: held(tmp_path) > 10_000)
+    recorder.kill()
+    robot.ticks(1500)
+    may_close = threading.Event()
+    monkeypatch.setattr(resuming, "close_parts", lambda folder: may_close.wait() and close_parts(folder))
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    again = Recorder(order(tmp_path, resume=True), theirs)
+    thread = threading.Thread(target=again.run)
+    thread.start()
+    descriptor = robot.log.present_run.segment.open_read_only()
+    socket.send_fds(ours, [encode(Follow(robot.log.segment_path))], [descriptor])
+    os.close(descriptor)
+    wait_until(lambda: sum(len(rows) for one in again._early for rows in one.rows))
+    robot.ticks(1500)  # the rings hold 2000 rows: what was there before is overwritten now
+    may_close.set()
+    wait_until(lambda: held(tmp_path) > 10_000)
+    ours.send(encode(Finish("the test is over")))
+    thread.join()
+    ours.close()
+    theirs.close()
+    spans = [truth.span(read_bag(path)) for path in parts(tmp_path)]
+    assert [spans[0][0], spans[0][1], spans[1][1]] == [0, spans[1][0], robot.tick]
 
 
 def test_a_part_that_a_kill_left_is_read_as_it_is_and_closed_by_hand(robot, recorders, tmp_path, truth) -> None:

@@ -410,7 +410,7 @@ class FakeClient:
         script, plan = self._plan(path)
         changes = diff_options(self.elements, plan.options)
         unknown = [str(unknown.name) for unknown in plan.unknown]
-        extras = diff_extras(self.extras, script.extras) if script.extras is not None else []
+        extras = diff_extras(self.extras, script.extras_beside(self.extras))
         return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings, extras)
 
     @property
@@ -563,6 +563,11 @@ class FakeClient:
         self.publish(EventKind.DELETED, text, by=OWN_NAME)
         return text
 
+    def oldest_ns(self, names: Sequence[str]) -> int:
+        """The oldest moment that the buffers hold of any of these."""
+        held = [self._held_samples(name).time_ns for name in names]
+        return min([int(stamps[0]) for stamps in held if len(stamps)], default=0)
+
     def kept_views(self) -> KeptViews:
         self._ask()
         return KeptViews(f"{FOLDER}/views", sorted(self.views_kept))
@@ -603,11 +608,6 @@ class FakeClient:
         self.recorder_infos = [one for one in self.recorder_infos if one.name != name]
         self.publish(EventKind.RECORDING, f"recording '{name}' ended", by=OWN_NAME)
         return f"recording '{name}' ended: 1 files"
-
-    def oldest_ns(self, names: Sequence[str]) -> int:
-        """The oldest moment that the buffers hold of any of these."""
-        held = [self._held_samples(name).time_ns for name in names]
-        return min([int(stamps[0]) for stamps in held if len(stamps)], default=0)
 
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()
@@ -737,10 +737,10 @@ class FakeClient:
         begin, end = self.now_ns - 60 * 10**9, self.now_ns
         return TriggerTried(3, [1, 2, 3], [begin, begin + 30 * 10**9, end], 0, 6000, begin, end, 6000, 0, 1_900_000)
 
-    def set_trigger(self, trigger: TriggerOptions) -> str:
+    def set_trigger(self, trigger: TriggerOptions, lease_s: float = 0.0) -> str:
         self._ask()
         self.calls.append(("set_trigger", trigger))
-        made = TriggerStatus(trigger, TriggerWord.ARMED)
+        made = TriggerStatus(trigger, TriggerWord.ARMED, owner="this client" if lease_s else "")
         self.trigger_statuses = [one for one in self.trigger_statuses if one.options.name != trigger.name] + [made]
         return f"trigger '{trigger.name}' is set"
 

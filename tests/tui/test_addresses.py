@@ -50,12 +50,16 @@ class Far:
             FoundLogger(
                 "robot", 0, "lab", f"silo/same~{one}/robot", host="same",
                 addresses=("robot", "same/robot", f"same~{one}/robot"),
+                alike=len(ids) > 1,
             )
             for one in ids
         )  # fmt: skip
 
     def find(self) -> Found:
         return Found(self.loggers)
+
+    def connect(self, _):
+        return self.fake
 
 
 async def test_two_robots_of_one_image_are_listed_with_addresses_that_open_them(fake, opened, monkeypatch):
@@ -66,6 +70,9 @@ async def test_two_robots_of_one_image_are_listed_with_addresses_that_open_them(
         await screen.shows("choose one, or name it:")
         await screen.until(lambda: screen.text.count("same~bbbb000002/robot") == 2, "its line and the advice")
         assert "same~aaaa000001/robot" in screen.text
+        far.fake = fake
+        await screen.press("down", "enter")
+        await screen.shows("silo same~bbbb000002/robot")  # the title, so that nobody takes it for the other
     assert [one.is_meant_by("same~bbbb000002/robot") for one in far.loggers] == [False, True]
 
 

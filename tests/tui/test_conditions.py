@@ -93,12 +93,12 @@ class TestScreens:
             await screen.press("T")
             await screen.shows("abs(base/roll) > 0.6")
             await screen.press("x")
-            await screen.shows("Remove trigger fall?")
+            await screen.shows("Remove trigger fall of robot?")
             await screen.press("enter")
             await screen.until(lambda: not screen.app.screen.is_modal)
             assert fake.trigger_statuses == [FALL]
             await screen.press("x")
-            await screen.shows("Remove trigger fall?")
+            await screen.shows("Remove trigger fall of robot?")
             await screen.press("y")
             await screen.shows("trigger 'fall' is removed")
             assert fake.trigger_statuses == []

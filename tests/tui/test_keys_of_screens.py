@@ -34,7 +34,7 @@ LAW = (
     ("z", "fold", "TPL"),
     ("n", "entry", "TP"),
     ("Z", "zero", "TP"),
-    ("space", "mark pause", "TPGARL"),
+    ("space", "mark pause", "TPDGARL"),
     ("asterisk", "all", "TGARL"),
     ("V", "range", "TGARL"),
     ("e", "edit limits change", "TGAH"),
@@ -65,11 +65,12 @@ LAW = (
     ("f", "find", "PD"),
     ("right_square_bracket left_square_bracket", "found peak", "PD"),
     ("right_curly_bracket left_curly_bracket", "event newer older", "PDE"),
-    ("c less_than_sign greater_than_sign", "catch level", "P"),
+    ("c", "catch", "PD"),
+    ("less_than_sign greater_than_sign", "level", "P"),
     ("exclamation_mark", "force", "G"),
     ("X", "swap", "D"),
     ("N", "new record", "TPGAR"),
-    ("M", "marker", "TPE"),
+    ("M", "marker", "TPDE"),
     ("K", "acknowledge", "A"),
     ("O", "overlay", "R"),
     ("D", "demo", "L"),
@@ -97,14 +98,9 @@ LEFT_OUT = {
         ("Z", "its statistics are of the whole run"),
     ),
     "monitor": (
-        ("z n Z", "plots have neither branches nor statistics since a reset"),
-        ("Y", "the axis of plots is linear; that of spectra has levels"),
-        ("c less_than_sign greater_than_sign", "there is no scope"),
+        ("less_than_sign greater_than_sign", "in the scope, to which c leads"),
     ),
-    "detail": (
-        ("comma full_stop f B right_curly_bracket left_curly_bracket", "found in the plots, from which it was opened"),
-        ("y", "its axis follows what is shown"),
-    ),
+    "detail": (),
     "triggers": (("C", "one set of columns"), ("T", "here already")),
     "alarms": (("C", "one set of columns"), ("A", "here already")),
     "recordings": (
@@ -118,10 +114,11 @@ LEFT_OUT = {
     "settings": (("tab", "one view"),),
 }  # fmt: skip
 LEFT_OUT["file_monitor"] = (
-    *LEFT_OUT["monitor"], ("space S R N M", "a file stands still, and nothing of it is edited"),
+    *LEFT_OUT["monitor"], ("c Z", "of what comes"),
+    ("space S R N M", "a file stands still, and nothing of it is edited"),
     (OF_LOGGERS, "of a logger"),
 )  # fmt: skip
-LEFT_OUT["file_detail"] = (*LEFT_OUT["detail"], ("r", "nothing comes any more"), (OF_LOGGERS, "of a logger"))
+LEFT_OUT["file_detail"] = (*LEFT_OUT["detail"], ("r space c M", "nothing comes any more"), (OF_LOGGERS, "of a logger"))
 LEFT_OUT["file_events"] = (*LEFT_OUT["events"], ("r M", "nothing comes any more"), (OF_LOGGERS, "of a logger"))
 SCOPES = [scope for scopes in SCREENS.values() for scope in scopes]
 
@@ -172,4 +169,6 @@ def test_a_key_that_the_law_knows_means_nothing_else_on_a_screen_that_lacks_it()
 
 
 def test_every_screen_is_held_against_the_law():
-    assert {scope for command in COMMANDS for scope in command.scopes} - {"any"} == set(SCOPES)
+    assert {scope for command in COMMANDS for scope in command.scopes} - {"any", "scope"} == set(
+        SCOPES
+    )  # the scope has keys of its own

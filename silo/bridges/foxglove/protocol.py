@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from websockets.typing import Subprotocol
 
 from silo.bridges.messages import LiveTopic, is_texts
+from silo.bridges.services import trigger_response
 from silo.ipc.samples import Samples
 
 SUBPROTOCOLS = (Subprotocol("foxglove.sdk.v1"), Subprotocol("foxglove.websocket.v1"))
@@ -114,8 +115,7 @@ def service_call(data: bytes) -> ServiceCall:
 
 def service_response(call: ServiceCall, *, success: bool, message: str) -> bytes:
     """Return the answer to a call, as `std_srvs/srv/Trigger` has it."""
-    text = message.encode() + b"\0"
-    body = b"\x00\x01\x00\x00" + bytes([success, 0, 0, 0]) + struct.pack("<I", len(text)) + text
+    body = trigger_response(message, success=success)
     return struct.pack("<BIII", SERVICE_RESPONSE, call.service, call.call, 3) + b"cdr" + body
 
 

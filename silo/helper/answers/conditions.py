@@ -54,15 +54,31 @@ def _try_trigger(parts: Parts, request: TryTrigger) -> TriggerTried:
 def _conditions(
     parts: Parts, request: SetTrigger | RemoveTrigger | SetLimits | RemoveLimits
 ) -> Done | GoesOn | Refused:
+    if isinstance(request, SetTrigger) and request.lease_s:
+        return _hold_trigger(parts, request)
+    if isinstance(request, RemoveTrigger) and parts.judge.let_go(request.name):
+        return Done(f"trigger '{plain(request.name)}' is let go of")
     reply = must_live(parts.mirror.now) or parts.robot.ask(signed(request))
     if isinstance(reply, Done):
         parts.events.publish(EventKind.CONDITIONS, reply.text, by=request.client)
     return reply if isinstance(reply, Done | GoesOn | Refused) else unexpected(request, reply)
 
 
+def _hold_trigger(parts: Parts, request: SetTrigger) -> Done | Refused:
+    refused = must_live(parts.mirror.now)
+    if refused is not None:
+        return refused
+    is_new = parts.judge.hold(request.trigger, request.lease_s, plain(request.client))
+    kept = "held" if is_new else "kept"
+    return Done(f"trigger '{request.trigger.name}' is {kept} for {request.lease_s:g} s")
+
+
 @answers_to(ArmTrigger)
 def _arm(parts: Parts, request: ArmTrigger) -> Done | GoesOn | Refused:
     now = parts.mirror.now
+    if parts.judge.leased.owner(request.name):
+        parts.judge.arm(request.name, armed=request.armed)
+        return Done(f"trigger '{request.name}' is {'armed' if request.armed else 'off'}")
     known = next((one for one in now.robot.extras.triggers if one.name == request.name), None)
     if known is None:
         return _no_trigger(request.name, now)
@@ -82,7 +98,7 @@ def _arm(parts: Parts, request: ArmTrigger) -> Done | GoesOn | Refused:
 @answers_to(ForceTrigger)
 def _force(parts: Parts, request: ForceTrigger) -> Done | Refused:
     now = parts.mirror.now
-    if request.name not in {one.name for one in now.robot.extras.triggers}:
+    if request.name not in parts.judge.names():
         return _no_trigger(request.name, now)
     refused = must_live(now)
     return refused or Done(f"trigger '{request.name}' was fired at tick {parts.judge.force(request.name)}")

@@ -54,7 +54,7 @@ def _diff_script(parts: Parts, request: DiffScript) -> ScriptDiff:
     plan = apply_script(script, table, parts.mirror.status().frequency_hz)
     unknown = [str(unknown.name) for unknown in plan.unknown]
     now = parts.mirror.now.robot.extras
-    extras = diff_extras(now, script.extras) if script.extras is not None else []
+    extras = diff_extras(now, script.extras_beside(now))
     return ScriptDiff(str(path), diff_options(table, plan.options), unknown, script.warnings, extras)
 
 
@@ -79,7 +79,8 @@ def _load(parts: Parts, request: LoadScript, now: LoggerSnapshot) -> EditsApplie
     unknown = [name.name for name in plan.unknown]
     # the edits are based on the table that was just compared, whatever the client has seen
     based_on = now.table.revision if request.revision == -1 else request.revision
-    extras = script.extras if script.extras != now.robot.extras else None
+    wanted = script.extras_beside(now.robot.extras)
+    extras = wanted if wanted != now.robot.extras else None
     checked = ApplyEdits(revision=based_on, edits=edits, extras=extras, client=request.client)
     reply = check_edits(checked, now) or through(parts, signed(checked))
     if not isinstance(reply, EditsApplied):

@@ -53,11 +53,15 @@ class ConditionCalls(Calls):
         """
         return self._call(TryTrigger(trigger=trigger, client=self._name))
 
-    def set_trigger(self, trigger: TriggerOptions) -> str:
+    def set_trigger(self, trigger: TriggerOptions, lease_s: float = 0.0) -> str:
         """Add a trigger or replace the one of its name; judged from now on, also while the logger runs.
 
         Args:
-            trigger: its condition and what it captures, times in s; `Logger.trigger` tells what they mean.
+            trigger: its condition and what it captures, times in s; `Logger.trigger` tells what they mean. Without any
+                file type in `save` it captures nothing: `triggers` tells when it fired. In mode auto, which has no
+                files, it fires by itself `patience_s` after the end of a capture.
+            lease_s: 0: it is one of the logger's from now on. 0.5 to 600: the helper process holds it for so long,
+                unless the same is set again meanwhile; it is in no script and no saved file.
 
         Returns:
             What was done, in words, with what its captures will lack.
@@ -67,7 +71,7 @@ class ConditionCalls(Calls):
                 message has the size that would do), or the robot program has ended; nothing was changed.
             GoesOnError: the robot program takes longer.
         """
-        return self._call(SetTrigger(trigger=trigger, client=self._name)).text
+        return self._call(SetTrigger(trigger=trigger, lease_s=lease_s, client=self._name)).text
 
     def remove_trigger(self, name: str) -> str:
         """Forget a trigger, also while the logger runs; a capture that is under way goes on.

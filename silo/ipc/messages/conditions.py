@@ -6,7 +6,7 @@ from silo.model import SignalLimits, TriggerOptions
 
 
 class Triggers(Reply, frozen=True):
-    """All triggers, as they stood when `tick` ticks of the `run` were logged."""
+    """All triggers, as they stood when `tick` ticks of the `run` were judged."""
 
     run: str
     tick: int
@@ -56,9 +56,14 @@ class GetLimits(Ask[Alarms], frozen=True):
 
 
 class SetTrigger(RobotRequest[Done], frozen=True):
-    """Add a trigger, or replace the one of its name; judged from now on, also while it runs."""
+    """Add a trigger, or replace the one of its name; judged from now on, also while it runs.
+
+    With `lease_s` (0.5 to 600 s) the helper process alone holds it, beside those of the logger: in no script and no
+    later program, and gone when the same request doesn't come again within that time, or by `RemoveTrigger`.
+    """
 
     trigger: TriggerOptions
+    lease_s: float = 0.0
 
 
 class RemoveTrigger(RobotRequest[Done], frozen=True):

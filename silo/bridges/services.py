@@ -1,0 +1,62 @@
+"""What a bridge with `--control` lets others do to a logger: start, stop, save."""
+
+import struct
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from silo.errors import ConnectionLostError
+from silo.files.ros_types import ENCAPSULATION
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
+
+Connect = Callable[[], "Client"]
+SERVICES = ("start", "stop", "save")
+
+
+def services(connect: Connect, prefix: str) -> dict[str, Callable[[], str]]:
+    """Return what others may call, by name: each connects, does it, and says what came of it."""
+
+    def start() -> str:
+        with connect() as client:
+            return f"{client.found.label} is {client.start().state.value}"
+
+    def stop() -> str:
+        with connect() as client:
+            return f"{client.found.label} is {client.stop().state.value}"
+
+    def save() -> str:
+        with connect() as client:
+            return "saved " + ", ".join(file.path for file in client.wait_saved(client.save()))
+
+    return {f"/{prefix}/{name}": call for name, call in zip(SERVICES, (start, stop, save), strict=True)}
+
+
+def pinned(connect: "Callable[[str], Client]", wanted: str) -> tuple[str, Connect]:
+    """Return the name of the logger that is meant now, and what connects to it and to no other.
+
+    The robot program may end and be started anew; what has another name or is of another computer is never taken for
+    it, even where it is the only one left. Raises ConnectionLostError where there is none, or several could be meant.
+    """
+    with connect(wanted) as client:
+        first, name = client.found, client.status().logger
+    if not name:
+        raise ConnectionLostError("the logger has no name")
+    again = wanted or (f"{first.host}/{first.name}" if first.host else first.name)
+
+    def reach() -> "Client":
+        client = connect(again)
+        found = client.found
+        same = found.name == first.name and found.host == first.host
+        if same and (found.machine == first.machine or not (found.machine and first.machine)):
+            return client
+        client.close()
+        raise ConnectionLostError(f"{found.label} isn't the robot that this began with; start it anew for that one")
+
+    return name, reach
+
+
+def trigger_response(text: str, *, success: bool) -> bytes:
+    """Return the answer of a `std_srvs/srv/Trigger`, in CDR."""
+    letters = text.encode() + b"\0"
+    return ENCAPSULATION + bytes([success, 0, 0, 0]) + struct.pack("<I", len(letters)) + letters

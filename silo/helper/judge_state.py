@@ -1,0 +1,130 @@
+"""What a judge knows, in a small file beside the segments: the helper process that replaces a killed one reads it.
+
+One file per run, `<logger>.<run>.judge` in the runtime folder, replaced as a whole and checked when it is read. It is
+written before anything is told: what was told is never told anew, and what was not is told by the successor.
+"""
+
+import os
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from silo.errors import SegmentError
+from silo.helper.limit_judge import LimitMemory
+from silo.judging.evaluation import EvaluatorMemory
+from silo.judging.triggers import Capture, Trigger
+from silo.model import Extras, TriggerOptions
+from silo.runtime import process_start, runtime_dir
+
+SUFFIX = ".judge"
+_MAGIC = b"silo judge 1\n"
+
+
+class Untold(msgspec.Struct, frozen=True):
+    """An event that clients and the log may not have got; `kind` is a word of EventKind, `tick` -1 for the newest."""
+
+    kind: str
+    text: str
+    tick: int = -1
+    stamp_ns: int = 0
+
+
+class KeptCapture(msgspec.Struct, frozen=True):
+    """A capture that is under way, or waits to be written."""
+
+    options: TriggerOptions
+    capture: Capture
+    ended: str = ""
+
+
+class KeptTrigger(msgspec.Struct, frozen=True):
+    """A trigger, and what its conditions remember."""
+
+    options: TriggerOptions
+    trigger: Trigger
+    evaluator: EvaluatorMemory | None
+
+
+class JudgeState(msgspec.Struct, frozen=True):
+    """What is known of a run of a robot process: everything before tick `until` is judged.
+
+    `cursors` are rows of rings, `numbers` the captures so far of each trigger's name. `closed`: the run has ended.
+    `failed` tells why it is judged no more.
+    """
+
+    run: str
+    pid: int
+    pid_start: int
+    until: int
+    extras: Extras
+    cursors: dict[int, int]
+    triggers: list[KeptTrigger]
+    limits: list[LimitMemory]
+    numbers: dict[str, int]
+    captures: list[KeptCapture] = []
+    untold: list[Untold] = []
+    closed: bool = False
+    failed: str = ""
+
+    @property
+    def is_orphan(self) -> bool:
+        """Whether the robot process of the run is gone."""
+        return process_start(self.pid) != self.pid_start
+
+
+def array_parts(value: Any) -> Any:
+    """Return an array as what MessagePack knows."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.str, value.shape, value.tobytes()
+    raise NotImplementedError(f"{type(value).__name__} is not kept")
+
+
+def array_of(kind: type, value: Any) -> Any:
+    """Return the array that was written. Raises ValueError."""
+    if kind is not np.ndarray:
+        raise NotImplementedError(f"{kind.__name__} is not kept")
+    dtype, shape, data = value
+    return np.frombuffer(data, dtype).reshape(shape).copy()
+
+
+_encoder = msgspec.msgpack.Encoder(enc_hook=array_parts)
+_decoder = msgspec.msgpack.Decoder(JudgeState, dec_hook=array_of)
+
+
+def state_path(logger: str, run: str) -> Path:
+    """Return where the state of a run stands."""
+    return runtime_dir() / f"{logger}.{run}{SUFFIX}"
+
+
+def store_state(path: Path, state: JudgeState) -> None:
+    """Replace the file as a whole. It needs to outlive a process, not the computer. Raises OSError."""
+    body = _encoder.encode(state)
+    made = path.with_name(f".{path.name}.new")
+    made.write_bytes(_MAGIC + zlib.crc32(body).to_bytes(4, "little") + body)
+    made.chmod(0o600)
+    made.replace(path)
+
+
+def read_state(path: Path) -> JudgeState:
+    """Return what stands in a file. Raises SegmentError for a damaged one, OSError where there is none."""
+    text = path.read_bytes()
+    head = len(_MAGIC)
+    body = text[head + 4 :]
+    if text[:head] != _MAGIC or zlib.crc32(body).to_bytes(4, "little") != text[head : head + 4]:
+        raise SegmentError(f"{path}: the state of the triggers is damaged, or of another silo")
+    try:
+        return _decoder.decode(body)
+    except (msgspec.MsgspecError, ValueError, TypeError) as error:
+        raise SegmentError(f"{path}: the state of the triggers is damaged ({error})") from error
+
+
+def left_states(logger: str) -> Iterator[Path]:
+    """Return the files that judges of this logger left."""
+    for name in sorted(os.listdir(runtime_dir())):  # noqa: PTH208  # a name may hold what a pattern would read otherwise
+        run = name.removeprefix(f"{logger}.").removesuffix(SUFFIX)
+        if name == f"{logger}.{run}{SUFFIX}" and run.isalnum():
+            yield runtime_dir() / name

@@ -1,0 +1,196 @@
+"""A helper process that is killed while it judges: its successor goes on, nothing is judged twice, nothing is lost."""
+
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import silo
+from silo.analysis.log import LogWarning
+from silo.files.event_log import read_events
+from silo.helper.judge_state import state_path
+from silo.ipc.client import Client
+from silo.ipc.conditions import TriggerWord
+from silo.ipc.published import EventKind
+from tests.waiting import wait_until
+
+
+def kill_helper(bench):
+    """Kill the helper process and wait for the next one."""
+    pid = bench.serving.helper_pid
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+
+
+def judged(client, bench):
+    """The triggers, as soon as all that was logged is judged."""
+
+    def find():
+        if not client.connected:
+            return None
+        found = client.triggers()
+        return found if found.tick >= bench.logger.ticks else None
+
+    return {one.options.name: one for one in wait_until(find).triggers}
+
+
+def spiked(bench, count, spikes):
+    """Run the loop; `q_x` is 100 at the ticks of spikes."""
+    for _ in range(count):
+        bench.q[0] = 100.0 if bench.logger.ticks in spikes else 0.0
+        bench.ticks(1)
+
+
+def happened(bench, kind, run):
+    return [one for one in read_events(bench.logger.options.folder, "bot") if (one.kind, one.run) == (kind.value, run)]
+
+
+def test_each_spike_fires_and_is_captured_exactly_once(bench, client, tmp_path):
+    kills = 3
+    bench.logger.trigger("spike", "q_x > 50", pre="30ms", post="30ms")
+    bench.logger.trigger("first", "mean(q_x, 50ms) > 10", mode="single")
+    bench.logger.limit("q_x", (None, None, 10.0, 50.0))
+    bench.logger.start()
+    rng = np.random.default_rng(kills)
+    each = 900 // (kills + 1)  # all of it stays in the rings, of 1000 rows, however late it is judged or written
+    ticks = each * (kills + 1)
+    spikes = set((np.arange(20, ticks - 20, 20) + rng.integers(0, 5, len(range(20, ticks - 20, 20)))).tolist())
+    for _ in range(kills):
+        at = int(rng.integers(1, each))
+        spiked(bench, at, spikes)
+        if rng.random() < 0.5:
+            judged(client, bench)
+        kill_helper(bench)
+        spiked(bench, each - at, spikes)
+    spiked(bench, each, spikes)
+    found = judged(client, bench)
+    assert found["spike"].fires == found["spike"].captures == len(spikes)
+    assert (found["first"].fires, found["first"].state) == (1, TriggerWord.FIRED)
+    run = client.triggers().run
+    folder = tmp_path / "logs"
+    wait_until(lambda: len(list(folder.glob("*_spike_*.silo"))) == len(spikes))
+    wait_until(lambda: len(happened(bench, EventKind.CAPTURED, run)) == len(spikes) + 1)
+    fired = [one.tick for one in happened(bench, EventKind.TRIGGERED, run) if "'spike'" in one.text]
+    assert fired == sorted(spikes)
+    assert len([one for one in happened(bench, EventKind.TRIGGERED, run) if "'first'" in one.text]) == 1
+    assert happened(bench, EventKind.BLIND, run) == []
+    logs = [silo.open_log(path) for path in folder.glob("*_spike_*.silo")]
+    assert sorted(log.recording.extras.capture.fires[0] for log in logs) == sorted(spikes)
+    assert all(log["q_x"].values.tolist() == [0.0] * 3 + [100.0] + [0.0] * 3 for log in logs)
+    assert wait_until(lambda: client.alarms().limits)[0].count == len(spikes)
+
+
+def test_what_somebody_has_seen_stays_seen(bench, client):
+    bench.logger.limit("x", (None, None, 10.0, 20.0))
+    bench.logger.start()
+    bench.ticks(30)
+    wait_until(lambda: client.alarms().limits and client.alarms().limits[0].alarm)
+    client.acknowledge(who="ann")
+    kill_helper(bench)
+    wait_until(lambda: client.connected)
+    found = wait_until(lambda: client.alarms().limits)[0]
+    assert (found.alarm, found.seen_by, found.count) == (False, "ann", 1)
+
+
+def test_a_capture_that_was_under_way_goes_on(bench, client, heard):
+    bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
+    bench.logger.start()
+    bench.ticks(60)
+    heard.wait(EventKind.TRIGGERED)
+    kill_helper(bench)
+    bench.ticks(100)
+    (file,) = heard.wait(EventKind.CAPTURED).files
+    log = silo.open_log(file.path)
+    assert log["x"].values.tolist() == list(range(46, 152))
+    assert (log.warnings, log.recording.extras.capture.number) == ((), 1)
+
+
+def test_of_a_capture_under_way_that_the_rings_hold_no_more_there_is_a_file_that_says_so(bench, client, heard):
+    bench.logger.trigger("high", "x > 50", pre="50ms", post="15s")
+    bench.logger.start()
+    bench.ticks(60)
+    heard.wait(EventKind.TRIGGERED)
+    kill = bench.serving.helper_pid
+    os.kill(kill, signal.SIGSTOP)
+    bench.ticks(1200)
+    os.kill(kill, signal.SIGCONT)
+    kill_helper(bench)
+    bench.ticks(600)
+    (file,) = heard.wait(EventKind.CAPTURED).files
+    with pytest.warns(LogWarning, match="were overwritten before they could be copied"):
+        log = silo.open_log(file.path)
+    assert log["x"].values[-1] == 50 + 1 + 1500
+
+
+def test_rows_that_the_rings_hold_no_more_are_told_to_be_blindness(bench, client, heard):
+    bench.logger.trigger("high", "q_x > 50")
+    bench.logger.start()
+    spiked(bench, 50, {10})
+    heard.wait(EventKind.TRIGGERED)
+    pid = bench.serving.helper_pid
+    os.kill(pid, signal.SIGSTOP)
+    spiked(bench, 2500, {100, 2500})
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    assert wait_until(lambda: judged(client, bench)["high"].fires == 2)
+    run = client.triggers().run
+    wait_until(lambda: len(happened(bench, EventKind.TRIGGERED, run)) == 2)
+    assert [one.tick for one in happened(bench, EventKind.TRIGGERED, run)] == [10, 2500]
+    wait_until(lambda: "were blind for" in "".join(one.text for one in happened(bench, EventKind.BLIND, run)))
+
+
+def test_a_damaged_state_is_told_and_nothing_fires_anew(bench, client, heard):
+    bench.logger.trigger("high", "x > 10")
+    bench.logger.start()
+    bench.ticks(50)
+    heard.wait(EventKind.CAPTURED)
+    pid = bench.serving.helper_pid
+    os.kill(pid, signal.SIGSTOP)
+    path = state_path("bot", client.status and bench.logger.present_run.id)
+    path.write_bytes(path.read_bytes()[:-5])
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    wait_until(lambda: client.connected and client.triggers().tick >= bench.logger.ticks)
+    assert "is damaged" in heard.wait(EventKind.BLIND).text
+    assert client.triggers().triggers[0].fires == 0
+
+
+def test_nothing_stays_of_a_logger_that_is_closed(bench, runtime):
+    bench.logger.trigger("high", "x > 10")
+    bench.logger.start()
+    bench.ticks(50)
+    with Client.connect("bot") as client:
+        wait_until(lambda: client.triggers().tick >= 50)
+    assert list(runtime.glob("*.judge"))
+    bench.logger.close()
+    wait_until(lambda: not list(runtime.glob("*.judge")))
+
+
+def test_a_helper_process_that_gives_way_leaves_what_is_under_way_to_the_next(bench, client, heard):
+    bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
+    bench.logger.start()
+    bench.ticks(60)
+    heard.wait(EventKind.TRIGGERED)
+    pid = bench.serving.helper_pid
+    Path(bench.serving.socket_path).unlink()  # nobody finds it any more: it ends, and the next one makes another
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    bench.ticks(100)
+    (file,) = heard.wait(EventKind.CAPTURED).files
+    assert silo.open_log(file.path)["x"].values.tolist() == list(range(46, 152))
+
+
+def test_a_capture_of_a_run_whose_memory_is_gone_is_told_to_be_lost(bench, client, heard):
+    bench.logger.trigger("high", "x > 50", pre="50ms", post="1s")
+    bench.logger.start()
+    bench.ticks(60)
+    heard.wait(EventKind.TRIGGERED)
+    pid = bench.serving.helper_pid
+    os.kill(pid, signal.SIGSTOP)
+    bench.logger.restart(unsaved="clear")
+    bench.ticks(10)
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    text = heard.wait(EventKind.BLIND).text
+    assert text.startswith("capture 1 of 'high', ticks 45 to 150, is lost: the helper process died before")
