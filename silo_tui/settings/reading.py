@@ -110,6 +110,7 @@ def nodes(text: str) -> tuple[yaml.Node | None, list[Problem], str]:
             root = compose("\n".join(lines))
         except yaml.YAMLError as error:
             number, reason = _explained(error, "\n".join(lines))
+            number = min(number, len(lines))  # YAML may miss something on the line after the last
             line = lines[number - 1]
             if not line.strip("# "):
                 return None, [*problems, Problem(number, f"{reason}. The file is left out")], text

@@ -313,7 +313,7 @@ class FakeClient:
 
     def _kept(self) -> list[int]:
         """Samples that the buffers of the held recording hold, per saved element."""
-        made = [self.recorded(info.name) for info in self.elements]
+        made = [self._recorded.get(info.name, info.options) for info in self.elements]  # not one by one: of 10,000
         return [_held(options, self.ticks) for options in made if options.enabled and options.action.saves]
 
     def somebody_edits(self, name: str, **options: Any) -> None:

@@ -235,3 +235,8 @@ def test_no_text_at_all_stops_the_reader(text):
     found, problems = read(text)
     assert found == Settings() or not problems or text
     assert all(typed(getattr(found, option.name)) for option in OPTIONS)
+
+
+def test_a_bracket_that_nothing_closes_is_told_of_with_its_line():
+    _, problems = read("[0:")
+    assert [problem.line for problem in problems] == [1]
