@@ -23,6 +23,8 @@ from silo.ipc.samples import Samples
 from silo.model import ElementInfo
 
 OPEN_MS = 3000
+MOST_CALLS = 16  # of a service that wait
+LOOK_S = 0.1  # how often it is asked who subscribes, and whether a service was called
 
 
 @contextlib.contextmanager
@@ -59,7 +61,6 @@ class Topic:
     gid: bytes
     publisher: zenoh.Publisher
     token: zenoh.LivelinessToken
-    listener: "zenoh.MatchingListener[None] | None" = None
     sequence: int = 0
     is_watched: bool = False
 
@@ -69,8 +70,18 @@ class Topic:
         self.publisher.put(message, attachment=Attachment(self.sequence, time_ns, self.gid).encoded())
 
 
+@dataclass(frozen=True)
+class Service:
+    """What others may call: it does something and says what."""
+
+    key: str
+    name: str
+    call: Callable[[], str]
+    queryable: "zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]"
+
+
 class Graph:
-    """A logger's topics in the graph, as they come and go. Its feed's thread does all; others only say who watches."""
+    """A logger's topics as they come and go: the feed's thread publishes, another one looks who is there."""
 
     def __init__(
         self,
@@ -85,9 +96,10 @@ class Graph:
         self._tell = tell
         self._numbers: dict[tuple[str, str], int] = {}  # of a topic and its type: it keeps its number
         self._topics: dict[tuple[str, str], Topic] = {}
-        self._watching = threading.Lock()
+        self._ended = threading.Event()
         self._tokens = [session.liveliness().declare_token(node.token)]
-        self._queryables: list[zenoh.Queryable[None]] = []
+        self._services: list[Service] = []
+        self._calls: list[threading.Thread] = []
         self._feed = make_feed(Listener(self._renew, self._deliver, tell))
 
     @contextlib.contextmanager
@@ -95,10 +107,16 @@ class Graph:
         """Be there, with services by name that do something and say what."""
         for name, call in services.items():
             self._offer(name, call)
+        looking = threading.Thread(target=self._look, name="graph", daemon=True)
         self._feed.start()
+        looking.start()
         try:
             yield
         finally:
+            self._ended.set()
+            looking.join()
+            for one in self._calls:
+                one.join()
             self._feed.close()
 
     # ------------------------------------------------------------------------------------------------------- topics
@@ -117,7 +135,6 @@ class Graph:
                 self._topics[key].outlet = outlet
             else:
                 self._topics[key] = self._declare(outlet, self._number(key))
-        self._wish()
 
     def _number(self, key: tuple[str, str]) -> int:
         return self._numbers.setdefault(key, len(self._numbers) + len(self._tokens) + 1)
@@ -129,23 +146,28 @@ class Graph:
             self._node.key(outlet.topic, outlet.type.name, shown),
             congestion_control=zenoh.CongestionControl.DROP,  # who is slow loses messages and holds up nobody
         )
-        topic = Topic(outlet, gid_of(token), publisher, self._session.liveliness().declare_token(token))
+        return Topic(outlet, gid_of(token), publisher, self._session.liveliness().declare_token(token))
 
-        def watch(status: zenoh.MatchingStatus) -> None:
-            with self._watching:
-                topic.is_watched = status.matching
-            self._wish()
+    def _look(self) -> None:
+        """See who subscribes and who calls, until it ends.
 
-        topic.listener = publisher.declare_matching_listener(watch)
-        with self._watching:  # asked and noted at once: a change meanwhile is noted after it
-            status: Any = publisher.matching_status  # zenoh's stub says bool
-            topic.is_watched = bool(getattr(status, "matching", status))
-        return topic
-
-    def _wish(self) -> None:
-        with self._watching:  # the last to ask has seen all
-            topics = list(self._topics.values())
-            self._feed.wish(frozenset(name for one in topics if one.is_watched for name in one.outlet.elements))
+        Not by callbacks of Zenoh: each would be a thread, of hundreds of topics, and one that comes while Python ends
+        aborts the process.
+        """
+        while not self._ended.wait(LOOK_S):
+            for topic in list(self._topics.values()):
+                try:
+                    status: Any = topic.publisher.matching_status  # zenoh's stub says bool
+                except zenoh.ZError:  # it was taken back just now
+                    continue
+                topic.is_watched = bool(getattr(status, "matching", status))
+            watched = [topic for topic in list(self._topics.values()) if topic.is_watched]
+            self._feed.wish(frozenset(name for topic in watched for name in topic.outlet.elements))
+            for service in self._services:
+                while (query := service.queryable.try_recv()) is not None:
+                    self._calls = [one for one in self._calls if one.is_alive()]
+                    self._calls.append(threading.Thread(target=self._answer, args=(service, query), name=service.name))
+                    self._calls[-1].start()
 
     def _deliver(self, batch: Mapping[str, Samples], taken: Callable[[], None]) -> None:
         try:
@@ -166,13 +188,12 @@ class Graph:
         shown = self._distribution.hash_of(TRIGGER_HASH)
         key = self._node.key(name, TRIGGER, shown)
         number = len(self._tokens)
-        self._queryables.append(
-            self._session.declare_queryable(key, lambda query: self._answer(key, name, call, query), complete=True)
-        )
+        queryable = self._session.declare_queryable(key, zenoh.handlers.FifoChannel(MOST_CALLS), complete=True)
+        self._services.append(Service(key, name, call, queryable))
         token = self._node.entity_token(number, EntityKind.SERVICE, name, TRIGGER, shown)
         self._tokens.append(self._session.liveliness().declare_token(token))
 
-    def _answer(self, key: str, name: str, call: Callable[[], str], query: zenoh.Query) -> None:
+    def _answer(self, service: Service, query: zenoh.Query) -> None:
         """A service of type Trigger was called."""
         try:
             asked = Attachment.decoded(query.attachment.to_bytes() if query.attachment is not None else b"")
@@ -180,9 +201,9 @@ class Graph:
             query.reply_err(f"silo: {error}".encode())
             return
         try:
-            text, success = call(), True
+            text, success = service.call(), True
         except SiloError as error:
             text, success = str(error), False
-        self._tell(f"{name}, called from the ROS graph: {text}")
+        self._tell(f"{service.name}, called from the ROS graph: {text}")
         answer = Attachment(asked.sequence, time.time_ns(), asked.gid).encoded()
-        query.reply(key, trigger_response(text, success=success), attachment=answer)
+        query.reply(service.key, trigger_response(text, success=success), attachment=answer)
