@@ -97,6 +97,9 @@ def find_moments(
         return unknown(name)
     run = request.run or (reader.schema.run if reader is not None else "")
     pins = [pin for pin in pins if pin.schema.run == run]
+    if reader is not None and reader.schema.run == run:
+        # other derived signals have other rings
+        pins = [pin for pin in pins if pin.schema.extras.derived == reader.schema.extras.derived]
     source = HeldRows(reader if reader is not None and reader.schema.run == run else None, pins)
     if not pins and (reader is None or reader.schema.run != run):
         return MomentsFound(run, [FoundIn(name, why="nothing of that recording is held") for name in request.names])

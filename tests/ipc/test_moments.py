@@ -6,6 +6,7 @@ import pytest
 import silo
 from silo.errors import RefusedError
 from silo.model import BufferType, Edit, ElementOptions
+from tests.waiting import wait_until
 
 
 def short_buffer(client, name, size):
@@ -28,6 +29,15 @@ def test_a_spike_of_one_sample_is_found_in_all_that_is_held(bench, client):
     assert (found.total, found.time_ns.tolist()) == (1, [bench.begin_ns + 123 * bench.tick_ns])
     assert found.values.tolist() == [40]
     assert (found.begin_ns, found.end_ns) == (bench.begin_ns, bench.begin_ns + 299 * bench.tick_ns)
+
+
+def test_a_derived_signal_is_looked_through_like_any_other(bench, client):
+    bench.logger.derive("sum", "q_x + q_y")
+    wait_until(lambda: client.table().derived)
+    client.start()
+    spiked(bench, 123, 300)
+    found = wait_until(lambda: (some := client.find(["/log/sum"], "highest")["/log/sum"]).total and some)
+    assert (found.time_ns.tolist(), found.values.tolist()) == ([bench.begin_ns + 123 * bench.tick_ns], [40])
 
 
 def test_an_answer_is_bounded_and_counts_all(bench, client):

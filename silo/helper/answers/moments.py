@@ -13,4 +13,4 @@ def _find(parts: Parts, request: FindMoments) -> MomentsFound | Refused:
     held = [found for pin in request.pins if (found := parts.pins.rows(pin)) is not None]
     gone = next((each for each in held if isinstance(each, Refused)), None)
     pinned = [each for each in held if not isinstance(each, Refused)]
-    return gone or find_moments(request, parts.mirror.now, parts.mirror.open_reader(), pinned)
+    return gone or find_moments(request, parts.mirror.now, parts.mirror.open_watcher(), pinned)
