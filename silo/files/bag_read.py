@@ -138,7 +138,8 @@ def _read(data: memoryview) -> Recording:
             break
     if facts is None or times is None:
         raise ValueError(
-            "this bag was not written by silo, or was cut off before its table"
+            "this bag was not written by silo, which reads only its own (the package rosbags reads others), or was cut "
+            "off before its table"
             if complete or facts is None
             else "cut off before its time stamps"
         )
