@@ -10,6 +10,9 @@ from typing import Annotated
 
 import msgspec
 
+from silo.calls import ToldStruct, unknown_word
+from silo.errors import ElementError
+
 MAX_DIVIDER = 2**31 - 1
 MAX_BUFFER_SIZE = 2**31 - 1
 
@@ -18,8 +21,11 @@ class _Named(enum.IntEnum):
     """Numbers that are also found by their names: `Action("publish")`."""
 
     @classmethod
-    def _missing_(cls, value: object) -> "_Named | None":
-        return cls.__members__.get(value.strip().upper().replace(" ", "_")) if isinstance(value, str) else None
+    def _missing_(cls, value: object) -> "_Named":
+        found = cls.__members__.get(value.strip().upper().replace(" ", "_")) if isinstance(value, str) else None
+        if found is None:
+            raise ElementError(unknown_word(f"silo.{cls.__name__}", value, [name.lower() for name in cls.__members__]))
+        return found
 
 
 class Action(_Named):
@@ -81,7 +87,7 @@ class Threads(str, enum.Enum):
     SERIALIZED = "serialized"
 
 
-class ElementOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ElementOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, metaclass=ToldStruct):
     """How one element is logged: everything that the script and the terminal can edit.
 
     Attributes:
@@ -368,7 +374,7 @@ class Table(msgspec.Struct, frozen=True):
     derived: list[ElementInfo] = []
 
 
-class Edit(msgspec.Struct, frozen=True):
+class Edit(msgspec.Struct, frozen=True, metaclass=ToldStruct):
     """New options of one element (all fields; unchanged ones repeated).
 
     Attributes:

@@ -6,13 +6,15 @@ It knows no logger, no file and no process.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.calls import no_attribute
 from silo.display import html_table
+from silo.errors import ArgumentError
 from silo.model import NO_EXTRAS, BufferType, Entry, Extras, LoggedEvent
 
 Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
@@ -88,6 +90,18 @@ class RecordedElement:
         return self.first + np.arange(self.count, dtype=np.int64) * self.divider
 
 
+_OF_LOGS = ("save", "to_pandas", "to_polars", "to_xarray", "plot", "eval", "clip", "resample", "names", "glob", "times")
+_OTHER_NAMES = {
+    "signals": "recording.elements are its elements, silo.Log(recording)['x'] is a signal",
+    "keys": "list(silo.Log(recording)) has the names",
+    "values": "silo.Log(recording)['x'].values has them",
+    "data": "silo.Log(recording)['x'].values has them",
+    "time": "it is .time_ns; silo.Log(recording).times are seconds",
+    "frequency": "it is .frequency_hz",
+    "name": "it is .logger",
+}
+
+
 @dataclass(frozen=True, repr=False)
 class Recording:
     """A whole log at one moment.
@@ -132,6 +146,21 @@ class Recording:
     def _repr_html_(self) -> str:
         rows = [(one.name, one.unit, one.kind, one.count, one.divider, one.lost or "") for one in self.elements]
         return html_table(repr(self)[1:-1], ("element", "unit", "kind", "samples", "divider", "lost"), rows)
+
+    def __getitem__(self, name: object) -> NoReturn:
+        # what iterating comes to as well
+        shown = repr(name) if isinstance(name, str) else "'x'"
+        raise ArgumentError(
+            f"a recording is plain data: silo.Log(recording)[{shown}] is a signal of it, with its times and unit; "
+            "recording.elements are its elements"
+        )
+
+    if not TYPE_CHECKING:  # type checkers find it themselves
+
+        def __getattr__(self, name: str) -> NoReturn:
+            logs = f"write silo.Log(recording).{name}, a log has more than a recording, which is plain data"
+            others = dict.fromkeys(_OF_LOGS, logs) | _OTHER_NAMES
+            no_attribute("a recording", name, type(self), others)
 
     @property
     def entry_count(self) -> int:

@@ -15,7 +15,7 @@ from silo.analysis.log import Log
 from silo.analysis.reports import table
 from silo.analysis.signals import Signal
 from silo.arguments import real, shown, text
-from silo.calls import told
+from silo.calls import told, told_class
 from silo.display import html_table
 from silo.errors import ElementError
 
@@ -50,6 +50,7 @@ class SignalDifference:
         return (self.name, self.unit, *numbers, f"{self.differ:.1%}")
 
 
+@told_class("comparison")
 @dataclass(frozen=True)
 class Comparison:
     """What differs between two runs: `rows`, the most different first. Print it, or `plot()` it.

@@ -32,13 +32,14 @@ from silo.arguments import real, shown, switch, text, whole
 from silo.calls import told, told_class
 from silo.display import html_table
 from silo.errors import ElementError, SaveError, UnknownNameError
+from silo.files.bag_index import BagElements
 from silo.files.formats import read_recording, writer_for
 from silo.files.naming import find_log, find_logs
 from silo.files.silo_whole import FileElements
 from silo.judging.derived import bound_derived
 from silo.kinds import SCALAR
 from silo.model import NO_EXTRAS
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.recording import RecordedElement, Recording
 
 MOST_RUNS = 10**9
 
@@ -158,12 +159,12 @@ class Log(Mapping[str, Signal]):
         self._blind = [name for name in defined if told[name]]  # what they need isn't in the log
 
     @cached_property
-    def _entries(self) -> dict[str, tuple[RecordedElement, RecordedEntry]]:
+    def _entries(self) -> dict[str, tuple[int, int]]:
         # made only for who asks for a scalar of an element, or for a name that is not there
-        found: dict[str, tuple[RecordedElement, RecordedEntry]] = {}
-        for element in self.recording.elements:
-            for entry in element.entries:
-                found.setdefault(entry.name, (element, entry))
+        found: dict[str, tuple[int, int]] = {}
+        for place, names in enumerate(_entry_names(self.recording.elements)):
+            for index, name in enumerate(names):
+                found.setdefault(name, (place, index))
         return found
 
     # ------------------------------------------------------------------------------------------------------- mapping
@@ -173,11 +174,15 @@ class Log(Mapping[str, Signal]):
             raise UnknownSignalError(
                 f"a signal is named by a text, got {shown(name)} ({type(name).__name__}); list(log) has all names"
             )
+        # elements with and without the prefix first: names of scalars may cost reading all of the log
         for key in self._keys(name):
             if key in self._elements:
                 return self._signal(key, self.recording.elements[self._elements[key]])
+        for key in self._keys(name):
             if key in self._entries:
-                element, entry = self._entries[key]
+                place, index = self._entries[key]
+                element = self.recording.elements[place]
+                entry = element.entries[index]
                 return self._signal(key, replace(element, name=key, kind=SCALAR.name, shape=(), entries=(entry,)))
             if key in self._derived or key in self._blind:
                 return self._evaluated(f"`{key}`", key)
@@ -506,7 +511,15 @@ class Log(Mapping[str, Signal]):
 
 
 def _names(elements: Sequence[RecordedElement]) -> list[str]:
-    return elements.names if isinstance(elements, FileElements) else [element.name for element in elements]
+    if isinstance(elements, FileElements | BagElements):
+        return elements.names
+    return [element.name for element in elements]
+
+
+def _entry_names(elements: Sequence[RecordedElement]) -> list[list[str]]:
+    if isinstance(elements, BagElements):
+        return elements.entry_names
+    return [[entry.name for entry in element.entries] for element in elements]
 
 
 def _unused(name: str, taken: Mapping[str, object]) -> str:

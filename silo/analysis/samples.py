@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from silo.analysis.shapes import scalars
 from silo.arguments import INT64, shown, whole
+from silo.calls import told_class
 from silo.errors import ElementError
 from silo.recording import NO_FAILURES, Failures
 
@@ -22,6 +23,7 @@ MOST_SAMPLES = 100_000_000  # of a resampled signal
 Self = TypeVar("Self", bound="Samples")
 
 
+@told_class("signal")
 @dataclass(frozen=True, eq=False, repr=False)
 class Samples:
     """Samples `values[i]` at `time_ns[i]`.

@@ -1,19 +1,18 @@
 """Reading bags that silo wrote, back into a `Recording` with every value bit for bit.
 
 The facts attachment says where in which message each value stands; the message index says where in a chunk each
-message stands; so a chunk is read with one indexed load per channel. A file that was cut off gives what is whole, with
-a warning. Bags of others have no facts: `FileFormatError` says so.
+message stands; so a chunk is read with one indexed load per channel, and `open_bag` reads only what is asked for
+(`silo.files.bag_index`). A file that was cut off gives what is whole, with a warning. Bags of others have no facts:
+`FileFormatError` says so.
 """
 
 import mmap
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import msgspec
 import numpy as np
-import zstandard
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
@@ -28,11 +27,12 @@ from silo.files.bag_facts import (
     unpack_facts,
     unpack_times,
 )
+from silo.files.bag_index import BagElements, Index, damage_told, read_index, record_at, recorded
 from silo.files.mcap_write import MAGIC
 from silo.files.part_facts import PART_ATTACHMENT, unpack_part
 from silo.files.part_read import read_part
 from silo.files.part_scan import attachment
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.recording import RecordedElement, Recording
 
 
 def read_bag(path: str | os.PathLike[str]) -> Recording:
@@ -41,22 +41,31 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
     A truncated file gives the samples that are whole; `Recording.warnings` says what is missing. Raises
     `LogNotFoundError` if it can't be opened, `FileFormatError` for damaged files and for bags of others.
     """
+    file, data = _mapped(path)
+    with damage_told(file):
+        return _read(data)
+
+
+def open_bag(path: str | os.PathLike[str]) -> Recording:
+    """As `read_bag`, but of a whole file each element is read when it is asked for.
+
+    What is damaged in an element raises `FileFormatError` then.
+    """
+    file, data = _mapped(path)
+    with damage_told(file):
+        return _read_by_index(file, data) or _read(data)
+
+
+def _mapped(path: str | os.PathLike[str]) -> tuple[Path, memoryview]:
     file = _storage_file(Path(path))
     try:
         with file.open("rb") as opened:
             if os.fstat(opened.fileno()).st_size == 0:
                 raise FileFormatError(f"{file}: the file is empty")
             # the map ends with its last view, whoever holds it
-            data = memoryview(mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ))
+            return file, memoryview(mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ))
     except OSError as error:
         raise LogNotFoundError(f"can't open '{file}': {reason(error)}") from error
-    try:
-        return _read(data)
-    except (struct.error, ValueError, IndexError, OverflowError, TypeError, MemoryError) as error:
-        # every field of a damaged file may hold anything
-        raise FileFormatError(f"{file}: {error}") from error
-    except (zstandard.ZstdError, msgspec.MsgspecError) as error:
-        raise FileFormatError(f"{file}: damaged: {error}") from error
 
 
 def _storage_file(path: Path) -> Path:
@@ -68,6 +77,30 @@ def _storage_file(path: Path) -> Path:
     if len(files) != 1:
         raise FileFormatError(f"{path}: a bag that silo wrote holds one .mcap file, this folder holds {len(files)}")
     return files[0]
+
+
+def _read_by_index(file: Path, data: memoryview) -> Recording | None:
+    """The recording, its elements to be read when they are asked for; None where the file isn't whole or is a part."""
+    index = read_index(data)
+    if (
+        index is None
+        or PART_ATTACHMENT in index.attachments
+        or not {FACTS_ATTACHMENT, TIME_ATTACHMENT} <= set(index.attachments)
+    ):
+        return None
+    facts = unpack_facts(_attached(data, index, FACTS_ATTACHMENT))
+    counts = index.counts
+    if facts.version != FACTS_VERSION or any(
+        counts.get(entry.channel, 0) != element.count for element in facts.elements for entry in element.entries
+    ):
+        return None
+    times = unpack_times(_attached(data, index, TIME_ATTACHMENT))
+    return _recording(facts, times, BagElements(file, data, facts, index), facts.warnings)
+
+
+def _attached(data: memoryview, index: Index, name: str) -> bytes:
+    at, _ = index.attachments[name]
+    return attachment(record_at(data, at, Opcode.ATTACHMENT))[2]
 
 
 def _read(data: memoryview) -> Recording:
@@ -105,11 +138,12 @@ def _read(data: memoryview) -> Recording:
             break
     if facts is None or times is None:
         raise ValueError(
-            "this bag was not written by silo, or was cut off before its table"
+            "this bag was not written by silo, which reads only its own (the package rosbags reads others), or was cut "
+            "off before its table"
             if complete or facts is None
             else "cut off before its time stamps"
         )
-    return _recording(facts, times, elements, complete)
+    return _recording(facts, times, tuple(map(recorded, elements)), _warnings(facts, elements, complete))
 
 
 def _records(data: memoryview) -> Iterator[tuple[int, memoryview]]:
@@ -124,45 +158,30 @@ def _records(data: memoryview) -> Iterator[tuple[int, memoryview]]:
         at += length
 
 
-def _recording(facts: RecordingFacts, times: NDArray[np.int64], elements: list[Values], complete: bool) -> Recording:
-    warnings = list(facts.warnings)
+def _warnings(facts: RecordingFacts, elements: list[Values], complete: bool) -> tuple[str, ...]:
     missing = sum(values.facts.count - values.whole for values in elements if values.facts.entries)
     if missing:
-        warnings.append(f"the file is cut off: {missing} samples are missing at the end")
-    elif not complete:
-        warnings.append("the file is cut off: its index is missing, which other readers need; all samples are there")
+        return (*facts.warnings, f"the file is cut off: {missing} samples are missing at the end")
+    if not complete:
+        cut = "the file is cut off: its index is missing, which other readers need; all samples are there"
+        return (*facts.warnings, cut)
+    return facts.warnings
+
+
+def _recording(
+    facts: RecordingFacts, times: NDArray[np.int64], elements: Sequence[RecordedElement], warnings: tuple[str, ...]
+) -> Recording:
     return Recording(
         logger=facts.logger,
         time_ns=times,
         offset=facts.offset,
-        elements=tuple(_element(values) for values in elements),
+        elements=elements,
         prefix=facts.prefix,
         frequency_hz=facts.frequency_hz,
         started_ns=facts.started_ns,
         time_looping=facts.time_looping,
-        warnings=tuple(warnings),
+        warnings=warnings,
         why=facts.why,
         extras=facts.extras,
         events=facts.events,
-    )
-
-
-def _element(values: Values) -> RecordedElement:
-    facts = values.facts
-    return RecordedElement(
-        name=facts.name,
-        unit=facts.unit,
-        kind=facts.kind,
-        shape=facts.shape,
-        divider=facts.divider,
-        buffer_type=facts.buffer_type,
-        first=facts.first,
-        entries=tuple(
-            RecordedEntry(entry.name, entry.entry, array[: values.whole])
-            for entry, array in zip(facts.entries, values.arrays, strict=True)
-        ),
-        description=facts.description,
-        lost=facts.lost,
-        dtype=facts.dtype,
-        failures=facts.failures,
     )

@@ -14,6 +14,7 @@ import numpy as np
 import zenoh
 from numpy.typing import NDArray
 
+from silo.calls import told_class
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.keys import Root
 from silo.ipc.messages import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
@@ -176,6 +177,7 @@ class Batch(Mapping[str, Samples]):
         return len(self._parts)
 
 
+@told_class("stream")
 class Stream:
     """All samples of some elements or entries as they come. May be used by any thread; iterate over it, or `read()`.
 
@@ -325,6 +327,7 @@ def _decoded(data: bytes) -> StreamFrame:
     return frame
 
 
+@told_class("pin")
 class Pin:
     """What a helper process holds for this client: `client.samples(..., pin=pin)` and `client.history` read it.
 

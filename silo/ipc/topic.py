@@ -12,6 +12,7 @@ import zenoh
 from numpy.typing import NDArray
 
 from silo.arguments import real
+from silo.calls import told_class
 from silo.errors import ConnectionLostError, ElementError
 from silo.ipc.keys import Root, unescape
 from silo.ipc.sessions import undeclare
@@ -37,6 +38,7 @@ class Batch:
         return len(self.time_ns)
 
 
+@told_class("topic")
 class Topic:
     """A subscription. `read()` doesn't wait unless told to; `missed` counts samples that did not arrive.
 

@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import zenoh
 
+from silo.calls import told_class
 from silo.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
 from silo.errors import ConnectionLostError
 from silo.ipc.frames import Frame
@@ -39,6 +40,7 @@ def _marks(data: bytes, shape: tuple[int, int]) -> Marks | None:
     return np.frombuffer(data, np.uint8).reshape(shape) if data else None
 
 
+@told_class("view")
 class View:
     """An open view. `frame()` may be called by any thread and never waits; `close()` ends it."""
 

@@ -9,7 +9,8 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from silo.arguments import line, text, whole
+from silo.arguments import line, shown, text, whole
+from silo.calls import told_class
 from silo.errors import ElementError, SaveError
 from silo.logger.configuration import Configuration
 from silo.logger.options import file_types
@@ -18,6 +19,7 @@ from silo.model import Derived, Edit, Extras, FileType, SignalLimits, TriggerOpt
 log = logging.getLogger("silo")
 
 
+@told_class("log")
 class Conditions(Configuration):
     """Derived signals, limits and triggers of a logger."""
 
@@ -133,6 +135,11 @@ class Conditions(Configuration):
         """
         from silo.judging.extras import with_limits
 
+        if not isinstance(one, SignalLimits):
+            raise ElementError(
+                f"limits must be silo.model.SignalLimits, got {shown(one)}; write "
+                'log.limit("joints/tau", (-40, -30, 30, 40)); nothing was changed'
+            )
         with self._lock:
             self._check_open()
             self._extras = with_limits(self._extras, one, self._all_infos, self.options.prefix)
@@ -239,6 +246,11 @@ class Conditions(Configuration):
         from silo.judging.extras import held_by, trigger_rule, with_trigger
         from silo.judging.triggers import check_pre
 
+        if not isinstance(one, TriggerOptions):
+            raise ElementError(
+                f"a trigger must be silo.model.TriggerOptions, got {shown(one)}; write "
+                'log.trigger("fall", "abs(base/roll) > 0.6"); nothing was changed'
+            )
         try:
             check_name(one.name)
         except SaveError as error:

@@ -24,6 +24,7 @@ from silo.errors import ArgumentError, ElementError, ScriptError, StateError
 from silo.kinds import STRUCT, struct_text
 from silo.logger.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.options import array_layout, edits_given, element_name, new_options, string_room
+from silo.logger.other_names import HidesOtherNames
 from silo.logger.table import Table
 from silo.model import (
     DEFAULT_OPTIONS,
@@ -46,7 +47,7 @@ log = logging.getLogger("silo")
 
 
 @told_class("log")
-class Configuration:
+class Configuration(metaclass=HidesOtherNames):
     """The element table of a logger and all that changes it."""
 
     def __init__(self, options: LoggerOptions) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
+from silo.calls import told
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
 from silo.logger.serving import Serving
@@ -96,6 +97,7 @@ def mark(text: str) -> None:
     _default.mark(text)
 
 
+@told("silo.get_logger")
 def get_logger() -> Logger | NullLogger:
     """Return the default logger: what `silo.init` made, before that one with the same methods that does nothing."""
     if isinstance(_default, NullLogger):

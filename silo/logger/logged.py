@@ -5,7 +5,7 @@ import logging
 import os
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from silo.arguments import path, text, texts
 from silo.calls import told_class
@@ -18,6 +18,7 @@ from silo.logger.elements import LoggedElement, look_at, newest_text
 from silo.logger.keywords import FileTypes
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_types
+from silo.logger.other_names import listed, not_set, with_other_names
 from silo.model import FileType, LoggerOptions, SavedFile, State
 from silo.recording import Recording
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("silo")
 
 
+@with_other_names
 @told_class("log")
 class Logged(Conditions):
     """The state and the data of the current or last run."""
@@ -115,6 +117,12 @@ class Logged(Conditions):
 
     def __getitem__(self, name: str) -> LoggedElement:
         return self.element(name)
+
+    def __setitem__(self, name: str, value: object) -> NoReturn:
+        not_set(name)
+
+    def __dir__(self) -> list[str]:
+        return listed(super().__dir__(), type(self))
 
     def __repr__(self) -> str:
         return f"<Logger {self._about()}>"

@@ -1,16 +1,27 @@
 """`read_new_values`: what came since the last call, per element."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.calls import no_attribute
 from silo.collecting.keeping import kept_rows
 from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema
 from silo.collecting.segment_reader import SegmentReader
-from silo.errors import StateError
+from silo.errors import ArgumentError, StateError
+
+_OTHER_NAMES = {
+    "value": "they are .values, oldest first; the newest alone is log['x'].newest",
+    "data": "they are .values",
+    "newest": "it is .values[-1], or log['x'].newest",
+    "time": "it is .time_ns",
+    "times": "it is .time_ns",
+    "timestamps": "it is .time_ns",
+    "lost": "it is .missed",
+}
 
 
 @dataclass(frozen=True)
@@ -31,6 +42,15 @@ class NewValues:
 
     def __len__(self) -> int:
         return len(self.time_ns)
+
+    def __getitem__(self, place: object) -> NoReturn:
+        # what unpacking and iterating come to as well
+        raise ArgumentError("new values are two arrays: new = log.read_new_values('x'), then new.time_ns, new.values")
+
+    if not TYPE_CHECKING:  # type checkers find it themselves
+
+        def __getattr__(self, name: str) -> NoReturn:
+            no_attribute("new values", name, type(self), _OTHER_NAMES)
 
 
 class NewValuesReader:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, SupportsIndex
+from typing import TYPE_CHECKING, Any, NoReturn, SupportsIndex
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -27,6 +27,7 @@ from silo.logger.keywords import (
 )
 from silo.logger.new_values import NewValues
 from silo.logger.options import array_layout
+from silo.logger.other_names import HidesOtherNames, listed, not_set, with_other_names
 from silo.model import (
     DEFAULT_OPTIONS,
     NO_EXTRAS,
@@ -66,8 +67,9 @@ class NullServing:
         """Do nothing."""
 
 
+@with_other_names
 @told_class("log", make="silo.NullLogger", leave=("collect",))
-class NullLogger:
+class NullLogger(metaclass=HidesOtherNames):
     """Takes every call of `Logger` and logs nothing. `array` returns ordinary zeros, so that the program works on."""
 
     is_running = False
@@ -244,6 +246,12 @@ class NullLogger:
 
     def __getitem__(self, name: str) -> LoggedElement:
         return self.element(name)
+
+    def __setitem__(self, name: str, value: object) -> NoReturn:
+        not_set(name)
+
+    def __dir__(self) -> list[str]:
+        return listed(super().__dir__(), type(self))
 
     def __len__(self) -> int:
         return 0

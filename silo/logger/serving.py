@@ -16,6 +16,7 @@ import weakref
 from pathlib import Path
 from types import TracebackType
 
+from silo.calls import told_class
 from silo.errors import ConnectionLostError, SaveError, SiloError
 from silo.ipc.messages import AnyReply, Done, RecorderStarted, Refused, Save, SaveStarted, StartRecorder, StopRecorder
 from silo.link.handover import RunOffer, offer_run
@@ -35,6 +36,7 @@ LONG_LIFE_S = 60.0  # a helper process that lived longer was a good one: the nex
 RESPAWN_DELAYS_S = (0.0, 0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)  # before each try; the last one for ever after
 
 
+@told_class("serving")
 class Serving:
     """A served logger: a helper process that clients reach. A context manager."""
 

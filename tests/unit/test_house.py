@@ -113,7 +113,7 @@ DAMAGES = {
         insert("silo/programs/demo/gait.py", "import silo.programs.demo.robot"),
         "No cycles are allowed in silo.programs.demo",
     ),
-    "an exception that nobody needs": (declare("silo.model -> silo.errors"), "silo.model -> silo.errors"),
+    "an exception that nobody needs": (declare("silo.version -> silo.errors"), "silo.version -> silo.errors"),
 }
 
 

@@ -57,3 +57,18 @@ silo.save(["csv", silo.FileType.SILO])
 log.publish()  # wrong
 silo.get_logger().set("joints", divider=2)
 silo.get_logger().set("joints", dividr=2)  # wrong
+
+silo.ElementOptions(divider=2, action=silo.Action.PUBLISH)
+silo.ElementOptions(dividr=2)  # wrong
+silo.ElementOptions(divider="50Hz")  # wrong
+silo.Edit("/log/q", silo.ElementOptions(buffer_size=100))
+silo.Edit("/log/q", divider=2)  # wrong
+log.snapshot().elements
+log.snapshot().elemnts  # wrong
+log.freq  # wrong
+log.trigger("fall", "q_0 > 1", pre="5s")
+log.trigger("fall", "q_0 > 1", before="5s")  # wrong
+log.limit("q", (-2, -1, 1, 2))
+log.limit("q", low=-1)  # wrong
+silo.connect("robot", timeout_s=1)
+silo.connect("robot", timeout=1)  # wrong

@@ -10,9 +10,10 @@ The calls stand in a module per topic, `Client` is made of them.
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from silo.arguments import real, text
-from silo.calls import told_class
+from silo.arguments import real, shown, text
+from silo.calls import told, told_class
 from silo.display import html_table
+from silo.errors import ElementError
 from silo.ipc.client.calling import LONGEST_S
 from silo.ipc.client.conditions import ConditionCalls
 from silo.ipc.client.derived import DerivedCalls
@@ -58,7 +59,10 @@ class Client(
 
         Raises:
             ConnectionLostError: nobody answers.
+            ElementError: that is no logger that was found.
         """
+        if not isinstance(found, Found):
+            raise ElementError(f"a client is made by silo.connect('robot'), got {shown(found)}")
         self._timeout_s = timeout_s
         self._name = client_name()
         self._saves = Saves()
@@ -145,6 +149,7 @@ class Client(
         self.close()
 
 
+@told("silo.connect")
 def connect(logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> Client:
     """Connect to a running logger.
 

@@ -1,0 +1,140 @@
+"""What people ask a logger for by other names, and what to write instead.
+
+Misspelt names are Python's own matter: it says which one was meant.
+"""
+
+from collections.abc import Iterable
+from typing import NoReturn, TypeVar
+
+from silo.errors import ArgumentError, StateError, UnknownNameError
+
+C = TypeVar("C", bound=type)
+
+_SAVED = "log.save('csv') writes files; silo.Log(log.snapshot()) has the data as signals"
+_SETTING = "it is log.options.{}; it is given when the logger is made: silo.Logger('robot', {})"
+
+OTHER_NAMES = {
+    "publish": "elements are published while the logger is served: log.add(x, 'x', action='publish') and log.serve()",
+    "freq": _SETTING.format("frequency_hz", "frequency=500"),
+    "frequency": _SETTING.format("frequency_hz", "frequency=500"),
+    "frequency_hz": _SETTING.format("frequency_hz", "frequency=500"),
+    "rate": _SETTING.format("frequency_hz", "frequency=500"),
+    "hz": _SETTING.format("frequency_hz", "frequency=500"),
+    "dt": "it is 1 / log.options.frequency_hz",
+    "max_time": _SETTING.format("max_time_s", "max_time=60"),
+    "prefix": _SETTING.format("prefix", "prefix='/log'"),
+    "folder": _SETTING.format("folder", "folder='logs'"),
+    "script": _SETTING.format("script", "script='robot.yaml'"),
+    "storage": _SETTING.format("storage", "storage='disk'"),
+    "opts": "it is log.options",
+    "config": "it is log.options for the logger, log['x'].options for an element",
+    "data": "log['x'].newest is the newest value, log.read_new_values('x') are those since the last call, "
+    "silo.Log(log.snapshot())['x'] are all",
+    "values": "log['x'].newest is the newest value, silo.Log(log.snapshot())['x'].values are all",
+    "get": "it is log['x']; its .newest is the newest value",
+    "read": "it is log.read_new_values('x')",
+    "latest": "it is log['x'].newest",
+    "names": "it is list(log)",
+    "keys": "it is list(log)",
+    "signals": "it is log.elements",
+    "variables": "it is log.elements",
+    "log": "add variables by log.add(x, 'x') before, then log.collect() once per tick",
+    "log_scalar": "add variables by log.add(x, 'x') before, then log.collect() once per tick",
+    "info": "silo logs numbers; words at the newest tick are log.mark('slipped')",
+    "warning": "silo logs numbers; words at the newest tick are log.mark('slipped')",
+    "event": "it is log.mark('slipped')",
+    "annotate": "it is log.mark('slipped')",
+    "tick": "it is log.collect()",
+    "step": "it is log.collect()",
+    "sample": "it is log.collect()",
+    "run": "it is log.start(), then log.collect() once per tick of your loop",
+    "begin": "it is log.start()",
+    "open": "it is log.start(); saved files are opened by silo.open_log('logs')",
+    "end": "it is log.stop()",
+    "pause": "it is log.stop(); log.start() begins a new run",
+    "resume": "it is log.start(), which begins a new run",
+    "shutdown": "it is log.close()",
+    "finish": "it is log.stop(), log.save() and log.close()",
+    "running": "it is log.is_running",
+    "closed": "it is log.is_closed",
+    "clear": "log.start() begins with empty buffers, log.remove('x') forgets an element",
+    "reset": "it is log.restart(): a new run with empty buffers",
+    "write": "it is log.save('csv')",
+    "flush": "it is log.save(): what was collected is kept without it too, also when the program is killed",
+    "dump": "it is log.save('csv')",
+    "export": "it is log.save('csv')",
+    "save_csv": "it is log.save('csv')",
+    "save_bag": "it is log.save('bag')",
+    "to_csv": "it is log.save('csv')",
+    "to_pandas": "it is silo.Log(log.snapshot()).to_pandas()",
+    "to_numpy": "it is silo.Log(log.snapshot())['x'].values",
+    "plot": "it is silo.Log(log.snapshot()).plot('x')",
+    "eval": "it is silo.Log(log.snapshot()).eval('x > 1')",
+    "load": "settings: log.load_script('robot.yaml'); a saved log: silo.open_log('logs')",
+    "load_config": "it is log.load_script('robot.yaml')",
+    "save_config": "it is log.save_script('robot.yaml')",
+    "update_script": "it is log.load_script('robot.yaml'), or log.update() which reads the logger's own",
+    "register": "it is log.add(x, 'x')",
+    "append": "it is log.add(x, 'x')",
+    "add_signal": "it is log.add(x, 'x')",
+    "add_variable": "it is log.add(x, 'x')",
+    "add_array": "it is log.array('x', 12)",
+    "zeros": "it is log.array('x', 12)",
+    "delete": "it is log.remove('x')",
+    "alarm": "it is log.limit('x', (red_low, yellow_low, yellow_high, red_high))",
+    "stream": "it is log.serve(), then silo.connect('robot').stream(['x'])",
+    "connect": "it is silo.connect('robot') in another program, once this one has called log.serve()",
+    "view": "it is log.serve(), then silo-tui in a terminal",
+}
+SETTLED = ("freq", "frequency", "frequency_hz", "rate", "hz", "max_time")
+
+
+class Elsewhere:
+    """A name that a logger lacks: asking for it raises UnknownNameError with what to write instead.
+
+    A hook for missing names would do the same, and have Python look `log.collect` up 8 ns slower in each tick.
+    """
+
+    def __init__(self, name: str, way_out: str) -> None:
+        self._name, self._way_out = name, way_out
+
+    def __get__(self, thing: object, owner: type) -> NoReturn:
+        raise UnknownNameError(f"a logger has no '{self._name}': {self._way_out}", name=self._name)
+
+
+class Settled(Elsewhere):
+    """One that is settled when a logger is made: setting it later would do nothing, and raises StateError."""
+
+    def __set__(self, thing: object, value: object) -> NoReturn:
+        raise StateError(f"{self._name} can't be set later: {self._way_out}; nothing was changed")
+
+
+class HidesOtherNames(type):
+    """The class of loggers: `dir()`, completion and `help()` list what there is, not what is told of."""
+
+    def __dir__(cls) -> list[str]:
+        return listed(super().__dir__(), cls)
+
+
+def with_other_names(cls: C) -> C:
+    """Have a class of loggers tell what to write instead of each of `OTHER_NAMES`."""
+    for name, way_out in OTHER_NAMES.items():
+        setattr(cls, name, (Settled if name in SETTLED else Elsewhere)(name, way_out))
+    return cls
+
+
+def listed(names: Iterable[str], cls: type) -> list[str]:
+    """The names of an object without those that are only told of: what its `__dir__` returns."""
+    return [name for name in names if not isinstance(_static(cls, name), Elsewhere)]
+
+
+def _static(cls: type, name: str) -> object:
+    return next((vars(base)[name] for base in cls.__mro__ if name in vars(base)), None)
+
+
+def not_set(name: object) -> NoReturn:
+    """Raise ArgumentError: `log["x"] = value`."""
+    raise ArgumentError(
+        f"log[{name!r}] is only looked at: write into the array that was added, x[:] = ..., or change how it is logged "
+        f"by log.set({name!r}, divider=2); nothing was changed"
+    )

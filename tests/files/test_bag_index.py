@@ -1,0 +1,186 @@
+"""Of a whole bag that silo wrote, each element is read when it is asked for, and nothing else is touched."""
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import FileFormatError
+from silo.files import bag_index
+from silo.files.bag import write_bag
+from silo.files.bag_index import ALONE, BagElements
+from silo.files.bag_read import open_bag, read_bag
+from silo.files.formats import read_recording
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
+
+TICKS = 3000
+NAMES = [f"/log/{name}" for name in ("position", "mode", "text", "slow", "force", "gain")]
+
+
+def element(name, columns, shape=(), divider=1):
+    suffixes = ("_x", "_y", "_z") if shape else ("",)
+    entries = tuple(
+        RecordedEntry(name + suffix, Entry(suffix, column.dtype.str), column)
+        for suffix, column in zip(suffixes, columns, strict=True)
+    )
+    return RecordedElement(name, "m", "array" if shape else "scalar", shape, divider, BufferType.GROWING, 0, entries)
+
+
+@pytest.fixture(scope="module")
+def recording():
+    noise = np.random.default_rng(3)
+    elements = [
+        element(NAMES[0], list(noise.random((3, TICKS))), (3,)),
+        element(NAMES[1], [noise.integers(0, 9, TICKS, dtype="i1")]),
+        element(NAMES[2], [np.array([b"stand", b"walk", b""] * (TICKS // 3), "S5")]),
+        element(NAMES[3], [noise.random(TICKS // 10)], divider=10),
+        element(NAMES[4], [noise.random(TICKS)]),
+        element(NAMES[5], [noise.random(TICKS)]),
+    ]
+    return Recording("bag", np.arange(TICKS) * 10**6 + 10**18, TICKS, elements)
+
+
+@pytest.fixture
+def path(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr("silo.files.bag.CHUNK_BYTES", 20_000)  # many chunks
+    write_bag(recording, tmp_path / "x.mcap")
+    return tmp_path / "x.mcap"
+
+
+@pytest.fixture
+def read(monkeypatch):
+    """Which elements were read together, in turn."""
+    passes = []
+    real = BagElements._read
+
+    def noted(self, places):
+        passes.append(places)
+        return real(self, places)
+
+    monkeypatch.setattr(BagElements, "_read", noted)
+    return passes
+
+
+def values(elements):
+    return [[entry.values.tolist() for entry in one.entries] for one in elements]
+
+
+def test_each_element_alone_is_what_the_whole_bag_gives(path, recording):
+    wanted = read_bag(path).elements
+    for place in range(len(wanted)):
+        found = open_bag(path).elements[place]
+        assert values([found]) == values([wanted[place]])
+        assert [entry.values.dtype for entry in found.entries] == [
+            entry.values.dtype for entry in wanted[place].entries
+        ]
+    assert values(open_bag(path).elements) == values(recording.elements)
+
+
+def test_opening_reads_no_chunk(path, monkeypatch):
+    def unpack(body):
+        raise AssertionError("a chunk was unpacked")
+
+    monkeypatch.setattr(bag_index, "unpack_chunk", unpack)
+    log = silo.open_log(path)
+    assert list(log) == NAMES
+    assert log.duration_s == pytest.approx((TICKS - 1) * 1e-3)
+
+
+def test_a_signal_reads_its_own_messages_alone(path, read):
+    log = silo.open_log(path)
+    assert log["force"].values.shape == (TICKS,)
+    assert log["force"].values.shape == (TICKS,)
+    assert read == [[4]]
+
+
+def test_a_scalar_of_an_element_reads_its_own_messages_alone(path, read, recording):
+    log = silo.open_log(path)
+    assert "position_y" in log
+    assert log["position_y"].values.tolist() == recording.elements[0].entries[1].values.tolist()
+    assert read == [[0]]
+
+
+def test_many_signals_take_one_pass_more(path, read):
+    elements = read_recording(path).elements
+    for place in range(len(elements)):
+        _ = elements[place]
+    assert read == [*[[place] for place in range(ALONE)], list(range(ALONE, len(elements)))]
+
+
+def test_all_elements_take_one_pass(path, read):
+    list(read_recording(path).elements)
+    assert read == [list(range(len(NAMES)))]
+
+
+def test_a_chunk_that_an_element_is_not_in_is_not_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr("silo.files.bag.CHUNK_BYTES", 20_000)
+    noise = np.random.default_rng(4).random(TICKS)
+    early = element("/log/early", [noise[:10]])
+    write_bag(
+        Recording("bag", np.arange(TICKS) + 10**18, TICKS, [early, element("/log/all", [noise])]), tmp_path / "x.mcap"
+    )
+    unpacked = []
+    real = bag_index.unpack_chunk
+    monkeypatch.setattr(bag_index, "unpack_chunk", lambda body: unpacked.append(1) or real(body))
+    elements = open_bag(tmp_path / "x.mcap").elements
+    assert elements[0].count == 10
+    assert len(unpacked) == 1
+    assert elements[1].count == TICKS
+    assert len(unpacked) > 3
+
+
+def damaged(path, where):
+    data = bytearray(path.read_bytes())
+    data[where] ^= 0xFF
+    path.write_bytes(data)
+
+
+def test_a_damaged_chunk_is_told_of_when_it_is_read(path):
+    chunk = bag_index.read_index(memoryview(path.read_bytes())).chunks[1]
+    damaged(path, chunk[0] + chunk[1] // 2)
+    log = silo.open_log(path)
+    assert list(log) == NAMES
+    with pytest.raises(FileFormatError, match=r"x\.mcap: .*damaged"):
+        log["force"]
+    with pytest.raises(FileFormatError, match=r"x\.mcap: .*damaged"):
+        read_bag(path)
+
+
+def test_a_damaged_summary_is_not_believed(path, recording, read):
+    data = path.read_bytes()
+    start = int.from_bytes(data[-28:-20], "little")
+    damaged(path, start + 40)
+    found = open_bag(path)
+    assert not isinstance(found.elements, BagElements)
+    assert values(found.elements) == values(recording.elements)
+    assert read == []
+
+
+@pytest.mark.parametrize("kept", [0.3, 0.6, 0.999])
+def test_what_is_cut_off_gives_what_is_whole_as_before(path, kept):
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * kept)])
+    with pytest.warns(silo.LogWarning, match="cut off"):
+        log = silo.open_log(path)
+    assert 0 < len(log["force"]) <= TICKS
+    assert log.recording.warnings == read_bag(path).warnings
+
+
+def test_an_index_that_points_elsewhere_is_told_of(path):
+    data = memoryview(path.read_bytes())
+    with pytest.raises(ValueError, match="something else"):
+        bag_index.record_at(data, 8, bag_index.Opcode.CHUNK)
+    with pytest.raises(ValueError, match="out of the file"):
+        bag_index.record_at(data, len(data), bag_index.Opcode.CHUNK)
+
+
+def test_a_changed_byte_of_the_summary_or_between_is_never_a_crash(path, recording):
+    data = path.read_bytes()
+    summary = int.from_bytes(data[-28:-20], "little")
+    wanted = [(one.name, one.count) for one in recording.elements]
+    for at in [*range(0, len(data), 997), *range(summary, len(data), 61), *range(len(data) - 40, len(data))]:
+        path.write_bytes(data[:at] + bytes([data[at] ^ 0xFF]) + data[at + 1 :])
+        try:
+            assert [(one.name, one.count) for one in open_bag(path).elements] == wanted
+        except FileFormatError as error:
+            assert "x.mcap" in str(error)

@@ -1,0 +1,205 @@
+"""What people write who read the README once: each call is answered in our words, with what to write instead.
+
+A row is the call as it is typed, and a piece of the message that names the way out. `log` is a logger that stands still
+and holds ten ticks of `joints/q`, `run` the same as an opened log, `q` its signal, `null` a logger that does nothing.
+"""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import silo
+from silo.ipc.samples import Pin, Stream
+from silo.ipc.topic import Topic
+from silo.ipc.view import View
+from silo.logger.other_names import OTHER_NAMES
+
+MISTAKES = {
+    # a logger's methods by other names
+    "log.publish(x)": "log.add(x, 'x', action='publish') and log.serve()",
+    "log.freq": "it is log.options.frequency_hz",
+    "log.frequency": "silo.Logger('robot', frequency=500)",
+    "log.max_time": "it is log.options.max_time_s",
+    "log.opts": "it is log.options",
+    "log.data": "log['x'].newest is the newest value",
+    "log.names()": "it is list(log)",
+    "log.log(x)": "log.collect() once per tick",
+    "log.info('slipped')": "log.mark('slipped')",
+    "log.run()": "it is log.start()",
+    "log.tick()": "it is log.collect()",
+    "log.pause()": "it is log.stop()",
+    "log.reset()": "it is log.restart()",
+    "log.clear()": "log.start() begins with empty buffers",
+    "log.flush()": "it is log.save()",
+    "log.shutdown()": "it is log.close()",
+    "log.write('csv')": "it is log.save('csv')",
+    "log.to_csv('x.csv')": "it is log.save('csv')",
+    "log.to_pandas()": "silo.Log(log.snapshot()).to_pandas()",
+    "log.plot('q')": "silo.Log(log.snapshot()).plot('x')",
+    "log.load('robot.yaml')": "log.load_script('robot.yaml')",
+    "log.register(x)": "it is log.add(x, 'x')",
+    "log.add_signal(x, 'x')": "it is log.add(x, 'x')",
+    "log.delete('q')": "it is log.remove('x')",
+    "log.running": "it is log.is_running",
+    "setattr(log, 'frequency', 500)": "it is given when the logger is made: silo.Logger('robot', frequency=500)",
+    "log.__setitem__('joints/q', 3)": "x[:] = ...",
+    "null.publish(x)": "action='publish'",
+    "null.freq": "log.options.frequency_hz",
+    "silo.get_logger().tick()": "it is log.collect()",
+    "silo.get_logger('robot')": "silo.get_logger() takes no arguments by place, got 1",
+    # triggers, limits, derived signals
+    "log.trigger('fall')": "log.trigger() needs when: write log.trigger(name, when",
+    "log.trigger(when='q_0 > 1')": "log.trigger() needs name",
+    "log.trigger('fall', 'joints/q_x > 1', before='5s')": "log.trigger() has no argument 'before', it takes name",
+    "log.trigger('fall', 'joints/q_x > 1', 5, 1)": "name the others: pre=5",
+    "log.trigger('fall', 'joints/q_x > 1', presist='1s')": "did you mean 'persist'?",
+    "log.limit('joints/q')": "log.limit() needs bounds: write log.limit(name, bounds",
+    "log.limit('joints/q', -1, 1)": "log.limit() takes 2 arguments by place (name, bounds), got 3",
+    "log.limit('joints/q', low=-1)": "log.limit() has no argument 'low', it takes name, bounds",
+    "log.limit('joints/q', (-2, -1, 1, 2), hysterisis=1)": "did you mean 'hysteresis'?",
+    "log.derive('power')": "log.derive() needs expression: write log.derive(name, expression",
+    "log.derive('power', 'joints/q * 2', units='W')": "did you mean 'unit'?",
+    "log.remove_derived()": "log.remove_derived() needs name",
+    "log.remove_limits()": "log.remove_limits() needs name",
+    "log.remove_trigger()": "log.remove_trigger() needs name",
+    "log.set_limits('joints/q')": "write log.limit(",
+    "log.set_trigger('fall')": "write log.trigger(",
+    # options and edits
+    "silo.ElementOptions(dividr=2)": "did you mean 'divider'?",
+    "silo.ElementOptions(buffer='looping')": "did you mean 'buffer_type'?",
+    "silo.ElementOptions(True, 1, 1, 1, 9, 9)": "takes 5 arguments by place (enabled, divider",
+    "silo.Edit('joints/q')": "silo.Edit() needs options: write silo.Edit(name, options)",
+    "silo.Edit('joints/q', divider=2)": "it takes name, options",
+    "silo.Action('pubish')": "did you mean 'publish'?",
+    "silo.BufferType('ring')": "there are fixed, looping, growing",
+    "silo.FileType('cvs')": "did you mean 'csv'?",
+    # data
+    "log.snapshot()['q']": "silo.Log(recording)['q'] is a signal",
+    "list(log.snapshot())": "recording.elements",
+    "log.snapshot().signals": "silo.Log(recording)['x'] is a signal",
+    "log.snapshot().save('x.csv')": "write silo.Log(recording).save",
+    "log.snapshot().elemnts": "did you mean 'elements'?",
+    "log.read_new_values('joints/q')[0]": "new.time_ns, new.values",
+    "list(log.read_new_values('joints/q'))": "new.time_ns, new.values",
+    "log.read_new_values('joints/q').value": "they are .values",
+    "log.read_new_values('joints/q').times": "it is .time_ns",
+    # saved logs
+    "run.columns": "help(silo.Log)",
+    "run['joints/qq']": "did you mean /log/joints/q",
+    "q.data": "it is .values",
+    "q.fft()": "it is .spectrum()",
+    "q.counted_from()": "signal.counted_from() needs start",
+    "q.component(name='x', unit='m')": "signal.component() has no argument",
+    "silo.compare(run, run).plot('q', 'v')": "comparison.plot() takes 1 argument by place (name), got 2",
+    # clients
+    "silo.connect('robot', timeout=1)": "silo.connect() has no argument 'timeout', did you mean 'timeout_s'?",
+    "silo.Client('robot')": "silo.connect('robot')",
+    "topic.read(timeout=1)": "topic.read() has no argument 'timeout', did you mean 'timeout_s'?",
+    "topic.read(1, 2)": "topic.read() takes 1 argument by place (timeout_s), got 2",
+    "topic.read_async(timeout=1)": "did you mean 'timeout_s'?",
+}
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory):
+    """What the calls are about."""
+    folder = tmp_path_factory.mktemp("mistakes")
+    log = silo.Logger("natural", frequency=100, folder=folder, script=folder / "none.yaml")
+    q = log.array("q", 3, group="joints", unit="rad")
+    log.update()
+    log.start()
+    for tick in range(10):
+        q[:] = tick
+        log.collect()
+    log.stop()
+    run = silo.open_log(log.save("silo")[0].path)
+    yield {
+        "log": log,
+        "null": silo.NullLogger(),
+        "run": run,
+        "q": run["joints/q"],
+        "x": np.zeros(3),
+        "silo": silo,
+        "topic": Topic("/log/joints/q", lambda topic: None),
+    }
+    log.close()
+
+
+@pytest.mark.parametrize("call", MISTAKES)
+def test_a_natural_mistake_is_told_of_with_what_to_write_instead(call, names):
+    with pytest.raises(silo.SiloError) as caught:
+        eval(call, dict(names))
+    assert MISTAKES[call] in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_there_are_sixty_of_them():
+    assert len(MISTAKES) >= 60
+
+
+def test_what_is_written_instead_is_there(names):
+    import re
+
+    for word, way_out in OTHER_NAMES.items():
+        assert not hasattr(type(names["log"]), word), f"log.{word} is there by itself"
+        for method in re.findall(r"log\.(\w+)", way_out):
+            assert hasattr(names["log"], method), f"{word}: there is no log.{method}"
+        for function in re.findall(r"silo\.(\w+)", way_out):
+            assert hasattr(silo, function), f"{word}: there is no silo.{function}"
+
+
+@pytest.mark.parametrize("kind", [silo.Serving, silo.Client, silo.Log, silo.Signal, silo.Logger, silo.NullLogger])
+def test_every_method_that_programs_call_tells_of_a_wrong_call(kind):
+    left = {"collect", "mark"}  # the control loop's: nothing may stand before them
+    bare = [
+        name
+        for cls in kind.__mro__
+        if cls.__module__.startswith("silo")
+        for name, found in vars(cls).items()
+        if not name.startswith("_") and name not in left and is_bare(found)
+    ]
+    assert bare == []
+
+
+@pytest.mark.parametrize("kind", [Topic, View, Stream, Pin, silo.Comparison])
+def test_what_a_client_and_a_comparison_give_tells_of_a_wrong_call(kind):
+    assert [name for name, found in vars(kind).items() if not name.startswith("_") and is_bare(found)] == []
+
+
+def is_bare(found):
+    function = found.__func__ if isinstance(found, classmethod) else found
+    return type(function).__name__ == "function" and not hasattr(function, "__wrapped__")
+
+
+def test_a_name_that_is_not_there_is_missing_as_in_any_object(names):
+    for thing in (names["log"], names["null"], names["log"].snapshot(), names["log"].read_new_values("joints/q")):
+        assert not hasattr(thing, "nonsense")
+        assert getattr(thing, "nonsense", 5) == 5
+
+
+def test_a_recording_is_copied_and_pickled_as_before(names):
+    recording = names["log"].snapshot()
+    for other in (copy.copy(recording), copy.deepcopy(recording), pickle.loads(pickle.dumps(recording))):
+        assert other.time_ns.tolist() == recording.time_ns.tolist()
+
+
+def test_a_program_may_keep_things_of_its_own_in_a_logger(names):
+    names["log"].robot = "anymal"
+    names["log"].data = [1, 2]
+    assert (names["log"].robot, names["log"].data) == ("anymal", [1, 2])
+    del names["log"].data
+
+
+def test_what_is_only_told_of_is_listed_nowhere(names):
+    import pydoc
+
+    shown = pydoc.render_doc(silo.Logger)
+    for word in ("publish", "tick", "freq"):
+        assert word not in dir(names["log"])
+        assert word not in dir(names["null"])
+        assert word not in dir(silo.Logger)
+        assert f" {word}(" not in shown
+        assert f" {word} =" not in shown
+    assert {"collect", "add", "is_running"} <= set(dir(names["log"])) & set(dir(silo.Logger))
