@@ -113,7 +113,12 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
         lines += [f"t switches {'it' if one else 'them'} off and keeps {'it' if one else 'them'}."]
         choices = [Choice("no", f"Keep {'it' if one else 'them'}"), Choice("yes", "Remove", "y")]
         what = f"trigger {names[0]}" if one else f"{len(names)} triggers"
-        if await self.app.push_screen_wait(Question(f"Remove {what}?", "\n".join(lines), choices)) == "yes":
+        if (
+            await self.app.push_screen_wait(
+                Question(f"Remove {what} of {self.session.name}?", "\n".join(lines), choices)
+            )
+            == "yes"
+        ):
             await self.carry_out(lambda client: "; ".join([client.remove_trigger(name) for name in names]))
 
     def command_trigger_edit(self) -> None:

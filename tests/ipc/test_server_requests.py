@@ -1,7 +1,6 @@
 """Status, table, edits, start and stop; what garbage does."""
 
 import os
-import socket
 from pathlib import Path
 
 import msgspec
@@ -14,6 +13,7 @@ import silo
 from silo.errors import RefusedError
 from silo.ipc.client import Client
 from silo.ipc.exchange import encoded
+from silo.ipc.keys import ANY_ALIVE
 from silo.ipc.messages import ApplyEdits, GetHistory, OpenView, RefusedWhy, Save
 from silo.ipc.published import EventKind
 from silo.ipc.session import close, open_client
@@ -150,7 +150,8 @@ def test_events_are_numbered_and_say_who_did_it(bench, client, heard) -> None:
 def raw(bench):
     """Sends bytes as they are; returns the decoded answers."""
     session = open_client(Path(bench.serving.socket_path))
-    root = f"silo/{socket.gethostname()}/bot"
+    (token,) = session.liveliness().get(ANY_ALIVE, timeout=DEADLINE_S)
+    root = str(token.ok.key_expr).removesuffix("/alive")
 
     def send(payload: bytes | None, kind: str = "ask") -> list[object]:
         replies = session.get(f"{root}/{kind}", payload=payload, timeout=DEADLINE_S)

@@ -214,7 +214,7 @@ class TestLists:
             assert ("arm_trigger", "fall", False) in fake.calls
             await done(screen)
             await screen.press("x")
-            await screen.shows("Remove 2 triggers?")
+            await screen.shows("Remove 2 triggers of robot?")
             await screen.press("escape")
             assert not [call for call in fake.calls if call[0] == "remove_trigger"]
 

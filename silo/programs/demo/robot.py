@@ -89,7 +89,7 @@ class Robot:
         self._x = self._y = self._yaw = 0.0
         self._slip_until = self._flaky_until = self._error_until = 0
         self._fate = np.random.default_rng([seed, 1])  # of its own: the noise stays the same
-        self._falls_at = round(self._fate.uniform(*FALLS_S) * frequency_hz)
+        self._falls_at = self._fate.uniform(*FALLS_S) * frequency_hz  # ticks
         self._push_until, self._push_rad_s2 = 0, 0.0
         self._tilt = self._tilt_rate = 0.0  # about the way it walks, beside the gait
         self._plan_feet()
@@ -220,7 +220,7 @@ class Robot:
         ticks = max(1, round(PUSH_S / self.dt))
         self._slip_until = self._push_until = self.ticks + ticks
         self._push_rad_s2 = float(self._fate.choice([-1.0, 1.0]) * self._fate.uniform(40.0, 60.0))
-        self._falls_at = self.ticks + round(self._fate.uniform(*FALLS_S) / self.dt)
+        self._falls_at = self.ticks + self._fate.uniform(*FALLS_S) / self.dt
 
     def _drive(self, noise: Floats, chance: list[float]) -> None:
         """Angles from the feet, torques from the forces, currents from the torques."""
