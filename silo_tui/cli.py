@@ -87,8 +87,7 @@ def command(
     if serve:
         given = [
             *([target] if target else []),
-            *(["--config", config] if config else []),
-            *(["--demo"] if demo else []),
+            *(["--demo"] if demo else ["--config", config] if config else []),
         ]
         given += [*(["--rate", f"{rate:g}"] if rate else []), *(["--view", view] if view else [])]
         given += ["--theme", theme] if theme else []
