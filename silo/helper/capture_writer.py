@@ -98,7 +98,7 @@ class CaptureWriter:
             entry = CaptureEntry(spool.run, spool.trigger, capture.number, name)
             listed.note(entry)  # a helper process that is killed from here on leaves the name to its successor
         files = self._written(spool, folder, entry.name)
-        ended = spool.ended and f" ({spool.ended})"
+        ended = spool.why and f" ({spool.why})"
         paths = ", ".join(file.path for file in files)
         text = f"capture {capture.number} of '{spool.trigger}', ticks {capture.first} to {capture.last}{ended}: {paths}"
         if not self._was_told(spool, files):

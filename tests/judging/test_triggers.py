@@ -71,7 +71,8 @@ class Slow:
     def fire(self, tick, forced):
         rule = self.rule
         self.fires.append((tick, forced))
-        if self.captures and tick <= self.captures[-1][1]:
+        goes_on = self.captures and tick <= self.captures[-1][1]
+        if goes_on and tick + rule.post - self.captures[-1][0] < rule.longest:
             self.captures[-1][1] = tick + rule.post
         else:
             self.captures.append([max(0, tick - rule.pre), tick + rule.post])
@@ -87,6 +88,7 @@ class Slow:
 rules = st.builds(
     TriggerRule, pre=st.integers(0, 4), post=st.integers(0, 5), slope=st.sampled_from(Slope),
     persist=st.integers(0, 3), holdoff=st.integers(0, 6), mode=st.sampled_from(Mode), patience=st.integers(0, 5),
+    longest=st.sampled_from([10, 15, 2**62]),
 )  # fmt: skip
 codes = st.lists(st.tuples(st.sampled_from([T, F, U]), st.integers(1, 4)), max_size=15).map(
     lambda runs: [code for code, length in runs for _ in range(length)]
