@@ -20,7 +20,8 @@ from silo.ipc.conditions import CapturedSpan, LimitStatus, TriggerStatus, Trigge
 from silo.judging.binding import Bound, bind, meaning
 from silo.judging.evaluation import Evaluator
 from silo.judging.extras import trigger_rule
-from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Trigger, TriggerState, longest_capture
+from silo.judging.off import can_be, without_off
+from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Slope, Trigger, TriggerState, longest_capture
 from silo.model import ElementInfo, Extras, TriggerOptions
 
 BATCH_TICKS = 16_384
@@ -46,6 +47,7 @@ class _Watched:
     expressions: tuple[Bound, ...] = ()
     evaluator: Evaluator | None = None
     why: str = ""
+    note: str = ""  # what it is judged without
     silent: str = ""  # why nothing of its signals is recorded any more
     second: int = -1  # of the newest fire that was told, and how many of it were
     told: int = 0
@@ -125,14 +127,17 @@ class SegmentJudge:
                 self._arm(before, armed=options.armed)
                 return before
         try:
-            made.expressions = tuple(
-                bind(text, self._rows.catalogue).condition() for text in (options.when, options.rearm) if text
-            )
+            made.expressions, gone = self._bound(options)
         except ElementError as error:
             made.why = str(error)
             self.problems.append(f"trigger '{options.name}' is not judged: {error}")
             return made
-        if not any(bound.sources for bound in made.expressions):
+        if gone:
+            made.note = f"judged without {', '.join(gone[:3])}{' ...' if len(gone) > 3 else ''}: off"
+            self.problems.append(f"trigger '{options.name}' is {made.note}")
+        true, false = can_be(made.expressions[0].root)
+        can_fire = (false if rule.slope is Slope.FALLING else true) or rule.mode is Mode.AUTO
+        if not can_fire or not any(bound.sources for bound in made.expressions):
             made.why = f"{', '.join(self._rows.off_names(made.expressions)[:3])} is off"
             self.problems.append(f"trigger '{options.name}' is unobservable: the elements in it are off")
             made.expressions = ()
@@ -140,11 +145,19 @@ class SegmentJudge:
         made.evaluator = Evaluator(*made.expressions)
         return made
 
+    def _bound(self, options: TriggerOptions) -> tuple[tuple[Bound, ...], list[str]]:
+        """The conditions of a trigger, and the elements that are left out of them. Raises ElementError."""
+        found = [
+            without_off(bind(text, self._rows.catalogue).condition()) for text in (options.when, options.rearm) if text
+        ]
+        names = [self._rows.catalogue.name(column.element, column.entry) for _, gone in found for column in gone]
+        return tuple(bound for bound, _ in found), list(dict.fromkeys(names))
+
     def _differs(self, watched: _Watched) -> bool:
         """Whether the words of a trigger mean something else than when it was taken."""
         options = watched.options
         try:
-            now = [bind(text, self._rows.catalogue).condition() for text in (options.when, options.rearm) if text]
+            now, _ = self._bound(options)
         except ElementError:
             return True
         return [meaning(bound) for bound in now] != [meaning(bound) for bound in watched.expressions]
@@ -202,7 +215,7 @@ class SegmentJudge:
 
     def _status(self, one: _Watched) -> TriggerStatus:
         trigger, tick = one.trigger, self._until
-        state, why = _WORDS.get(trigger.state(tick)), one.why
+        state, why = _WORDS.get(trigger.state(tick)), one.why or one.note
         if state is None:
             over = one.options.mode == Mode.SINGLE.value and one.options.armed
             state = TriggerWord.FIRED if over else TriggerWord.OFF

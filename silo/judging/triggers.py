@@ -108,6 +108,7 @@ class Trigger:
     turned: bool = False  # the condition turned true while that counted
     known: int = UNOBSERVABLE  # the last result that was one
     now: int = UNOBSERVABLE
+    seen: bool = False  # a result, be it that nobody can tell
     since: int | None = None  # from when on it is true without a break
     holdoff_end: int = 0
     patient_until: int | None = None
@@ -184,7 +185,10 @@ class Trigger:
         elif self.since is None:
             self.since = int(ticks[0])
             counts = self.armed and self.ready and self.since >= self.holdoff_end
-            self.turned = self.turned or level or (self.known == FALSE and counts)
+            # what nobody could tell before may have been false: a fire too many is better than one that is missed
+            unknown = self.known == UNOBSERVABLE and self.seen
+            self.turned = self.turned or level or ((self.known == FALSE or unknown) and counts)
+        self.seen = True
         if condition != UNOBSERVABLE:
             self.known = condition
         if self.rule.mode is Mode.AUTO and self.patient_until is None:

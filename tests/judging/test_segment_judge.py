@@ -294,3 +294,27 @@ def test_only_what_a_successor_would_not_find_in_the_rings_is_closed_at_a_handov
     assert spool.ended.startswith("the helper process was replaced")
     kept = robot.judge.state([], [], closed=False).captures
     assert [(one.options.name, one.capture.first) for one in kept] == [("late", 2895)]
+
+
+def test_an_element_that_is_off_is_left_out_of_a_wildcard_and_named(robot):
+    robot.logger.array("legs/a/slip", buffer_size=3000)
+    robot.slip = robot.logger.array("legs/b/slip", buffer_size=3000)
+    robot.logger.trigger("slip", "any(legs/*/slip > 50)", pre="5ms", post="5ms")
+    robot.logger.trigger("step", "max(diff(legs/*/slip)) > 50", pre="5ms", post="5ms")
+    robot.logger.trigger("never", "fast/x_0 > 50 and legs/a/slip > 50", pre="5ms", post="5ms")
+    robot.logger.update()
+    robot.logger.disable("legs/a/slip")
+    robot.start()
+    robot.ticks(100)
+    for value in (100.0, 0.0, 100.0, 0.0):
+        robot.slip[...] = value
+        robot.ticks(20)
+    fired = robot.judge.step().fired
+    assert [(name, fire.tick) for name, fires in fired for fire in fires if name == "slip"] == [
+        ("slip", 100), ("slip", 140)
+    ]  # fmt: skip
+    assert [fire.tick for name, fires in fired for fire in fires if name == "step"] == [100, 140]
+    assert robot.judge.problems[0] == "trigger 'slip' is judged without /log/legs/a/slip: off"
+    slip, _, never = robot.judge.triggers()
+    assert slip.why == "judged without /log/legs/a/slip: off"
+    assert never.state.name == "BLIND"

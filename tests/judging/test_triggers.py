@@ -39,7 +39,7 @@ class Slow:
     def __init__(self, rule):
         self.rule = rule
         self.armed = self.ready = True
-        self.turned, self.known, self.since = False, U, None
+        self.turned, self.known, self.since, self.seen = False, U, None, False
         self.holdoff_end, self.patient = 0, None
         self.fires, self.captures = [], []
 
@@ -52,12 +52,14 @@ class Slow:
         if condition == T:
             if self.since is None:
                 self.since = tick
-                if level or (self.known == F and self.armed and self.ready and tick >= self.holdoff_end):
+                before = self.known == F or (self.known == U and self.seen)
+                if level or (before and self.armed and self.ready and tick >= self.holdoff_end):
                     self.turned = True
         else:
             self.since = None
             if condition == F:
                 self.turned = False
+        self.seen = True
         if condition != U:
             self.known = condition
         if rule.mode is Mode.AUTO and self.patient is None:
@@ -122,6 +124,11 @@ def test_what_is_true_from_the_start_has_not_turned():
 
 def test_what_turned_while_nobody_could_see_it_fires_when_it_is_seen():
     assert fires(TriggerRule(0, 0), [F, U, T]) == [2]
+
+
+def test_what_was_never_known_fires_when_it_is_seen_to_be_true():
+    assert fires(TriggerRule(0, 0), [U, T, U, T]) == [1]
+    assert fires(TriggerRule(0, 0), [T, U, T]) == []
 
 
 def test_leave_is_falling_and_enter_is_rising():
