@@ -15,6 +15,7 @@ from pathlib import Path
 import msgspec
 
 MOST_BYTES = 200_000
+_TAIL = 256  # bytes before what is new that must be as they were: else the file was written anew
 
 _encoder = msgspec.json.Encoder()
 
@@ -45,17 +46,25 @@ class CaptureList:
     def __init__(self, folder: str, logger: str) -> None:
         self._folder = Path(folder)
         self._path = self._folder / f".{logger}.captures.jsonl"
+        self._entries: dict[tuple[str, str, int], CaptureEntry] = {}
+        self._inode = self._read_to = 0
+        self._tail = b""
+        self._looked_at = MOST_BYTES  # bytes: below nobody looks what of it is gone
+
+    def is_of(self, folder: str, logger: str) -> bool:
+        """Whether it is the list of this logger in this folder."""
+        return self._path == Path(folder) / f".{logger}.captures.jsonl"
 
     def find(self, run: str, trigger: str, number: int) -> CaptureEntry | None:
         """Return what is known of a capture. Raises OSError."""
         with self._locked() as descriptor:
-            return _entries(descriptor).get((run, trigger, number))
+            return self._read(descriptor).get((run, trigger, number))
 
     def numbers(self, run: str) -> dict[str, int]:
         """Return the highest number of each trigger's captures in a run. Raises OSError."""
         with self._locked() as descriptor:
             found: dict[str, int] = {}
-            for one in _entries(descriptor).values():
+            for one in self._read(descriptor).values():
                 if one.run == run:
                     found[one.trigger] = max(found.get(one.trigger, 0), one.number)
             return found
@@ -78,21 +87,46 @@ class CaptureList:
         self.note(msgspec.structs.replace(entry, files=tuple(found)))
         removed: list[str] = []
         with self._locked() as descriptor:
-            entries = _entries(descriptor)
-            there = {key: one for key, one in entries.items() if any(map(self._is_ours, one.files))}
-            own = [key for key, one in there.items() if one.trigger == entry.trigger]
-            for key in own[: max(0, len(own) - keep)] if keep else []:
-                for file in filter(self._is_ours, there.pop(key).files):
+            entries = self._read(descriptor)
+            own = [one for one in entries.values() if keep and one.trigger == entry.trigger and self._is_there(one)]
+            for one in own[: max(0, len(own) - keep)]:
+                for file in filter(self._is_ours, one.files):
                     _remove(self._folder / file.name)
                     removed.append(file.name)
-            if os.fstat(descriptor).st_size > MOST_BYTES and len(there) < len(entries) / 2:
-                # the same process, or another one, may be killed in the midst: then older lines stand below, of files
-                # that are gone
-                os.lseek(descriptor, 0, os.SEEK_SET)
-                lines = b"".join(_encoder.encode(one) + b"\n" for one in there.values())
-                _write(descriptor, lines)
-                os.ftruncate(descriptor, len(lines))
+            if os.fstat(descriptor).st_size > self._looked_at:
+                self._shorten(descriptor, entries)
         return removed
+
+    def _shorten(self, descriptor: int, entries: dict[tuple[str, str, int], CaptureEntry]) -> None:
+        """Write the file anew where most of what it tells is gone."""
+        there = [one for one in entries.values() if self._is_there(one)]
+        if len(there) < len(entries) / 2:
+            # the same process, or another one, may be killed in the midst: then older lines stand below, of files
+            # that are gone
+            os.lseek(descriptor, 0, os.SEEK_SET)
+            lines = b"".join(_encoder.encode(one) + b"\n" for one in there)
+            _write(descriptor, lines)
+            os.ftruncate(descriptor, len(lines))
+        self._looked_at = max(MOST_BYTES, os.fstat(descriptor).st_size * 5 // 4)  # thousands may be there for good
+
+    def _read(self, descriptor: int) -> dict[tuple[str, str, int], CaptureEntry]:
+        """All captures, oldest first; a damaged line is left out. What was read before is not read again."""
+        status = os.fstat(descriptor)
+        tail = os.pread(descriptor, len(self._tail), self._read_to - len(self._tail)) if self._read_to else b""
+        if status.st_ino != self._inode or status.st_size < self._read_to or tail != self._tail:
+            self._entries, self._inode, self._read_to = {}, status.st_ino, 0
+        text = os.pread(descriptor, status.st_size - self._read_to, self._read_to)
+        for line in text.splitlines():
+            with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError):
+                entry = _decoder.decode(line)
+                self._entries[entry.run, entry.trigger, entry.number] = entry
+        self._read_to = status.st_size
+        begin = max(0, status.st_size - _TAIL)
+        self._tail = os.pread(descriptor, status.st_size - begin, begin)
+        return self._entries
+
+    def _is_there(self, entry: CaptureEntry) -> bool:
+        return any(map(self._is_ours, entry.files))
 
     def _is_ours(self, file: CaptureFile) -> bool:
         with contextlib.suppress(OSError):
@@ -109,17 +143,6 @@ class CaptureList:
             yield descriptor
         finally:
             os.close(descriptor)
-
-
-def _entries(descriptor: int) -> dict[tuple[str, str, int], CaptureEntry]:
-    """All captures, oldest first; a damaged line is left out."""
-    size = os.fstat(descriptor).st_size
-    found: dict[tuple[str, str, int], CaptureEntry] = {}
-    for line in os.pread(descriptor, size, 0).splitlines():
-        with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError):
-            entry = _decoder.decode(line)
-            found[entry.run, entry.trigger, entry.number] = entry
-    return found
 
 
 def _write(descriptor: int, text: bytes) -> None:

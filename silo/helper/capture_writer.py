@@ -1,8 +1,8 @@
-"""The thread that writes captures, one after the other: the judge never waits for a disk."""
+"""The thread that writes captures, of each trigger one in turn: the judge never waits for a disk."""
 
 import dataclasses
 import logging
-import queue
+import math
 import threading
 from datetime import datetime
 from pathlib import Path
@@ -15,6 +15,7 @@ from silo.files.saving import size_of
 from silo.helper.capture_list import CaptureEntry, CaptureList
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
+from silo.helper.waiting_captures import WaitingCaptures
 from silo.ipc.published import EventKind
 from silo.model import FileType, SavedFile
 from silo.recording import with_events
@@ -30,8 +31,8 @@ class CaptureWriter:
 
     def __init__(self, mirror: Mirror, events: Events) -> None:
         self._mirror, self._events = mirror, events
-        self._jobs: queue.Queue[Spool | None] = queue.Queue()
-        self._waiting: dict[int, Spool] = {}
+        self._waiting = WaitingCaptures()
+        self._listed: CaptureList | None = None
         self._files: dict[tuple[str, str], tuple[str, ...]] = {}  # of the newest capture of a trigger of a run
         self._thread = threading.Thread(target=self._write_all, name="captures")
 
@@ -39,15 +40,21 @@ class CaptureWriter:
         """Start the thread."""
         self._thread.start()
 
-    def stop(self) -> None:
-        """Write what waits and end. May be called twice."""
-        self._jobs.put(None)
+    def stop(self, within_s: float = math.inf) -> None:
+        """Write what waits and end; what is not begun within that time is told, and left out. May be called twice."""
+        self._waiting.stop(within_s)
         self._thread.join()
+        for text in self._waiting.drop_all():
+            self._events.publish(EventKind.SAVE_FAILED, text)
 
     def add(self, spool: "Spool") -> None:
         """Have a capture written."""
-        self._waiting[id(spool)] = spool
-        self._jobs.put(spool)
+        if self._waiting.add(spool):
+            text = (
+                f"trigger '{spool.trigger}' fires faster than its captures can be written: the oldest that wait are "
+                "left out from here on; give it a holdoff"
+            )
+            self._events.publish(EventKind.SAVE_FAILED, text)
 
     @property
     def folder(self) -> str:
@@ -56,7 +63,7 @@ class CaptureWriter:
 
     def waiting(self, run: str = "") -> "list[Spool]":
         """Return the captures that are not written yet, of a run or of all."""
-        return [one for one in list(self._waiting.values()) if not run or one.run == run]
+        return [one for one in self._waiting.all() if not run or one.run == run]
 
     @property
     def size_bytes(self) -> int:
@@ -70,9 +77,10 @@ class CaptureWriter:
     # ------------------------------------------------------------------------------------------------- the thread
 
     def _write_all(self) -> None:
-        while (spool := self._jobs.get()) is not None:
+        while (spool := self._waiting.next()) is not None:
             self._guarded(spool)
-            del self._waiting[id(spool)]
+            for text in self._waiting.done():
+                self._events.publish(EventKind.SAVE_FAILED, text)
             del spool  # while the thread waits, nothing must hold the memory of a segment that is gone
 
     def _guarded(self, spool: "Spool") -> None:
@@ -90,7 +98,7 @@ class CaptureWriter:
 
         folder, capture, logger = self.folder, spool.capture, spool.schema.logger
         Path(folder).mkdir(parents=True, exist_ok=True)
-        listed = CaptureList(folder, logger)
+        listed = self._list_of(folder, logger)
         entry = listed.find(spool.run, spool.trigger, capture.number)
         if entry is None:
             begun = f"{logger}_{datetime.now():%Y%m%d_%H-%M-%S}_{next_run_number(folder, logger):05d}"
@@ -98,7 +106,7 @@ class CaptureWriter:
             entry = CaptureEntry(spool.run, spool.trigger, capture.number, name)
             listed.note(entry)  # a helper process that is killed from here on leaves the name to its successor
         files = self._written(spool, folder, entry.name)
-        ended = spool.ended and f" ({spool.ended})"
+        ended = spool.why and f" ({spool.why})"
         paths = ", ".join(file.path for file in files)
         text = f"capture {capture.number} of '{spool.trigger}', ticks {capture.first} to {capture.last}{ended}: {paths}"
         if not self._was_told(spool, files):
@@ -107,6 +115,12 @@ class CaptureWriter:
         removed = listed.written(entry, [file.path for file in files], spool.options.keep)
         if removed:
             log.info("trigger '%s' keeps %d captures: removed %s", spool.trigger, spool.options.keep, removed)
+
+    def _list_of(self, folder: str, logger: str) -> CaptureList:
+        """The list that was read before, of which only what is new has to be read."""
+        if self._listed is None or not self._listed.is_of(folder, logger):
+            self._listed = CaptureList(folder, logger)
+        return self._listed
 
     def _was_told(self, spool: "Spool", files: list[SavedFile]) -> bool:
         told = [event.text for event in self._events.log.of_run(spool.run) if event.kind == EventKind.CAPTURED.value]

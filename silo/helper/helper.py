@@ -6,6 +6,7 @@ The main thread is the one that reads the link. It is the only one that changes 
 import contextlib
 import enum
 import logging
+import math
 import os
 import select
 import signal
@@ -56,6 +57,7 @@ from silo.runtime import runtime_dir
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't
 TERM_GRACE_S = 5.0
 SAVE_GRACE_S = 10.0
+CAPTURES_GRACE_S = 8.0  # the program that closes its logger kills this process after 15 s
 DEAD_WITHOUT_CLIENTS_S = 10.0
 DEAD_WITH_CLIENTS_S = 600.0
 DEAD_POLL_S = 0.2
@@ -144,7 +146,7 @@ class Helper:
             at_end.callback(recording.wait, SAVE_GRACE_S)
             for stop in (answers.stop, control.stop, journaling.stop):
                 at_end.callback(stop)
-            at_end.callback(judge.stop, "the helper process ended")
+            at_end.callback(judge.stop, "the helper process ended", within_s=CAPTURES_GRACE_S)
             at_end.callback(self._robot.lost)
             at_end.callback(token.undeclare)
             ended = self._follow_robot(mirror, events, saver, path)
@@ -160,7 +162,9 @@ class Helper:
                 saver.stop()
             elif ended is _Ended.GOODBYE:
                 ending = "the helper process was ended" if self._gave_up else "the program closed its logger"
-                judge.stop(ending, hand_over=self._gave_up)
+                # what a successor goes on with is not dropped
+                within_s = math.inf if self._gave_up else CAPTURES_GRACE_S
+                judge.stop(ending, hand_over=self._gave_up, within_s=within_s)
                 journaling.stop()
                 events.publish(EventKind.CLOSED, "the robot program closed its logger")
                 saver.stop(SAVE_GRACE_S)

@@ -7,6 +7,7 @@ knows is stored before anything is told: a helper process that takes the place o
 import concurrent.futures
 import contextlib
 import logging
+import math
 import os
 import re
 import threading
@@ -78,17 +79,18 @@ class Judge:
         self._thread.start()
         self._writer.start()
 
-    def stop(self, why: str, *, hand_over: bool = False) -> None:
+    def stop(self, why: str, *, hand_over: bool = False, within_s: float = math.inf) -> None:
         """Judge what is left, close the captures under way with the reason, write their files, end the threads.
 
-        With `hand_over` a successor goes on with those that it finds whole in the rings. May be called twice.
+        Captures that are not begun within `within_s` are told and left out. With `hand_over` a successor goes on with
+        those that it finds whole in the rings. May be called twice.
         """
         if not self._ended:
             self._why, self._hands_over = why, hand_over
         self._ended = True
         self._wake.set()
         self._thread.join()
-        self._writer.stop()
+        self._writer.stop(within_s)
         if self._memory is not None and not self._hands_over:
             self._memory.forget_all()
 

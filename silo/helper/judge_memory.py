@@ -175,11 +175,10 @@ def lost_text(kept: KeptCapture, why: str) -> str:
 
 def _untold(found: Step) -> list[Untold]:
     events = [Untold(EventKind.BLIND.value, text) for text in found.blind]
-    for name, capture in found.fired:
-        fire = capture.fires[0]
-        events.append(
-            Untold(EventKind.TRIGGERED.value, f"trigger '{name}' fired at tick {fire.tick}", fire.tick, fire.time_ns)
-        )
+    for name, fires in found.fired:
+        first, last = fires[0], fires[-1]
+        text = f"at tick {first.tick}" if first is last else f"{len(fires)} times, at ticks {first.tick} to {last.tick}"
+        events.append(Untold(EventKind.TRIGGERED.value, f"trigger '{name}' fired {text}", first.tick, first.time_ns))
     for news in found.limits:
         kind = EventKind.LIMIT if news.over else EventKind.LIMIT_ENDED
         events.append(Untold(kind.value, news.text, news.tick, news.stamp_ns))

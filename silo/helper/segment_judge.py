@@ -15,18 +15,20 @@ from silo.errors import ElementError
 from silo.helper.judge_state import JudgeState, KeptCapture, KeptTrigger, Untold
 from silo.helper.judged_rows import JudgedRows
 from silo.helper.limit_judge import LimitJudge, LimitNews
-from silo.helper.spool import Spool
+from silo.helper.spool import Spool, bytes_per_tick
 from silo.ipc.conditions import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
 from silo.judging.binding import Bound, bind, meaning
 from silo.judging.evaluation import Evaluator
 from silo.judging.extras import trigger_rule
-from silo.judging.triggers import Capture, Mode, Trigger, TriggerState
+from silo.judging.off import can_be, without_off
+from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Slope, Trigger, TriggerState, longest_capture
 from silo.model import ElementInfo, Extras, TriggerOptions
 
 BATCH_TICKS = 16_384
 MOST_SPOOL_BYTES = 512 * 2**20  # of all captures that are under way, or wait to be written
 LONGEST_WAIT_S = 0.05
 RELEASE_STEPS = 20
+MOST_TOLD = 20  # fires of a trigger in a second that are told one by one, the rest of them together
 
 _WORDS = {
     TriggerState.ARMED: TriggerWord.ARMED,
@@ -45,14 +47,20 @@ class _Watched:
     expressions: tuple[Bound, ...] = ()
     evaluator: Evaluator | None = None
     why: str = ""
+    note: str = ""  # what it is judged without
     silent: str = ""  # why nothing of its signals is recorded any more
+    second: int = -1  # of the newest fire that was told, and how many of it were
+    told: int = 0
 
 
 @dataclass
 class Step:
-    """What one look at the rings brought: words for clients, and captures that are whole."""
+    """What one look at the rings brought: words for clients, and captures that are whole.
 
-    fired: list[tuple[str, Capture]] = field(default_factory=list)
+    `fired` has for each thing to tell the trigger and its fires, of what chatters several.
+    """
+
+    fired: list[tuple[str, list[Fire]]] = field(default_factory=list)
     blind: list[str] = field(default_factory=list)
     whole: list[Spool] = field(default_factory=list)
     limits: list[LimitNews] = field(default_factory=list)
@@ -106,6 +114,8 @@ class SegmentJudge:
         if before is not None and before.options == options and not (anew and self._differs(before)):
             return before
         rule = trigger_rule(options, self.reader.schema.frequency_hz)
+        if options.save:
+            rule = replace(rule, longest=longest_capture(bytes_per_tick(self.reader.schema)))
         trigger = Trigger(rule, armed=options.armed, captures=self._numbers.get(options.name, 0))
         made = _Watched(options, trigger)
         if before is not None:
@@ -117,14 +127,17 @@ class SegmentJudge:
                 self._arm(before, armed=options.armed)
                 return before
         try:
-            made.expressions = tuple(
-                bind(text, self._rows.catalogue).condition() for text in (options.when, options.rearm) if text
-            )
+            made.expressions, gone = self._bound(options)
         except ElementError as error:
             made.why = str(error)
             self.problems.append(f"trigger '{options.name}' is not judged: {error}")
             return made
-        if not any(bound.sources for bound in made.expressions):
+        if gone:
+            made.note = f"judged without {', '.join(gone[:3])}{' ...' if len(gone) > 3 else ''}: off"
+            self.problems.append(f"trigger '{options.name}' is {made.note}")
+        true, false = can_be(made.expressions[0].root)
+        can_fire = (false if rule.slope is Slope.FALLING else true) or rule.mode is Mode.AUTO
+        if not can_fire or not any(bound.sources for bound in made.expressions):
             made.why = f"{', '.join(self._rows.off_names(made.expressions)[:3])} is off"
             self.problems.append(f"trigger '{options.name}' is unobservable: the elements in it are off")
             made.expressions = ()
@@ -132,11 +145,19 @@ class SegmentJudge:
         made.evaluator = Evaluator(*made.expressions)
         return made
 
+    def _bound(self, options: TriggerOptions) -> tuple[tuple[Bound, ...], list[str]]:
+        """The conditions of a trigger, and the elements that are left out of them. Raises ElementError."""
+        found = [
+            without_off(bind(text, self._rows.catalogue).condition()) for text in (options.when, options.rearm) if text
+        ]
+        names = [self._rows.catalogue.name(column.element, column.entry) for _, gone in found for column in gone]
+        return tuple(bound for bound, _ in found), list(dict.fromkeys(names))
+
     def _differs(self, watched: _Watched) -> bool:
         """Whether the words of a trigger mean something else than when it was taken."""
         options = watched.options
         try:
-            now = [bind(text, self._rows.catalogue).condition() for text in (options.when, options.rearm) if text]
+            now, _ = self._bound(options)
         except ElementError:
             return True
         return [meaning(bound) for bound in now] != [meaning(bound) for bound in watched.expressions]
@@ -181,6 +202,7 @@ class SegmentJudge:
         time_ns = int(rows.time_ns[0]) if len(rows) else self.reader.last_time_ns
         for capture in watched.trigger.force(tick, time_ns):
             self._capture(watched.options, capture, found)
+        self._note_fires(watched, found)
         return found, tick
 
     def acknowledge(self, names: Sequence[str], who: str, time_ns: int) -> int:
@@ -193,7 +215,7 @@ class SegmentJudge:
 
     def _status(self, one: _Watched) -> TriggerStatus:
         trigger, tick = one.trigger, self._until
-        state, why = _WORDS.get(trigger.state(tick)), one.why
+        state, why = _WORDS.get(trigger.state(tick)), one.why or one.note
         if state is None:
             over = one.options.mode == Mode.SINGLE.value and one.options.armed
             state = TriggerWord.FIRED if over else TriggerWord.OFF
@@ -250,7 +272,25 @@ class SegmentJudge:
             rearm = judged.codes(1) if one.options.rearm else None
             for capture in one.trigger.feed(judged.ticks, judged.time_ns, judged.codes(0), rearm):
                 self._capture(one.options, capture, found)
+            self._note_fires(one, found)
             self._check_silent(one, one.evaluator, until - 1, found)
+
+    def _note_fires(self, one: _Watched, found: Step) -> None:
+        """Have each fire told, also one that makes a capture longer; of what chatters the first of each second."""
+        if not one.options.save:
+            return  # it is for looking
+        name, rest = one.options.name, list[Fire]()
+        for fire in one.trigger.fired:
+            second = int(fire.tick // self.reader.schema.frequency_hz)
+            if second != one.second:
+                one.second, one.told = second, 0
+            one.told += 1
+            if one.told <= MOST_TOLD:
+                found.fired.append((name, [fire]))
+            else:
+                rest.append(fire)
+        if rest:
+            found.fired.append((name, rest))
 
     def _check_silent(self, one: _Watched, evaluator: Evaluator, tick: int, found: Step) -> None:
         """Take in that none of the signals of a trigger is recorded any more."""
@@ -270,8 +310,7 @@ class SegmentJudge:
                 return
         if not options.save:
             return  # it is for looking: what it captured is still in the rings
-        found.fired.append((options.name, capture))
-        if self._unwritten() + sum(spool.size_bytes for spool in self._spools) > MOST_SPOOL_BYTES:
+        if self._taken_bytes() > MOST_SPOOL_BYTES:
             found.blind.append(
                 f"capture {capture.number} of '{options.name}' was left out: those before it, which are not yet "
                 f"written, take more than {MOST_SPOOL_BYTES // 2**20} MB; make pre and post shorter, or give a holdoff"
@@ -285,8 +324,26 @@ class SegmentJudge:
     def _copy(self, until: int, found: Step) -> None:
         under_way: list[Spool] = []
         for spool in self._spools:
-            (found.whole if spool.append(until) else under_way).append(spool)
+            is_whole = spool.append(until)
+            if spool.is_cut:
+                self._cut(spool, f"closed at {MOST_CAPTURE_BYTES // 2**20} MB")
+            (found.whole if is_whole or spool.ended else under_way).append(spool)
         self._spools = under_way
+        if under_way and self._taken_bytes() + sum(spool.size_bytes for spool in found.whole) > MOST_SPOOL_BYTES:
+            for spool in under_way:
+                self._cut(spool, f"closed as all captures in memory take {MOST_SPOOL_BYTES // 2**20} MB")
+            found.whole += under_way
+            self._spools = []
+
+    def _taken_bytes(self) -> int:
+        return self._unwritten() + sum(spool.size_bytes for spool in self._spools)
+
+    def _cut(self, spool: Spool, why: str) -> None:
+        """Close a capture before its end; what fires next begins another one."""
+        self._end_spool(spool, why)
+        one = self._watched.get(spool.trigger)
+        if one is not None and one.trigger.capture is not None and one.trigger.capture.number == spool.capture.number:
+            one.trigger.capture = replace(one.trigger.capture, last=spool.ticks - 1)
 
     def end(self, why: str) -> Step:
         """Judge the rest, and close the captures that are under way, with the reason."""
@@ -311,10 +368,7 @@ class SegmentJudge:
         found = self.step()
         gone = [spool for spool in self._spools if not spool.is_held()]
         for spool in gone:
-            self._end_spool(spool, why)
-            one = self._watched.get(spool.trigger)
-            if one is not None and one.trigger.capture is not None:
-                one.trigger.capture = replace(one.trigger.capture, last=self._until - 1)  # what follows is another one
+            self._cut(spool, why)
         found.whole += gone
         self._spools = [spool for spool in self._spools if spool not in gone]
         return found
@@ -365,8 +419,7 @@ class SegmentJudge:
 
 def _whole(trigger: Trigger, until: int) -> CapturedSpan | None:
     """The newest capture all of whose ticks are before `until`."""
-    newest = trigger.capture
-    found = newest if newest is None or newest.last < until else trigger.before
+    found = next((one for one in (trigger.capture, trigger.before) if one is not None and one.last < until), None)
     if found is None:
         return None
     fire = found.fires[0]

@@ -10,9 +10,16 @@ from silo.collecting.rows import Rows
 from silo.collecting.schema import TIME_RING, ElementSchema, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.snapshot import snapshot
-from silo.judging.triggers import Capture
+from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, longest_capture
 from silo.model import BufferType, CaptureFacts, LoggedEvent, TriggerOptions
 from silo.recording import Failures, Recording
+
+
+def bytes_per_tick(schema: SegmentSchema) -> float:
+    """Return what a capture takes of memory for each tick, without what keeps its first samples: that has an end."""
+    saved = {TIME_RING, *(element.ring for element in schema.elements if element.info.options.action.saves)}
+    rings = [schema.rings[ring] for ring in saved if schema.rings[ring].buffer_type is not BufferType.FIXED]
+    return sum(ring.row_words * 8 / ring.divider for ring in rings)
 
 
 class Spool:
@@ -33,6 +40,7 @@ class Spool:
         self._missing = 0
         self._schema: SegmentSchema | None = None  # of the rows that there are: 13 ms for 500 elements
         self.ended = ""
+        self._stop = capture.first + longest_capture(bytes_per_tick(reader.schema))
 
     def _divider(self, ring: int) -> int:
         return self._reader.schema.rings[ring].divider
@@ -46,10 +54,22 @@ class Spool:
         """Take in that more fires made the capture longer."""
         self.capture = capture
 
+    @property
+    def is_cut(self) -> bool:
+        """Whether it has all that a capture may have, and its end is still to come."""
+        return self._stop <= self.capture.last and self.ticks >= self._stop
+
+    @property
+    def why(self) -> str:
+        """Why the capture is shorter than what fired; empty where it isn't."""
+        if self.ended or not self.capture.full:
+            return self.ended
+        return f"closed at {MOST_CAPTURE_BYTES // 2**20} MB as it fired on: capture {self.capture.number + 1} goes on"
+
     def append(self, until: int) -> bool:
         """Copy the rows of ticks before `until` that are new; whether the capture is whole then."""
         self._schema = None
-        end = min(until, self.capture.last + 1)
+        end = min(until, self.capture.last + 1, self._stop)
         for ring in self._rings:
             stop = -(-end // self._divider(ring))
             if stop <= self._next[ring]:
@@ -142,7 +162,7 @@ class Spool:
         """What was captured, with what there is to say of it."""
         capture = self.capture
         found = snapshot(self)
-        ended = [self.ended] if self.ended else []
+        ended = [self.why] if self.why else []
         if self._missing:
             ended.append(f"the first {self._missing} ticks were overwritten before they could be copied")
         facts = CaptureFacts(

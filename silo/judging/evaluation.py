@@ -349,7 +349,7 @@ class Evaluator:
         """The results of a remembering function at the ticks of its own signals."""
         memory, grid = self._memories[part], self._grid_of(part)
         if grid is None:
-            return np.full((0, *_trailing(part.part)), np.nan)
+            return np.full((0, *trailing(part.part)), np.nan)
         value = self._value(part.part, grid)
         samples = as_numbers(value) if isinstance(value, Truth) else value
         if not len(grid.ticks):
@@ -372,12 +372,12 @@ class Evaluator:
 _NO_VALUES = np.zeros(0)
 
 
-def _trailing(part: Part) -> tuple[int, ...]:
+def trailing(part: Part) -> tuple[int, ...]:
     """The shape of one value of a part."""
     if isinstance(part, Signal):
         return (len(part.columns),) if part.vector else ()
     if isinstance(part, Remembered):
-        return _trailing(part.part)
+        return trailing(part.part)
     if isinstance(part, Constant) or part.operator in REDUCING:
         return ()
-    return max((_trailing(one) for one in part.parts), key=len)
+    return max((trailing(one) for one in part.parts), key=len)

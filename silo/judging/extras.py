@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 
 import msgspec
+import numpy as np
 
 from silo import units
 from silo.arguments import real, shown, whole
@@ -12,13 +13,15 @@ from silo.judging.binding import Bound, Catalogue, Known, bind
 from silo.judging.derived import binds, placed
 from silo.judging.limits import LimitRule, limit_rule
 from silo.judging.tokens import ExpressionError
-from silo.judging.triggers import Held, Mode, Slope, TriggerRule, check_pre
+from silo.judging.triggers import Held, Mode, Slope, TriggerRule, check_length, check_pre
 from silo.model import BufferType, Derived, ElementInfo, Extras, SignalLimits, TriggerOptions
 
 MOST_DERIVED = 200
 MOST_LIMITS = 1000
 MOST_TRIGGERS = 100
 MOST_STALE_S = MOST_TRIGGER_S = 86_400.0
+
+WORD_BYTES = 8  # a time stamp
 
 _TIME = re.compile(r"\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*([a-zµμ]*)\s*")
 
@@ -146,8 +149,23 @@ def trigger_rule(options: TriggerOptions, frequency_hz: float) -> TriggerRule:
 
 
 def check_held(one: TriggerOptions, elements: Sequence[ElementInfo], frequency_hz: float) -> None:
-    """Raise ElementError where the buffers can't hold what a trigger captures of the past, with the size that would."""
-    check_pre(trigger_rule(one, frequency_hz).pre, frequency_hz, held_by(elements))
+    """Raise ElementError where the buffers can't hold what a trigger captures of the past, with the size that would.
+
+    Likewise where a capture would take more memory than one may.
+    """
+    rule = trigger_rule(one, frequency_hz)
+    check_pre(rule.pre, frequency_hz, held_by(elements))
+    if one.save:
+        check_length(rule.pre + rule.post + 1, frequency_hz, _bytes_per_tick(elements))
+
+
+def _bytes_per_tick(elements: Sequence[ElementInfo]) -> float:
+    """Of what captures hold, without what keeps its first samples: that has an end."""
+    return WORD_BYTES + sum(
+        sum(np.dtype(entry.dtype).itemsize for entry in info.entries) / now.divider
+        for info in elements
+        if (now := info.options).enabled and now.action.saves and now.buffer_type is not BufferType.FIXED
+    )
 
 
 def held_by(elements: Sequence[ElementInfo]) -> list[Held]:

@@ -14,6 +14,10 @@ from numpy.typing import NDArray
 from silo.errors import ElementError
 from silo.judging.evaluation import FALSE, TRUE, UNOBSERVABLE
 
+MOST_CAPTURE_BYTES = (
+    256 * 2**20
+)  # of rows: they stay in memory until the capture is whole, and twice while it is written
+NO_END = 2**62
 SLACK_S = 1.0  # what a ring must hold beyond `pre`, so that a late judge still finds the oldest row
 
 Codes = NDArray[np.int8]
@@ -46,7 +50,8 @@ class TriggerRule:
 
     It fires where its condition has turned true and stayed so for `persist` ticks, and captures `[k - pre, k + post]`.
     Then it must rearm: by its rearm condition, or, without, by the condition having been false. Within `holdoff` ticks
-    after a fire, turns are ignored. In AUTO mode it fires by itself `patience` ticks after the end of a capture.
+    after a fire, turns are ignored. In AUTO mode it fires by itself `patience` ticks after the end of a capture. A fire
+    within `post` extends the capture, up to `longest` ticks: then it begins the next one, and no tick is in neither.
     """
 
     pre: int
@@ -56,6 +61,7 @@ class TriggerRule:
     holdoff: int = 0
     mode: Mode = Mode.NORMAL
     patience: int = 0
+    longest: int = NO_END
 
 
 @dataclass(frozen=True)
@@ -69,12 +75,13 @@ class Fire:
 
 @dataclass(frozen=True)
 class Capture:
-    """Ticks `first ... last` around the fires in it, both included."""
+    """Ticks `first ... last` around the fires in it, both included; `full` where the next one had to go on."""
 
     number: int
     first: int
     last: int
     fires: tuple[Fire, ...]
+    full: bool = False
 
 
 class TriggerState(str, enum.Enum):
@@ -101,10 +108,12 @@ class Trigger:
     turned: bool = False  # the condition turned true while that counted
     known: int = UNOBSERVABLE  # the last result that was one
     now: int = UNOBSERVABLE
+    seen: bool = False  # a result, be it that nobody can tell
     since: int | None = None  # from when on it is true without a break
     holdoff_end: int = 0
     patient_until: int | None = None
     tick: int = -1  # the newest that was judged
+    fired: list[Fire] = field(default_factory=list)  # by the last batch, or by force
     _new: list[Capture] = field(default_factory=list)
 
     def feed(self, ticks: Ints, time_ns: Ints, condition: Codes, rearm: Codes | None = None) -> list[Capture]:
@@ -112,7 +121,7 @@ class Trigger:
 
         `condition` and `rearm` hold TRUE, FALSE, UNOBSERVABLE at each tick; `rearm` None: there is no such condition.
         """
-        self._new = []
+        self._new, self.fired = [], []
         if not len(ticks):
             return []
         if self.rule.slope is Slope.FALLING:
@@ -129,7 +138,7 @@ class Trigger:
 
     def force(self, tick: int, time_ns: int) -> list[Capture]:
         """Fire now, whatever the condition says, armed or not. `tick` is not before the last that was judged."""
-        self._new = []
+        self._new, self.fired = [], []
         self._fire(tick, time_ns, forced=True)
         return self._new
 
@@ -176,7 +185,10 @@ class Trigger:
         elif self.since is None:
             self.since = int(ticks[0])
             counts = self.armed and self.ready and self.since >= self.holdoff_end
-            self.turned = self.turned or level or (self.known == FALSE and counts)
+            # what nobody could tell before may have been false: a fire too many is better than one that is missed
+            unknown = self.known == UNOBSERVABLE and self.seen
+            self.turned = self.turned or level or ((self.known == FALSE or unknown) and counts)
+        self.seen = True
         if condition != UNOBSERVABLE:
             self.known = condition
         if self.rule.mode is Mode.AUTO and self.patient_until is None:
@@ -209,16 +221,18 @@ class Trigger:
         rule = self.rule
         fire, last = Fire(tick, time_ns, forced), tick + rule.post
         open_now = self.capture
-        if open_now is not None and tick <= open_now.last:
+        goes_on = open_now is not None and tick <= open_now.last
+        if open_now is not None and goes_on and last - open_now.first < rule.longest:
             self.capture = replace(open_now, last=last, fires=(*open_now.fires[:999], fire))
         else:
+            if open_now is not None and goes_on:
+                open_now = replace(open_now, full=True)
+                self._note(open_now)
             self.captures += 1
             self.before = open_now
             self.capture = Capture(self.captures, max(tick - rule.pre, 0), last, (fire,))
-        if self._new and self._new[-1].number == self.capture.number:
-            self._new[-1] = self.capture
-        else:
-            self._new.append(self.capture)
+        self._note(self.capture)
+        self.fired.append(fire)
         self.fires += 1
         self.patient_until = last + 1 + rule.patience if rule.mode is Mode.AUTO else None
         if rule.mode is Mode.SINGLE:
@@ -228,6 +242,12 @@ class Trigger:
         self.holdoff_end = tick + max(rule.holdoff, at_least)
         if not forced:
             self.ready, self.turned = False, False
+
+    def _note(self, capture: Capture) -> None:
+        if self._new and self._new[-1].number == capture.number:
+            self._new[-1] = capture
+        else:
+            self._new.append(capture)
 
 
 @dataclass(frozen=True)
@@ -242,6 +262,22 @@ class Held:
     size: int
     looping: bool
     grows: bool = False
+
+
+def longest_capture(bytes_per_tick: float) -> int:
+    """Return how many ticks a capture may have, by the bytes that rows take per tick."""
+    return max(1, int(MOST_CAPTURE_BYTES // max(bytes_per_tick, 1.0)))
+
+
+def check_length(ticks: int, frequency_hz: float, bytes_per_tick: float) -> None:
+    """Raise ElementError where a capture of so many ticks takes more memory than one may, with what would do."""
+    longest = longest_capture(bytes_per_tick)
+    if ticks > longest:
+        raise ElementError(
+            f"pre and post of {ticks / frequency_hz:g} s are {ticks * bytes_per_tick / 2**20:,.0f} MB, a capture "
+            f"has at most {MOST_CAPTURE_BYTES // 2**20} MB: {longest / frequency_hz:.3g} s of these signals; make them "
+            "shorter, save fewer signals, or record (`silo record`); nothing was changed"
+        )
 
 
 def check_pre(pre: int, frequency_hz: float, buffers: Sequence[Held]) -> None:

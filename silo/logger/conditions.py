@@ -237,14 +237,14 @@ class Conditions(Configuration):
             one: its condition and what it captures, times in s; `trigger` tells what they mean.
 
         Raises:
-            ElementError: a name, word or number makes no sense, 100 triggers are set already, or `pre_s` is longer than
-                what buffers hold, with the size that would do; nothing was changed.
+            ElementError: a name, word or number makes no sense, 100 triggers are set already, `pre_s` is longer than
+                what buffers hold, with the size that would do, or a capture would take more than 256 MB of memory;
+                nothing was changed.
             ExpressionError: a condition makes no sense; the message shows the place.
             StateError: the logger is closed.
         """
         from silo.files.naming import check_name
-        from silo.judging.extras import held_by, trigger_rule, with_trigger
-        from silo.judging.triggers import check_pre
+        from silo.judging.extras import check_held, with_trigger
 
         if not isinstance(one, TriggerOptions):
             raise ElementError(
@@ -258,8 +258,7 @@ class Conditions(Configuration):
         with self._lock:
             self._check_open()
             infos = self._all_infos
-            rule = trigger_rule(one, self.options.frequency_hz)
-            check_pre(rule.pre, self.options.frequency_hz, held_by(infos))
+            check_held(one, infos, self.options.frequency_hz)
             self._extras = with_trigger(self._extras, one, infos, self.options.prefix)
             self._tell()
 
@@ -315,15 +314,13 @@ class Conditions(Configuration):
             log.warning("%s: limits are judged by the helper process, and there is none: call serve()", judged)
         if not self._extras.triggers:
             return
-        from silo.judging.extras import held_by, trigger_rule
-        from silo.judging.triggers import check_pre
+        from silo.judging.extras import check_held
 
         names = ", ".join(one.name for one in self._extras.triggers)
         if not served:
             log.warning("%s: triggers are judged by the helper process, and there is none: call serve()", names)
         for one in self._extras.triggers:
-            rule = trigger_rule(one, self.options.frequency_hz)
             try:
-                check_pre(rule.pre, self.options.frequency_hz, held_by(self._table.infos))
-            except ElementError as error:
+                check_held(one, self._table.infos, self.options.frequency_hz)
+            except ElementError as error:  # noqa: PERF203  # each is told
                 log.warning("trigger '%s' will capture less than it should: %s", one.name, error)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import silo
+import silo.analysis.log
 from silo.ipc.client import Client
 from silo.ipc.conditions import LimitWord, TriggerWord
 from silo.ipc.published import EventKind

@@ -1,6 +1,7 @@
 """Triggers over the rings of a real segment: no spike missed, captures exact to the tick, ends that are told."""
 
 import logging
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -70,6 +71,70 @@ def test_captures_that_wait_to_be_written_leave_no_room_for_more_and_it_is_said(
     assert "capture 1 of 'spike' was left out" in found.blind[0]
 
 
+def test_fires_without_end_close_a_capture_at_its_most_bytes_and_go_on_in_the_next(robot, monkeypatch):
+    monkeypatch.setattr("silo.judging.triggers.MOST_CAPTURE_BYTES", 2**16)
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="200ms")
+    robot.start()
+    whole, most = [], 0
+    for _ in range(60):
+        robot.ticks(100, [(50, 0)])
+        whole += robot.judge.step().whole
+        most = max(most, sum(spool.size_bytes for spool in robot.judge._spools))
+    assert most <= 2 * 2**16
+    assert len(whole) >= 2
+    for spool, following in pairwise(whole):
+        assert spool.size_bytes <= 2**16
+        assert spool.why == f"closed at 256 MB as it fired on: capture {spool.capture.number + 1} goes on"
+        assert following.capture.first <= spool.capture.last  # no tick is in neither
+        assert len(silo.Log(spool.recording())["fast/x_0"]) == spool.capture.last - spool.capture.first + 1
+
+
+def test_captures_under_way_that_take_all_memory_together_are_closed_and_say_so(robot, monkeypatch):
+    robot.logger.trigger("one", "fast/x_0 > 50", pre="5ms", post="20s")
+    robot.logger.trigger("two", "fast/x_1 > 50", pre="5ms", post="20s")
+    robot.start()
+    robot.ticks(500, [(40, 0), (60, 1)])
+    robot.judge.step()
+    monkeypatch.setattr("silo.helper.segment_judge.MOST_SPOOL_BYTES", 2**15)
+    robot.ticks(500)
+    whole = robot.judge.step().whole
+    assert [spool.trigger for spool in whole] == ["one", "two"]
+    assert all("closed as all captures in memory take" in spool.why for spool in whole)
+    monkeypatch.undo()
+    robot.ticks(100, [(50, 0)])
+    robot.judge.step()
+    assert [spool.capture.number for spool in robot.judge._spools] == [2]
+
+
+def test_a_post_that_no_memory_holds_is_refused_with_its_size(robot):
+    robot.logger.array("many", 500, buffer_size=3000)
+    with pytest.raises(silo.ElementError, match=r"pre and post of 43200 s are 16[0-9],[0-9]{3} MB.* at most 256 MB"):
+        robot.logger.trigger("spike", "fast/x_0 > 50", post="12h")
+    assert robot.logger.extras.triggers == ()
+
+
+def test_each_fire_is_told_also_one_that_makes_a_capture_longer(robot):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="100ms")
+    robot.start()
+    robot.ticks(200, [(100, 0), (110, 0)])
+    fired = robot.judge.step().fired
+    robot.ticks(200, [(1, 0)])
+    fired += robot.judge.step().fired
+    assert [(name, [fire.tick for fire in fires]) for name, fires in fired] == [
+        ("spike", [100]), ("spike", [110]), ("spike", [201])
+    ]  # fmt: skip
+
+
+def test_fires_of_what_chatters_are_told_together(robot):
+    robot.logger.trigger("noise", "fast/x_0 > 50")
+    robot.start()
+    robot.ticks(1000, [(tick, 0) for tick in range(100, 900, 2)])
+    fired = robot.judge.step().fired
+    assert sum(len(fires) for _, fires in fired) == 400
+    assert len(fired) == 21
+    assert [fire.tick for fire in fired[-1][1]] == list(range(140, 900, 2))
+
+
 def test_limits_that_nobody_judges_are_told_at_the_start(robot, caplog):
     robot.logger.limit("fast/x", (None, None, 1.0, 2.0))
     robot.logger.start()
@@ -115,7 +180,7 @@ def test_rows_that_were_overwritten_before_they_were_judged_are_told(robot):
     robot.ticks(5000, [(100, 0), (4900, 0)])
     found = robot.judge.step()
     assert "blind for" in found.blind[0]
-    assert [capture.fires[0].tick for _, capture in found.fired] == [4900]
+    assert [fire.tick for _, fires in found.fired for fire in fires] == [4900]
 
 
 def test_a_trigger_of_an_element_that_is_off_is_unobservable(robot):
@@ -229,3 +294,27 @@ def test_only_what_a_successor_would_not_find_in_the_rings_is_closed_at_a_handov
     assert spool.ended.startswith("the helper process was replaced")
     kept = robot.judge.state([], [], closed=False).captures
     assert [(one.options.name, one.capture.first) for one in kept] == [("late", 2895)]
+
+
+def test_an_element_that_is_off_is_left_out_of_a_wildcard_and_named(robot):
+    robot.logger.array("legs/a/slip", buffer_size=3000)
+    robot.slip = robot.logger.array("legs/b/slip", buffer_size=3000)
+    robot.logger.trigger("slip", "any(legs/*/slip > 50)", pre="5ms", post="5ms")
+    robot.logger.trigger("step", "max(diff(legs/*/slip)) > 50", pre="5ms", post="5ms")
+    robot.logger.trigger("never", "fast/x_0 > 50 and legs/a/slip > 50", pre="5ms", post="5ms")
+    robot.logger.update()
+    robot.logger.disable("legs/a/slip")
+    robot.start()
+    robot.ticks(100)
+    for value in (100.0, 0.0, 100.0, 0.0):
+        robot.slip[...] = value
+        robot.ticks(20)
+    fired = robot.judge.step().fired
+    assert [(name, fire.tick) for name, fires in fired for fire in fires if name == "slip"] == [
+        ("slip", 100), ("slip", 140)
+    ]  # fmt: skip
+    assert [fire.tick for name, fires in fired for fire in fires if name == "step"] == [100, 140]
+    assert robot.judge.problems[0] == "trigger 'slip' is judged without /log/legs/a/slip: off"
+    slip, _, never = robot.judge.triggers()
+    assert slip.why == "judged without /log/legs/a/slip: off"
+    assert never.state.name == "BLIND"

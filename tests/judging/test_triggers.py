@@ -39,7 +39,7 @@ class Slow:
     def __init__(self, rule):
         self.rule = rule
         self.armed = self.ready = True
-        self.turned, self.known, self.since = False, U, None
+        self.turned, self.known, self.since, self.seen = False, U, None, False
         self.holdoff_end, self.patient = 0, None
         self.fires, self.captures = [], []
 
@@ -52,12 +52,14 @@ class Slow:
         if condition == T:
             if self.since is None:
                 self.since = tick
-                if level or (self.known == F and self.armed and self.ready and tick >= self.holdoff_end):
+                before = self.known == F or (self.known == U and self.seen)
+                if level or (before and self.armed and self.ready and tick >= self.holdoff_end):
                     self.turned = True
         else:
             self.since = None
             if condition == F:
                 self.turned = False
+        self.seen = True
         if condition != U:
             self.known = condition
         if rule.mode is Mode.AUTO and self.patient is None:
@@ -71,7 +73,8 @@ class Slow:
     def fire(self, tick, forced):
         rule = self.rule
         self.fires.append((tick, forced))
-        if self.captures and tick <= self.captures[-1][1]:
+        goes_on = self.captures and tick <= self.captures[-1][1]
+        if goes_on and tick + rule.post - self.captures[-1][0] < rule.longest:
             self.captures[-1][1] = tick + rule.post
         else:
             self.captures.append([max(0, tick - rule.pre), tick + rule.post])
@@ -87,6 +90,7 @@ class Slow:
 rules = st.builds(
     TriggerRule, pre=st.integers(0, 4), post=st.integers(0, 5), slope=st.sampled_from(Slope),
     persist=st.integers(0, 3), holdoff=st.integers(0, 6), mode=st.sampled_from(Mode), patience=st.integers(0, 5),
+    longest=st.sampled_from([10, 15, 2**62]),
 )  # fmt: skip
 codes = st.lists(st.tuples(st.sampled_from([T, F, U]), st.integers(1, 4)), max_size=15).map(
     lambda runs: [code for code, length in runs for _ in range(length)]
@@ -120,6 +124,11 @@ def test_what_is_true_from_the_start_has_not_turned():
 
 def test_what_turned_while_nobody_could_see_it_fires_when_it_is_seen():
     assert fires(TriggerRule(0, 0), [F, U, T]) == [2]
+
+
+def test_what_was_never_known_fires_when_it_is_seen_to_be_true():
+    assert fires(TriggerRule(0, 0), [U, T, U, T]) == [1]
+    assert fires(TriggerRule(0, 0), [T, U, T]) == []
 
 
 def test_leave_is_falling_and_enter_is_rising():
