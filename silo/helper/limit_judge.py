@@ -186,8 +186,9 @@ class LimitJudge:
             return _Limited(options, str(error), [Scalar(options.name)])
         signal = expressions[0]
         scalars = [Scalar(name) for name in scalar_names(signal, catalogue, options.name)]
-        if not signal.sources:
+        if not signal.sources or any(bound.columns and not bound.sources for bound in expressions):
             off = ", ".join(self._rows.off_names(expressions)[:3])
+            problems.append(f"limits of '{options.name}' are blind: {off} is off")
             return _Limited(options, f"{off} is off", scalars, signal.unit)
         sources = {column.source for column in signal.columns}
         plain = len(expressions) == 1 and isinstance(signal.root, Signal) and len(sources) == 1 and OFF not in sources
@@ -332,17 +333,15 @@ def _word(state: EntryState, value: float) -> LimitWord:
 def _status(one: _Limited, at: int) -> LimitStatus:
     scalar = one.scalars[at]
     if one.why:
-        return LimitStatus(
-            scalar.name, one.options.name, LimitWord.BLIND, one.unit, why=one.why, bounds=one.options.bounds
-        )
+        return LimitStatus(scalar.name, "", LimitWord.BLIND, one.unit, why=one.why).given(one.options)
     state, value = one.limit.states[at], float(one.newest[at])
     word = LimitWord.BLIND if one.silent else _word(state, value)
     made = LimitStatus(
         scalar.name, one.options.name, word, one.unit, value if math.isfinite(value) else None,
         count=state.count, stale_count=state.stale_count, alarm=bool(state.alarm or state.stale_alarm),
         seen_by=state.acknowledged.who if state.acknowledged else "",
-        why=(one.silent or "it has no value yet") if word is LimitWord.BLIND else "", bounds=one.options.bounds,
-    )  # fmt: skip
+        why=(one.silent or "it has no value yet") if word is LimitWord.BLIND else "",
+    ).given(one.options)  # fmt: skip
     return _with_worst(made, one.limit.rule, state, scalar.worst)
 
 
