@@ -102,3 +102,17 @@ def test_all_that_wait_are_told_at_the_end(robot):
     robot.logger.stop()
     told = [news.text for news in robot.judge.end("the logger was stopped").limits]
     assert len(told) == JOINTS
+
+
+def test_limits_of_an_element_that_is_off_or_whose_condition_is_are_told_to_be_blind(robot):
+    robot.logger.limit("off", (None, None, 5, 10))
+    robot.logger.limit("x", (None, None, 5, 10), when="off > 1")
+    robot.logger.disable("off")
+    robot.start()
+    assert robot.judge.problems == [
+        "limits of 'x' are blind: /log/off is off",
+        "limits of 'off' are blind: /log/off is off",
+    ]
+    robot.collect(30)
+    robot.judge.step()
+    assert {(one.name, one.word.value) for one in robot.judge.limits()} == {("/log/x", "~~"), ("/log/off", "~~")}
