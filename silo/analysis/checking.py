@@ -6,12 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.analysis.expressions import RecordingJudge
+from silo.errors import ElementError
 from silo.judging.binding import bind
 from silo.judging.evaluation import FALSE, TRUE, UNOBSERVABLE
-from silo.judging.extras import bind_limits, scalar_names
+from silo.judging.extras import bind_limits, rule_of, scalar_names
 from silo.judging.limits import Level, Limit, Violation
 from silo.model import SignalLimits
 from silo.recording import Recording
+
+UNCHANGED = "; nothing was changed"  # of errors that are none here
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,8 @@ class Finding:
     """One limit of one scalar, or one condition, and what became of it. Times are seconds since the log's start.
 
     `violations` counts stretches, `samples` the samples in them. `worst` is `RED_HIGH` ... , `GREEN` where there was no
-    violation, `UNOBSERVABLE` where nothing could be judged. Of a condition there is no peak.
+    violation, `UNOBSERVABLE` where nothing could be judged (`why`, where it is not in the log). Of a condition there is
+    no peak.
     """
 
     what: str
@@ -31,6 +35,7 @@ class Finding:
     peak_s: float | None = None
     unit: str = ""
     stale: int = 0
+    why: str = ""
 
     @property
     def violated(self) -> bool:
@@ -53,7 +58,11 @@ def check(
 
 
 def _limited(judge: RecordingJudge, recording: Recording, limits: SignalLimits) -> list[Finding]:
-    rule, expressions = bind_limits(limits, judge.catalogue)
+    try:
+        rule, expressions = bind_limits(limits, judge.catalogue)
+    except ElementError as error:
+        rule_of(limits)  # bounds that make no sense are a mistake, a signal that isn't there only can't be told
+        return [Finding(limits.name, "UNOBSERVABLE", why=str(error).replace(UNCHANGED, ""))]
     signal = expressions[0]
     limit = Limit(rule, max(signal.width, 1))
     found: list[dict[int, Violation]] = [{} for _ in limit.states]

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from silo.ipc.messages import Alarms
 
 EXIT_VIOLATED = 1
+EXIT_BLIND = 3  # 2 is of a command that can't be carried out
 FOLLOW_S = 0.5
 
 
@@ -35,6 +36,7 @@ def alarms(logger: str | None, follow: bool, all_limits: bool, seen: bool, as_js
     \b
     Exit codes:
       0  nothing was violated in this run        1  something was
+      3  nothing was that could be judged, but some limits are blind
     """
     with connect(logger) as client:
         if seen:
@@ -54,7 +56,9 @@ def alarms(logger: str | None, follow: bool, all_limits: bool, seen: bool, as_js
 
 
 def _code(found: "Alarms") -> int:
-    return EXIT_VIOLATED if any(one.violated for one in found.limits) else 0
+    if any(one.violated for one in found.limits):
+        return EXIT_VIOLATED
+    return EXIT_BLIND if any(one.word.value == "~~" for one in found.limits) else 0
 
 
 def _show(found: "Alarms", *, all_limits: bool, as_json: bool) -> None:
@@ -96,6 +100,10 @@ def alarms_text(found: "list[LimitStatus]") -> str:
     over = sum(one.violated and not one.is_over for one in found)
     blind = sum(one.word.value == "~~" for one in found)
     watched = f"{len(found)} watched{f', {blind} blind' if blind else ''}"
+    if not now and not over and blind:
+        judged = len(found) - blind
+        what = f"nothing of the {judged} that could be judged was beyond its limits" if judged else "nothing was judged"
+        return f"{what} in this run ({watched})"
     if not now and not over:
         return f"nothing was beyond its limits in this run ({watched})"
     return f"{now} beyond now, {over} well again ({watched})"

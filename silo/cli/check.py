@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from silo.model import SignalLimits
 
 EXIT_VIOLATED = 1
-EXIT_UNJUDGED = 2  # the file or an expression can't be read, or nothing was given to judge by
+EXIT_UNJUDGED = (
+    2  # the file or an expression can't be read, nothing of it can be told, or nothing was given to judge by
+)
 
 
 @click.command("check")
@@ -38,7 +40,7 @@ def check_command(
 
     \b
     Exit codes:
-      0  nothing was violated        1  something was        2  it could not be judged
+      0  nothing was violated        1  something was        2  nothing could be judged
     """
     from silo.analysis.checking import check
     from silo.files.formats import read_recording
@@ -58,7 +60,9 @@ def check_command(
     _show(found, as_json=as_json)
     for warning in recording.warnings:
         click.echo(f"warning: {warning}", err=True)
-    return EXIT_VIOLATED if any(one.violated for one in found) else 0
+    if any(one.violated for one in found):
+        return EXIT_VIOLATED
+    return EXIT_UNJUDGED if all(one.worst == "UNOBSERVABLE" for one in found) else 0
 
 
 def _limits(text: str, when: str) -> "SignalLimits":
@@ -91,8 +95,13 @@ def _show(found: "list[Finding]", *, as_json: bool) -> None:
             _at(one.first_s), peak, _at(one.peak_s),
         ])  # fmt: skip
     show_rows(rows, right=(2, 3, 4, 5, 6))
+    for one in worst_first:
+        if one.why:
+            click.echo(f"{one.what} can't be told: {one.why}")
     violated = sum(one.violated for one in found)
-    click.echo(f"{violated} of {len(found)} violated" if violated else f"nothing violated ({len(found)} judged)")
+    blind = sum(one.worst == "UNOBSERVABLE" for one in found)
+    judged = f"{len(found) - blind} judged" + (f", {blind} unobservable" if blind else "")
+    click.echo(f"{violated} of {len(found)} violated" if violated else f"nothing violated ({judged})")
     sys.stdout.flush()
 
 

@@ -97,11 +97,14 @@ def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[Stal
 def _recording_folders(paths: Sequence[Path], single: Sequence[Path], look_in: Path) -> list[Path]:
     """Where open parts of recordings may be."""
     from silo.collecting.journal_folders import RECORDINGS, remembered_folders
+    from silo.helper.recording_folder import DEFAULT
 
-    if paths:
-        return [path for path in paths if path not in single and path.is_dir()]
-    folders = [look_in, *(folder for folder in remembered_folders(RECORDINGS) if folder.is_dir())]
-    return list(dict.fromkeys(folder.resolve() for folder in folders))
+    named = [path for path in paths if path not in single and path.is_dir()] if paths else [look_in]
+    # `log.record()` records there where nobody names a folder
+    folders = [*named, *(path / DEFAULT for path in named)]
+    if not paths:
+        folders += remembered_folders(RECORDINGS)
+    return list(dict.fromkeys(folder.resolve() for folder in folders if folder.is_dir()))
 
 
 def _show_parts(folders: Sequence[Path], as_json: bool) -> None:

@@ -191,7 +191,7 @@ class Judge:
                 for one in self.leased.beside(robot.extras).triggers
             ]
             limits = self._standing.limits or tuple(
-                LimitStatus(one.name, one.name, LimitWord.BLIND, why=why or "nothing was logged yet")
+                LimitStatus(one.name, one.name, LimitWord.BLIND, why=why or "nothing was logged yet").given(one)
                 for one in robot.extras.limits
             )
             return Standing(self._standing.run, self._standing.tick, self._owned(triggers), limits)

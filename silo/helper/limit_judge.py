@@ -23,7 +23,8 @@ from silo.judging.limits import EntryState, Level, Limit, LimitRule, Violation
 from silo.model import SignalLimits
 
 TELL_AGAIN_S = 1.0  # a scalar that flutters is one event in so long
-MOST_NEWS = 20  # events of one look
+MOST_NEWS = 20  # events of one look; the others wait for the next ones
+MOST_LAST_NEWS = 1000  # events of the last look
 
 _WORDS = {
     Level.RED_HIGH: LimitWord.RED_HIGH,
@@ -36,11 +37,18 @@ _WORDS = {
 
 @dataclass
 class Scalar:
-    """What is kept of one scalar beside its state: the worst of its violations, and what clients were told."""
+    """What is kept of a scalar beside its state: the worst of its violations, and what clients were told.
+
+    `untold` is the worst since they were told of it, `told` the range that they were told of last.
+    """
 
     name: str
     worst: Violation | None = None
+    untold: Violation | None = None
+    told: Level = Level.GREEN
+    told_peak: int = -1  # its tick
     told_count: int = 0
+    told_stale: int = 0
     told_s: float = -math.inf
     told_over: bool = False
 
@@ -80,6 +88,9 @@ class _Limited:
             scalar = self.scalars[violation.entry]
             if scalar.worst is None or scalar.worst.number == violation.number or _is_worse(violation, scalar.worst):
                 scalar.worst = violation
+            waits = scalar.untold
+            if waits is None or waits.number == violation.number or _is_worse(violation, waits):
+                scalar.untold = violation
         self.stirred = bool(self.limit.rule.stale_ns) or any(_stirs(state) for state in self.limit.states)
 
 
@@ -175,8 +186,9 @@ class LimitJudge:
             return _Limited(options, str(error), [Scalar(options.name)])
         signal = expressions[0]
         scalars = [Scalar(name) for name in scalar_names(signal, catalogue, options.name)]
-        if not signal.sources:
+        if not signal.sources or any(bound.columns and not bound.sources for bound in expressions):
             off = ", ".join(self._rows.off_names(expressions)[:3])
+            problems.append(f"limits of '{options.name}' are blind: {off} is off")
             return _Limited(options, f"{off} is off", scalars, signal.unit)
         sources = {column.source for column in signal.columns}
         plain = len(expressions) == 1 and isinstance(signal.root, Signal) and len(sources) == 1 and OFF not in sources
@@ -278,21 +290,23 @@ class LimitJudge:
         """Return how each scalar stands."""
         return [_status(one, at) for one in self._limited.values() for at in range(len(one.scalars))]
 
-    def news(self) -> list[LimitNews]:
-        """Return what clients must be told now."""
-        now_s = time.monotonic()
+    def news(self, *, last: bool = False) -> list[LimitNews]:
+        """Return what clients must be told now, the worst first; at the `last` look all that waits."""
+        now_s = math.inf if last else time.monotonic()
         found = [
-            news
+            (one, scalar, state)
             for one in self._limited.values()
             if not one.why
             for scalar, state in zip(one.scalars, one.limit.states, strict=True)
-            if state.count or state.stale_count
-            if (news := _news(one, scalar, state, now_s))
+            if (state.count or state.stale_count) and _is_due(scalar, state, now_s)
         ]
-        more = len(found) - MOST_NEWS
-        if more > 0:
-            return [*found[:MOST_NEWS], LimitNews(True, f"{more} more signals changed beside their limits")]
-        return found
+        most = MOST_LAST_NEWS if last else MOST_NEWS
+        if len(found) > most:
+            found.sort(key=lambda due: (-_severity(due[1]), due[1].told_s))
+        news = [text for due in found[:most] for text in _news(*due)]
+        if last and len(found) > most:
+            news.append(LimitNews(True, f"{len(found) - most} more signals changed; `silo alarms` lists them"))
+        return news
 
 
 def _sample_ticks(bound: Bound, rows: Mapping[int, SourceRows]) -> NDArray[np.int64]:
@@ -319,17 +333,15 @@ def _word(state: EntryState, value: float) -> LimitWord:
 def _status(one: _Limited, at: int) -> LimitStatus:
     scalar = one.scalars[at]
     if one.why:
-        return LimitStatus(
-            scalar.name, one.options.name, LimitWord.BLIND, one.unit, why=one.why, bounds=one.options.bounds
-        )
+        return LimitStatus(scalar.name, "", LimitWord.BLIND, one.unit, why=one.why).given(one.options)
     state, value = one.limit.states[at], float(one.newest[at])
     word = LimitWord.BLIND if one.silent else _word(state, value)
     made = LimitStatus(
         scalar.name, one.options.name, word, one.unit, value if math.isfinite(value) else None,
         count=state.count, stale_count=state.stale_count, alarm=bool(state.alarm or state.stale_alarm),
         seen_by=state.acknowledged.who if state.acknowledged else "",
-        why=(one.silent or "it has no value yet") if word is LimitWord.BLIND else "", bounds=one.options.bounds,
-    )  # fmt: skip
+        why=(one.silent or "it has no value yet") if word is LimitWord.BLIND else "",
+    ).given(one.options)  # fmt: skip
     return _with_worst(made, one.limit.rule, state, scalar.worst)
 
 
@@ -346,27 +358,48 @@ def _with_worst(made: LimitStatus, rule: LimitRule, state: EntryState, worst: Vi
     )  # fmt: skip
 
 
-def _news(one: _Limited, scalar: Scalar, state: EntryState, now_s: float) -> LimitNews | None:
-    count, over = state.count + state.stale_count, bool(state.level or state.stale or state.is_open)
-    if (count == scalar.told_count and over == scalar.told_over) or now_s - scalar.told_s < TELL_AGAIN_S:
-        return None
+def _severity(scalar: Scalar) -> int:
+    return abs(scalar.untold.worst) if scalar.untold is not None else 0
+
+
+def _is_over(state: EntryState) -> bool:
+    return bool(state.level or state.stale or state.is_open)
+
+
+def _is_due(scalar: Scalar, state: EntryState, now_s: float) -> bool:
+    """Whether clients must be told of it: at once of what is worse than they know."""
+    if _severity(scalar) > abs(scalar.told):
+        return True
+    known = (scalar.told_count, scalar.told_stale, scalar.told_over)
+    changed = known != (state.count, state.stale_count, _is_over(state))
+    return changed and now_s - scalar.told_s >= TELL_AGAIN_S
+
+
+def _news(one: _Limited, scalar: Scalar, state: EntryState) -> list[LimitNews]:
+    """Say what has become of it since clients were told, and take it as told."""
+    new, new_stale, over = state.count - scalar.told_count, state.stale_count - scalar.told_stale, _is_over(state)
+    untold, told = scalar.untold, scalar.told
+    scalar.told_count, scalar.told_stale, scalar.told_over = state.count, state.stale_count, over
+    scalar.untold, scalar.told_s = None, time.monotonic()
     unit = "" if one.unit in ("", "-") else f" {one.unit}"
-    fresh = count > scalar.told_count
-    new = count - scalar.told_count
-    scalar.told_count, scalar.told_over, scalar.told_s = count, over, now_s
-    newest = state.violation
-    if not fresh:
-        return LimitNews(False, f"{scalar.name} is within its limits again", _well_tick(state)) if not over else None
-    if state.stale or newest is None:
-        return LimitNews(True, f"{scalar.name} == has had no new value for {one.limit.rule.stale_ns * 1e-9:g} s")
-    bound = _bound_of(one.limit.rule, newest.worst)
-    times = f", {new} times" if new > 1 else ""
-    ended = "" if over else "; within its limits again"
-    text = (
-        f"{scalar.name} {_WORDS[newest.worst].value} {newest.peak:.6g}{unit} at tick {newest.peak_tick}, "
-        f"limit {bound:.6g}{unit}{times}{ended}"
-    )
-    return LimitNews(True, text, newest.peak_tick, newest.peak_ns)
+    found: list[LimitNews] = []
+    if untold is not None and (new > 0 or abs(untold.worst) > abs(told)):
+        scalar.told, scalar.told_peak = untold.worst, untold.peak_tick
+        times = f", {new} times" if new > 1 else ""
+        ended = "" if over else "; within its limits again"
+        text = (
+            f"{scalar.name} {_WORDS[untold.worst].value} {untold.peak:.6g}{unit} at tick {untold.peak_tick}, "
+            f"limit {_bound_of(one.limit.rule, untold.worst):.6g}{unit}{times}{ended}"
+        )
+        found.append(LimitNews(True, text, untold.peak_tick, untold.peak_ns))
+    if new_stale > 0:
+        stale_s = one.limit.rule.stale_ns * 1e-9
+        found.append(LimitNews(True, f"{scalar.name} == has had no new value for {stale_s:g} s"))
+    if not found and not over:
+        grew = untold is not None and untold.peak_tick != scalar.told_peak
+        peak = f"; its peak was {untold.peak:.6g}{unit} at tick {untold.peak_tick}" if untold and grew else ""
+        found.append(LimitNews(False, f"{scalar.name} is within its limits again{peak}", _well_tick(state)))
+    return found
 
 
 def _well_tick(state: EntryState) -> int:

@@ -353,6 +353,7 @@ class SegmentJudge:
     def close(self, why: str) -> Step:
         """Close the captures that are under way and judge no more; with what the last step found until it failed."""
         found, self._found = self._found, Step()
+        found.limits += self._limits.news(last=True)  # what would have been told a little later
         for spool in self._spools:
             self._end_spool(spool, why)
         found.whole += self._spools

@@ -4,7 +4,7 @@ import enum
 
 import msgspec
 
-from silo.model import TriggerOptions
+from silo.model import SignalLimits, TriggerOptions
 
 
 class TriggerWord(str, enum.Enum):
@@ -82,7 +82,8 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     `limit` is the bound that is or was violated worst, and `worst` the value farthest beyond, `worst_word` the range it
     was in; None where no bound ever was. `count` and `stale_count` count violations and stale times of this run,
     `samples` the samples of the newest violation. `alarm`: it was violated, and nobody has acknowledged it; else
-    `seen_by` tells who has. `since_ns` is when the newest violation began. `bounds` are those of `SignalLimits`.
+    `seen_by` tells who has. `since_ns` is when the newest violation began. `bounds` and what follows are those of
+    `SignalLimits`.
     """
 
     name: str
@@ -105,6 +106,22 @@ class LimitStatus(msgspec.Struct, frozen=True, omit_defaults=True):
     seen_by: str = ""
     why: str = ""
     bounds: tuple[float | None, float | None, float | None, float | None] = (None, None, None, None)
+    persistence: int = 1
+    hysteresis: float = 0.0
+    stale_s: float = 0.0
+    when: str = ""
+
+    @property
+    def options(self) -> SignalLimits:
+        """The limits that were given."""
+        return SignalLimits(self.limits, self.bounds, self.persistence, self.hysteresis, self.stale_s, self.when)
+
+    def given(self, options: SignalLimits) -> "LimitStatus":
+        """Return it with the limits that were given."""
+        return msgspec.structs.replace(
+            self, limits=options.name, bounds=options.bounds, persistence=options.persistence,
+            hysteresis=options.hysteresis, stale_s=options.stale_s, when=options.when,
+        )  # fmt: skip
 
     @property
     def violated(self) -> bool:

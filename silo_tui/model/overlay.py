@@ -47,11 +47,11 @@ class Overlay:
 def overlay_of(name: str, source: RecordingSource) -> Overlay:
     """Return an overlay of a recording: its start is the logger's own, else counted back by the ticks before."""
     recording = source.recording
-    began = recording.started_ns
-    if not 0 < began <= source.begin_ns or source.begin_ns - began > LONGEST_NS:
+    began, oldest_ns = recording.started_ns, int(source.time_ns[0])
+    if not 0 < began <= oldest_ns or oldest_ns - began > LONGEST_NS:
         before = max(0, recording.offset - len(recording.time_ns))
-        period_ns = (source.end_ns - source.begin_ns) / max(1, len(recording.time_ns) - 1)
-        began = source.begin_ns - round(before * period_ns)
+        period_ns = (source.end_ns - oldest_ns) / max(1, len(recording.time_ns) - 1)
+        began = oldest_ns - round(before * period_ns)
     return Overlay(name, source, began)
 
 

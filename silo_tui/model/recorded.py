@@ -71,6 +71,12 @@ class _Tile:
     count: Stamps
 
 
+def _begin_of(recording: Recording) -> int:
+    """Return the place of the first time stamp that was asked for: a capture's signals may have one from before."""
+    capture, ticks = recording.extras.capture, len(recording.time_ns)
+    return min(max(0, capture.first - (recording.offset - ticks)), ticks - 1) if capture is not None else 0
+
+
 class RecordingSource:
     """A recording behind the monitor; `names` are those of its elements, each once. Safe for several threads."""
 
@@ -83,6 +89,7 @@ class RecordingSource:
         times = recording.time_ns
         self.clock_jumps = int((np.diff(times) < 0).sum())
         self._times: Stamps = np.maximum.accumulate(times) if self.clock_jumps else np.ascontiguousarray(times)
+        self._begin = _begin_of(recording)
         self._places = {name: place for place, name in enumerate(names)}
         self._signals: dict[str, _Signal] = {}
         for info, element in zip(self.elements, recording.elements, strict=True):
@@ -99,8 +106,8 @@ class RecordingSource:
 
     @property
     def begin_ns(self) -> int:
-        """The first time stamp."""
-        return int(self._times[0])
+        """The first time stamp; of a capture the first that was asked for: slow signals bring a sample from before."""
+        return int(self._times[self._begin])
 
     @property
     def end_ns(self) -> int:
@@ -143,9 +150,9 @@ class RecordingSource:
         elements = [element for element in elements if element.count]
         if not elements:
             return self.begin_ns, self.end_ns
-        first = min(element.first for element in elements)
+        first = max(self._begin, min(element.first for element in elements))
         last = max(element.first + (element.count - 1) * element.divider for element in elements)
-        return int(self._times[first]), int(self._times[last])
+        return int(self._times[first]), int(self._times[max(first, last)])
 
     # ------------------------------------------------------------------------------------------------ columns
 
@@ -251,7 +258,7 @@ class RecordingSource:
         if not len(signal.values):
             grid.add_hole(row, begin, end + 1, signal.ended)
             return
-        if signal.first >= signal.divider:
+        if signal.first - self._begin >= signal.divider:
             grid.add_hole(row, begin, int(self._times[signal.first]) // column_ns, Hole.OVERWRITTEN)
         if signal.first + len(signal.values) * signal.divider < len(self._times):
             grid.add_hole(row, self._end_of(signal) // column_ns + 1, end + 1, signal.ended)
@@ -293,7 +300,7 @@ class RecordingSource:
         """Look for moments in all samples of entries; nothing of a file is out of reach."""
         found = {}
         for name, wanted in looking.items():
-            samples = await self.samples(name, self.begin_ns, self.end_ns)
+            samples = await self.samples(name, int(self._times[0]), self.end_ns)
             found[name] = await asyncio.to_thread(found_in, wanted, samples, around_ns, most)
         return found, ""
 

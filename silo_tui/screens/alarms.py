@@ -8,11 +8,12 @@ from rich.text import Text
 from textual.binding import Binding
 from textual.widgets import OptionList
 
-from silo.errors import RefusedError
+from silo.errors import ElementError, RefusedError
 from silo.ipc.conditions import LimitStatus, LimitWord
 from silo.model import SignalLimits
 from silo_tui.actions import bindings_for
 from silo_tui.model.conditions import alarms_words, limit_head, limit_row
+from silo_tui.model.limit_line import HOW, limits_line, read_limits
 from silo_tui.model.lists import Order
 from silo_tui.screens.conditions import ConditionsScreen
 from silo_tui.screens.dialogs import Prompt
@@ -116,30 +117,49 @@ class AlarmsScreen(ConditionsScreen[LimitStatus]):
         self.ask_limits("", "")
 
     def ask_limits(self, shown: str, name: str) -> None:
-        """Ask for limits of a signal, shown by its short name."""
-        body = "signal = red low, yellow low, yellow high, red high\n- for none; nothing behind = takes them away"
-        prompt = Prompt("Limits", body, f"{shown} = " if shown else "", "joints/torque = -40, -30, 30, 40")
-        self.app.push_screen(prompt, lambda line: self._take_limits(line, name, shown))
+        """Ask for limits of a signal, shown by its short name, with those that it has."""
+        present = self._present(name)
+        body = (
+            f"signal = {HOW}\n- for none; nothing behind = takes them away\n"
+            "then as needed: persistence=3 hysteresis=1 stale=0.5s when=EXPRESSION"
+        )
+        line = f"{shown} = {limits_line(present) if present else ''}" if shown else ""
+        prompt = Prompt("Limits", body, line, "joints/torque = -40, -30, 30, 40")
+        self.app.push_screen(prompt, lambda line: self._take_limits(line, name, shown, whole=present is not None))
 
-    def _take_limits(self, line: str | None, name: str, shown: str) -> None:
+    def _present(self, name: str) -> SignalLimits | None:
+        """Return the limits that a signal has, by its name or its short one."""
+        return next(
+            (
+                one.options
+                for one in self.session.limits
+                if name in (one.limits, self.session.short_name(one.limits).lstrip("/"))
+            ),
+            None,
+        )
+
+    def _take_limits(self, line: str | None, name: str, shown: str, *, whole: bool) -> None:
+        """Take a line; a `whole` one began as what there is, so that nothing else stays of it."""
         if not line:
             return
-        typed, _, bounds = line.rpartition("=")
+        typed, sign, bounds = line.partition("=")
+        if not sign or "," in typed:  # bounds alone
+            typed, bounds = "", line
         typed = typed.strip()
-        wanted = name if typed in (shown, "") and name else typed  # the line may have been typed over
-        words = [word.strip() for word in bounds.split(",")]
-        if wanted and words == [""]:
+        same = bool(name) and typed in (shown, "")
+        wanted = name if same else typed  # the line may have been typed over
+        if wanted and not bounds.strip():
             self.context.run_flow(self._told(lambda client: client.remove_limits(wanted)))
             return
-        try:
-            numbers = [None if word in ("-", "") else float(word) for word in words]
-        except ValueError:
-            numbers = []
-        if not wanted or len(numbers) != 4:
-            self.say(f"'{line}' are no limits: write signal = red low, yellow low, yellow high, red high")
+        if not wanted:
+            self.say(f"'{line}' are no limits: write signal = {HOW}")
             return
-        low, warn_low, warn_high, high = numbers
-        made = SignalLimits(wanted, (low, warn_low, warn_high, high))
+        present = None if whole and same else self._present(wanted)
+        try:
+            made = read_limits(bounds, present or SignalLimits(wanted))
+        except ElementError as error:
+            self.say(str(error))
+            return
         self.context.run_flow(self._told(lambda client: client.set_limits(made)))
 
     async def _told(self, job: "Callable[[Client], str]") -> None:

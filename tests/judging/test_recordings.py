@@ -265,3 +265,23 @@ class TestLogger:
         path = log.save_script(tmp_path / "kept.yaml")
         write_script(path, log.elements)
         assert read_script(path).extras == log.extras
+
+
+def test_limits_of_what_is_not_in_a_log_are_unobservable_and_the_others_are_judged(tmp_path, capsys):
+    limits = (SignalLimits("/log/off", (None, None, 1.0, 2.0)), SignalLimits("/log/x", (None, None, 5.0, 8.0)))
+    log = recording(element("x", np.arange(10.0)), extras=Extras(limits=limits))
+    gone, found = check(log, limits)
+    assert (gone.what, gone.worst, gone.violated) == ("/log/off", "UNOBSERVABLE", False)
+    assert "/log/off" in gone.why
+    assert (found.worst, found.samples) == ("RED_HIGH", 4)
+    write(log, tmp_path, "robot", ["silo"], "run")
+    assert run(["check", str(tmp_path / "run.silo")]) == 1
+    assert "/log/off can't be told" in capsys.readouterr().out
+
+
+def test_a_log_of_which_nothing_can_be_judged_is_not_fine(tmp_path):
+    log = recording(
+        element("x", np.arange(10.0)), extras=Extras(limits=(SignalLimits("/log/off", (None, None, 1, 2)),))
+    )
+    write(log, tmp_path, "robot", ["silo"], "run")
+    assert run(["check", str(tmp_path / "run.silo")]) == 2

@@ -378,3 +378,16 @@ def test_a_part_that_was_never_noted_counts_for_the_budget_once_it_is_closed(rob
     ledger.close()
     assert ledger.size_bytes == sum(path.stat().st_size for path in parts(tmp_path))
     assert len(parts(tmp_path)) == 2
+
+
+def test_the_open_part_in_the_recordings_of_a_log_folder_is_recovered(killed, tmp_path, capsys) -> None:
+    folder = tmp_path / "logs" / "recordings"
+    folder.mkdir(parents=True)
+    left = folder / killed.name
+    killed.rename(left)
+    assert run(["recover", "--list", str(tmp_path / "logs")]) == 0
+    assert str(left) in capsys.readouterr().out
+    assert run(["recover", str(tmp_path / "logs")]) == 0
+    assert not left.exists()
+    (closed,) = folder.glob("*.mcap")
+    assert read_bag(closed).offset == 400

@@ -1,9 +1,11 @@
 """Triggers and alarms on the screen: how they stand, what is done with them, what a condition would have done."""
 
 import pytest
+from textual.widgets import Input
 
+from silo.errors import ElementError
 from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
-from silo.model import TriggerOptions
+from silo.model import SignalLimits, TriggerOptions
 from silo_tui.model.conditions import (
     fields_of,
     head_words,
@@ -13,6 +15,7 @@ from silo_tui.model.conditions import (
     tried_lines,
     trigger_row,
 )
+from silo_tui.model.limit_line import limits_line, read_limits
 
 NOW_NS = 1_790_000_100_000_000_000
 FALL = TriggerStatus(
@@ -43,6 +46,27 @@ class TestWords:
     def test_the_editor_gives_back_the_trigger_that_it_shows(self):
         options = TriggerOptions("a", "x > 3", 5.0, 0.05, "falling", "x < 1", 0.02, 10.0, "single", keep=20)
         assert options_of_fields(fields_of(options), options) == options
+
+    @pytest.mark.parametrize(
+        "limits",
+        [
+            SignalLimits("x", (-40.0, None, 30.25, 1e6)),
+            SignalLimits("x", (None, None, 1.0, 2.0), 3, 0.5, 0.5, "mode == STANCE and y = 3 stale=1s"),
+            SignalLimits("x", stale_s=2.0),
+        ],
+    )
+    def test_a_line_of_limits_gives_back_the_limits_that_it_shows(self, limits):
+        assert read_limits(limits_line(limits), SignalLimits("x")) == limits
+
+    def test_what_a_line_of_limits_does_not_name_stays(self):
+        before = SignalLimits("x", (None, None, 1.0, 2.0), 3, 0.5, 0.5, "y > 1")
+        made = read_limits("-, -, 3, 4, persistence = 5, stale=1s", before)
+        assert made == SignalLimits("x", (None, None, 3.0, 4.0), 5, 0.5, 1.0, "y > 1")
+
+    @pytest.mark.parametrize("line", ["1, 2", "-, -, 3, four", "-, -, 3, 4 stale=soon", "-, -, 3, 4 holdoff=3"])
+    def test_a_line_that_is_no_limits_is_refused(self, line):
+        with pytest.raises(ElementError):
+            read_limits(line, SignalLimits("x"))
 
     @pytest.mark.parametrize(
         ("field", "typed", "says"),
@@ -142,6 +166,35 @@ class TestScreens:
             await done(screen)
             await screen.press("T")
             await screen.shows("No triggers")
+
+    async def test_limits_are_edited_from_what_they_are_and_keep_it(self, fake, opened):
+        given = SignalLimits("/log/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "x > 1")
+        fake.limit_statuses = [HOT.given(given)]
+        async with opened(fake) as screen:
+            await screen.press("A")
+            await screen.shows("86.31")
+            await screen.press("e")
+            await screen.shows("signal = red low")
+            line = screen.app.screen.query_one(Input).value
+            assert line == "LF/HAA/torque = -, -, 60, 80 persistence=3 hysteresis=1 stale=0.5s when=x > 1"
+            await screen.press("enter")
+            await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
+        assert next(call for call in fake.calls if call[0] == "set_limits")[1] == given
+
+    async def test_limits_of_a_name_that_is_typed_keep_what_is_not_named(self, fake, opened):
+        given = SignalLimits("/log/LF/HAA/torque", (None, None, 60.0, 80.0), 3, 1.0, 0.5, "x > 1")
+        fake.limit_statuses = [HOT.given(given)]
+        async with opened(fake) as screen:
+            await screen.press("A")
+            await screen.shows("86.31")
+            await screen.press("N")
+            await screen.shows("signal = red low")
+            await screen.type("LF/HAA/torque = -, -, 50, 70")
+            await screen.press("enter")
+            await screen.until(lambda: [call for call in fake.calls if call[0] == "set_limits"])
+        assert next(call for call in fake.calls if call[0] == "set_limits")[1] == SignalLimits(
+            "/log/LF/HAA/torque", (None, None, 50.0, 70.0), 3, 1.0, 0.5, "x > 1"
+        )
 
     async def test_without_an_alarm_it_says_so(self, fake, opened):
         fake.limit_statuses = [LimitStatus("/log/y", "/log/y", LimitWord.OK, value=1.0)]

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from silo.columns import Hole, Mark, holes_of
-from silo.model import BufferType, Entry
+from silo.model import BufferType, CaptureFacts, Entry, Extras
 from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo.values import newest_values
 from silo_tui.model.recorded import RecordingSource
@@ -224,3 +224,18 @@ def test_the_samples_between_two_times_are_those_with_their_own_stamps(divider, 
 def test_a_file_has_no_samples_of_a_name_that_is_not_in_it():
     time_ns, values = asyncio.run(source(element("a", [1.0])).samples("/log/b", 0, 2**62))
     assert (len(time_ns), len(values)) == (0, 0)
+
+
+def test_a_sample_from_before_a_capture_makes_its_time_axis_no_longer_and_no_hole():
+    # ticks 740 to 1800; asked for were 1000 to 1800
+    elements = (element("a", np.arange(801.0), first=260), element("slow", np.arange(11.0), divider=100))
+    times = START_NS + STEP_NS * np.arange(1061, dtype=np.int64)
+    extras = Extras(capture=CaptureFacts("fall", 1, 1000, 1800, (1400,), (int(times[660]),)))
+    recording = Recording("robot", times, 1801, elements, frequency_hz=400.0, extras=extras)
+    of = RecordingSource(recording, [each.name for each in elements])
+    assert (of.begin_ns, of.end_ns) == (times[260], times[1060])
+    assert of.extent_ns(["/log/a", "/log/slow"]) == (times[260], times[1060])
+    for name in ("/log/a", "/log/slow"):
+        past = columns(of, name)
+        assert not holes_of(past.marks[0]).any()
+        assert not np.isnan(past.low[0]).any()

@@ -1,0 +1,118 @@
+"""What is told of limits: the worst at once, and nothing of it lost."""
+
+import pytest
+
+import silo
+from silo.collecting.segment_reader import SegmentReader
+from silo.helper import limit_judge
+from silo.helper.segment_judge import SegmentJudge
+
+JOINTS = 45
+
+
+class Robot:
+    """A logger without a helper, and the judge of its run."""
+
+    def __init__(self, folder):
+        self.logger = silo.Logger("news", frequency=1000, max_time=0, folder=folder, script=folder / "none.yaml")
+        self.x = self.logger.array("x", (), buffer_size=3000)
+        self.tau = self.logger.array("tau", JOINTS, buffer_size=3000)
+        self.off = self.logger.array("off", (), buffer_size=3000)
+        self.logger.update(read_script=False)
+        self.logger.limit("x", (None, None, 5, 10))
+
+    def start(self):
+        self.logger.start()
+        self.judge = SegmentJudge(SegmentReader(self.logger.segment_path), self.logger.elements)
+
+    def collect(self, *values):
+        for value in values:
+            self.x[...] = value
+            self.logger.collect()
+
+    def told(self):
+        return [news.text for news in self.judge.step().limits]
+
+
+@pytest.fixture
+def robot(tmp_path, runtime_folder, monkeypatch):
+    monkeypatch.setattr(limit_judge, "TELL_AGAIN_S", 3600.0)  # however slow this computer is
+    made = Robot(tmp_path)
+    yield made
+    made.logger.close()
+
+
+def test_a_violation_that_becomes_red_is_told_at_once(robot):
+    robot.start()
+    robot.collect(0, 7)
+    assert robot.told() == ["/log/x H 7 at tick 1, limit 5"]
+    robot.collect(30, 30)
+    assert robot.told() == ["/log/x HH 30 at tick 2, limit 10"]
+
+
+def test_a_later_violation_that_is_worse_is_told_at_once(robot):
+    robot.start()
+    robot.collect(7, 0)
+    assert robot.told() == ["/log/x H 7 at tick 0, limit 5; within its limits again"]
+    robot.collect(30, 0, 6, 0)
+    assert robot.told() == ["/log/x HH 30 at tick 2, limit 10, 2 times; within its limits again"]
+
+
+def test_what_is_not_yet_told_is_told_at_the_end(robot):
+    robot.start()
+    robot.collect(30, 0)
+    assert len(robot.told()) == 1
+    robot.collect(0, 40, 0)
+    assert robot.told() == []
+    robot.logger.stop()
+    told = [news.text for news in robot.judge.end("the logger was stopped").limits]
+    assert told == ["/log/x HH 40 at tick 3, limit 10; within its limits again"]
+
+
+def test_a_peak_that_grew_is_told_when_it_is_over(robot):
+    robot.start()
+    robot.collect(30)
+    assert robot.told() == ["/log/x HH 30 at tick 0, limit 10"]
+    robot.collect(90, 20, 0)
+    assert robot.told() == []
+    robot.logger.stop()
+    told = [news.text for news in robot.judge.end("the logger was stopped").limits]
+    assert told == ["/log/x is within its limits again; its peak was 90 at tick 1"]
+
+
+def test_of_many_at_once_those_that_are_not_told_now_are_told_next_each_with_its_peak(robot):
+    robot.logger.limit("tau", (None, None, 5, 10))
+    robot.start()
+    robot.tau[:] = 7
+    robot.tau[-1] = 99
+    robot.collect(0)
+    first = robot.told()
+    assert first[0] == f"/log/tau_{JOINTS - 1} HH 99 at tick 0, limit 10"  # the worst before the others
+    told = [*first, *robot.told(), *robot.told()]
+    assert {text.split()[0] for text in told} == {f"/log/tau_{joint}" for joint in range(JOINTS)}
+    assert len(told) == JOINTS
+    assert robot.told() == []
+
+
+def test_all_that_wait_are_told_at_the_end(robot):
+    robot.logger.limit("tau", (None, None, 5, 10))
+    robot.start()
+    robot.tau[:] = 7
+    robot.collect(0)
+    robot.logger.stop()
+    told = [news.text for news in robot.judge.end("the logger was stopped").limits]
+    assert len(told) == JOINTS
+
+
+def test_limits_of_an_element_that_is_off_or_whose_condition_is_are_told_to_be_blind(robot):
+    robot.logger.limit("off", (None, None, 5, 10))
+    robot.logger.limit("x", (None, None, 5, 10), when="off > 1")
+    robot.logger.disable("off")
+    robot.start()
+    assert robot.judge.problems == [
+        "limits of 'x' are blind: /log/off is off",
+        "limits of 'off' are blind: /log/off is off",
+    ]
+    robot.collect(30)
+    robot.judge.step()
+    assert {(one.name, one.word.value) for one in robot.judge.limits()} == {("/log/x", "~~"), ("/log/off", "~~")}
