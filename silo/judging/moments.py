@@ -14,6 +14,7 @@ from silo.model import Sought
 from silo.values import numbers
 
 Places = NDArray[np.intp]
+Ends = tuple[float, float]  # int, too
 LONG_GAP = 1.5  # periods between two samples from which on some are missing
 
 
@@ -54,14 +55,12 @@ class Found:
     why: str = ""
 
 
-def places(
-    looking: Looking, time_ns: NDArray[np.int64], values: NDArray[Any], half_span: float | None = None
-) -> Places:
+def places(looking: Looking, time_ns: NDArray[np.int64], values: NDArray[Any], ends: Ends | None = None) -> Places:
     """Return which samples are what one looks for, ascending; both arrays of shape `(n,)`.
 
     A crossing is the first sample on the other side of the level (on it counts as above), the nan in between left out.
-    A hole is the last sample before it. An edge is a step of more than half of what the signal spans; `half_span` is
-    half of that where these are not all its samples.
+    A hole is the last sample before it. An edge is a step of more than half of what the signal spans; `ends` are
+    its smallest and its largest value where these are not all its samples.
     """
     what = looking.what
     if what is Sought.HOLE:
@@ -70,6 +69,8 @@ def places(
         return _changes(values)
     if values.dtype.kind in "SUV":
         return np.zeros(0, np.intp)
+    if what is Sought.EDGE:
+        return _edges(values, *(_ends(values) if ends is None else ends))
     found = numbers(values)
     offsets = found.offsets
     if what is Sought.NOT_FINITE:
@@ -83,8 +84,6 @@ def places(
     if what is Sought.CROSSING:
         # the level moves to the base: it is the float, the samples are exact
         return _crossings(offsets, looking.level - found.base, looking.direction)
-    if what is Sought.EDGE:
-        return _edges(offsets, half_span)
     numbered = offsets[~np.isnan(offsets)]
     if not len(numbered):
         return np.zeros(0, np.intp)
@@ -116,21 +115,25 @@ def _crossings(values: NDArray[np.float64], level: float, direction: int) -> Pla
     return known[1:][wanted] if len(known) else known
 
 
-def _half_span(values: NDArray[np.float64]) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    return (float(finite.min()), float(finite.max())) if len(finite) else (np.inf, -np.inf)
+def _ends(values: NDArray[Any]) -> Ends:
+    """Return the smallest and the largest finite value, of integers exactly; where there is none inf and -inf."""
+    finite = values if values.dtype.kind in "iu" else (floats := _floats(values))[np.isfinite(floats)]
+    return (finite.min().item(), finite.max().item()) if len(finite) else (np.inf, -np.inf)
 
 
-def _edges(values: NDArray[np.float64], half: float | None) -> Places:
+def _edges(values: NDArray[Any], low: float, high: float) -> Places:
     """Steps of more than half of what the signal spans, from one sample to the next."""
-    if half is None:
-        low, high = _half_span(values)
-        half = high / 2 - low / 2 if high > low else 0.0
-    if len(values) < 2 or not half > 0:
+    if len(values) < 2 or not high > low:
         return np.zeros(0, np.intp)
+    if values.dtype.kind in "iu":
+        # at 2^63 two floats next to each other are 1024 apart: whole numbers are compared as such
+        larger, smaller = np.maximum(values[1:], values[:-1]), np.minimum(values[1:], values[:-1])
+        steps = larger.astype(np.uint64) - smaller.astype(np.uint64)
+        return np.flatnonzero(steps > np.uint64((int(high) - int(low)) // 2)) + 1
+    floats = _floats(values) / 2  # the step from the smallest to the largest float is none
     with np.errstate(invalid="ignore"):
-        steps = np.abs(values[1:] / 2 - values[:-1] / 2)
-    return np.flatnonzero(np.isfinite(steps) & (steps > half / 2)) + 1
+        halves = np.abs(floats[1:] - floats[:-1])
+    return np.flatnonzero(np.isfinite(halves) & (halves > (high / 2 - low / 2) / 2)) + 1
 
 
 class Finder:
@@ -140,7 +143,8 @@ class Finder:
         self.looking = looking
         self._around_ns = around_ns
         self._most = (max(1, most // 2), max(1, most - most // 2))  # before, and from there on
-        self._low, self._high = np.inf, -np.inf  # of all samples, where a search needs that first
+        self._low: float = np.inf  # of all samples, where a search needs that first
+        self._high: float = -np.inf
         self._tail: tuple[NDArray[np.int64], NDArray[Any]] | None = None  # what the next block is compared with
         self._extreme: Any = None
         self._begin_ns = self._end_ns = 0
@@ -155,7 +159,7 @@ class Finder:
     def measure(self, values: NDArray[Any]) -> None:
         """Note what a block spans: first of all blocks, where `looking.needs_span`."""
         if values.dtype.kind not in "SUVb":
-            low, high = _half_span(_floats(values))
+            low, high = _ends(values)
             self._low, self._high = min(self._low, low), max(self._high, high)
 
     def feed(self, time_ns: NDArray[np.int64], values: NDArray[Any]) -> None:
@@ -171,8 +175,8 @@ class Finder:
         if what in (Sought.HIGHEST, Sought.LOWEST):
             found = self._extremes(values)
         else:
-            half = self._high / 2 - self._low / 2 if self.looking.needs_span and self._high > self._low else 0.0
-            found = places(self.looking, time_ns, values, half if self.looking.needs_span else None)
+            ends = (self._low, self._high) if self.looking.needs_span else None
+            found = places(self.looking, time_ns, values, ends)
         if what is Sought.HOLE:
             self._keep(time_ns[found], np.diff(time_ns)[found])
         else:

@@ -75,3 +75,9 @@ def test_texts_are_only_looked_through_for_changes_and_holes(what):
 def test_of_a_hole_its_length_is_told():
     found = finder_of(Looking(Sought.HOLE, period_ns=PERIOD), np.array([0, 10, 40, 50]), np.zeros(4), [2])
     assert (found.time_ns.tolist(), found.values.tolist()) == ([10], [30])
+
+
+def test_edges_of_integers_next_to_the_largest_are_found_in_blocks_as_in_the_whole():
+    values, times = np.array([2**63 - 1, 2**63 - 2, 2**63 - 1], np.int64), np.array([0, 10, 20], np.int64)
+    assert finder_of(Looking(Sought.EDGE, period_ns=PERIOD), times, values, [1, 2]).time_ns.tolist() == [10, 20]
+    assert places(Looking(Sought.EDGE, period_ns=PERIOD), times, values).tolist() == [1, 2]
