@@ -413,8 +413,9 @@ class HeldSource:
             else:
                 parts = [piece.with_columns(name) for piece in self._pieces]
             wide_ns = max(wide for _, wide in parts)
-            one = replace(one, period_ns=max(one.period_ns, wide_ns))
-            found[name] = await asyncio.to_thread(found_in, one, _joined([some for some, _ in parts]), around_ns, most)
+            here = _joined([some for some, _ in parts])
+            sought = replace(one, period_ns=max(one.period_ns, wide_ns))
+            found[name] = await asyncio.to_thread(found_in, sought, here, around_ns, most)
             widest_ns = max(widest_ns, wide_ns)
         if not widest_ns:
             return found, why
