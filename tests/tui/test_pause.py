@@ -437,3 +437,13 @@ async def test_what_could_not_be_pinned_is_pinned_whole_when_the_link_is_back(de
         await screen.until(lambda: screen.session.connected)
         await screen.press("plus")
         await screen.shows("ago, 20 s held")
+
+
+async def test_the_title_tells_the_sample_that_was_found_before_those_of_its_column(fake, opened):
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await hold(screen)
+        await screen.press("f", "h")
+        await screen.shows("of 3: 40")
+        await screen.until(lambda: re.search(r"at cursor 40(\.0*)? \(-?[\d.]+ … 40", screen.text), "the sample")
