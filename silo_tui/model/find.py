@@ -5,7 +5,7 @@ what happened.
 """
 
 import enum
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,9 +79,11 @@ LETTERS = {What.TRIGGER: "T", What.MARKER: "M"}  # what is no matter of the samp
 EVENTS = "TMHSEX"
 
 
-def happened(source: PlotSource, start_ns: int, end_ns: int, letters: str) -> list[Moment]:
-    """Return what happened from one moment to another, of the kinds with these letters."""
-    found = in_plots(source.happened, start_ns, end_ns)
+def happened(
+    source: PlotSource, start_ns: int, end_ns: int, letters: str, names: Collection[str] | None = None
+) -> list[Moment]:
+    """Return what happened from one moment to another, of the kinds with these letters; limits of `names` only."""
+    found = in_plots(source.happened, start_ns, end_ns, names)
     return [Moment(one.at_ns, "", words(one)) for one in found if letter(one) in letters]
 
 

@@ -5,7 +5,7 @@ Pure functions on lines of the event log.
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from datetime import datetime, timezone
 
 from silo.model import LoggedEvent
@@ -18,7 +18,9 @@ LETTERS = {
 }  # fmt: skip
 NAMES = {"M": "marker", "T": "trigger", "S": "start/stop", "E": "edit", "X": "loss", "H": "limit"}
 EVENT_LINE = "╎"
-MOST = 2000  # that a session keeps
+RANK = "XSTMEH"  # of several in one cell that one is shown which comes first
+MOST = 2000  # that a session keeps of limits, and as many of all else: a limit that flickers pushes nothing out
+_LIMITS = {"limit", "limit ended"}
 
 
 def letter(event: LoggedEvent) -> str:
@@ -38,9 +40,35 @@ def of_last_run(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
     return [event for event in events if event.run == run]
 
 
-def in_plots(events: Sequence[LoggedEvent], start_ns: int, end_ns: int) -> list[LoggedEvent]:
-    """Return what has a letter and stands from one moment to another, both included."""
-    return [event for event in events if start_ns <= event.at_ns <= end_ns and event.kind in LETTERS]
+def in_plots(
+    events: Sequence[LoggedEvent], start_ns: int, end_ns: int, names: Collection[str] | None = None
+) -> list[LoggedEvent]:
+    """Return what has a letter and stands from one moment to another, both included.
+
+    Of limits only those of the signals `names`, if given: all else happened to every signal.
+    """
+    found = [event for event in events if start_ns <= event.at_ns <= end_ns and event.kind in LETTERS]
+    if names is None:
+        return found
+    return [event for event in found if event.kind not in _LIMITS or _is_of(event, names)]
+
+
+def _is_of(event: LoggedEvent, names: Collection[str]) -> bool:
+    return event.text.split(" ", 1)[0] in names or any(event.text.startswith(f"{name} ") for name in names)
+
+
+def newest(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
+    """Return the newest MOST limits and the newest MOST of all else, oldest first."""
+    if len(events) <= MOST:
+        return list(events)
+    room = {True: MOST, False: MOST}
+    kept = []
+    for event in reversed(events):
+        is_limit = event.kind in _LIMITS
+        if room[is_limit]:
+            room[is_limit] -= 1
+            kept.append(event)
+    return kept[::-1]
 
 
 def columns_of(events: Sequence[LoggedEvent], end: int, column_ns: int, width: int) -> dict[int, str]:
@@ -50,7 +78,7 @@ def columns_of(events: Sequence[LoggedEvent], end: int, column_ns: int, width: i
         if event.kind in LETTERS:
             cell = width - 1 - (end - 1 - event.at_ns // column_ns) // 2
             if 0 <= cell < width:
-                found[cell] = LETTERS[event.kind]
+                found[cell] = min(found.get(cell, "H"), LETTERS[event.kind], key=RANK.index)
     return found
 
 

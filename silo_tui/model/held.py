@@ -6,15 +6,16 @@ buffers have it; only what these have lost as well is gone. Whatever becomes of 
 
 import asyncio
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
+from silo.amounts import duration
 from silo.columns import ColumnStore, HistoryColumns
 from silo.errors import RefusedError, SiloError
 from silo.judging.moments import Found, Looking
-from silo.model import ElementInfo, LoggedEvent
+from silo.model import ElementInfo, LoggedEvent, Sought
 from silo.values import newest_values
 from silo_tui.model.live import Reading
 from silo_tui.model.pinned import PinnedSource, PinReader
@@ -107,6 +108,7 @@ class HeldSource:
         self._lost = False  # whether they are of another run by now
         self._covering = asyncio.Lock()
         self._newest_ns = newest_ns
+        self._wish_ns = pinned_ns
         self.main = PinnedSource(live, plots, *pinned_ns, shown)
         self._pieces = [self.main]  # by time; no two have a moment in common
         self._period_ns = min((self.period_ns(plotted.element.name) for plotted in plots), default=0)
@@ -178,7 +180,9 @@ class HeldSource:
 
     @property
     def held_text(self) -> str:
-        """How much is pinned."""
+        """How much is pinned; empty while that isn't known."""
+        if not self._pins:
+            return "only the picture" if self.main.problem else ""
         return self.main.held_text if len(self._pieces) == 1 else _text_of(self.held_s)
 
     @property
@@ -209,14 +213,14 @@ class HeldSource:
         """Pin the picture; return what of it could not be had. Raises a SiloError where nothing can."""
         if self._buffers is None or not self.names:
             return ""
-        begin_ns, end_ns = self.main.begin_ns, self.main.end_ns
-        pin = await self._buffers.pin(self.names, begin_ns, end_ns)
+        pin = await self._buffers.pin(self.names, *self._wish_ns)
+        if not pin.run or not pin.begin_ns:  # the buffers had turned over before the wish came
+            pin.close()
+            self.main.unpinned("the logger holds nothing of it any more")
+            return pin.text
         self._take(pin)
         self._oldest_ns = pin.oldest_ns
-        if not pin.run:
-            self.main.problem = "the logger holds nothing of it"
-        else:
-            self.main.opened(pin, pin.begin_ns, pin.end_ns)
+        self.main.opened(pin, pin.begin_ns, pin.end_ns)
         return pin.text
 
     async def cover(self, start_ns: int, end_ns: int) -> str:
@@ -379,7 +383,9 @@ class HeldSource:
     async def find(self, looking: Mapping[str, Looking], around_ns: int, most: int) -> tuple[dict[str, Found], str]:
         """Look for moments in all that is held of entries, and return why some of it could not be looked through."""
         if self._all_here or not self._in_buffers:
-            return await self._find_here(looking, around_ns, most), "" if self._all_here else "no link"
+            gone = not self._pins and self._buffers is not None and self._buffers.reachable and self.main.problem
+            why = "" if self._all_here else "nothing is pinned" if gone else "no link"
+            return await self._find_here(looking, around_ns, most, why)
         assert self._buffers is not None
         run = next((pin.run for pin in self._pins if pin.run), "")
         pins = [pin for pin in self._pins if pin.run == run]
@@ -391,16 +397,29 @@ class HeldSource:
                 found.update(await self._buffers.find(some, around_ns, most, self.end_ns, pins))
         except SiloError as error:
             why = str(error) if isinstance(error, RefusedError) else "no link"
-            return await self._find_here(looking, around_ns, most), why
+            return await self._find_here(looking, around_ns, most, why)
         return found, ""
 
-    async def _find_here(self, looking: Mapping[str, Looking], around_ns: int, most: int) -> dict[str, Found]:
+    async def _find_here(
+        self, looking: Mapping[str, Looking], around_ns: int, most: int, why: str = ""
+    ) -> tuple[dict[str, Found], str]:
+        """Look through what is here: samples, and columns for those that can't come."""
         for piece in self._pieces:
             await piece.fetch(piece.begin_ns, piece.end_ns)
-        held = {name: self.held(name, self.begin_ns, self.end_ns) for name in looking}
-        return {
-            name: await asyncio.to_thread(found_in, looking[name], some, around_ns, most) for name, some in held.items()
-        }
+        found, widest_ns = {}, 0
+        for name, one in looking.items():
+            if one.what is Sought.EDGE:  # a step from sample to sample: columns have none
+                parts = [(self.held(name, self.begin_ns, self.end_ns), 0)]
+            else:
+                parts = [piece.with_columns(name) for piece in self._pieces]
+            wide_ns = max(wide for _, wide in parts)
+            here = _joined([some for some, _ in parts])
+            sought = replace(one, period_ns=max(one.period_ns, wide_ns))
+            found[name] = await asyncio.to_thread(found_in, sought, here, around_ns, most)
+            widest_ns = max(widest_ns, wide_ns)
+        if not widest_ns:
+            return found, why
+        return found, f"{'columns' if self._pins else 'picture'} only, to {duration(float(f'{widest_ns / 1e9:.2g}'))}"
 
 
 async def reading_of(source: "PlotSource | PinnedSource", element: ElementInfo, time_ns: int) -> Reading:

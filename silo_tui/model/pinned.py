@@ -12,9 +12,21 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.amounts import duration
-from silo.columns import MAX_COLUMNS, Bins, ColumnGrid, ColumnStore, HistoryColumns, bins_of, coarser, grid_of
+from silo.columns import (
+    FLAGS,
+    MAX_COLUMNS,
+    Bins,
+    ColumnGrid,
+    ColumnStore,
+    HistoryColumns,
+    Mark,
+    bins_of,
+    coarser,
+    grid_of,
+)
 from silo.errors import SiloError
 from silo.model import ElementInfo, LoggedEvent
 from silo_tui.model.plots import SECOND_NS, Plotted
@@ -124,6 +136,15 @@ class PinnedSource:
             self.begin_ns, self.end_ns = begin_ns, max(begin_ns + 1, end_ns)
             self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
 
+    def unpinned(self, problem: str) -> None:
+        """Nothing of it could be pinned: the picture that stood on the screen is all that there is."""
+        self.problem = problem
+        if self._reader is None:
+            drawn = np.flatnonzero((np.isfinite(self._shown.low) | self._flags(self._shown)).any(axis=0))
+            begin = (self._shown.first + int(drawn[0])) * self._shown.column_ns if len(drawn) else self.end_ns - 1
+            self.begin_ns = min(begin, self.end_ns - 1)
+            self._slice_ns = max(1, -(-(self.end_ns - self.begin_ns + 1) // SLICES))
+
     async def fetch_columns(self, column_ns: int) -> None:
         """Fetch columns of the whole span. Errors are noted in `problem`."""
         if self._reader is None:
@@ -190,6 +211,27 @@ class PinnedSource:
         wanted = (time_ns >= start_ns) & (time_ns <= end_ns)
         return time_ns[wanted], values[wanted]
 
+    def with_columns(self, name: str) -> tuple[Samples, int]:
+        """All that is here of an entry: its samples, and for those that are not the ends of their columns.
+
+        Returns how wide such columns are too, 0 where none was needed. What they hold is exact, when it was is not.
+        """
+        time_ns, values = self.held(name, self.begin_ns, self.end_ns)
+        columns = self._shown if self._coarse is None else self._coarse
+        if self.complete or name not in columns.names:
+            return (time_ns, values), 0
+        begins, ends = _ends_of(columns, columns.names.index(name))
+        middles = begins - begins % columns.column_ns + columns.column_ns // 2
+        inside = (middles >= self.begin_ns) & (middles <= self.end_ns)
+        inside &= ~np.isin((middles - self.begin_ns) // self._slice_ns, list(self._slices))
+        if not inside.any():
+            return (time_ns, values), 0
+        if not len(time_ns):
+            return (begins[inside], ends[inside]), columns.column_ns
+        stamps = np.concatenate([time_ns, begins[inside]])
+        order = np.argsort(stamps, kind="stable")
+        return (stamps[order], np.concatenate([values, ends[inside]])[order]), columns.column_ns
+
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Columns of a stretch of time: of the samples that are here, else asked for, else of wider columns."""
         inside = max(start_ns, self.begin_ns), min(end_ns, self.end_ns)
@@ -231,8 +273,37 @@ class PinnedSource:
             columns = empty[holding].astype(np.int64)
             grid.add(row, Bins(columns, np.arange(len(columns))), values[newest[holding]])
 
+    @staticmethod
+    def _flags(columns: HistoryColumns) -> NDArray[np.bool_]:
+        return np.zeros(columns.low.shape, np.bool_) if columns.marks is None else (columns.marks & FLAGS) != 0
+
     def _period_of(self, entry: str) -> int:
         return self._periods[self._element_of[entry]] if entry in self._element_of else 0
+
+
+def _ends_of(columns: HistoryColumns, row: int) -> Samples:
+    """Columns as samples: both ends of each, that one first which is nearer to the column before; and nan, inf, -inf.
+
+    They stand at the beginning of the column, its middle and behind that: inside of it.
+    """
+    low, high, base = columns.low[row], columns.high[row], columns.bases.get(row, 0)
+    marks = np.zeros(len(low), np.uint8) if columns.marks is None else columns.marks[row]
+    drawn = np.flatnonzero(np.isfinite(low) & np.isfinite(high))
+    low, high = low[drawn], high[drawn]
+    middle = low / 2 + high / 2
+    falls = np.diff(middle, prepend=middle[:1]) < 0
+    found = [
+        (drawn, 0, np.where(falls, high, low)),
+        (drawn[low != high], columns.column_ns // 2, np.where(falls, low, high)[low != high]),
+    ]
+    for mark, value in ((Mark.NAN, math.nan), (Mark.POS_INF, math.inf), (Mark.NEG_INF, -math.inf)):
+        marked = np.flatnonzero(marks & mark)
+        found.append((marked, columns.column_ns // 2 + 1, np.full(len(marked), value)))
+    time_ns = np.concatenate([(columns.first + at) * columns.column_ns + later for at, later, _ in found])
+    values = np.concatenate([some for _, _, some in found])
+    order = np.argsort(time_ns, kind="stable")
+    exact = 0 < abs(base) < 2**62 and bool(np.isfinite(values).all())
+    return time_ns[order].astype(np.int64), (values.astype(np.int64) + base if exact else values + base)[order]
 
 
 def _copy_of(shown: ColumnStore) -> HistoryColumns:

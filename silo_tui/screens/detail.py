@@ -84,6 +84,7 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         self.stack = stack
         stack.show_panels([tuple(self.plots[: self.count])])
         stack.prefix, stack.fresh = monitor.stack.prefix, monitor.stack.fresh
+        stack.ended = monitor.stack.ended
         stack.readings, stack.bounds, stack.events = monitor.stack.readings, monitor.stack.bounds, monitor.stack.events
         self._asked = stack.store
         self.plot = DetailPlot()

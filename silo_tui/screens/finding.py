@@ -142,7 +142,7 @@ def _happened(source: HeldRows, plots: Sequence[Plotted], search: Search) -> Fou
 async def events(source: HeldRows, plots: Sequence[Plotted], bounds: Mapping[str, Bounds4], around_ns: int) -> Found:
     """Look for all that is an event, whichever: holes, and what happened."""
     found = await look(source, plots, Search(What.HOLE), bounds, around_ns)
-    more = happened(source, source.begin_ns, source.end_ns, EVENTS)
+    more = happened(source, source.begin_ns, source.end_ns, EVENTS, {plotted.name for plotted in plots})
     moments = sorted([*found.moments, *more], key=lambda moment: moment.time_ns)
     held_s = max(found.held_s, (source.end_ns - source.begin_ns) / 1e9)
     return replace(found, moments=tuple(moments), held_s=held_s, total=found.total + len(more))

@@ -58,6 +58,7 @@ class MonitorScreen(Arranging):
         elements = [element for name in shown if (element := source.element(name)) is not None]
         self.window = PlotWindow()
         self.stack = PlotStack(plots_of(elements), self.window, source)
+        self.stack.ended = session.dead
         places = [place for place, plotted in enumerate(self.stack.plots) if plotted.element.name == chosen]
         self.stack.chosen = places[0] if places else 0
         self.stack.prefix = session.status.prefix.rstrip("/")
@@ -280,8 +281,8 @@ class MonitorScreen(Arranging):
         """Follow a change of state or link."""
         self.status_bar.update()
         self.banner.update()
-        if self.stack.fresh != self.session.fresh:
-            self.stack.fresh = self.session.fresh
+        if (self.stack.fresh, self.stack.ended) != (self.session.fresh, self.session.dead):
+            self.stack.fresh, self.stack.ended = self.session.fresh, self.session.dead
             self.stack.redraw()
         if not self.window.paused and self.session.columns is not self._asked:
             self.fill_soon()  # it was started again

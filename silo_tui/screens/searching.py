@@ -87,7 +87,8 @@ class Searching(StandingStill):
         if not await self._jump_to(moment.time_ns):
             return
         at = f"{found.before + place + 1} of {found.total}"
-        told = f", {at}: {moment.said} at {self.moment_words(moment.time_ns)}"
+        partly = f" ({found.partly})" if found.partly else ""
+        told = f", {at}: {moment.said} at {self.moment_words(moment.time_ns)}{partly}"
         room = self.line.content_size.width - len(f"{words} in {told}")  # value and time are what was asked for
         name = text.shorten_left(self._short(moment.name), max(8, room))
         self.say(f"{words} in {name}{told}" if len(self.stack.plots) > 1 and moment.name else f"{words}{told}")

@@ -23,7 +23,7 @@ from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
 from silo_tui.model.fields import options_of, rows_of
-from silo_tui.model.happened import MOST, of_last_run
+from silo_tui.model.happened import newest, of_last_run
 from silo_tui.model.limits import Bounds4
 from silo_tui.model.live import LiveValues
 from silo_tui.model.overlay import Overlay
@@ -149,7 +149,7 @@ class Session:
             found = await self._link.read(lambda client: client.events(since, FIRST_EVENTS))
         except RefusedError:
             return
-        self.happened = [*self.happened, *found][-MOST:]
+        self.happened = newest([*self.happened, *found])
 
     async def mark(self, words: str, at_ns: int) -> LoggedEvent:
         """Mark the tick of a moment; of a logger that has no tick yet, the moment is now."""
@@ -375,7 +375,7 @@ class Session:
                 event.run,
                 event.logged,
             )
-            self.happened = [*self.happened[-MOST + 1 :], told]
+            self.happened = newest([*self.happened, told])
 
     def lose(self) -> None:
         """Note that the link is lost; everything stays as it was."""

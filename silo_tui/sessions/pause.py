@@ -143,7 +143,8 @@ class Pause:
         if self.source is None:
             return ""
         ago = text.span(float(f"{max(0.0, time.monotonic() - self._since_s):.0f}"))
-        return f"PAUSED {ago} ago, {self.source.held_text} held"
+        held = self.source.held_text
+        return f"PAUSED {ago} ago, {held} held" if held else f"PAUSED {ago} ago"
 
     def held_ns(self, plots: Sequence[Plotted]) -> tuple[int, int]:
         """The oldest and the newest moment that can be looked at: of what is held, or of the logger's buffers."""
@@ -200,7 +201,7 @@ class Pause:
             note = await source.open()
         except SiloError as error:
             self._unreached = not isinstance(error, RefusedError)
-            source.main.problem = "nothing is pinned: " + (str(error) if isinstance(error, RefusedError) else "no link")
+            source.main.unpinned("nothing is pinned: " + ("no link" if self._unreached else str(error)))
             self._changed()
             return False
         if self.source is not source:

@@ -22,6 +22,7 @@ from silo_tui.terminal import thin_head
 STATISTICS = ("max", "min", "mean", "std")
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
 OPENS = {"table": " Enter opens it.", "recordings": " It is in this list.", "": " F lists it."}
+MODE_RANK, LAST_RANK = 7, 9  # of what stands in the head; the mode is shortened, not left out
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
 
@@ -49,63 +50,85 @@ class StatusBar(Widget):
         return line
 
     def _line(self) -> Text:
-        session, status = self.session, self.session.status
+        """As much as there is room for: what is as always gives way first, an alarm and a loss never."""
+        parts, mode = self._parts(), self.mode
+        for rank in range(1, LAST_RANK + 1):
+            if sum(part.cell_len for _, part in parts) <= self.size.width:
+                break
+            if rank == MODE_RANK:
+                short = [
+                    words
+                    for words in (
+                        mode.partition(",")[0],
+                        " ".join(some.split()[0] for some in mode.split("  ") if some.strip()),
+                    )
+                    if words
+                ]
+                for mode in short:
+                    parts = [(at, _mode_words(mode) if at == MODE_RANK else part) for at, part in parts]
+                    if sum(part.cell_len for _, part in parts) <= self.size.width:
+                        break
+            else:
+                parts = [(at, part) for at, part in parts if at != rank]
         line = Text(no_wrap=True, overflow="ellipsis")
-        variables = self.app.theme_variables
-        line.append("silo ", style="bold")
-        host = f"{status.host}/" if status.host and self.size.width >= 60 else ""
-        line.append(f"{session.address or host + session.name}  ")
-        if not session.link or session.status.helper_pid == 0:
-            line.append("connecting …")
-            return line
-        name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
-        sign = STATE_SIGNS[status.state] if session.connected else "○ NO LINK"
-        line.append(sign, style=f"bold {color(variables, name if session.connected else 'error')}")
-        if status.started_ns and session.connected:
-            line.append(f" {text.duration(session.run_seconds)}")
-        if self.mode:
-            line.append("  ")
-            line.append(f" {self.mode} ", style="reverse")
-        if not (self.mode or status.recorders) or self.size.width >= 100:  # what isn't normal needs the room
-            line.append(f"  {status.enabled}/{status.elements}")
-        if self.size.width >= 100:
-            line.append(" elements")
-        rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz
-        slow = session.running and session.connected and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
-        line.append(f"  {rate:.4g} Hz", style=f"bold {color(variables, 'warning')}" if slow else "")
-        if slow:
-            jitter = (
-                f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}"
-                if session.jitter_s and self.size.width >= 100
-                else ""
-            )
-            words = f" << of {status.frequency_hz:.4g}{jitter}"
-            line.append(words, style=f"bold {color(variables, 'warning')}")
-        if self.size.width >= 100:
-            line.append(f"  {text.count(session.ticks)} ticks")
-        lost = session.lost_total
-        line.append(f"  lost {text.count(lost)}", style=f"bold {color(variables, 'error')}" if lost else "")
-        line.append_text(self._conditions())
-        if status.recorders:
-            line.append(f"  REC {status.recorders}", style=f"bold {color(variables, 'error')}")
-        if not session.may_edit or self._read_only:
-            line.append("  read-only", style=color(variables, "warning"))
-        if status.durable_ticks >= 0:  # storage="disk"
-            durable = f"  durable to tick {text.count(status.durable_ticks)}"
-            if line.cell_len + len(durable) <= self.size.width:
-                line.append(durable)
+        for _, part in parts:
+            line.append_text(part)
         if thin := thin_head(self.app, self.size.width - line.cell_len - 2):
-            line.append(f"  {thin}", style=color(variables, "warning"))
+            line.append(f"  {thin}", style=color(self.app.theme_variables, "warning"))
         return line
 
-    def _conditions(self) -> Text:
-        """The worst alarm, and how many triggers watch."""
-        alarm, is_red, watching = head_words(self.session.triggers, self.session.limits)
-        words = Text()
+    def _parts(self) -> list[tuple[int, Text]]:
+        """What there is to say, from left to right; the number says what gives way first, 0 never does."""
+        session, status, wide = self.session, self.session.status, self.size.width >= 100
+        variables = self.app.theme_variables
+        host = f"{status.host}/" if status.host and self.size.width >= 60 else ""
+        parts = [(8, Text("silo ", style="bold")), (0, Text(f"{session.address or host + session.name}  "))]
+
+        def add(rank: int, words: str, style: str = "") -> None:
+            parts.append((rank, Text(words, style=style)))
+
+        if not session.link or status.helper_pid == 0:
+            add(0, "connecting …")
+            return parts
+        name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
+        sign = STATE_SIGNS[status.state] if session.connected else "○ NO LINK"
+        add(0, sign, f"bold {color(variables, name if session.connected else 'error')}")
+        if status.started_ns and session.connected:
+            add(6, f" {text.duration(session.run_seconds)}")
+        if self.mode:
+            parts.append((MODE_RANK, _mode_words(self.mode)))
+        if not (self.mode or status.recorders) or wide:  # what isn't normal needs the room
+            add(3, f"  {status.enabled}/{status.elements}" + (" elements" if wide else ""))
+        rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz
+        slow = session.running and session.connected and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
+        if slow:
+            caution = f"bold {color(variables, 'warning')}"
+            jittery = session.jitter_s and wide
+            jitter = f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}" if jittery else ""
+            add(0, f"  {rate:.4g} Hz <<", caution)
+            add(2, f" of {status.frequency_hz:.4g}{jitter}", caution)
+        else:
+            add(5, f"  {rate:.4g} Hz")
+        if wide:
+            add(1, f"  {text.count(session.ticks)} ticks")
+        lost = session.lost_total
+        add(0 if lost else 4, f"  lost {text.count(lost)}", f"bold {color(variables, 'error')}" if lost else "")
+        alarm, is_red, watching = head_words(session.triggers, session.limits)
         if alarm:
-            style = color(self.app.theme_variables, "error" if is_red else "warning")
-            words.append(f"  {alarm}", style=f"bold {style}")
-        return words.append(f"  {watching}" if watching else "")
+            add(0, f"  {alarm}", f"bold {color(variables, 'error' if is_red else 'warning')}")
+        if watching:
+            add(9, f"  {watching}")
+        if status.recorders:
+            add(0, f"  REC {status.recorders}", f"bold {color(variables, 'error')}")
+        if not session.may_edit or self._read_only:
+            add(0, "  read-only", color(variables, "warning"))
+        if status.durable_ticks >= 0:  # storage="disk"
+            add(1, f"  durable to tick {text.count(status.durable_ticks)}")
+        return parts
+
+
+def _mode_words(mode: str) -> Text:
+    return Text("  ").append(f" {mode} ", style="reverse")
 
 
 def color(variables: dict[str, str], name: str) -> str:

@@ -21,7 +21,7 @@ from silo.columns import HOLE_TEXTS, Hole
 from silo_tui.model import braille, dots, lanes, text
 from silo_tui.model.columns import ColumnStore, Piece
 from silo_tui.model.dots import BLANK
-from silo_tui.model.happened import EVENT_LINE, columns_of, in_plots
+from silo_tui.model.happened import EVENT_LINE, RANK, columns_of, in_plots
 from silo_tui.model.limits import NO_BOUNDS, Bounds4, level_line, lines_of
 from silo_tui.model.live import Reading, entry_text, offset_text
 from silo_tui.model.overlay import SIGN, ghost_piece
@@ -57,6 +57,7 @@ from silo_tui.widgets.series import most_series, series_style
 LIMIT = "╌"
 YELLOW, RED = -3, -4
 AXIS = 10  # cells for the numbers on the left
+NO_BREAK = "\u00a0"
 CURSOR_A, CURSOR_B = "│", "┊"
 GHOST = Style(dim=True)
 
@@ -95,12 +96,13 @@ class PlotStack(Widget):
         self.ghost: ColumnStore | None = None  # a saved run, on the grid of the live one
         self.prefix = ""
         self.fresh = True
+        self.ended = False  # nothing comes any more: the program is dead
         self.chosen = 0  # of all signals, those that share a panel counted one by one
         self.first = 0  # panel
         self._drawn_panels: dict[int, Drawn] = {}
         self._drawn: dict[int, list[Segment]] = {}
         self._drawn_for = Size(0, 0)
-        self._happened: dict[int, str] = {}
+        self._happened: dict[frozenset[str], dict[int, str]] = {}  # by the signals that it happened to
         self._happened_key: tuple[int, ...] = ()
 
     # --------------------------------------------------------------------------------------------------- mouse
@@ -444,7 +446,7 @@ class PlotStack(Widget):
         plotted, picture = self.panels[at][place], self._panel(at).pictures[place]
         if picture.at_cursor is not None:
             low, high = (offset_text(plotted.entry, end, picture.base, 9) for end in picture.at_cursor)
-            return low if low == high else f"{low}…{high}"
+            return low if low == high else self._sample(plotted) or f"{low}…{high}"
         return picture.cursor_signs or self._now(plotted)
 
     def _short(self, plotted: Plotted) -> str:
@@ -477,6 +479,8 @@ class PlotStack(Widget):
         if picture.at_cursor is not None:
             low, high = (offset_text(plotted.entry, end, picture.base, 12) for end in picture.at_cursor)
             highest = f" … {high}" if high != low else ""
+            if highest and (sample := self._sample(plotted)):  # the column has more of them
+                return f"at cursor {sample} ({low}{highest})"
             return f"at cursor {low}{highest}" + (f" {picture.cursor_signs}" if picture.cursor_signs else "")
         if picture.cursor_signs:
             return f"at cursor {picture.cursor_signs}"
@@ -486,11 +490,17 @@ class PlotStack(Widget):
             words += [f"min {smallest}", f"max {largest}"]
         return "  ".join([*words, f"{self._when} {self._now(plotted)}"]) if words else ""
 
+    def _sample(self, plotted: Plotted) -> str:
+        """The sample that held at cursor A; empty where it isn't known."""
+        reading = self.readings.get(plotted.element.name)
+        known = self.window.paused and reading is not None and reading.held and reading.time_ns == self.window.at_ns
+        return self._now(plotted) if known else ""
+
     @property
     def _when(self) -> str:
         """Of when the readings are: of now, or while it stands still of the cursor, or of the right end."""
         if not self.window.paused:
-            return "now"
+            return "last" if self.ended else "now"
         return "at cursor" if self.window.cursor is not None else "at end"
 
     def _lane_facts(self, plotted: Plotted) -> str:
@@ -555,7 +565,8 @@ class PlotStack(Widget):
         styles = [colors[owner] for owner in drawn.owners[line].tolist()]
         label = drawn.left.get(line, "")
         axis = Segment(f"{label:>{AXIS - 1}} {'┤' if label else '│'}", quiet)
-        return [axis, *self._cells(drawn.lines[line], styles), *self._right(drawn.right.get(line), colors)]
+        cells = self._cells(drawn.lines[line], styles, panel)
+        return [axis, *cells, *self._right(drawn.right.get(line), colors)]
 
     def _right(self, mark: tuple[str, int] | None, colors: dict[int, Style]) -> list[Segment]:
         if self.right_width <= 2:
@@ -591,12 +602,12 @@ class PlotStack(Widget):
         word = text.clean(word)
         word = word if len(word) <= room else word[: room - 1] + "…"
         axis = Segment(f"{self.letter(plotted):>{AXIS - 1}} │", self._style("plot--quiet"))
-        return [axis, *self._cells(line, styles), Segment("│" + word, self._style("plot--quiet"))]
+        return [axis, *self._cells(line, styles, [plotted]), Segment("│" + word, self._style("plot--quiet"))]
 
-    def _cells(self, cells: str, styles: list[Style]) -> list[Segment]:
+    def _cells(self, cells: str, styles: list[Style], shown: Sequence[Plotted]) -> list[Segment]:
         """The cells of a line, with the cursors where nothing is drawn."""
         chars = list(cells)
-        for at in self._event_cells():
+        for at in self._event_cells(shown):
             if chars[at] in (BLANK, " ", LIMIT):
                 chars[at], styles[at] = EVENT_LINE, self._style("plot--quiet")
         for cursor, sign in ((self.other_cursor, CURSOR_B), (self.window.cursor, CURSOR_A)):
@@ -607,17 +618,20 @@ class PlotStack(Widget):
         pieces = groupby(zip(chars, styles, strict=True), lambda cell: cell[1])
         return [Segment("".join(char for char, _ in some), its) for its, some in pieces]
 
-    def _event_cells(self) -> dict[int, str]:
-        """In which cells something happened that is on the screen, and its letter."""
+    def _event_cells(self, of: Sequence[Plotted]) -> dict[int, str]:
+        """In which cells something happened to these signals, or to all, and its letter."""
         store, happened = self.store, self.source.happened
         key = (store.end, store.column_ns, self.plot_width, len(happened), happened[-1].number if happened else 0)
         if store.empty or not happened:
             return {}
         if key != self._happened_key:
-            shown = in_plots(happened, (store.end - self.columns) * store.column_ns, store.end * store.column_ns)
-            self._happened = columns_of(shown, store.end, store.column_ns, self.plot_width)
-            self._happened_key = key
-        return self._happened
+            self._happened, self._happened_key = {}, key
+        names = frozenset(plotted.name for plotted in of)
+        if names not in self._happened:
+            begin_ns, end_ns = (store.end - self.columns) * store.column_ns, store.end * store.column_ns
+            shown = in_plots(happened, begin_ns, end_ns, names)
+            self._happened[names] = columns_of(shown, store.end, store.column_ns, self.plot_width)
+        return self._happened[names]
 
     @property
     def other_cursor(self) -> int | None:
@@ -634,18 +648,23 @@ class PlotStack(Widget):
             word = self._axis_word(share)
             start = min(width - len(word), max(0, round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
             if all(char == " " for char in line[max(0, start - 1) : start + len(word) + 1]):
-                line[start : start + len(word)] = word
-        for cell, letter in self._event_cells().items():
-            line[cell] = letter
-        for cursor, sign in ((self.other_cursor, "B"), (self.window.cursor, "A")):
-            if cursor is not None and self.window.other_ns is not None:
-                line[max(0, width - 1 - cursor // 2)] = sign
-        return [Segment(" " * (AXIS + 1) + "".join(line), self._style("plot--quiet"))]
+                line[start : start + len(word)] = word.replace(" ", NO_BREAK)  # no letter goes in between
+        letters = list(self._event_cells(self.on_screen()).items())
+        if self.window.other_ns is not None:
+            cursors = ((self.window.cursor, "A"), (self.other_cursor, "B"))
+            marks = [(max(0, width - 1 - cursor // 2), sign) for cursor, sign in cursors if cursor is not None]
+        else:
+            marks = []
+        marks += sorted(letters, key=lambda letter: RANK.index(letter[1]))
+        for cell, sign in marks:
+            if (free := _free_cell(line, cell, 0 if sign == "H" else AXIS)) is not None:
+                line[free] = sign
+        return [Segment(" " * (AXIS + 1) + "".join(line).replace(NO_BREAK, " "), self._style("plot--quiet"))]
 
     def _axis_word(self, share: float) -> str:
         """What stands under a place of the time axis, 0 ... 1 from left to right."""
         if share == 1.0 and self.source.live and not self.window.paused:
-            return "now"
+            return "end" if self.ended else "now"
         before_s = self.window.span_s * (1 - share)
         end_ns = self.window.paused_end_ns
         # counted from where the cursor's time is: the newest moment, which an earlier window doesn't end with
@@ -654,6 +673,12 @@ class PlotStack(Widget):
             return "0" if share == 1.0 else f"-{text.span(before_s)}"
         decimals = max(0, min(9, 1 - math.floor(math.log10(self.window.span_s / 4))))
         return f"-{back_s + before_s:.{decimals}f} s"
+
+
+def _free_cell(line: Sequence[str], cell: int, reach: int) -> int | None:
+    """The empty cell next to one, itself first, not farther than `reach`; None where there is none."""
+    near = (at for step in range(reach + 1) for at in dict.fromkeys((cell + step, cell - step)))
+    return next((at for at in near if 0 <= at < len(line) and line[at] == " "), None)
 
 
 def _letter_spot(owners: Owners, place: int, count: int) -> tuple[int, int] | None:

@@ -7,7 +7,7 @@ from silo.files.silo_writer import write_silo
 from silo.model import BufferType, Entry, LoggedEvent
 from silo.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo_tui.app import SiloApp
-from silo_tui.model.happened import columns_of, gone_words, line, matches, of_last_run
+from silo_tui.model.happened import MOST, columns_of, gone_words, in_plots, line, matches, newest, of_last_run
 from silo_tui.sessions.recorded import open_file
 
 SECOND = 10**9
@@ -40,6 +40,27 @@ def test_control_characters_stay_off_the_screen():
 def test_an_event_has_the_cell_of_its_column():
     found = columns_of([event(at_ns=95), event("lost", at_ns=10), event("saved", at_ns=50)], 10, 10, 5)
     assert found == {4: "M", 0: "X"}
+
+
+def test_of_several_events_in_a_cell_the_rarer_one_is_shown_whatever_came_last():
+    for kind, letter in (("marker", "M"), ("triggered", "T"), ("started", "S"), ("lost", "X"), ("edited", "E")):
+        assert columns_of([event(kind, at_ns=95), event("limit", at_ns=96)], 10, 10, 5) == {4: letter}
+        assert columns_of([event("limit", at_ns=95), event(kind, at_ns=96)], 10, 10, 5) == {4: letter}
+
+
+def test_limits_stand_in_plots_of_their_signal_alone():
+    over = event("limit", "/log/a H 35.2 Nm at tick 4, limit 35")
+    assert in_plots([over, event()], 0, SECOND, {"/log/b", "/log/a_more"}) == [event()]
+    assert in_plots([over, event()], 0, SECOND, {"/log/a"}) == [over, event()]
+
+
+def test_a_flickering_limit_pushes_out_no_marks():
+    mark = event(number=1)
+    many = [event("limit", number=number) for number in range(2, 3 * MOST)]
+    kept = newest([mark, *many])
+    assert kept[0] == mark
+    assert kept[1:] == many[-MOST:]
+    assert newest([event(number=number) for number in range(MOST + 5)])[0].number == 5
 
 
 def test_only_the_newest_run_is_on_the_clock_of_the_plots():
@@ -122,6 +143,25 @@ async def test_plots_have_a_line_and_a_letter_where_something_happened(running, 
         await screen.press("m")
         await screen.until(lambda: not screen.app.screen.stack.store.empty)
         await screen.until(lambda: "╎" in screen.text and "M" in screen.text.splitlines()[-3], "a line and its letter")
+
+
+@pytest.fixture
+def flickering(fake):
+    fake.run(20.0)
+    fake.happen("marker", "push 3", fake.now_ns - 2 * SECOND)
+    for step in range(200):
+        fake.happen("limit", "/log/nowhere H 3 Nm at tick 1, limit 2", fake.now_ns - step * SECOND // 20)
+    return fake
+
+
+async def test_limits_of_other_signals_hide_neither_plots_nor_marks(flickering, opened):
+    async with opened(flickering) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.until(lambda: "M" in screen.text.splitlines()[-3], "the letter of the mark")
+        assert "H" not in screen.text.splitlines()[-3]
+        await screen.press("space", "{")
+        await screen.shows('event, 1 of 1: "push 3"')
 
 
 async def test_next_event_and_find_go_to_markers(running, opened):

@@ -3,7 +3,9 @@
 import threading
 from dataclasses import replace
 
+import msgspec
 import numpy as np
+import pytest
 
 from silo.columns import Hole, hole_mark
 from silo.ipc.published import EventKind
@@ -240,6 +242,9 @@ async def test_the_line_of_the_plots_says_that_the_logger_is_dead(fake, opened):
         fake.state, fake.reason = State.DEAD, "nothing is known of why"
         fake.publish(EventKind.CRASHED, "it died")
         await screen.shows("│ DEAD │")
+        axis = next(line for line in screen.text.splitlines() if "-2.5 s" in line)
+        assert axis.rstrip().endswith("end")
+        assert "now" not in screen.text.replace("known", "")
         assert "│ live │" not in screen.text
 
 
@@ -251,3 +256,21 @@ async def test_a_second_that_passes_before_the_plots_are_laid_out_ends_nothing(f
         screen.app._second()
         screen.app._poll()
         await screen.until(lambda: not monitor(screen).stack.store.empty)
+
+
+@pytest.mark.parametrize("mode", ["PAUSED 41 s ago, 3 s held", "SCOPE normal  CAUGHT 0.8 s ago"])
+async def test_the_head_keeps_alarm_loss_and_recording_where_the_mode_is_long(mode, fake, opened, monkeypatch):
+    fake.run(20)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        bar = monitor(screen).status_bar
+        monkeypatch.setattr("silo_tui.widgets.bars.head_words", lambda triggers, limits: ("HH 12", True, "T 3"))
+        session = screen.session
+        session.status = msgspec.structs.replace(session.status, recorders=1)
+        session.measured_hz, session.lost_total, bar.mode = 361.5, 1240, mode
+        words = bar._line().plain
+        assert len(words) <= 80
+        for part in ("HH 12", "REC 1", "lost 1 240", "361.5 Hz <<", "anymal/robot", *mode.split()[:1]):
+            assert part in words
+        if "CAUGHT" in mode:
+            assert "CAUGHT" in words

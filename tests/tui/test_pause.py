@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from silo.ipc.messages import PinOpened
 from silo.model import BufferType
 from tests.stand_ins.fake_logger import HZ, START_NS, scalar, signal
 
@@ -369,3 +370,80 @@ async def test_a_crossing_is_offered_at_the_value_under_the_cursor(fake, opened)
         await screen.shows("Enter finds it")
         line = screen.app.screen.query_one("#find-level")
         await screen.until(lambda: line.value == "40", "the level of the spike")
+
+
+# ------------------------------------------------------------------------------------ when nothing could be pinned
+
+
+def only_empty_pins(fake, monkeypatch):
+    """As a helper process answers whose ring turned before the wish came: its run, and no row."""
+    pin = fake.pin
+
+    def empty(names, start_ns, end_ns):
+        held = pin(names, -(2**62), -(2**62))
+        held.opened = PinOpened(held.id, "run-1", 0, 0, 0, {}, "", fake.oldest_ns(names))
+        return held
+
+    monkeypatch.setattr(fake, "pin", empty)
+
+
+async def test_a_pin_without_rows_leaves_the_times_and_the_picture_as_they_were(fake, opened, monkeypatch):
+    fake.run(60)
+    only_empty_pins(fake, monkeypatch)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.until(lambda: filled(screen), "the whole picture")
+        await screen.press("space")
+        await screen.shows("the logger holds nothing of it any more")
+        await screen.shows("ago, only the picture held")
+        await screen.press("left")
+        await screen.until(lambda: "A -" in screen.text, "the moment of the cursor, before now")
+        assert (
+            START_NS
+            < monitor(screen).pause.source.begin_ns
+            < monitor(screen).pause.source.end_ns
+            < START_NS + 61 * 10**9
+        )
+        assert filled(screen)
+        assert not fake.pins
+
+
+async def test_with_the_link_cut_the_head_claims_no_seconds_and_the_highest_of_the_picture_is_found(fake, opened):
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.until(lambda: filled(screen), "the whole picture")
+        fake.cut()
+        await screen.press("space")
+        await screen.shows("ago, only the picture held")
+        assert "20 s held" not in screen.text
+        await screen.press("f", "h")
+        await screen.shows("highest, ")
+        await screen.shows(": 40.0000 at -")
+        await screen.shows("(picture only, to ")
+        assert abs((monitor(screen).window.at_ns - START_NS) / 1e9 % 4) < 0.2  # a spike every 4 s
+
+
+async def test_what_could_not_be_pinned_is_pinned_whole_when_the_link_is_back(deep, opened):
+    fake = deep
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.until(lambda: filled(screen), "the whole picture")
+        fake.cut()
+        await screen.press("space")
+        await screen.shows("only the picture held")
+        fake.mend()
+        await screen.until(lambda: screen.session.connected)
+        await screen.press("plus")
+        await screen.shows("ago, 20 s held")
+
+
+async def test_the_title_tells_the_sample_that_was_found_before_those_of_its_column(fake, opened):
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await hold(screen)
+        await screen.press("f", "h")
+        await screen.shows("of 3: 40")
+        await screen.until(lambda: re.search(r"at cursor 40(\.0*)? \(-?[\d.]+ … 40", screen.text), "the sample")
