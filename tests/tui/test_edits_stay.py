@@ -11,6 +11,7 @@ from silo.model import Table
 from silo_tui.model.changes import cost_of, groups_of
 from silo_tui.model.fields import Field
 from silo_tui.model.table import TableState
+from silo_tui.screens.dialogs import Question
 from silo_tui.sessions import kept
 
 FIRST = "/log/base/orientation"
@@ -262,3 +263,14 @@ def test_the_cost_of_a_table_counts_what_is_on(robot):
     assert (cost.disk_bytes_s, cost.topic_bytes_s, cost.shortest_s, cost.shortest) == (1600.0, 1600.0, 2.0, TORQUE)
     assert cost.memory_bytes == 400 * 8 + 400 * 16
     assert cost_of(table.elements, np.zeros_like(values), 400.0).shortest == ""
+
+
+async def test_the_screen_below_a_question_goes_on(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("d", "7", "enter", "a")
+        await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
+        fake.run()
+        await screen.session.refresh_status()
+        screen.app.context.status_changed()
+        # a picture of all screens as the terminal has them, those below a dialog too
+        await screen.until(lambda: "RUNNING" in screen.app.export_screenshot(), "the state of the robot")
