@@ -238,7 +238,13 @@ def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> T
     _cost(lines, "to a file", disk, after.disk_bytes_s > now.disk_bytes_s)
     topics = [text.size(each.topic_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
-    _cost(lines, "held", held, after.shortest_s < now.shortest_s, f"of these, shortest: {short_name}" if short_name else "")
+    _cost(
+        lines,
+        "held",
+        held,
+        after.shortest_s < now.shortest_s,
+        f"of these, shortest: {short_name}" if short_name else "",
+    )
     return lines
 
 

@@ -253,7 +253,9 @@ def test_groups_keep_names_of_other_depth_or_end_apart_and_begin_with_the_larges
 
 
 def test_a_branch_that_changes_alike_is_one_line():
-    battery = [Change(f"/log/battery/{name}") for name in ("voltage", "current", "power", "charge", "state", "t1", "t2")]
+    battery = [
+        Change(f"/log/battery/{name}") for name in ("voltage", "current", "power", "charge", "state", "t1", "t2")
+    ]
     apart = [Change("/log/base/tau"), Change("/log/base/q")]
     groups = groups_of(battery + apart, "/log")
     assert [(group.count, group.pattern) for group in groups] == [(7, "/battery/*"), (1, "/base/q"), (1, "/base/tau")]
