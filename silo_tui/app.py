@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 # what is said elsewhere: by progress, by the head and the alarms
-QUIET_KINDS = {EventKind.SAVING, EventKind.LIMIT, EventKind.LIMIT_ENDED}
+QUIET_KINDS = {EventKind.SAVING, EventKind.LIMIT, EventKind.LIMIT_ENDED, EventKind.CRASHED}  # a crash has its banner
 
 
 class SiloApp(App[None]):

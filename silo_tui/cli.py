@@ -100,6 +100,10 @@ def command(
     in_browser = os.environ.get("TEXTUAL_DRIVER", "").endswith(":WebDriver")
     if not in_browser and not all(end is not None and end.isatty() for end in ends):
         raise click.ClickException("silo-tui needs a terminal; `silo watch` writes plain lines, also into a pipe")
+    if not in_browser and (sys.stderr is None or not sys.stderr.isatty()):  # the screen is drawn there
+        raise click.ClickException(
+            "silo-tui draws its screen on stderr, which is no terminal here: start it without 2>, nothing was done"
+        )
     sys.exit(_run(target, config, file, demo=demo, read_only=read_only, rate=rate, view=view, theme=theme, mouse=mouse))
 
 

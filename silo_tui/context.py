@@ -189,6 +189,8 @@ class Context:
 
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""
+        if self.has_session and self.session.dead and self.session.status.reason:  # which the banner says
+            words = words.replace(self.session.status.reason, "the robot program is gone")
         screen = self.upper_screen
         if not self.app.screen_stack or (screen is not None and screen.is_there and screen.say_whole(words)):
             return

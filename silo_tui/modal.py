@@ -7,6 +7,7 @@ from typing import TypeVar
 
 from textual import events
 from textual.await_complete import AwaitComplete
+from textual.geometry import Region
 from textual.screen import ModalScreen, Screen
 from textual.widget import Widget
 from textual.widgets import OptionList
@@ -56,6 +57,17 @@ class Dialog(ModalScreen[ResultT], Leaving[ResultT]):  # in this order: Textual 
     def dismiss(self, result: ResultT | None = None) -> AwaitComplete:
         """Leave with a result; a second time does nothing, where Textual would close what lies below."""
         return super().dismiss(result) if self.is_active else AwaitComplete()
+
+    def refresh(
+        self, *regions: Region, repaint: bool = True, layout: bool = False, recompose: bool = False
+    ) -> "Dialog[ResultT]":
+        """Paint it again, and what shines through the dialogs below it: Textual keeps their pictures of what was."""
+        if self.is_attached:
+            for below in self.app._background_screens:
+                if below.is_modal:
+                    below._set_dirty(*regions)
+        super().refresh(*regions, repaint=repaint, layout=layout, recompose=recompose)
+        return self
 
     async def on_event(self, event: events.Event) -> None:
         """Hand on keys that came too late."""

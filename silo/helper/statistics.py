@@ -194,6 +194,8 @@ class Tally:
         self.count = count
         self.newest = np.full(count, np.nan)
         self.changed_ns = np.zeros(count, np.int64)
+        self._changes = np.zeros(count, np.int64)  # among the rows that were read
+        self._read, self._read_to_change = np.zeros(count, np.int64), np.zeros(count, np.int64)  # rows
         self.skipped = 0  # rows that were overwritten before they were read
         self._sizes = NewestValues(reader, elements, [0] * len(elements))
         options = [element.info.options for element in elements]
@@ -209,11 +211,30 @@ class Tally:
         sums.since_ns = self.reader.last_time_ns
         return sums
 
+    def _look_back(self, ring: _Ring) -> None:
+        """Count changes of the oldest rows that are held: what froze before anybody asked has changed there."""
+        rows = self.reader.rows(ring.number, 0, self._block(ring))
+        if len(rows) > 1:
+            block = ring.columns.of(rows)
+            self._count(ring.slots, block[1:] != block[:-1])
+
+    def _count(self, slots: slice, differs: NDArray[np.bool_]) -> None:
+        """Take in which values differ from those before them, shape `(n, number of slots)`."""
+        changed = differs.any(axis=0)
+        newest = len(differs) - np.argmax(differs[::-1], axis=0)
+        self._changes[slots] += differs.sum(axis=0)
+        self._read_to_change[slots][changed] = (self._read[slots] + newest)[changed]
+        self._read[slots] += len(differs)
+
+    def _block(self, ring: _Ring) -> int:
+        """Return how many rows are read together."""
+        return max(1, BLOCK_BYTES // (8 * (len(ring.columns) + self.reader.schema.rings[ring.number].row_words)))
+
     def advance(self, now_s: float, all_sums: Sequence[Sums]) -> None:
         """Take in every row that came since the last time."""
         for ring in self._rings:
             head = self.reader.head(ring.number)
-            block = max(1, BLOCK_BYTES // (8 * (len(ring.columns) + self.reader.schema.rings[ring.number].row_words)))
+            block = self._block(ring)
             while ring.cursor < head:
                 rows = self.reader.rows(ring.number, ring.cursor, block)
                 if not len(rows):
@@ -244,9 +265,11 @@ class Tally:
         before = block[:1] if ring.last is None else ring.last[None]
         if ring.last is None:
             self.changed_ns[ring.slots] = stamps[0]
+            self._look_back(ring)
         differs = np.concatenate([before, block[:-1]]) != block
         changed = differs.any(axis=0)
         newest = len(block) - 1 - np.argmax(differs[::-1], axis=0)
+        self._count(ring.slots, differs)
         self.changed_ns[ring.slots][changed] = stamps[newest[changed]]
         ring.last = block[-1].copy()
         self.newest[ring.slots] = ring.last
@@ -288,7 +311,10 @@ class Tally:
         share = np.where(full, np.nan, self._timing("share", running=True))
         changed_s = np.where(self.lead >= 0, np.append(self._changed_s(), np.nan)[self.lead], np.nan)
         may_freeze = self._may_freeze & ~full & ~np.isnan(changed_s)
-        return signs_of(finite, changed_s, self._periods, may_freeze, share, self._sizes.lost()).astype(float)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rows = np.where(self._changes > 0, self._read_to_change / self._changes, np.nan)
+        pace_s = self._periods * np.append(rows, np.nan)[self.lead]
+        return signs_of(finite, changed_s, pace_s, may_freeze, share, self._sizes.lost()).astype(float)
 
 
 def _where(element: ElementSchema) -> tuple[int, tuple[EntrySchema, ...]]:

@@ -23,15 +23,16 @@ FROZEN_S = 1.0
 
 
 def signs_of(
-    finite: NDArray[np.bool_], changed_s: Floats, period_s: Floats, may_freeze: NDArray[np.bool_], share: Floats,
+    finite: NDArray[np.bool_], changed_s: Floats, pace_s: Floats, may_freeze: NDArray[np.bool_], share: Floats,
     lost: NDArray[np.int64],
 ) -> NDArray[np.int64]:  # fmt: skip
     """Return the bits of what is the matter with each element.
 
-    A value is frozen that didn't change for 100 of its periods and a second. `may_freeze` tells numbers from switches
+    `pace_s` is the mean time between changes of a value, up to its last one. It is frozen when it didn't change for 100
+    of these and a second: what never changed, or as seldom as a peak, isn't. `may_freeze` tells numbers from switches
     and states, which stand still rightly; where a time or a share isn't known (NaN) its sign is left out.
     """
-    frozen = may_freeze & (changed_s > np.maximum(FROZEN_PERIODS * period_s, FROZEN_S))
+    frozen = may_freeze & (changed_s > np.maximum(FROZEN_PERIODS * pace_s, FROZEN_S))
     return (
         np.where(~finite, NOT_FINITE, 0)
         | np.where(frozen, FROZEN, 0)

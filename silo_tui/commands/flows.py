@@ -180,8 +180,9 @@ def _what_changes(context: Context, changes: Sequence[PendingChange]) -> Text:
     session, table = context.session, context.session.table
     frequency_hz = session.status.frequency_hz
     own = table.elements[: table.own]  # what is derived takes no memory
-    now = cost_of(own, table.server[:, : table.own], frequency_hz)
-    after = cost_of(own, table.values[:, : table.own], frequency_hz)
+    edited = {change.name for change in changes}
+    now = cost_of(own, table.server[:, : table.own], frequency_hz, edited)
+    after = cost_of(own, table.values[:, : table.own], frequency_hz, edited)
     return diff_text(
         changes, table.prefix, cost_text(now, after, session.short_name(after.shortest), session.status.room_bytes)
     )

@@ -28,6 +28,7 @@ class Layout:
     chosen: str = ""
     span_s: float = 10.0
     scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # held, by plot: its signals with |
+    logs: tuple[str, ...] = ()  # signals whose axis has powers of ten
 
 
 def _text(node: yaml.Node) -> str:
@@ -102,7 +103,7 @@ def _scales(node: yaml.Node) -> dict[str, tuple[float, float]]:
 FIELDS: dict[str, Callable[[yaml.Node], Any]] = {
     "sort": _text, "turned": _truth, "filter": _text, "columns": _texts, "set": _text, "folded": _texts,
     "unfolded": _texts, "components": _components, "plots": _panels, "chosen": _text, "span_s": _span,
-    "scales": _scales,
+    "scales": _scales, "logs": _texts,
 }  # fmt: skip
 
 
@@ -135,7 +136,7 @@ def write(layout: Layout) -> str:
         value = getattr(layout, each.name)
         if value != getattr(Layout(), each.name):
             kept[each.name] = value
-    for name in kept.keys() & {"columns", "folded", "unfolded"}:
+    for name in kept.keys() & {"columns", "folded", "unfolded", "logs"}:
         kept[name] = list(kept[name])
     if "components" in kept:
         kept["components"] = dict(kept["components"])

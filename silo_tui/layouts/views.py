@@ -41,13 +41,15 @@ def capture(context: Context) -> Layout | None:
     if monitor is None or not monitor.is_mounted:
         return layout
     stack, window = monitor.stack, monitor.window
-    held = window.scales if window.fixed_scale else {}
+    held = {key: ends for key, ends in window.scales.items() if window.logs.isdisjoint(key.split("|"))}
+    held |= {key: ends for key, ends in window.log_scales.items() if not window.logs.isdisjoint(key.split("|"))}
     return replace(
         layout,
         plots=tuple(tuple(short(plotted.name) for plotted in panel) for panel in stack.panels),
         chosen=short(stack.plots[stack.chosen].name) if stack.plots else "",
         span_s=window.span_s,
-        scales={_of_parts(key, short): ends for key, ends in held.items() if ends[0] < ends[1]},
+        scales={_of_parts(key, short): ends for key, ends in held.items() if window.fixed_scale and ends[0] < ends[1]},
+        logs=tuple(sorted(short(plotted.name) for plotted in stack.plots if plotted.name in window.logs)),
     )
 
 
@@ -122,9 +124,11 @@ async def show(context: Context, layout: Layout) -> str:
         panels = [tuple(each for each in panel if each is not None) for panel in found]
         stack.show_panels([panel for panel in panels if panel])
         window.span_s = min(SPANS_S, key=lambda span: abs(span - layout.span_s))
+        window.logs |= {entries[name][1] for name in layout.logs if name in entries}
         for key, ends in layout.scales.items():
             if all(name in entries for name in key.split("|")):
-                window.scales[_of_parts(key, lambda name: entries[name][1])] = ends
+                scales = window.scales if set(layout.logs).isdisjoint(key.split("|")) else window.log_scales
+                scales[_of_parts(key, lambda name: entries[name][1])] = ends
         window.fixed_scale = bool(layout.scales)
         chosen = entries[layout.chosen][1] if layout.chosen in entries else ""
         stack.chosen = next((at for at, each in enumerate(stack.plots) if each.name == chosen), 0)

@@ -19,13 +19,13 @@ RED_HIGH, RED_LOW, YELLOW_HIGH, YELLOW_LOW = 1 << 16, 1 << 17, 1 << 18, 1 << 19
 LIMIT_BITS = {"HH": RED_HIGH, "LL": RED_LOW, "H": YELLOW_HIGH, "L": YELLOW_LOW, "==": FROZEN}
 # worst first, as process control writes them: every font has letters
 SIGNS = (
-    (RED_HIGH, "HH"), (RED_LOW, "LL"), (NOT_FINITE, "NN"), (FROZEN, "=="), (YELLOW_HIGH, "H"), (YELLOW_LOW, "L"),
+    (RED_HIGH, "HH"), (RED_LOW, "LL"), (NOT_FINITE, "NN"), (YELLOW_HIGH, "H"), (YELLOW_LOW, "L"), (FROZEN, "=="),
     (SLOW, "<<"), (LOST, "XX"),
 )  # fmt: skip
 OLD = "~~"  # of no row in particular: nothing comes, or it can't be carried live
 MEANINGS = {
     "HH LL": "beyond its red limit, above or below", "H L": "beyond its yellow limit, above or below",
-    "NN": "nan or inf among its newest values", "==": "frozen: it does not change any more, or a limit calls it stale",
+    "NN": "nan or inf among its newest values", "==": "frozen: it changes no more, or a limit calls it stale",
     "<<": "slow: fewer samples than its divider asks for", "XX": "samples lost: the buffer could not keep them",
     OLD: "the value is old: no link, or the program is dead",
 }  # fmt: skip

@@ -143,12 +143,15 @@ class FileFacts:
         if math.isnan(period_s):
             period_s = 1 / rate
         numbers = all(entry.values.dtype.kind in "iuf" and not entry.entry.labels for entry in element.entries)
-        changed_s = math.nan
+        changed_s = pace_s = math.nan
         if numbers and at >= 0 and not math.isnan(period_s):
             samples = math.ceil(max(FROZEN_PERIODS, FROZEN_S / period_s)) + 2
             changed_s = self._changed_s(element, -1, at, self._time(element, at), samples)
+            if changed_s > max(FROZEN_PERIODS * period_s, FROZEN_S):
+                pace_s = period_s * min(_samples_a_change(entry.values, at) for entry in element.entries)
+                changed_s = self._changed_s(element, -1, at, self._time(element, at))
         bits = signs_of(
-            np.array([finite]), np.array([changed_s]), np.array([period_s]), np.array([numbers]), np.array([share]),
+            np.array([finite]), np.array([changed_s]), np.array([pace_s]), np.array([numbers]), np.array([share]),
             np.array([element.lost]),
         )  # fmt: skip
         return float(bits[0])
@@ -185,6 +188,14 @@ def _statistics_of(blocks: Iterator[Floats]) -> dict[str, float]:
     spread = squares / number - mean * mean
     std = math.sqrt(max(0.0, spread)) if math.isfinite(spread) else math.nan
     return {"min": low, "max": high, "mean": base + mean, "std": std, "count": float(number)}
+
+
+def _samples_a_change(values: NDArray[Any], at: int) -> float:
+    """Return after how many samples a value changed, in the mean up to its last change; inf where it never did."""
+    last = _last_change(values, at, 0)
+    begin = max(0, last - BLOCK)
+    changes = int((values[begin + 1 : last + 1] != values[begin:last]).sum())
+    return (last - begin) / changes if changes else math.inf
 
 
 def _last_change(values: NDArray[Any], at: int, begin: int) -> int:

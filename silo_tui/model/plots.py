@@ -61,6 +61,7 @@ class PlotWindow:
     fixed_scale: bool = False
     logs: set[str] = field(default_factory=set)  # entries whose axis has powers of ten
     scales: dict[str, tuple[float, float]] = field(default_factory=dict)
+    log_scales: dict[str, tuple[float, float]] = field(default_factory=dict)  # values at the ends of such axes
     spans: tuple[float, ...] = SPANS_S
     _bases: dict[str, tuple[int, int]] = field(default_factory=dict)
 
@@ -229,10 +230,14 @@ def _axis_of(window: PlotWindow, key: str, pieces: Sequence[Piece], height: int,
     axis = axis_of([values for piece in pieces for values in (piece.low, piece.high)])
     if axis is None or around is None:
         return Axis((math.nan, math.nan), base)
-    held = f"{key} log {axis.least:g} {axis.signed}"
-    if not (window.fixed_scale and held in window.scales):
-        window.scales[held] = scale_of(axis, *around)
-    return Axis(window.scales[held], base, axis)
+    if window.fixed_scale and key in window.log_scales:
+        low, high = window.log_scales[key]
+        axis = LogAxis(axis.least, axis.signed or low <= 0)
+        bottom, top = axis.place(np.array([low, high])).tolist()
+        return Axis((bottom, top), base, axis)
+    scale = scale_of(axis, *around)
+    window.log_scales[key] = axis.value(scale[0]), axis.value(scale[1])
+    return Axis(scale, base, axis)
 
 
 def _on_base(piece: Piece, base: int) -> Piece:

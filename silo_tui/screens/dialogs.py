@@ -20,7 +20,7 @@ from silo_tui.model.table import PendingChange
 
 MAX_LINES = 400
 MAX_GROUPS = 60
-LARGEST = 4  # groups
+LARGEST = 3  # groups: at 80x24 what they cost stands below them
 BORDER_AND_TITLE_ROWS = 5
 
 
@@ -223,13 +223,13 @@ def groups_text(changes: Sequence[Change], prefix: str = "", begin: int = 0, end
 
 
 def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> Text:
-    """Return what a table takes now and will take, with a sign at what gets worse.
+    """Return what a table takes now and will take, with a sign at what gets worse; `held` is of what is edited.
 
     `room_bytes` are those that its buffers may take, 0 where that isn't known; more than these can't be started.
     """
     lines = Text()
     lines.append(f"{'':<10}{'now':>16}{'after':>16}\n", style="dim")
-    held = [_between(each.shortest_s, each.longest_s) for each in (now, after)]
+    held = [_held(each) for each in (now, after)]
     memory = [text.size(each.memory_bytes) for each in (now, after)]
     room = f"of {text.size(room_bytes)} available" if room_bytes else ""
     over = bool(room_bytes) and after.memory_bytes > room_bytes
@@ -238,13 +238,23 @@ def cost_text(now: Cost, after: Cost, short_name: str, room_bytes: int = 0) -> T
     _cost(lines, "to a file", disk, after.disk_bytes_s > now.disk_bytes_s)
     topics = [text.size(each.topic_bytes_s) + "/s" for each in (now, after)]
     _cost(lines, "topics", topics, after.topic_bytes_s > now.topic_bytes_s)
-    _cost(lines, "held", held, after.shortest_s < now.shortest_s, f"shortest: {short_name}" if short_name else "")
+    _cost(
+        lines,
+        "held",
+        held,
+        after.shortest_s < now.shortest_s,
+        f"of these, shortest: {short_name}" if short_name else "",
+    )
     return lines
 
 
-def _between(shortest_s: float, longest_s: float) -> str:
-    """Return two times, their unit once where it is seconds."""
-    shortest, longest = duration(shortest_s), duration(longest_s)
+def _held(cost: Cost) -> str:
+    """Return for how long the edited signals are held, as one time or two, their unit once where it is seconds."""
+    if not cost.shortest:
+        return "nothing"
+    shortest, longest = duration(cost.shortest_s), duration(cost.longest_s)
+    if shortest == longest:
+        return longest
     return f"{shortest.removesuffix(' s')} … {longest}" if longest.endswith(" s") else f"{shortest} … {longest}"
 
 

@@ -3,6 +3,7 @@
 import asyncio
 import csv
 import io
+import itertools
 import os
 import re
 from collections.abc import Sequence
@@ -41,7 +42,9 @@ def ask_export(
             screen.context.fail(str(error))
 
     body = "What is shown: .csv has all samples, .png is drawn by matplotlib, .svg is the screen."
-    screen.app.push_screen(Prompt("Write the plots to a file on this machine", body, "plots.csv"), write)
+    screen.app.push_screen(
+        Prompt("Write the plots to a file on this machine", body, str(free_name(Path("plots.csv")))), write
+    )
 
 
 async def read(source: PlotSource, plots: Sequence[Plotted], start_ns: int, end_ns: int) -> list[Samples]:
@@ -105,6 +108,12 @@ def draw_png(panels: Sequence[Panel], found: dict[str, Samples], zero_ns: int, p
     picture = io.BytesIO()
     canvas.print_png(picture)
     _write(path, picture.getvalue())
+
+
+def free_name(wanted: Path) -> Path:
+    """Return a name that no file has yet: `plots.csv`, then `plots-2.csv`, `plots-3.csv` ..."""
+    names = (wanted.with_stem(f"{wanted.stem}-{number}") for number in itertools.count(2))
+    return wanted if not wanted.exists() else next(name for name in names if not name.exists())
 
 
 def _write(path: Path, data: bytes) -> None:

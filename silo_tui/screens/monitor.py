@@ -34,7 +34,7 @@ from silo_tui.screens.standing import value_here
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.pause import Pause
-from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
+from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar, left_a_file
 from silo_tui.widgets.between import BetweenTable
 from silo_tui.widgets.plot_stack import PlotStack
 
@@ -276,6 +276,20 @@ class MonitorScreen(Arranging):
             events, word = self.stack.events.setdefault(plotted.name, []), reading.texts[plotted.position]
             if not events or events[-1][1] != word:
                 events.append((frame.time_ns, word))
+
+    def action_command(self, command_id: str) -> None:
+        """Do what a key asks for; of a dead robot that left a file, Enter opens that, with the same plots."""
+        if command_id == "detail" and left_a_file(self.session):
+            from silo_tui.screens.opened import open_saved
+
+            names = list(dict.fromkeys(plotted.element.name for plotted in self.stack.plots))
+            opening = open_saved(
+                self.context, self.session, self.session.left_files,
+                lambda file: [name for name in names if name in file.table.names],
+            )  # fmt: skip
+            self.run_worker(opening, group="opening", exclusive=True)
+            return
+        super().action_command(command_id)
 
     def status_changed(self) -> None:
         """Follow a change of state or link."""

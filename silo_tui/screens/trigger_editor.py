@@ -16,6 +16,7 @@ from silo_tui.model.conditions import fields_of, options_of_fields, tried_lines
 from silo_tui.sessions.live import Session
 
 TRY_AFTER_S = 0.5  # since the last key
+UNNAMED = "name it before Enter: the name stands in names of files"
 LINES = (("name", "mode"), ("when",), ("rearm",), ("pre", "post"), ("persist", "holdoff"), ("save", "keep"))
 HINTS = {
     "name": "a word for names of files", "when": "abs(base/roll) > 0.6 and controller/mode == STANCE",
@@ -58,9 +59,11 @@ class TriggerEditor(Dialog[TriggerOptions | None]):
         self.query_one("#trigger-name" if self._options.when and self._is_new else "#trigger-when", Input).focus()
         self._try_soon()
 
+    def _fields(self) -> dict[str, str]:
+        return {name: self.query_one(f"#trigger-{name}", Input).value for names in LINES for name in names}
+
     def _made(self) -> TriggerOptions:
-        fields = {name: self.query_one(f"#trigger-{name}", Input).value for names in LINES for name in names}
-        return options_of_fields(fields, self._options)
+        return options_of_fields(self._fields(), self._options)
 
     def _tell(self, words: str) -> None:
         for line in self.query("#trigger-told").results(Static):  # none of an editor that was left
@@ -83,8 +86,10 @@ class TriggerEditor(Dialog[TriggerOptions | None]):
         if not self.query_one("#trigger-when", Input).value.strip():
             self._tell("the condition: signals, numbers with units, and or not, prev diff rate mean min max any all")
             return
-        try:
-            made = self._made()
+        fields = self._fields()
+        unnamed = not fields["name"].strip()
+        try:  # the condition counts while there is no name yet
+            made = options_of_fields({**fields, "name": "new"} if unnamed else fields, self._options)
         except (SiloError, ValueError) as error:
             self._tell(str(error))
             return
@@ -97,7 +102,7 @@ class TriggerEditor(Dialog[TriggerOptions | None]):
             self._tell(str(error))
             return
         width = next((line.content_size.width for line in self.query("#trigger-told")), 80)
-        self._tell("\n".join(tried_lines(tried, width, made.keep)))
+        self._tell("\n".join([*tried_lines(tried, width, made.keep), *([UNNAMED] if unnamed else [])]))
 
     # ------------------------------------------------------------------------------------------------------- ending
 

@@ -21,7 +21,12 @@ from silo_tui.terminal import thin_head
 
 STATISTICS = ("max", "min", "mean", "std")
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
-OPENS = {"table": " Enter opens it.", "recordings": " It is in this list.", "": " F lists it."}
+OPENS = {
+    "table": " Enter opens it.",
+    "monitor": " Enter opens it.",
+    "recordings": " It is in this list.",
+    "": " F lists it.",
+}
 MODE_RANK, LAST_RANK = 7, 9  # of what stands in the head; the mode is shortened, not left out
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
@@ -136,6 +141,12 @@ def color(variables: dict[str, str], name: str) -> str:
     return variables.get(name, "").removeprefix("ansi_").replace("default", "") or "none"
 
 
+def left_a_file(session: Session) -> bool:
+    """Return whether a robot program that died left a file."""
+    reason = session.status.reason
+    return session.dead and bool(session.left_files or ": saved " in reason or "; saved " in reason)
+
+
 class Banner(Widget):
     """What is wrong and what to do, in one or two lines over the table; hidden when all is well."""
 
@@ -168,8 +179,7 @@ class Banner(Widget):
             return f"No link to {session.name} for {age}. Values are {age} old; trying again by itself.{kept}"
         if session.dead:
             reason = session.status.reason
-            saved = session.left_files or ": saved " in reason or "; saved " in reason
-            opens = OPENS.get(getattr(self.screen, "scope", ""), OPENS[""]) if saved else ""
+            opens = OPENS.get(getattr(self.screen, "scope", ""), OPENS[""]) if left_a_file(session) else ""
             return f"{session.name} died: {reason or 'nothing is known of why'}{opens}"
         if len(session.table) and not session.table.live.any() and session.running:
             return "Nothing is logged, every element is off: mark elements, press t, then a to apply."

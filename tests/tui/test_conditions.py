@@ -334,3 +334,14 @@ def test_signals_are_found_in_a_condition_by_name_entry_and_glob(robot):
     assert named_in(f"max({branch}/*) > 1", robot, "/log") == [
         name for name in names if name.startswith(f"/log/{branch}/")
     ]
+
+
+async def test_a_condition_is_tried_before_the_trigger_has_a_name(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("T", "N")
+        await screen.shows("the condition: signals")
+        await screen.type("nobody > 3")
+        await screen.shows("no signal is named 'nobody'")
+        await screen.press("backspace", "enter")
+        await screen.shows("name it")
+        assert fake.trigger_statuses == []

@@ -11,6 +11,7 @@ from silo.model import Table
 from silo_tui.model.changes import cost_of, groups_of
 from silo_tui.model.fields import Field
 from silo_tui.model.table import TableState
+from silo_tui.screens.dialogs import Question
 from silo_tui.sessions import kept
 
 FIRST = "/log/base/orientation"
@@ -251,6 +252,39 @@ def test_groups_keep_names_of_other_depth_or_end_apart_and_begin_with_the_larges
     assert [(group.count, group.pattern) for group in groups] == [(4, "/*/*/q"), (1, "/LF/q"), (1, "/base/tau")]
 
 
+def test_a_branch_that_changes_alike_is_one_line():
+    battery = [
+        Change(f"/log/battery/{name}") for name in ("voltage", "current", "power", "charge", "state", "t1", "t2")
+    ]
+    apart = [Change("/log/base/tau"), Change("/log/base/q")]
+    groups = groups_of(battery + apart, "/log")
+    assert [(group.count, group.pattern) for group in groups] == [(7, "/battery/*"), (1, "/base/q"), (1, "/base/tau")]
+    legs = [Change(f"/log/legs/{leg}/{name}") for leg in ("LF", "RF") for name in "abcd"]
+    assert [(group.count, group.pattern) for group in groups_of(legs, "/log")] == [(8, "/legs/*/*")]
+
+
+def test_how_long_is_held_is_told_of_what_is_edited(robot):
+    table = TableState()
+    table.load(Table(1, robot))
+    assert cost_of(table.elements, table.values, 400.0).shortest != TORQUE
+    table.edit([table.row(TORQUE)], Field.DIVIDER, 20)
+    now, after = (cost_of(table.elements, values, 400.0, {TORQUE}) for values in (table.server, table.values))
+    assert (now.shortest, after.shortest) == (TORQUE, TORQUE)
+    assert after.shortest_s == 20 * now.shortest_s == after.longest_s
+
+
+async def test_what_a_branch_costs_is_seen_at_once_in_a_small_terminal_too(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("d", "7", "enter", "j", "d", "8", "enter", "j", "d", "9", "enter")
+        await screen.press("j", "d", "6", "enter", "j", "d", "5", "enter", "a")
+        await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
+        await screen.shows("of these, shortest:")
+        body = screen.app.screen.query_one(".dialog-body")
+        line = next(at for at, line in enumerate(screen.text.splitlines()) if "of these, shortest:" in line)
+        assert line < body.region.bottom
+
+
 def test_the_cost_of_a_table_counts_what_is_on(robot):
     table = TableState()
     table.load(Table(1, robot))
@@ -262,3 +296,14 @@ def test_the_cost_of_a_table_counts_what_is_on(robot):
     assert (cost.disk_bytes_s, cost.topic_bytes_s, cost.shortest_s, cost.shortest) == (1600.0, 1600.0, 2.0, TORQUE)
     assert cost.memory_bytes == 400 * 8 + 400 * 16
     assert cost_of(table.elements, np.zeros_like(values), 400.0).shortest == ""
+
+
+async def test_the_screen_below_a_question_goes_on(fake, opened):
+    async with opened(fake) as screen:
+        await screen.press("d", "7", "enter", "a")
+        await screen.until(lambda: isinstance(screen.app.screen, Question), "the question")
+        fake.run()
+        await screen.session.refresh_status()
+        screen.app.context.status_changed()
+        # a picture of all screens as the terminal has them, those below a dialog too
+        await screen.until(lambda: "RUNNING" in screen.app.export_screenshot(), "the state of the robot")

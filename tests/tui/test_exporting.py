@@ -10,7 +10,7 @@ from silo.errors import SiloError
 from silo.model import ElementInfo, ElementOptions, Entry
 from silo_tui.model.panels import stacked
 from silo_tui.model.plots import Plotted
-from silo_tui.screens.exporting import csv_text, export
+from silo_tui.screens.exporting import csv_text, export, free_name
 
 
 def plotted(name, unit="Nm", dtype="<f8"):
@@ -71,3 +71,10 @@ def test_nothing_to_write_is_no_empty_file(tmp_path):
     with pytest.raises(SiloError, match="no samples in what is shown"):
         write(tmp_path / "plots.csv", Held(a=nothing, state=nothing))
     assert not (tmp_path / "plots.csv").exists()
+
+
+def test_a_name_is_proposed_that_no_file_has(tmp_path):
+    assert free_name(tmp_path / "plots.csv") == tmp_path / "plots.csv"
+    (tmp_path / "plots.csv").touch()
+    (tmp_path / "plots-2.csv").touch()
+    assert free_name(tmp_path / "plots.csv") == tmp_path / "plots-3.csv"

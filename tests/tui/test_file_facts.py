@@ -111,10 +111,11 @@ def test_signs_say_what_is_the_matter():
     frozen = np.where(RAMP < 500, RAMP, 500.0)
     facts = facts_of(
         element("nan", ends_badly), element("frozen", frozen), element("lost", RAMP, lost=3), element("fine", RAMP),
-        element("state", np.zeros(TICKS, "i4"), labels={0: "stand"}),
+        element("state", np.zeros(TICKS, "i4"), labels={0: "stand"}), element("still", np.ones(TICKS)),
+        element("peak", np.floor(np.minimum(RAMP, 500.0) / 100)),
     )  # fmt: skip
-    signs = {name: told(facts, name, "signs") for name in ("nan", "frozen", "lost", "fine", "state")}
-    assert signs == {"nan": NOT_FINITE, "frozen": FROZEN, "lost": LOST, "fine": 0, "state": 0}
+    signs = {name: told(facts, name, "signs") for name in ("nan", "frozen", "lost", "fine", "state", "still", "peak")}
+    assert signs == {"nan": NOT_FINITE, "frozen": FROZEN, "lost": LOST, "fine": 0, "state": 0, "still": 0, "peak": 0}
     assert told(facts, "frozen", "signs", int(TIMES[300])) == 0
     slow = facts_of(element("slow", RAMP), frequency_hz=200.0)
     assert told(slow, "slow", "signs") == SLOW
@@ -199,7 +200,7 @@ async def test_a_measured_term_lets_only_pass_what_the_file_has(path, on_file):
 @pytest.mark.parametrize(
     ("words", "found"),
     [("changed>5s", "low"), ("changed<1s", "ramp spike vector"), ("max>80", "ramp spike"), ("rate<95%", ""),
-     ("rate>99Hz mean<0", "low"), ("frozen", "low"), ("-alarm std<10", "spike"), ("fill>1%", "")],
+     ("rate>99Hz mean<0", "low"), ("frozen", ""), ("-alarm std<10", "low spike"), ("fill>1%", "")],
 )  # fmt: skip
 async def test_every_measured_term_is_answered_from_the_file(path, on_file, words, found):
     async with on_file(path) as screen:

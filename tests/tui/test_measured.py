@@ -119,7 +119,7 @@ async def test_worst_first_begins_with_what_is_beyond_a_red_limit(fake, opened):
     async with opened(fake) as screen:
         await screen.press("o", "!")
         table, rows = screen.session.table, screen.session.rows
-        wanted = ["/log/imu/temperature", "/log/base/velocity", TORQUE, "/log/legs/RF/HFE/torque"]
+        wanted = ["/log/imu/temperature", "/log/base/velocity", "/log/legs/RF/HFE/torque", TORQUE]
         await screen.until(lambda: [table.names[row] for row in rows.shown[:4]] == wanted, "worst first")
         await screen.until(lambda: " LL " in next(iter(lines_with(screen, "/imu/temperature")), ""), "its sign")
 

@@ -315,6 +315,20 @@ async def test_on_the_table_of_a_dead_robot_enter_opens_what_it_left(opened, fak
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
 
 
+async def test_on_the_plots_of_a_dead_robot_enter_opens_what_it_left_and_why_is_said_once(opened, fake, logs):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("m")
+        await screen.until(lambda: screen.app.screen.scope == "monitor", "the plots")
+        fake.state, fake.reason = State.DEAD, "the robot program ended without close(); saved 25 s: somewhere"
+        left = [SavedFile(str(logs / "robot_20260921_14-00-00_00006.silo"), FileType.SILO, 1)]
+        fake.publish(EventKind.CRASHED, fake.reason, files=left)
+        await screen.shows("Enter opens it")
+        assert screen.text.count("ended without close()") == 1
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.context.file_over_logger, "the file")
+
+
 async def test_what_a_dead_robot_left_here_is_opened_without_a_link_too(opened, fake, logs):
     fake.run()
     async with opened(fake) as screen:
@@ -340,7 +354,7 @@ async def test_who_comes_later_to_a_dead_robot_opens_it_too(opened, fake, logs, 
         await screen.until(lambda: "00006" in screen.text.partition("\n")[0], "its name")
 
 
-@pytest.mark.parametrize(("key", "says"), [("m", "F lists it"), ("A", "F lists it"), ("F", "It is in this list")])
+@pytest.mark.parametrize(("key", "says"), [("A", "F lists it"), ("F", "It is in this list")])
 async def test_the_banner_names_the_key_that_opens_it_on_the_screen_where_it_stands(opened, fake, logs, key, says):
     fake.run()
     async with opened(fake, size=(160, 50)) as screen:

@@ -41,6 +41,7 @@ layouts = st.builds(
     plots=panels, chosen=names,
     span_s=st.floats(1e-3, 1e6),
     scales=st.dictionaries(names, st.tuples(numbers, numbers).filter(lambda ends: ends[0] < ends[1]), max_size=2),
+    logs=st.lists(names, unique=True, max_size=3).map(tuple),
 )  # fmt: skip
 
 
@@ -107,6 +108,28 @@ async def test_a_view_is_kept_and_put_on_the_screen_again(new_fake, opened):
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         assert capture(screen.app.context) == kept
         await screen.shows("view walk")
+
+
+async def test_a_view_keeps_axes_of_powers_of_ten(new_fake, opened):
+    fake, second = new_fake(), new_fake()
+    fake.run()
+    second.run()
+    async with opened(fake) as screen:
+        await run(screen, "filter HAA/torque")
+        await screen.press("m")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        monitor = screen.app.screen
+        await screen.press("Y")
+        await screen.until(lambda: monitor.window.log_scales, "a scale")
+        await screen.press("y")
+        kept = capture(screen.app.context)
+        assert kept.logs == ("/legs/LF/HAA/torque",)
+        assert set(kept.scales) == {"/legs/LF/HAA/torque"}
+        await run(screen, "view save tor")
+        await screen.shows("view tor kept")
+    async with opened(second, view="tor") as screen:
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
+        assert capture(screen.app.context) == kept
 
 
 async def test_a_view_is_kept_by_its_word_and_listed(fake, opened):

@@ -96,6 +96,28 @@ def test_the_last_change_is_found_across_reads(robot):
     assert not int(robot.of("/log/flag", "signs")) & FROZEN
 
 
+def test_what_never_changed_or_changes_seldom_is_not_frozen(robot):
+    for at in range(1000):
+        robot.tick(7.0, force=[at // 100, 0, 0] if at < 500 else [4, 0, 0])
+        if at % 50 == 7:
+            robot.advance()
+    robot.advance()
+    assert robot.of("/log/x", "changed") > 9
+    assert not int(robot.of("/log/x", "signs")) & FROZEN
+    assert robot.of("/log/force", "changed") > 5
+    assert not int(robot.of("/log/force", "signs")) & FROZEN
+
+
+def test_what_froze_before_anybody_asked_is_frozen(robot):
+    for at in range(500):
+        robot.tick(min(at, 300))
+    robot.tally = Tally(SegmentReader(robot.log.segment_path))
+    for _ in range(400):
+        robot.tick(300)
+    robot.advance()
+    assert int(robot.of("/log/x", "signs")) & FROZEN
+
+
 def test_rate_and_jitter_follow_the_time_stamps(robot):
     for at in range(400):
         robot.tick(at, count=at // 4)
