@@ -294,6 +294,7 @@ class MonitorScreen(Arranging):
         """Follow a change of state or link."""
         self.status_bar.update()
         self.banner.update()
+        self.line.refresh()  # it says whether they are live
         if self.stack.fresh != self.session.fresh:
             self.stack.fresh = self.session.fresh
             self.stack.redraw()
