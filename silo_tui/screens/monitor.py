@@ -295,6 +295,7 @@ class MonitorScreen(Arranging):
         """Follow a change of state or link."""
         self.status_bar.update()
         self.banner.update()
+        self.line.refresh()  # it says whether they are live
         if (self.stack.fresh, self.stack.ended) != (self.session.fresh, self.session.dead):
             self.stack.fresh, self.stack.ended = self.session.fresh, self.session.dead
             self.stack.redraw()
