@@ -59,12 +59,12 @@ class FindDialog(Dialog[Search | None]):
             self._show_value()
 
     def _show_value(self) -> None:
-        for line in self.query("#find-level").results(Input):  # none of a dialog that goes
-            if self._value and not line.value:
-                line.value = self._value
-                options = self.query_one(OptionList)
-                for choice in choices(self._value):
-                    options.replace_option_prompt(choice.value, f" {choice.key}  {choice.label}")
+        lines, lists = list(self.query("#find-level").results(Input)), list(self.query(OptionList))
+        if not (lines and lists) or not self._value or lines[0].value:
+            return  # a dialog that goes loses one widget after the other
+        lines[0].value = self._value
+        for choice in choices(self._value):
+            lists[0].replace_option_prompt(choice.value, f" {choice.key}  {choice.label}")
 
     def _say(self, problem: str = "") -> None:
         where = f"all {self._signals} signals that are plotted" if self._everywhere else self._name

@@ -93,6 +93,7 @@ def test_connect_is_a_client_of_that_name(bench):
 def test_saving_takes_words(bench, client):
     bench.logger.start()
     bench.ticks(3)
+    wait_until(lambda: client.status().ticks == 3)
     files = client.wait_saved(client.save("csv"))
     assert [file.type for file in files] == [silo.FileType.CSV]
 
