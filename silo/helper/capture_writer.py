@@ -144,9 +144,9 @@ class CaptureWriter:
             happened = self._events.log.of_run(spool.run)
             first, last = spool.capture.first, spool.capture.last
             recording = with_events(spool.recording(), [event for event in happened if first <= event.tick <= last])
-            if spool.run == self._mirror.run:  # derived signals and limits as they are by now
-                extras = msgspec.structs.replace(self._mirror.now.robot.extras, capture=recording.extras.capture)
-                recording = dataclasses.replace(recording, extras=extras)
+            # derived signals and limits by which it fired, whatever they are by now
+            extras = msgspec.structs.replace(spool.extras, capture=recording.extras.capture)
+            recording = dataclasses.replace(recording, extras=extras)
             files += write(recording, folder, logger, [FileType.SILO], name, why=f"trigger {options.name}")
         others: list[FileType] = [kind for kind in wanted if kind is not FileType.SILO and kind not in there]
         if others:

@@ -316,7 +316,7 @@ class SegmentJudge:
                 f"written, take more than {MOST_SPOOL_BYTES // 2**20} MB; make pre and post shorter, or give a holdoff"
             )
             return
-        spool = Spool(options, capture, self.reader)
+        spool = Spool(options, capture, self.reader, self.extras)
         # at once, whatever was judged: the oldest rows are overwritten next
         spool.append(self.reader.ticks)
         self._spools.append(spool)
@@ -411,7 +411,7 @@ class SegmentJudge:
         self._numbers.update(state.numbers)
         whole: list[Spool] = []
         for capture in state.captures:
-            spool = Spool(capture.options, capture.capture, self.reader)
+            spool = Spool(capture.options, capture.capture, self.reader, self.extras)
             spool.ended = capture.ended
             is_whole = spool.append(self._until)
             (whole if is_whole or capture.ended else self._spools).append(spool)

@@ -11,7 +11,7 @@ from silo.collecting.schema import TIME_RING, ElementSchema, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.collecting.snapshot import snapshot
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, longest_capture
-from silo.model import BufferType, CaptureFacts, LoggedEvent, TriggerOptions
+from silo.model import BufferType, CaptureFacts, Extras, LoggedEvent, TriggerOptions
 from silo.recording import Failures, Recording
 
 
@@ -25,7 +25,9 @@ def bytes_per_tick(schema: SegmentSchema) -> float:
 class Spool:
     """Rows of ticks `capture.first` to `capture.last` of all elements that are saved: a `RowSource`."""
 
-    def __init__(self, options: TriggerOptions, capture: Capture, reader: SegmentReader) -> None:
+    def __init__(self, options: TriggerOptions, capture: Capture, reader: SegmentReader, extras: Extras) -> None:
+        """Begin a capture; `extras` are the derived signals and limits by which it was judged that it fired."""
+        self.extras = extras
         self.trigger = options.name
         self.options = options  # as they were when it began
         self.capture = capture

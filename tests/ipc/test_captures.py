@@ -46,6 +46,20 @@ def test_what_a_trigger_captures_is_in_a_file_of_its_name(bench, client, events)
         assert log.warnings == ()
 
 
+def test_a_capture_has_the_derived_signals_by_which_it_fired(bench, client, events):
+    bench.logger.derive("p", "2 * x")
+    bench.logger.trigger("high", "p > 100", pre="50ms", post="300ms")
+    bench.logger.start()
+    bench.ticks(60)
+    wait_until(lambda: [event for event in events if event.kind is EventKind.TRIGGERED])
+    bench.logger.derive("p", "x / 2")
+    wait_until(lambda: client.table().derived[0].expression == "x / 2")
+    bench.ticks(60)
+    path = next(path for (path,) in captured(events) if "_high_1" in path)
+    log = silo.open_log(path)
+    assert log["p"].values.tolist() == [2 * x for x in log["x"].values.tolist()]
+
+
 def test_a_stop_within_post_closes_the_capture_with_its_reason(bench, client, events):
     bench.logger.trigger("high", "x > 50", pre="50ms", post="5s")
     bench.logger.start()
