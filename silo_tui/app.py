@@ -28,6 +28,7 @@ from silo_tui.settings.reading import Problem
 
 if TYPE_CHECKING:
     from silo_tui.context import SiloScreen
+    from silo_tui.screens.monitor import MonitorScreen
     from silo_tui.sessions.recorded import FileSession
 
 
@@ -324,6 +325,17 @@ class SiloApp(App[None]):
 
         session = self.context.session
         ask_mark(self.context, session.frame_time_ns or session.status.last_tick_ns)
+
+    def on_monitor_screen_open_left(self, asked: "MonitorScreen.OpenLeft") -> None:
+        """Open what a dead robot left, with the plots that were there."""
+        from silo_tui.screens.opened import open_saved
+
+        session = self.context.session
+        opening = open_saved(
+            self.context, session, session.left_files,
+            lambda file: [name for name in asked.names if name in file.table.names],
+        )  # fmt: skip
+        self.run_worker(opening, group="opening", exclusive=True)
 
     def command_events(self) -> None:
         from silo_tui.screens.events import EventsScreen, FileEventsScreen

@@ -250,8 +250,17 @@ class Connection:
         return gone
 
     def _has_left(self) -> bool:
-        """Whether the helper process ended although Zenoh told nothing: it may end while its token is being told."""
-        return bool(self.found.socket) and owner_is_gone(Path(self.found.socket))
+        """Whether the helper process ended although Zenoh told nothing: it may end while its token is being told.
+
+        One whose socket somebody deleted still answers, and tells so.
+        """
+        if not self.found.socket or not owner_is_gone(Path(self.found.socket)):
+            return False
+        try:
+            self.exchange(Hello(version=VERSION, client=self._who), HELLO_TIMEOUT_S)
+        except ConnectionLostError:
+            return True
+        return False
 
     def _hand_out_events(self) -> None:
         while (sample := self._events.try_recv()) is not None:

@@ -12,6 +12,7 @@ from typing import ClassVar
 from textual import events as textual_events
 from textual.app import ComposeResult
 from textual.binding import Binding
+from textual.message import Message
 from textual.timer import Timer
 
 from silo.errors import RefusedError, SiloError
@@ -43,6 +44,13 @@ DEBOUNCE_S = 0.1
 
 class MonitorScreen(Arranging):
     """Plots of the elements that were marked when it was opened."""
+
+    class OpenLeft(Message):
+        """The file that a dead robot left is to be opened, with plots of these elements."""
+
+        def __init__(self, names: Sequence[str]) -> None:
+            super().__init__()
+            self.names = names
 
     scope = "monitor"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("monitor")
@@ -280,14 +288,8 @@ class MonitorScreen(Arranging):
     def action_command(self, command_id: str) -> None:
         """Do what a key asks for; of a dead robot that left a file, Enter opens that, with the same plots."""
         if command_id == "detail" and left_a_file(self.session):
-            from silo_tui.screens.opened import open_saved
-
             names = list(dict.fromkeys(plotted.element.name for plotted in self.stack.plots))
-            opening = open_saved(
-                self.context, self.session, self.session.left_files,
-                lambda file: [name for name in names if name in file.table.names],
-            )  # fmt: skip
-            self.run_worker(opening, group="opening", exclusive=True)
+            self.post_message(self.OpenLeft(names))
             return
         super().action_command(command_id)
 

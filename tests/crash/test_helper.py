@@ -18,6 +18,7 @@ from silo.ipc.discovery import discover, survey
 from silo.ipc.messages import RefusedWhy
 from silo.ipc.published import Event, EventKind
 from silo.model import FileType, State
+from tests.waiting import wait_until
 
 
 @pytest.fixture
@@ -272,7 +273,7 @@ def test_client_may_come_before_the_logger(robots, runtime) -> None:
         Client.connect("bot")
     robots("bot")
     with Client.connect("bot") as client:
-        assert client.status().state is State.RUNNING
+        wait_until(lambda: client.status().state is State.RUNNING)
 
 
 def test_helper_stays_small(robot, watcher, until) -> None:

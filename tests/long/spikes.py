@@ -133,7 +133,7 @@ class Scenario:
         fired = [event.tick for event in events if event.kind == EventKind.TRIGGERED.value]
         self.counts.missed = len(set(self.signals) - self.found)
         self.counts.twice = sum(count - 1 for count in self.checked.values()) + len(fired) - len(set(fired))
-        self.counts.false += len(set(fired) - set(self.groups))
+        self.counts.false += len(set(fired) - set(self.signals))
         blind = [event.text for event in events if event.kind == EventKind.BLIND.value]
         print(*blind[:5], sep="\n", end="\n" if blind else "")
         self.log.close()
