@@ -75,6 +75,7 @@ def test_a_signal_only_asks_for_the_end(number: signal.Signals) -> None:
 
 def test_a_second_ctrl_c_acts_as_usual() -> None:
     gc.disable()  # what is raised within a callback of the collector comes nowhere
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background has it ignored
     try:
         with EndSignals() as ending:
             os.kill(os.getpid(), signal.SIGINT)
@@ -83,6 +84,7 @@ def test_a_second_ctrl_c_acts_as_usual() -> None:
                 os.kill(os.getpid(), signal.SIGINT)
                 threading.Event().wait(DEADLINE_S)
     finally:
+        signal.signal(signal.SIGINT, usual)
         gc.enable()
 
 
