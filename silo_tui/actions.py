@@ -165,8 +165,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE, typed=Typed(("redo",))),
     Command("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 6, writes=True, asks=True,
             typed=Typed(("apply",))),
-    Command("discard", "x", "Discard", "drop pending edits of the row, or of what is marked", "Edit", _TABLE,
-            typed=Typed(("discard",))),
+    Command("discard", "x", "Discard", "drop pending edits of the row or of what is marked; forget a derived signal",
+            "Edit", _TABLE, typed=Typed(("discard",))),
     # -------------------------------------------------------------------------------------------------- logger
     Command("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True, asks=True,
             typed=Typed(("start", "stop"))),
@@ -372,6 +372,9 @@ COMMANDS: tuple[Command, ...] = (
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
             typed=Typed(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
+    Command("derive", "", "Derive", "make or change a signal that is computed from others; x on its row forgets it",
+            "Look", (), writes=True, asks=True,
+            typed=Typed(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
     Command("goto", "", "Go to", "put the cursor on an element", "Move", (),
             typed=Typed(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),

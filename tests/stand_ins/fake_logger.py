@@ -13,7 +13,7 @@ import numpy as np
 
 from silo.amounts import read_keep, read_split
 from silo.columns import ColumnGrid, HistoryColumns, bins_of
-from silo.errors import ConnectionLostError, ScriptError
+from silo.errors import ConnectionLostError, ElementError, ScriptError
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
 from silo.ipc.conditions import LimitStatus, TriggerStatus, TriggerWord
 from silo.ipc.exchange import RequestRefusedError
@@ -45,6 +45,7 @@ from silo.ipc.samples import Samples
 from silo.ipc.surveys import QUANTITIES
 from silo.ipc.versions import PROTOCOL
 from silo.judging.derived import derived_infos
+from silo.judging.extras import with_derived, without_derived
 from silo.judging.moments import Finder, Looking
 from silo.judging.moments import Found as FoundMoments
 from silo.model import (
@@ -67,6 +68,7 @@ from silo.model import (
     Status,
     Table,
     TriggerOptions,
+    join_name,
 )
 from silo.settings.extras_diff import diff_extras
 from silo.settings.rules import edit_problems, refusal
@@ -239,6 +241,7 @@ class FakeClient:
         self.views_kept: dict[str, str] = {}
         self.recorder_infos: list[RecorderInfo] = []
         self.derived: tuple[Derived, ...] = ()
+        self.refuse_derived = ""  # why nothing is derived
         self.limit_options: tuple[SignalLimits, ...] = ()
         self.since_ns = 0  # of the statistics
         self.facts: dict[str, dict[str, float]] = {}  # measured values that a test sets, by quantity and name
@@ -769,6 +772,29 @@ class FakeClient:
         self._ask()
         self.calls.append(("set_limits", limits))
         return f"limits of '{limits.name}' are set"
+
+    def derive(self, name: str, expression: str, unit: str = "") -> str:
+        self._ask()
+        self.calls.append(("derive", name, expression, unit))
+        if self.refuse_derived:
+            raise refused(RefusedWhy.INVALID, self.refuse_derived)
+        whole = Derived(join_name("/log", "", name), expression, unit)
+        try:
+            self.derived = with_derived(self.extras, whole, self.elements, "/log").derived
+        except ElementError as error:
+            raise refused(RefusedWhy.INVALID, str(error)) from error
+        self.revision += 1
+        return f"'{whole.name}' is derived: {expression}"
+
+    def remove_derived(self, name: str) -> str:
+        self._ask()
+        self.calls.append(("remove_derived", name))
+        try:
+            self.derived = without_derived(self.extras, name, self.elements, "/log").derived
+        except ElementError as error:
+            raise refused(RefusedWhy.INVALID, str(error)) from error
+        self.revision += 1
+        return f"'{name}' is derived no more"
 
     def survey(
         self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False, derived: bool = False

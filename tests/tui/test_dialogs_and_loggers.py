@@ -278,7 +278,7 @@ async def test_a_file_of_this_machine_is_opened_over_the_logger_by_a_word_that_t
 
 async def test_a_file_that_is_no_log_is_told_and_the_table_stays(fake, opened, tmp_path):
     (tmp_path / "walk.silo").write_text("not a log")
-    async with opened(fake) as screen:
+    async with opened(fake, size=(160, 50)) as screen:
         await screen.type(f":open {tmp_path}/walk.silo")
         await screen.press("enter")
         await screen.shows("can't be opened")
