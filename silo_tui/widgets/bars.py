@@ -96,7 +96,7 @@ class StatusBar(Widget):
             return parts
         if not session.connected:  # what it was; how it stands now nobody knows
             add(0, f"~ NO LINK {since_words(session.lost_s)}", f"bold {color(variables, 'error')}")
-            add(8, f", was {status.state.name}")
+            add(5, f", was {status.state.name}")
         else:
             name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
             add(0, STATE_SIGNS[status.state], f"bold {color(variables, name)}")

@@ -44,6 +44,7 @@ from silo.ipc.published import Event, EventKind, NotLive
 from silo.ipc.samples import Samples
 from silo.ipc.surveys import QUANTITIES
 from silo.ipc.versions import PROTOCOL
+from silo.judging.between import Between, between
 from silo.judging.derived import derived_infos
 from silo.judging.extras import with_derived, without_derived
 from silo.judging.moments import Finder, Looking
@@ -644,21 +645,31 @@ class FakeClient:
         found = {}
         for place, name in enumerate(names):
             held = self._held_samples(name)
-            parts = [self._of_pin(pin, name) for pin in pins]
-            if not run or run == f"run-{self.started_ns}":
-                parts.append(held)
-            stamps = np.concatenate([some.time_ns for some in parts])
-            values = np.concatenate([some.values for some in parts])
-            stamps, at = np.unique(stamps, return_index=True)
+            stamps, values = self._all_of(name, pins, run)
             wanted = (stamps >= start_ns) & (stamps <= end_ns)
             limits = bounds[place] if bounds else (None, None)
             looking = Looking(Sought(what), level, direction, limits, round(1e9 * max(1, held.divider) / HZ))
             finder = Finder(looking, around_ns, most)
-            finder.measure(values[at][wanted])
-            finder.feed(stamps[wanted], values[at][wanted])
+            finder.measure(values[wanted])
+            finder.feed(stamps[wanted], values[wanted])
             found[name] = finder.found
         self.calls.append(("find", tuple(names), Sought(what).value))
         return found
+
+    def measure(
+        self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[FakePin] = (), run: str = ""
+    ) -> dict[str, Between]:
+        self._ask()
+        self.calls.append(("measure", tuple(names)))
+        return {name: between(*self._all_of(name, pins, run), a_ns, b_ns) for name in names}
+
+    def _all_of(self, name: str, pins: Sequence[FakePin], run: str) -> tuple[np.ndarray, np.ndarray]:
+        """Every sample of an entry in pins and buffers, once."""
+        parts = [self._of_pin(pin, name) for pin in pins]
+        if not run or run == f"run-{self.started_ns}":
+            parts.append(self._held_samples(name))
+        stamps, at = np.unique(np.concatenate([some.time_ns for some in parts]), return_index=True)
+        return stamps, np.concatenate([some.values for some in parts])[at]
 
     def _of_pin(self, pin: FakePin, name: str) -> Samples:
         if pin not in self.pins:
