@@ -56,8 +56,10 @@ class StatusBar(Widget):
     def _line(self) -> Text:
         """As much as there is room for: what is as always gives way first, an alarm and a loss never."""
         parts, mode = self._parts(), self.mode
+        thinly = len(thin_head(self.app, 0))
+        room = self.size.width - (thinly + 2 if thinly else 0)
         for rank in range(1, LAST_RANK + 1):
-            if sum(part.cell_len for _, part in parts) <= self.size.width:
+            if sum(part.cell_len for _, part in parts) <= room:
                 break
             if rank == MODE_RANK:
                 short = [
@@ -70,7 +72,7 @@ class StatusBar(Widget):
                 ]
                 for mode in short:
                     parts = [(at, _mode_words(mode) if at == MODE_RANK else part) for at, part in parts]
-                    if sum(part.cell_len for _, part in parts) <= self.size.width:
+                    if sum(part.cell_len for _, part in parts) <= room:
                         break
             else:
                 parts = [(at, part) for at, part in parts if at != rank]
