@@ -14,7 +14,8 @@ from silo.judging.between import Between
 from silo.judging.moments import Found, Looking
 from silo.model import BufferType
 from silo_tui.model import text
-from silo_tui.model.held import HeldSource, PinHandle
+from silo_tui.model.buffers import PinHandle
+from silo_tui.model.held import HeldSource
 from silo_tui.model.plots import Plotted
 from silo_tui.model.source import PlotSource, Samples
 from silo_tui.sessions.link import Link
