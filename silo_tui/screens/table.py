@@ -20,7 +20,8 @@ from silo_tui.model.table_columns import LIVE_COLUMNS
 from silo_tui.screens.editing import Editing
 from silo_tui.screens.elements import WIDE
 from silo_tui.sessions.link import ViewRequest
-from silo_tui.sessions.live import LiveSource, Session
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.live_source import LiveSource
 from silo_tui.terminal import pace_of
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FLAGS, ElementTable

@@ -19,7 +19,8 @@ from silo_tui.model.held import HeldSource
 from silo_tui.model.plots import Plotted
 from silo_tui.model.source import PlotSource, Samples
 from silo_tui.sessions.link import Link
-from silo_tui.sessions.live import Session, in_pieces
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.live_source import in_pieces
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
