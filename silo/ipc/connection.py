@@ -39,6 +39,7 @@ HELLO_TIMEOUT_S = 1.0
 DEAD_SCAN_S = 0.5
 TOKEN_POLL_S = 0.001
 LOOK_S = 1.0
+LEFT_S = 10.0  # a helper process that is there may be kept from answering; a query ends at once where its link has gone
 REACH_S = 2.0  # its thread looks for the way again and again, and is to end soon
 
 log = logging.getLogger("silo.client")
@@ -91,6 +92,8 @@ class Connection:
         self._dead = False
         self._lost_s = 0.0
         self._retry_s = 0.0
+        self._looked_s = time.monotonic()
+        self._asked: Pending | None = None  # whether the helper process is there still
         self._problem = ""  # why the helper process that is there now can't be asked
         self.sessions = 0  # counts up with every session: views must be opened anew
         self._known: set[str] = set()  # who was there when we came: other robots, whatever their names
@@ -153,6 +156,7 @@ class Connection:
             borrowed, self._borrowed = self._borrowed, None
             attached = list(self._attached)
         self._lost_s, self._retry_s = time.monotonic(), 0.0
+        self._asked = None
         for one in attached:
             one.detach()
         if session is not None and borrowed is not None:
@@ -223,16 +227,12 @@ class Connection:
     def _watch(self) -> None:
         main = threading.main_thread()
         scanned_s = 0.0
-        looked_s = time.monotonic()
         while not self._stop.wait(POLL_S) and main.is_alive():
             if self._session is None:
                 self._try_again()
                 continue
-            self._hand_out_events()
-            gone = self._is_gone()
-            if not gone and time.monotonic() - looked_s > LOOK_S:
-                looked_s = time.monotonic()
-                gone = self._has_left()
+            gone = self._is_gone() or self._has_left()
+            self._hand_out_events()  # after that look: what was told until the end is heard
             if gone:
                 self._lose()
                 continue
@@ -254,12 +254,16 @@ class Connection:
 
         One whose socket somebody deleted still answers, and tells so.
         """
-        if not self.found.socket or not owner_is_gone(Path(self.found.socket)):
+        if self._asked is not None:
+            ended, answer = self._asked.poll()
+            self._asked = None if ended else self._asked
+            return ended and answer is None
+        if time.monotonic() - self._looked_s < LOOK_S:
             return False
-        try:
-            self.exchange(Hello(version=VERSION, client=self._who), HELLO_TIMEOUT_S)
-        except ConnectionLostError:
-            return True
+        self._looked_s = time.monotonic()
+        if self.found.socket and owner_is_gone(Path(self.found.socket)):
+            question = Hello(version=VERSION, client=self._who)
+            self._asked = Pending(self.session(), key_of(question, self.root), question, LEFT_S)
         return False
 
     def _hand_out_events(self) -> None:
