@@ -14,6 +14,7 @@ from pathlib import Path
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
+from silo.ipc.addresses import logger_of
 from silo.ipc.configuration import find_file, from_file
 from silo.ipc.exchange import ask_once
 from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders
@@ -62,6 +63,7 @@ class Discovery:
         """Return the only one that is meant. Raises SeveralError with the address of each where several are, else
         ConnectionLostError.
         """
+        wanted = logger_of(wanted)
         if is_glob(wanted):
             raise SeveralError(
                 f"'{wanted}' can mean several loggers, and this is for one: name it; `silo ls '{wanted}'` lists them; "
