@@ -27,6 +27,11 @@ def event_log_path(folder: str | os.PathLike[str], logger: str) -> Path:
     return Path(folder) / f".{logger}{ENDING}"
 
 
+def older_event_log(folder: str | os.PathLike[str], logger: str) -> Path:
+    """Return where the older half of the event log of a logger stands, once there is one."""
+    return Path(folder) / f".{logger}{OLDER_ENDING}"
+
+
 def loggers_with_events(folder: str | os.PathLike[str]) -> list[str]:
     """Return the names of the loggers that have an event log in a folder. Raises OSError."""
     found = (path.name for path in Path(folder).iterdir())
@@ -45,7 +50,7 @@ def append_events(folder: str | os.PathLike[str], logger: str, events: Sequence[
         while view:
             view = view[os.write(descriptor, view) :]
         if os.fstat(descriptor).st_size > MOST_BYTES:
-            path.rename(path.with_name(f".{logger}{OLDER_ENDING}"))
+            path.rename(older_event_log(folder, logger))
 
 
 @contextlib.contextmanager
@@ -80,7 +85,7 @@ def read_events(folder: str | os.PathLike[str], logger: str, run: str = "") -> l
     """
     path = event_log_path(folder, logger)
     found: list[LoggedEvent] = []
-    for part in (path.with_name(f".{logger}{OLDER_ENDING}"), path):
+    for part in (older_event_log(folder, logger), path):
         with contextlib.suppress(FileNotFoundError):
             found += _decoded(part.read_bytes().splitlines(), run)
     return found

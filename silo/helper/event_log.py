@@ -65,6 +65,12 @@ class EventLog:
         return kept, len(found) - len(kept)
 
     @property
+    def newest(self) -> int:
+        """The number of the newest line, 0 if there is none."""
+        with self._lock:
+            return self._events[-1].number if self._events else 0
+
+    @property
     def written(self) -> int:
         """The number up to which all lines stand in the file."""
         with self._lock:
