@@ -17,6 +17,7 @@ from silo.model import LoggedEvent
 MOST_BYTES = 4_000_000
 ENDING = ".events.jsonl"
 OLDER_ENDING = ".events.1.jsonl"
+_END_BYTES = 64_000  # the newest lines
 
 _encoder = msgspec.json.Encoder()
 _decoder = msgspec.json.Decoder(LoggedEvent)
@@ -89,6 +90,17 @@ def read_events(folder: str | os.PathLike[str], logger: str, run: str = "") -> l
         with contextlib.suppress(FileNotFoundError):
             found += _decoded(part.read_bytes().splitlines(), run)
     return found
+
+
+def newest_number(folder: str | os.PathLike[str], logger: str) -> int:
+    """Return the number of the newest line, 0 where there is none, or none that can be read."""
+    for path in (event_log_path(folder, logger), older_event_log(folder, logger)):
+        with contextlib.suppress(OSError), path.open("rb") as file:
+            file.seek(max(0, os.fstat(file.fileno()).st_size - _END_BYTES))
+            numbers = [event.number for event in _decoded(file.read().splitlines(), "")]
+            if numbers:
+                return max(numbers)
+    return 0
 
 
 def _decoded(lines: Iterable[bytes], run: str) -> Iterator[LoggedEvent]:

@@ -51,12 +51,6 @@ class Drain:
         self.begun_with = dict(self.cursors)
 
     @property
-    def first_tick(self) -> int:
-        """The first tick at which something that is recorded may fall due."""
-        rings = self.layout.schema.rings
-        return min((row * rings[ring].divider for ring, row in self.begun_with.items()), default=self.reader.ticks)
-
-    @property
     def period_s(self) -> float:
         """How often to come: a quarter of the time after which the shortest ring is overwritten."""
         frequency_hz = self.layout.schema.frequency_hz

@@ -74,10 +74,10 @@ class Happening:
     That may wait for a disk, as reading the log does; `has_ended` is for the other one.
     """
 
-    def __init__(self, run: SegmentReader, since: int, first_tick: int) -> None:
-        """`since` is the number of the first event that counts; of what happened already, from tick `first_tick` on."""
+    def __init__(self, run: SegmentReader, since: int) -> None:
+        """`since` is the number of the first event that counts."""
         reader = self._reader = SegmentReader(run.path, run.fileno())
-        self._next, self._first_tick = since, first_tick
+        self._next = since
         folder, logger = reader.schema.folder, reader.schema.logger
         self._tail = _Tail(event_log_path(folder, logger), older_event_log(folder, logger))
         self._run = reader.schema.run
@@ -101,16 +101,15 @@ class Happening:
 
     def _fresh(self) -> list[LoggedEvent]:
         found = []
-        run, first_tick = self._run.encode(), self._first_tick
+        run = self._run.encode()
         for line in self._tail.lines():
             with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError):  # cut by a kill
                 event = _decode(line)
                 self._seen = max(self._seen, event.number)
-                if run in line and event.run == self._run and event.number >= self._next and event.tick >= first_tick:
+                if run in line and event.run == self._run and event.number >= self._next:
                     self._next = event.number + 1
                     found.append(event)
                     self._is_over |= event.kind in (STOPPED, CRASHED)
-        self._first_tick = -1
         return found
 
     def _stamped(self, event: LoggedEvent) -> LoggedEvent:

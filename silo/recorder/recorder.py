@@ -20,6 +20,7 @@ from silo.collecting.rows import Rows
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
+from silo.files.event_log import newest_number
 from silo.files.part_facts import EVENTS_RING
 from silo.model import Extras, RecorderState
 from silo.recorder.draining import MOST_PERIOD_S, Drain, Drained
@@ -274,7 +275,7 @@ class Recorder:
             self._drain = None
             return
         self._first = False
-        self._announce(drain, written.next_rows.get(EVENTS_RING, 0), -1)
+        self._announce(drain, written.next_rows.get(EVENTS_RING, 0))
         for one in early:
             if one.rows or one.losses:
                 self._writing.put(joined(one))
@@ -291,15 +292,13 @@ class Recorder:
             begin = begin if self._order.resume else None
         self._first = False
         self._drain = drain = Drain(reader, layout, begin)
-        first_tick = -1 if begin is not None else drain.first_tick
-        self._announce(drain, 0 if begin is None else begin.get(EVENTS_RING, 0), first_tick)
+        schema = reader.schema
+        since = begin.get(EVENTS_RING, 0) if begin is not None else newest_number(schema.folder, schema.logger) + 1
+        self._announce(drain, since)
         return True
 
-    def _announce(self, drain: Drain, since: int, first_tick: int) -> None:
-        """Have a run begin in the files, and tell what of it can't be recorded without end.
-
-        What happened counts from event `since` on, and if that was before, from tick `first_tick` on.
-        """
+    def _announce(self, drain: Drain, since: int) -> None:
+        """Have a run begin in the files, with events from `since` on; tell what can't be recorded without end."""
         layout = drain.layout
         if not layout.elements:
             self._news.append(f"nothing of this run is recorded: no element matches {' '.join(self._order.patterns)}")
@@ -309,7 +308,7 @@ class Recorder:
                 f"{len(names)} elements come to an end when their buffers are full ({shown}): set "
                 "buffer_type=looping to record them without end"
             )
-        self._happening = Happening(drain.reader, since, first_tick)
+        self._happening = Happening(drain.reader, since)
         self._announced = True
         self._writing.put(RunBegins(layout, {**drain.begun_with, EVENTS_RING: since}, self._happening))
 

@@ -199,7 +199,7 @@ class Direct:
         self.writing.start()
         reader = SegmentReader(robot.log.segment_path)
         self.drain = Drain(reader, layout_of(reader.schema, order.patterns), None)
-        self.writing.put(RunBegins(self.drain.layout, self.drain.begun_with, Happening(reader, 0, -1)))
+        self.writing.put(RunBegins(self.drain.layout, self.drain.begun_with, Happening(reader, 0)))
 
     def step(self) -> None:
         """Read all that is in the rings, and have it written."""
