@@ -152,9 +152,9 @@ class Helper:
             ended = self._follow_robot(mirror, events, saver, path)
             if ended is _Ended.DIED:
                 dead_mark(path).touch()  # first of all: who looks for the program may find its next start already
+            marks.stop()  # recordings have them, too
             # a helper process that comes after this one goes on with what was recorded, unless the logger is closed
             recording.stop(forget=ended is not _Ended.FILES_DELETED and not self._term_s)
-            marks.stop()
             if ended is _Ended.FILES_DELETED:
                 self._exit_code = FILES_DELETED
                 judge.stop("the helper process was replaced", hand_over=True)
