@@ -326,6 +326,14 @@ class RecorderState(str, enum.Enum):
         return self in (RecorderState.ENDED, RecorderState.FAILED)
 
 
+class Present(msgspec.Struct, frozen=True):
+    """A client that is connected: `who` in words; `identity` tells operators apart, empty for who only looks."""
+
+    who: str
+    since_ns: int
+    identity: str = ""
+
+
 class Status(msgspec.Struct, frozen=True):
     """A logger at a glance. Times are nanoseconds since 1970; `lost` counts samples that could not be
     kept, all elements together."""
@@ -361,6 +369,11 @@ class Status(msgspec.Struct, frozen=True):
     recorders: int = 0  # endless recordings that are under way
     derived: int = 0  # signals that are computed from elements
     room_bytes: int = 0  # that buffers of the next start may take: what is free, and what the present ones have
+    disk_free_bytes: int = 0  # where its files are saved; both 0 where that isn't known
+    disk_bytes: int = 0
+    alarm: str = ""  # the worst of the limits that are violated now, in the letters of LimitWord
+    alarms: int = 0  # how many are
+    clients: list[Present] = []  # who is connected, first come first; the first twenty
 
 
 class Table(msgspec.Struct, frozen=True):

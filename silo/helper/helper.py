@@ -151,7 +151,7 @@ class Helper:
             at_end.callback(token.undeclare)
             ended = self._follow_robot(mirror, events, saver, path)
             if ended is _Ended.DIED:
-                dead_mark(path).touch()  # first of all: who looks for the program may find its next start already
+                _tell_death(path, publisher)
             marks.stop()  # recordings have them, too
             # a helper process that comes after this one goes on with what was recorded, unless the logger is closed
             recording.stop(forget=ended is not _Ended.FILES_DELETED and not self._term_s)
@@ -166,7 +166,7 @@ class Helper:
                 within_s = math.inf if self._gave_up else CAPTURES_GRACE_S
                 judge.stop(ending, hand_over=self._gave_up, within_s=within_s)
                 journaling.stop()
-                events.publish(EventKind.CLOSED, "the robot program closed its logger")
+                _tell_end(events, publisher)
                 saver.stop(SAVE_GRACE_S)
             else:
                 self._robot.lost()
@@ -298,6 +298,17 @@ class Helper:
         self._term_s = time.monotonic()
         with contextlib.suppress(BlockingIOError):
             os.eventfd_write(self._wake, 1)
+
+
+def _tell_death(path: Path, publisher: Publisher) -> None:
+    """First of all: who looks for the program may find its next start already, and saving takes time."""
+    dead_mark(path).touch()
+    publisher.summary.die()
+
+
+def _tell_end(events: Events, publisher: Publisher) -> None:
+    events.publish(EventKind.CLOSED, "the robot program closed its logger")
+    publisher.summary.close()
 
 
 def _ready(descriptors: list[int]) -> bool:

@@ -23,7 +23,7 @@ import zenoh
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
 from silo.ipc.discovery import discover, seen_now
-from silo.ipc.exchange import encoded, exchange, key_of, root_at
+from silo.ipc.exchange import exchange, key_of, root_at
 from silo.ipc.found import Found
 from silo.ipc.messages import AnyReply, Hello, HelloReply, Request
 from silo.ipc.published import Event
@@ -54,24 +54,6 @@ class Attachable(Protocol):
 
     def detach(self) -> None:
         """The session is about to be closed."""
-
-
-class Pending:
-    """A request whose answer nobody waits for: it is looked at when it has come."""
-
-    def __init__(self, session: zenoh.Session, key: str, request: Request[Any], timeout_s: float) -> None:
-        # not a ring: it loses what it holds when the query ends
-        self._replies = session.get(key, zenoh.handlers.FifoChannel(4), payload=encoded(request), timeout=timeout_s)
-
-    def poll(self) -> tuple[bool, bytes | None]:
-        """Return whether it has come to its end, and with what."""
-        try:
-            reply = self._replies.try_recv()
-        except zenoh.ZError:
-            return True, None
-        if reply is None:
-            return False, None
-        return True, reply.ok.payload.to_bytes() if reply.ok is not None else None
 
 
 class Connection:
@@ -114,7 +96,9 @@ class Connection:
         attached: list[Attachable] = []
         try:
             root = root_at(borrowed, found, timeout_s)
-            question = Hello(version=VERSION, client=self._who)
+            # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
+            client_id = secrets.token_hex(8)
+            question = Hello(version=VERSION, client=self._who, id=client_id)
             key = key_of(question, root)
             reply, root = exchange(session, key, question, timeout_s + borrowed.slack_s, self.label_of(found))
             dead = _state_of(reply) is State.DEAD
@@ -125,8 +109,6 @@ class Connection:
             declared.append(alive)
             events = session.declare_subscriber(root.key("event"), zenoh.handlers.RingChannel(256))
             declared.append(events)
-            # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
-            client_id = secrets.token_hex(8)
             declared.append(session.liveliness().declare_token(root.key("client", client_id)))
             with self._lock:
                 attached = list(self._attached)

@@ -4,6 +4,7 @@ The id is drawn by the logger and outlives its helper processes: two robots of o
 
 ask, do          queries: those that read, those that change something
 event            events
+summary          the logger in short
 alive            liveliness token of the helper process
 client/<id>      liveliness token of a client; its views are called `<id>-<number>`
 view/<id>        frames of a view
@@ -20,6 +21,7 @@ _RESERVED = re.compile(r"[%*$?#@\x00-\x20\x7f]")
 VIEW_ID = re.compile(r"[A-Za-z0-9]{1,32}-[0-9]{1,9}")
 
 ANY_ALIVE = "silo/*/*/alive"
+ANY_SUMMARY = "silo/*/*/summary"
 
 
 class Root(NamedTuple):
