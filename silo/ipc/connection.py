@@ -190,6 +190,10 @@ class Connection:
         with self._lock:
             self._attached.discard(one)
 
+    def try_now(self) -> None:
+        """Look for the helper process in the next round, where it is gone; nothing waits."""
+        self._retry_s = 0.0
+
     def on_event(self, callback: Callable[[Event], None]) -> None:
         """Call back for every event, in the thread of the connection."""
         self._event_callbacks.append(callback)

@@ -139,6 +139,13 @@ class Client(
         """
         self._connection.on_link(callback)
 
+    def try_now(self) -> None:
+        """Look for the helper process at once, where the link is lost.
+
+        It is looked for by itself five times a second. This returns before it is found: `connected` and `on_link` tell.
+        """
+        self._connection.try_now()
+
     def close(self) -> None:
         """End views and connection; closing twice is fine."""
         self._connection.close()
