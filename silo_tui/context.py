@@ -109,9 +109,7 @@ class Context:
 
     def allows(self, command: Command) -> bool:
         """Return whether a command may be carried out now; say why when it may not."""
-        return (not command.writes or self._may_write(command.label)) and (
-            not command.asks or self._may_ask(command)
-        )
+        return (not command.writes or self._may_write(command.label)) and (not command.asks or self._may_ask(command))
 
     def _may_write(self, label: str) -> bool:
         if not self.has_session:

@@ -22,6 +22,7 @@ import zenoh
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
+from silo.ipc.asking import Pending
 from silo.ipc.discovery import discover, seen_now
 from silo.ipc.exchange import exchange, key_of, root_at
 from silo.ipc.found import Found
