@@ -5,8 +5,9 @@
 Screens, dialogs and commands import this and never `silo_tui.app`; it imports widgets and what stands below them.
 """
 
-from collections.abc import Callable, Coroutine, Sequence
-from typing import Any, cast
+from collections.abc import Awaitable, Callable, Coroutine, Generator, Sequence
+from functools import partial
+from typing import Any, ParamSpec, cast
 
 from textual import events
 from textual.app import App
@@ -24,6 +25,27 @@ from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
 
 NOT_EDITED = "a saved file: nothing to edit"
+
+Arguments = ParamSpec("Arguments")
+
+
+class Later(Awaitable[object]):
+    """Work that begins when a worker awaits it.
+
+    A coroutine that is handed over instead is left behind, and Python warns of it, where the worker is cancelled before
+    it ran: by the next of its group, or by the end of its screen.
+    """
+
+    def __init__(
+        self,
+        work: Callable[Arguments, Coroutine[Any, Any, object]],
+        *arguments: Arguments.args,
+        **named: Arguments.kwargs,
+    ) -> None:
+        self._begin = partial(work, *arguments, **named)
+
+    def __await__(self) -> Generator[Any, None, object]:
+        return self._begin().__await__()
 
 
 class Held(Dialog[None]):
@@ -248,11 +270,14 @@ class Context:
 
     def learn_scripts(self) -> None:
         """Ask for the names of the scripts, for completion."""
-        self.app.run_worker(self.quietly(self._learn_scripts()), group="scripts", exclusive=True)
+        self.app.run_worker(Later(self._learn_scripts), group="scripts", exclusive=True)
 
     async def _learn_scripts(self) -> None:
-        scripts = await self.link.read(lambda client: client.scripts())
-        self.script_names = tuple(scripts.names)
+        async def ask() -> None:
+            scripts = await self.link.read(lambda client: client.scripts())
+            self.script_names = tuple(scripts.names)
+
+        await self.quietly(ask())
 
     # ----------------------------------------------------------------------------------------------------- screens
 

@@ -12,7 +12,7 @@ from silo.ipc.messages import RefusedWhy
 from silo.settings.words import Settings, completions, read_settings
 from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
-from silo_tui.context import NOT_EDITED, Context, SiloScreen
+from silo_tui.context import NOT_EDITED, Context, Later, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import Layout, read, write
 from silo_tui.model import command_line, text
@@ -155,7 +155,7 @@ class CommandRunner:
             raise ValueError("open which file? for example `:open logs/run.silo`; F lists what is on the robot")
         if not self._context.has_session:
             raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
-        opening = self._open(" ".join(spelled.arguments))
+        opening = Later(self._open, " ".join(spelled.arguments))
         self._context.app.run_worker(opening, group="opening", exclusive=True)
 
     async def _open(self, path: str) -> None:

@@ -15,6 +15,7 @@ from silo.ipc.frames import Frame
 from silo.model import TriggerOptions
 from silo.settings.words import examples
 from silo_tui.actions import bindings_for
+from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
@@ -119,7 +120,7 @@ class TableScreen(ElementsScreen):
         if self._surveying or not due or self.context.upper_screen is not self or not session.connected:
             return
         self._survey_s, self._surveying = now_s, True
-        self.run_worker(self._survey(), group="survey")
+        self.run_worker(Later(self._survey), group="survey")
 
     def _thin_s(self) -> float:
         """Return how long a thin link has to be spared; 0 where it isn't one."""
@@ -230,7 +231,7 @@ class TableScreen(ElementsScreen):
         store = self.session.columns
         if store.gapped and store.names:
             store.past_until_ns = None
-            self.run_worker(self._fill(store, list(store.names)), group="history", exclusive=True)
+            self.run_worker(Later(self._fill, store, list(store.names)), group="history", exclusive=True)
 
     # ------------------------------------------------------------------------------------------------ the view
 
@@ -263,7 +264,7 @@ class TableScreen(ElementsScreen):
         known = set(old.names) if old.column_ns == COLUMN_NS else set()
         missing = [name for name in plots if name not in known]
         if missing and self.session.connected:
-            self.run_worker(self._fill(store, missing), group="history", exclusive=True)
+            self.run_worker(Later(self._fill, store, missing), group="history", exclusive=True)
 
     async def _fill(self, store: ColumnStore, names: list[str]) -> None:
         end = self.source.end_ns
@@ -333,7 +334,7 @@ class TableScreen(ElementsScreen):
         from silo_tui.screens.opened import open_saved
 
         self.run_worker(
-            open_saved(self.context, self.session, self.session.left_files), group="opening", exclusive=True
+            Later(open_saved, self.context, self.session, self.session.left_files), group="opening", exclusive=True
         )
 
     def _edit_chosen(self, answer: str | None) -> None:

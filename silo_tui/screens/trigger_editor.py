@@ -11,6 +11,7 @@ from textual.widgets import Input, Static
 
 from silo.errors import SiloError
 from silo.model import TriggerOptions
+from silo_tui.context import Later
 from silo_tui.modal import Dialog
 from silo_tui.model.conditions import fields_of, options_of_fields, tried_lines
 from silo_tui.sessions.live import Session
@@ -78,7 +79,9 @@ class TriggerEditor(Dialog[TriggerOptions | None]):
     def _try_soon(self) -> None:
         if self._timer is not None:
             self._timer.stop()
-        self._timer = self.set_timer(TRY_AFTER_S, lambda: self.run_worker(self._try(), group="try", exclusive=True))
+        self._timer = self.set_timer(
+            TRY_AFTER_S, lambda: self.run_worker(Later(self._try), group="try", exclusive=True)
+        )
 
     async def _try(self) -> None:
         if not self.query("#trigger-when"):
