@@ -71,7 +71,7 @@ def check(path: Path, thorough: bool) -> tuple[int, int]:
         number = int(element.name.rpartition("s")[2])
         expected = ticks.astype(float) if number == 0 else noise[ticks % 1000, number]
         assert all((entry.values == expected).all() for entry in element.entries), element.name
-    samples = sum(element.count for element in found.elements)
+    samples = sum(element.count for element in found.elements) + len(found.events)
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         assert reader.get_summary().statistics.message_count == samples
