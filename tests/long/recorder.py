@@ -98,7 +98,13 @@ def main() -> int:
     folder = Path(tempfile.mkdtemp(prefix="silo-record-", dir=options.folder))
     runtime = Path(tempfile.mkdtemp(prefix="silo-record-", dir="/dev/shm"))
     os.environ |= {"SILO_RUNTIME_DIR": str(runtime), "XDG_STATE_HOME": str(folder / "state")}
-    command = [sys.executable, "-c", ROBOT, str(folder), *(str(one) for one in (options.signals, options.width, options.ring))]
+    command = [
+        sys.executable,
+        "-c",
+        ROBOT,
+        str(folder),
+        *(str(one) for one in (options.signals, options.width, options.ring)),
+    ]
     robot = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert robot.stdout is not None
     helper = int(robot.stdout.readline())
