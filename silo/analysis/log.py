@@ -49,6 +49,17 @@ class UnknownSignalError(ElementError, KeyError):
 # what others call it
 _OTHER_NAMES = {
     "signals": "list(log) has the names, log['/log/x'] is one of them, log.glob('*') are all",
+    "columns": "list(log) has the names",
+    "head": "it is log.to_pandas().head()",
+    "describe": "it is log.to_pandas().describe(), or `silo stats FILE`",
+    "shape": "log['/log/x'].shape is that of a signal, len(log) counts them",
+    "mean": "it is of a signal: log['/log/x'].mean()",
+    "max": "it is of a signal: log['/log/x'].max()",
+    "min": "it is of a signal: log['/log/x'].min()",
+    "std": "it is of a signal: log['/log/x'].std()",
+    "close": "nothing is to be closed: a log is a value",
+    "filter": "log.names('joints/*') and log.glob('joints/*') choose, log.namespace('joints') is that part of the log",
+    "topics": "list(log) has the names of all signals",
     "time": "it is .times (seconds since start) or .time_ns",
     "duration": "it is .duration_s",
     "elements": "list(log) has the names, log['/log/x'] is one of them",
@@ -98,8 +109,10 @@ class Log(Mapping[str, Signal]):
 
     def __getitem__(self, name: str) -> Signal:
         if not isinstance(name, str):
+            several = isinstance(name, list | tuple) and all(isinstance(one, str) for one in name)
+            way_out = f"[log[name] for name in {shown(name)}] are several" if several else "list(log) has all names"
             raise UnknownSignalError(
-                f"a signal is named by a text, got {shown(name)} ({type(name).__name__}); list(log) has all names"
+                f"a signal is named by a text, got {shown(name)} ({type(name).__name__}); {way_out}"
             )
         found = self._names.find(name)
         if found is None:
@@ -157,6 +170,8 @@ class Log(Mapping[str, Signal]):
 
         def __getattr__(self, name: str) -> Any:
             near = [] if name.startswith("_") else difflib.get_close_matches(name, dir(type(self)), 1, 0.7)
+            if not name.startswith("_") and name not in _OTHER_NAMES and name in self:
+                raise UnknownNameError(f"a log has no '{name}': the signal is log['{name}']", name=name)
             way_out = _OTHER_NAMES.get(
                 name, f"did you mean '{near[0]}'?" if near else "help(silo.Log) lists what there is"
             )

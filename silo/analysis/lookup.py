@@ -43,6 +43,8 @@ class Names:
 
     def hint(self, name: str, more: Sequence[str]) -> str:
         """Return what is said of a name that there isn't; `more` are other names that there are."""
+        if any(letter in name for letter in "*?"):
+            return f"; log.glob({name!r}) are all signals that match"
         near = get_close_matches(name, [*self.elements, *self._entries, *more], 3, 0.5)
         near = near or [key for key in self.elements if name.lower() in key.lower()][:3]
         return (
