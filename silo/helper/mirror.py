@@ -9,6 +9,7 @@ import functools
 import os
 import socket
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from silo.ipc.messages import TableReply
 from silo.judging.derived import derived_infos
 from silo.link.handover import RunOffer
 from silo.link.messages import RobotState
-from silo.model import Derived, ElementInfo, LoggerOptions, State, Status, Storage, Table
+from silo.model import Control, Derived, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
 from silo.runtime import runtime_dir, user_name
 
 FAILED_NAMES = 10  # of the status, which goes with every event
@@ -81,6 +82,7 @@ class Mirror:
         self.user = user_name(os.getuid())
         self.measured_hz = 0.0
         self.durable: tuple[str, int] = ("", 0)  # a run, and how many of its ticks; set by the journal thread
+        self.people: Callable[[], tuple[list[Present], Control | None, bool]] = lambda: ([], None, False)
         self.recorders = 0  # that are under way; set by the thread that watches them
         self._generation = 0
         self._saved: tuple[str, int] = ("", 0)
@@ -270,6 +272,7 @@ class Mirror:
         """Return the logger at a glance."""
         now = self.now
         robot, options = now.robot, now.options
+        clients, control, one_operator = self.people()
         with self._lock:
             reader, durable, problem = self._reader, self.durable_ticks(self.run), ""
             try:
@@ -308,6 +311,9 @@ class Mirror:
             derived=len(now.table.derived),
             room_bytes=_room(self.segment, reader.size_bytes if reader else 0),
             failed=sum(read.failed.values()),
+            clients=clients,
+            control=control,
+            one_operator=one_operator,
             failed_most=dict(sorted(read.failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
         )
 

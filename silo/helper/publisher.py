@@ -8,6 +8,7 @@ import logging
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 
 import zenoh
 
@@ -51,6 +52,7 @@ class Publisher:
             root.key("client", "*"), zenoh.handlers.RingChannel(256), history=True
         )
         self._clients: set[str] = set()
+        self._on_gone: Callable[[str], None] = lambda client: None
         self._views: dict[str, View] = {}
         # to be undeclared by the thread that uses them: zenoh raises RuntimeError when two use one at the same time
         self._closed: list[zenoh.Publisher] = []
@@ -79,10 +81,18 @@ class Publisher:
         self._wake.set()
         self._thread.join()
 
+    def on_gone(self, callback: Callable[[str], None]) -> None:
+        """Call back, in the publisher's thread, with every client that has left."""
+        self._on_gone = callback
+
     @property
     def clients(self) -> int:
         """Clients that are there, by their liveliness tokens."""
         return len(self._clients)
+
+    def is_there(self, client: str) -> bool:
+        """Return whether a client is there."""
+        return client in self._clients
 
     def open_view(self, request: OpenView) -> ViewOpened | Refused:
         """Open, replace or renew a view."""
@@ -212,6 +222,7 @@ class Publisher:
                     self._clients.add(client)
                 continue
             self._clients.discard(client)
+            self._on_gone(client)
             self.streams.close_all_of(client)
             with self._lock:
                 ended = [view for view in [*self._views, *self._failed] if keys.client_of_view(view) == client]

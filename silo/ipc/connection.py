@@ -25,7 +25,7 @@ from silo.ipc import keys
 from silo.ipc.discovery import discover, seen_now
 from silo.ipc.exchange import encoded, exchange, key_of, root_at
 from silo.ipc.found import Found
-from silo.ipc.messages import AnyReply, Hello, HelloReply, Request
+from silo.ipc.messages import AnyReply, Do, Hello, HelloReply, Request
 from silo.ipc.published import Event
 from silo.ipc.remotes import LOCAL
 from silo.ipc.session import owner_is_gone
@@ -58,9 +58,15 @@ class Attachable(Protocol):
 class Pending:
     """A request whose answer nobody waits for: it is looked at when it has come."""
 
-    def __init__(self, session: zenoh.Session, key: str, request: Request[Any], timeout_s: float) -> None:
+    def __init__(self, mine: Borrowed, root: keys.Root, request: Request[Any], timeout_s: float) -> None:
         # not a ring: it loses what it holds when the query ends
-        self._replies = session.get(key, zenoh.handlers.FifoChannel(4), payload=encoded(request), timeout=timeout_s)
+        self._replies = mine.session.get(
+            key_of(request, root, mine.user),
+            zenoh.handlers.FifoChannel(4),
+            payload=encoded(request),
+            timeout=timeout_s + mine.slack_s,
+            attachment=mine.proof if request.key == Do.key else None,
+        )
 
     def poll(self) -> tuple[bool, bytes | None]:
         """Return whether it has come to its end, and with what."""
@@ -111,9 +117,10 @@ class Connection:
         attached: list[Attachable] = []
         try:
             root = root_at(borrowed, found, timeout_s)
-            question = Hello(version=VERSION, client=self._who)
-            key = key_of(question, root)
-            reply, root = exchange(session, key, question, timeout_s + borrowed.slack_s, self.label_of(found))
+            # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
+            client_id = secrets.token_hex(8)
+            question = Hello(version=VERSION, client=self._who, id=client_id)
+            reply = exchange(borrowed, root, question, timeout_s, self.label_of(found))
             dead = _state_of(reply) is State.DEAD
             # with history, as the end of a token that was there before goes untold without
             alive = session.liveliness().declare_subscriber(
@@ -122,8 +129,6 @@ class Connection:
             declared.append(alive)
             events = session.declare_subscriber(root.key("event"), zenoh.handlers.RingChannel(256))
             declared.append(events)
-            # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
-            client_id = secrets.token_hex(8)
             declared.append(session.liveliness().declare_token(root.key("client", client_id)))
             with self._lock:
                 attached = list(self._attached)
@@ -186,12 +191,29 @@ class Connection:
             )
         return session
 
-    def exchange(self, request: Request[Any], timeout_s: float, *, key: str = "") -> AnyReply:
+    def borrowed(self) -> Borrowed:
+        """Return what requests go through. Raises ConnectionLostError while there is no session."""
+        borrowed = self._borrowed
+        if borrowed is None:
+            self.session()  # raises, with the reason
+            raise ConnectionLostError(f"the connection to {self.label_of(self.found)} ends; try again")
+        return borrowed
+
+    @property
+    def user(self) -> str:
+        """The name under which changes go out; empty on this computer."""
+        user = self.borrowed().user
+        return "" if user == keys.LOCAL_SENDER else user
+
+    @property
+    def address(self) -> str:
+        """The logger, as its users type it."""
+        return f"{self.found.host}/{self.found.name}" if self.found.config else self.found.name
+
+    def exchange(self, request: Request[Any], timeout_s: float, *, as_change: bool = False) -> AnyReply:
         """Ask and wait. Raises ConnectionLostError."""
-        session, borrowed = self.session(), self._borrowed
-        slack_s = borrowed.slack_s if borrowed is not None else 0.0
-        target = self.root.key(key) if key else key_of(request, self.root)
-        return exchange(session, target, request, timeout_s + slack_s, self.label_of(self.found))[0]
+        label = self.label_of(self.found)
+        return exchange(self.borrowed(), self.root, request, timeout_s, label, as_change=as_change)
 
     def attach(self, one: Attachable) -> None:
         """Subscribe something now and in every later session."""

@@ -14,12 +14,12 @@ from pathlib import Path
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
-from silo.ipc.configuration import find_file, from_file
+from silo.ipc.configuration import find_file, from_file, user_of
 from silo.ipc.exchange import ask_once
 from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders
 from silo.ipc.found import Found, is_glob, told_apart
 from silo.ipc.messages import Hello
-from silo.ipc.probing import Layer, LayerError, user_of
+from silo.ipc.probing import Layer, LayerError
 from silo.ipc.remotes import LOCAL, remotes
 from silo.ipc.session import SOCKET_SUFFIX, dead_mark, key_file, owner_is_gone
 from silo.ipc.sessions import borrowed

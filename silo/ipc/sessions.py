@@ -5,6 +5,7 @@ and is closed when the last of its users gives it back.
 """
 
 import logging
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,9 +15,11 @@ from typing import Any
 
 import zenoh
 
-from silo.ipc.configuration import find_file
+from silo.ipc import keys
+from silo.ipc.configuration import find_file, from_file, user_of
 from silo.ipc.probing import REACH_S, reach
-from silo.ipc.session import close, open_client
+from silo.ipc.session import close, group_file, open_client, own_file
+from silo.runtime import user_name
 
 WAITED_TRIPS = 4  # of an answer, beyond the time that it may take where there is no way
 
@@ -33,11 +36,16 @@ class _Shared:
 
 @dataclass(frozen=True)
 class Borrowed:
-    """A session to talk through, and the round trip time of its link in s, 0 on this computer."""
+    """A session to talk through, and the round trip time of its link in s, 0 on this computer.
+
+    Changes go out under the name `user`; with `proof` where a group shares the socket.
+    """
 
     session: zenoh.Session
     config: str
     rtt_s: float = 0.0
+    user: str = keys.LOCAL_SENDER
+    proof: bytes | None = None
 
     @property
     def slack_s(self) -> float:
@@ -55,7 +63,7 @@ def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> Borrowed:
     Raises ConnectionLostError, with the layer that fails where it is a network.
     """
     if socket_path:
-        return Borrowed(open_client(Path(socket_path)), "")
+        return Borrowed(open_client(Path(socket_path)), "", proof=_proof(Path(socket_path)))
     path = find_file(config)
     with _guard:
         shared = _shared.setdefault(path, _Shared())
@@ -66,10 +74,21 @@ def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> Borrowed:
                 reached = reach(path, reach_s)
                 shared.session = open_client(None, path, reached)
                 shared.rtt_s = reached.rtt_s
-            return Borrowed(shared.session, path, shared.rtt_s)
+            return Borrowed(shared.session, path, shared.rtt_s, user_at(path))
     except BaseException:
         _leave(path)
         raise
+
+
+def user_at(path: str) -> str:
+    """Return under which name a configuration has changes sent: its own, else that of who runs this program."""
+    return user_of(from_file(path)) or user_name(os.getuid())
+
+
+def _proof(path: Path) -> bytes | None:
+    """Return what tells the robot's own user from a group that shares its socket; None where none does."""
+    file = next((file for file in (own_file(path), group_file(path)) if os.access(file, os.R_OK)), None)
+    return file.read_bytes() if file is not None else None
 
 
 def give_back(borrowed: Borrowed) -> None:

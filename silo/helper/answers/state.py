@@ -7,9 +7,12 @@ from silo.version import VERSION
 
 
 @answers_to(Hello)
-def _hello(parts: Parts, _: Hello) -> HelloReply:
+def _hello(parts: Parts, request: Hello) -> HelloReply:
+    if request.id:
+        parts.operators.know(request.id, request.client)
     # a client that gets this from the key `do` too may edit
-    return HelloReply(PROTOCOL, VERSION, parts.mirror.user, True, parts.mirror.status(), OLDEST)
+    status, closed = parts.mirror.status(), parts.operators.closed()
+    return HelloReply(PROTOCOL, VERSION, parts.mirror.user, True, status, OLDEST, closed)
 
 
 @answers_to(GetStatus)
