@@ -392,6 +392,10 @@ class Status(msgspec.Struct, frozen=True):
     recorders: int = 0  # endless recordings that are under way
     derived: int = 0  # signals that are computed from elements
     room_bytes: int = 0  # that buffers of the next start may take: what is free, and what the present ones have
+    disk_free_bytes: int = 0  # where its files are saved; both 0 where that isn't known
+    disk_bytes: int = 0
+    alarm: str = ""  # the worst of the limits that are violated now, in the letters of LimitWord
+    alarms: int = 0  # how many are
     clients: list[Present] = []  # who is connected, first come first; the first twenty
     control: Control | None = None  # who alone may change it now; None: nobody took control
     one_operator: bool = False  # whether changes need control: `serve(control="one")`

@@ -221,7 +221,7 @@ class SiloApp(App[None]):
         if event.kind is EventKind.SAVE_FAILED and not own and not self.screen.is_modal:
             context.fail(event.text)
         elif event.kind not in QUIET_KINDS and not own:
-            told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else event.text
+            told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else session.table.shown(event.text)
             context.say(told + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             context.table_changed()
@@ -254,6 +254,9 @@ class SiloApp(App[None]):
         from silo_tui.screens.save_data import SaveDialog
 
         self.push_screen(SaveDialog(self.context))
+
+    def command_try_link(self) -> None:
+        self.context.try_link()
 
     def command_suspend(self) -> None:
         self.action_suspend_process()

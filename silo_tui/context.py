@@ -109,9 +109,7 @@ class Context:
 
     def allows(self, command: Command) -> bool:
         """Return whether a command may be carried out now; say why when it may not."""
-        return (not command.writes or self._may_write(command.label)) and (
-            not command.asks or self._may_ask(command.label)
-        )
+        return (not command.writes or self._may_write(command.label)) and (not command.asks or self._may_ask(command))
 
     def _may_write(self, label: str) -> bool:
         if not self.has_session:
@@ -124,11 +122,22 @@ class Context:
             return False
         return True
 
-    def _may_ask(self, label: str) -> bool:
+    def _may_ask(self, command: Command) -> bool:
         if not self.has_session or self.session.connected:
             return True
-        self.say(f"{label}: no link to {self.session.name}; it is tried again by itself")
+        if command.retries:
+            self.try_link()
+        else:
+            self.say(f"{command.label}: no link to {self.session.name}; r tries now")
         return False
+
+    def try_link(self) -> None:
+        """Look for the logger at once, where the link is lost."""
+        if self.session.connected:
+            self.say("the link is there")
+        else:
+            self.session.try_now()
+            self.say(f"no link to {self.session.name}: trying now")
 
     def offer_edits(self) -> None:
         """Offer what an earlier start kept, where there is any."""
@@ -189,6 +198,7 @@ class Context:
 
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""
+        words = self.session.table.shown(words) if self.has_session else words
         if self.has_session and self.session.dead and self.session.status.reason:  # which the banner says
             words = words.replace(self.session.status.reason, "the robot program is gone")
         screen = self.upper_screen

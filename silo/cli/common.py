@@ -144,10 +144,15 @@ def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str
     """Return a leading name or address of a logger, if there is one, and the other words, patterns and settings.
 
     A word with a `/` in it is an address where a logger that is there has it, else a pattern. With `or_pattern`, a
-    plain word that names no logger is a pattern too, as long as only one logger can be meant.
+    plain word that names no logger is a pattern too, as long as only one logger can be meant. A URL names its logger,
+    and perhaps an element.
     """
+    from silo.ipc.addresses import is_url, parse_url
     from silo.ipc.found import ADDRESS
 
+    if words and is_url(words[0]):
+        url = parse_url(words[0])
+        return url.logger, [*([url.element] if url.element else []), *words[1:]]
     if not words or not ADDRESS.fullmatch(words[0]):
         return None, list(words)
     if "/" in words[0] and "~" not in words[0] and not discovered().named(words[0]):

@@ -36,9 +36,18 @@ Slow = tuple[zenoh.Query, SlowAsk[Any], int, float]  # with its bytes, and until
 class Control:
     """Owns the control threads."""
 
-    def __init__(self, session: zenoh.Session, root: Root, answers: Answers, door: Door, operators: Operators) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        root: Root,
+        answers: Answers,
+        door: Door,
+        operators: Operators,
+        know: Callable[[str, str, str], None],
+    ) -> None:
+        """`know` takes the id of a client, who it is in words, and its identity."""
         self._root = root
-        self._door, self._operators = door, operators
+        self._door, self._operators, self._know = door, operators, know
         self._answers = answers
         # when more wait, the oldest are dropped, and their clients get an empty answer at once
         self._asked = session.declare_queryable(root.key("ask"), zenoh.handlers.RingChannel(MAX_WAITING))
@@ -121,7 +130,7 @@ class Control:
             return sender
         if isinstance(request, Hello):
             if request.id:
-                self._operators.know(request.id, sender.words, sender.identity)
+                self._know(plain(request.id), sender.words, sender.identity)
             return msgspec.structs.replace(request, id="")
         self._operators.asking = sender
         return self._operators.refused(request, sender) or msgspec.structs.replace(request, client=sender.words)

@@ -140,30 +140,28 @@ class Helper:
             log.warning("%s: no changes are taken from the network: %s", self._name, door.admission.why)
         return door
 
-    def _people(self, path: Path, mirror: Mirror, events: Events, publisher: Publisher) -> tuple[Door, Operators]:
+    def _people(self, path: Path, mirror: Mirror, events: Events) -> tuple[Door, Operators]:
         one, door = self._serving.control == "one", self._door(path)
-        operators = self._operators = Operators(events, self._name, one=one, closed=lambda: door.closed)
-        mirror.people = lambda: (operators.present(publisher.is_there), operators.control, operators.one)
-        publisher.on_gone(operators.gone)
+        operators = self._operators = Operators(events, mirror, self._name, one=one, closed=lambda: door.closed)
+        mirror.control = lambda: (operators.control, operators.one)
         return door, operators
 
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
         mirror = Mirror(first)
         self._take_runs(mirror)
-        root = self._root
-        events = Events(session, root, mirror, EventLog(first.folder, first.logger))
+        events = Events(session, self._root, mirror, EventLog(first.folder, first.logger))
         marks = self._marks = Marks(mirror, events)
-        publisher = Publisher(session, root, mirror, events)
+        publisher = Publisher(session, self._root, mirror, events)
         saver = Saver(mirror, events, self._robot)
         journaling = Journaling(mirror, events)
         judge = self._judge = Judge(mirror, events)
         recording = self._recording = Recording(mirror, events)
-        people = self._people(path, mirror, events, publisher)
+        people = self._people(path, mirror, events)
         answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording, people[1])
-        control = Control(session, root, answers, *people)
+        control = Control(session, self._root, answers, *people, publisher.name_client)
         for part in (marks, publisher, saver, journaling, judge, recording, control):
             part.start()
-        token = session.liveliness().declare_token(root.key("alive"))
+        token = session.liveliness().declare_token(self._root.key("alive"))
         predecessors = PredecessorRecovery(mirror, events)
         self._robot.send(LinkReply(READY, Done(str(path))))
         predecessors.start()
@@ -181,10 +179,10 @@ class Helper:
             at_end.callback(token.undeclare)
             ended = self._follow_robot(mirror, events, saver, path)
             if ended is _Ended.DIED:
-                dead_mark(path).touch()  # first of all: who looks for the program may find its next start already
+                _tell_death(path, publisher)
+            marks.stop()  # recordings have them, too
             # a helper process that comes after this one goes on with what was recorded, unless the logger is closed
             recording.stop(forget=ended is not _Ended.FILES_DELETED and not self._term_s)
-            marks.stop()
             if ended is _Ended.FILES_DELETED:
                 self._exit_code = FILES_DELETED
                 judge.stop("the helper process was replaced", hand_over=True)
@@ -196,7 +194,7 @@ class Helper:
                 within_s = math.inf if self._gave_up else CAPTURES_GRACE_S
                 judge.stop(ending, hand_over=self._gave_up, within_s=within_s)
                 journaling.stop()
-                events.publish(EventKind.CLOSED, "the robot program closed its logger")
+                _tell_end(events, publisher)
                 saver.stop(SAVE_GRACE_S)
             else:
                 self._robot.lost()
@@ -330,6 +328,17 @@ class Helper:
         self._term_s = time.monotonic()
         with contextlib.suppress(BlockingIOError):
             os.eventfd_write(self._wake, 1)
+
+
+def _tell_death(path: Path, publisher: Publisher) -> None:
+    """First of all: who looks for the program may find its next start already, and saving takes time."""
+    dead_mark(path).touch()
+    publisher.summary.die()
+
+
+def _tell_end(events: Events, publisher: Publisher) -> None:
+    events.publish(EventKind.CLOSED, "the robot program closed its logger")
+    publisher.summary.close()
 
 
 def _ready(descriptors: list[int]) -> bool:

@@ -1,4 +1,4 @@
-"""Who is connected, and who has control: one operator at a time, where somebody took it or the program wants it so.
+"""Who has control: one operator at a time, where somebody took it or the program wants it so.
 
 Control is leased: it ends with a client that dies, or whose link does. It doesn't outlive the helper process, but its
 owner's next renewal takes it again.
@@ -12,54 +12,30 @@ from collections.abc import Callable
 from silo.amounts import duration
 from silo.helper.door import Sender
 from silo.helper.events import Events, plain
+from silo.helper.mirror import Mirror
 from silo.ipc.messages import AnyDo, Done, GiveControl, Refused, RefusedWhy, TakeControl
 from silo.ipc.published import EventKind
 from silo.ipc.senders import name_of
-from silo.model import Control, Present
+from silo.model import Control
 
 LONGEST_LEASE_S = 24 * 3600.0
 GIVEN_S = 60.0  # in which whom it is given to must renew it
-MOST_TOLD = 20  # of those who are connected, in a status that goes with every event
-MOST_KNOWN = 1000
 NOBODY = Sender("", "nobody")
 
 
 class Operators:
     """Whose changes are done now. Any thread may ask."""
 
-    def __init__(self, events: Events, logger: str, *, one: bool = False, closed: Callable[[], str] = str) -> None:
+    def __init__(
+        self, events: Events, mirror: Mirror, logger: str, *, one: bool = False, closed: Callable[[], str] = str
+    ) -> None:
         """`one`: nothing is changed but by who has control; `closed` tells why nothing is from the network, if so."""
         self.closed = closed
-        self._events, self._logger, self._one = events, logger, one
+        self._events, self._mirror, self._logger, self._one = events, mirror, logger, one
         self._lock = threading.Lock()
         self._holder: Control | None = None
         self._until_s = -math.inf  # monotonic
-        self._present: dict[str, Present] = {}
         self.asking = NOBODY  # whose request is done now; requests that change something are done one after the other
-
-    # ------------------------------------------------------------------------------------------------ who is there
-
-    def know(self, client: str, who: str, identity: str = "") -> None:
-        """A client says who it is: with a change's key (and an identity) it is known, else it is what it says."""
-        with self._lock:
-            known = self._present.get(client)
-            if (known is not None and known.identity and not identity) or len(self._present) >= MOST_KNOWN:
-                return
-            since_ns = known.since_ns if known is not None else time.time_ns()
-            self._present[client] = Present(plain(who), since_ns, identity)
-
-    def gone(self, client: str) -> None:
-        """A client has left."""
-        with self._lock:
-            self._present.pop(client, None)
-
-    def present(self, there: Callable[[str], bool]) -> list[Present]:
-        """Return who is connected, first come first; `there` tells of a client whether it is."""
-        with self._lock:
-            found = [one for client, one in self._present.items() if there(client)]
-        return sorted(found, key=lambda one: one.since_ns)[:MOST_TOLD]
-
-    # ----------------------------------------------------------------------------------------------- who has control
 
     @property
     def control(self) -> Control | None:
@@ -134,7 +110,7 @@ class Operators:
         """Hand control over to a user who is connected and was let in."""
         with self._lock:
             before = self._now()
-            known = {one.identity: one for one in self._present.values() if one.identity}
+            known = {one.identity: one for one in self._mirror.clients if one.identity}
             names = {name_of(identity): identity for identity in known}
             identity = request.to if request.to in known else names.get(request.to, "")
             if before is not None and before.identity != sender.identity:

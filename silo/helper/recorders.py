@@ -158,7 +158,8 @@ class Recording:
                 text = f"there are {names}" if names else "nothing is being recorded"
                 what = f"no recording is called '{request.name[:80]}'" if request.name else "say which recording"
                 return Refused(RefusedWhy.NOT_FOUND, f"{what}: {text}; nothing was stopped")
-            recorder.finish(f"stopped by {request.client}" if request.client else "stopped")
+            why = f"stopped by {request.client}" if request.client else "stopped"
+            recorder.finish(why, self._events.log.newest)
         over = recorder.ended.wait(END_S)
         with self._lock:
             if over:
@@ -182,17 +183,18 @@ class Recording:
                 self._follow(recorder)
 
     def _follow(self, recorder: RecorderProcess) -> None:
-        if self._mirror.run and recorder.run != self._mirror.run:
-            try:
-                reader = self._mirror.open_reader()
-            except SegmentError as error:
-                log.warning("a run can't be recorded: %s", error)
-                return
-            if reader is not None:
-                recorder.follow(
-                    reader.schema.run, reader.path, reader.fileno(), self._mirror.now.robot.extras.derived
-                )  # fmt: skip
-                reader.close()
+        extras = self._mirror.now.robot.extras
+        if not self._mirror.run or recorder.run == self._mirror.run:
+            recorder.change(extras)
+            return
+        try:
+            reader = self._mirror.open_reader()
+        except SegmentError as error:
+            log.warning("a run can't be recorded: %s", error)
+            return
+        if reader is not None:
+            recorder.follow(reader.schema.run, reader.path, reader.fileno(), extras)
+            reader.close()
 
     def stop(self, *, forget: bool) -> None:
         """Have all of them finish; returns at once. `forget`: no helper process after this one goes on with them."""
@@ -200,8 +202,9 @@ class Recording:
             self._stopping = True
             if forget:
                 store(self._kept, [])
+            why = "the logger was closed, or its program ended" if forget else "the helper process ends"
             for recorder in self._recorders.values():
-                recorder.finish("the logger was closed, or its program ended" if forget else "the helper process ends")
+                recorder.finish(why, self._events.log.newest)
         self._poke()
 
     def wait(self, timeout_s: float | None = None) -> None:

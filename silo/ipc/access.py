@@ -18,7 +18,7 @@ _OFFERED = ["put", "delete", "reply", "declare_queryable", "liveliness_token"]
 _ASKED = [
     "query", "declare_subscriber", "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
 ]  # fmt: skip
-WATCHED = ("event", "view/*", "stream/*", "topic/**", "alive", "client/*")
+WATCHED = ("event", "view/*", "stream/*", "topic/**", "alive", "client/*", "summary")
 
 
 def host_part(host: str) -> str:

@@ -22,10 +22,11 @@ import zenoh
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
+from silo.ipc.asking import Pending
 from silo.ipc.discovery import discover, seen_now
-from silo.ipc.exchange import encoded, exchange, key_of, root_at
+from silo.ipc.exchange import exchange, root_at
 from silo.ipc.found import Found
-from silo.ipc.messages import AnyReply, Do, Hello, HelloReply, Request
+from silo.ipc.messages import AnyReply, Hello, HelloReply, Request
 from silo.ipc.published import Event
 from silo.ipc.remotes import LOCAL
 from silo.ipc.session import owner_is_gone
@@ -39,6 +40,7 @@ HELLO_TIMEOUT_S = 1.0
 DEAD_SCAN_S = 0.5
 TOKEN_POLL_S = 0.001
 LOOK_S = 1.0
+LEFT_S = 10.0  # a helper process that is there may be kept from answering; a query ends at once where its link has gone
 REACH_S = 2.0  # its thread looks for the way again and again, and is to end soon
 
 log = logging.getLogger("silo.client")
@@ -53,30 +55,6 @@ class Attachable(Protocol):
 
     def detach(self) -> None:
         """The session is about to be closed."""
-
-
-class Pending:
-    """A request whose answer nobody waits for: it is looked at when it has come."""
-
-    def __init__(self, mine: Borrowed, root: keys.Root, request: Request[Any], timeout_s: float) -> None:
-        # not a ring: it loses what it holds when the query ends
-        self._replies = mine.session.get(
-            key_of(request, root, mine.user),
-            zenoh.handlers.FifoChannel(4),
-            payload=encoded(request),
-            timeout=timeout_s + mine.slack_s,
-            attachment=mine.proof if request.key == Do.key else None,
-        )
-
-    def poll(self) -> tuple[bool, bytes | None]:
-        """Return whether it has come to its end, and with what."""
-        try:
-            reply = self._replies.try_recv()
-        except zenoh.ZError:
-            return True, None
-        if reply is None:
-            return False, None
-        return True, reply.ok.payload.to_bytes() if reply.ok is not None else None
 
 
 class Connection:
@@ -97,6 +75,8 @@ class Connection:
         self._dead = False
         self._lost_s = 0.0
         self._retry_s = 0.0
+        self._looked_s = time.monotonic()
+        self._asked: Pending | None = None  # whether the helper process is there still
         self._problem = ""  # why the helper process that is there now can't be asked
         self.sessions = 0  # counts up with every session: views must be opened anew
         self._known: set[str] = set()  # who was there when we came: other robots, whatever their names
@@ -158,6 +138,7 @@ class Connection:
             borrowed, self._borrowed = self._borrowed, None
             attached = list(self._attached)
         self._lost_s, self._retry_s = time.monotonic(), 0.0
+        self._asked = None
         for one in attached:
             one.detach()
         if session is not None and borrowed is not None:
@@ -226,6 +207,10 @@ class Connection:
         with self._lock:
             self._attached.discard(one)
 
+    def try_now(self) -> None:
+        """Look for the helper process in the next round, where it is gone; nothing waits."""
+        self._retry_s = 0.0
+
     def on_event(self, callback: Callable[[Event], None]) -> None:
         """Call back for every event, in the thread of the connection."""
         self._event_callbacks.append(callback)
@@ -245,16 +230,12 @@ class Connection:
     def _watch(self) -> None:
         main = threading.main_thread()
         scanned_s = 0.0
-        looked_s = time.monotonic()
         while not self._stop.wait(POLL_S) and main.is_alive():
             if self._session is None:
                 self._try_again()
                 continue
-            self._hand_out_events()
-            gone = self._is_gone()
-            if not gone and time.monotonic() - looked_s > LOOK_S:
-                looked_s = time.monotonic()
-                gone = self._has_left()
+            gone = self._is_gone() or self._has_left()
+            self._hand_out_events()  # after that look: what was told until the end is heard
             if gone:
                 self._lose()
                 continue
@@ -276,12 +257,16 @@ class Connection:
 
         One whose socket somebody deleted still answers, and tells so.
         """
-        if not self.found.socket or not owner_is_gone(Path(self.found.socket)):
+        if self._asked is not None:
+            ended, answer = self._asked.poll()
+            self._asked = None if ended else self._asked
+            return ended and answer is None
+        if time.monotonic() - self._looked_s < LOOK_S:
             return False
-        try:
-            self.exchange(Hello(version=VERSION, client=self._who), HELLO_TIMEOUT_S)
-        except ConnectionLostError:
-            return True
+        self._looked_s = time.monotonic()
+        if self.found.socket and owner_is_gone(Path(self.found.socket)):
+            question = Hello(version=VERSION, client=self._who)
+            self._asked = Pending(self.borrowed(), self.root, question, LEFT_S)
         return False
 
     def _hand_out_events(self) -> None:

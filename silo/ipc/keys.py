@@ -6,6 +6,7 @@ ask              queries that read
 do/<user>        queries that change something, by users of a network: rules admit each to its own key
 do/@local        the same by the logger's Unix socket (no wildcard of a rule fits a part that begins with `@`)
 event            events
+summary          the logger in short
 alive            liveliness token of the helper process
 client/<id>      liveliness token of a client; its views are called `<id>-<number>`
 view/<id>        frames of a view
@@ -24,6 +25,7 @@ VIEW_ID = re.compile(r"[A-Za-z0-9]{1,32}-[0-9]{1,9}")
 ANY_ALIVE = "silo/*/*/alive"
 ANY_DO = "silo/*/*/do/*"
 LOCAL_SENDER = "@local"  # in place of a user, by the Unix socket
+ANY_SUMMARY = "silo/*/*/summary"
 
 
 class Root(NamedTuple):

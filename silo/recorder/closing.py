@@ -100,9 +100,9 @@ def close_part(path: Path) -> ClosedPart:
     with _claimed(path) as file:
         scan = _scanned(file, path)
         facts = scan.facts
-        samples = sum(scan.counts.values())
+        samples = facts.samples(scan.counts) if facts is not None else 0
         run, recorder = (facts.run, facts.recorder) if facts is not None else ("", "")
-        if not samples:
+        if not any(scan.counts.values()):
             path.unlink()
             return ClosedPart(path, 0, 0, run, recorder, scan.next_rows)
         if final.exists():
@@ -128,7 +128,7 @@ def finished_part(path: Path) -> ClosedPart | None:
         return None
     if scan.facts is None:
         return None
-    samples = sum(scan.counts.values())
+    samples = scan.facts.samples(scan.counts)
     return ClosedPart(path, found.st_size, samples, scan.facts.run, scan.facts.recorder, scan.next_rows, found.st_ino)
 
 

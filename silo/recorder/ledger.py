@@ -94,7 +94,7 @@ class Ledger:
         One that was killed right before it noted a part, or its end, leaves that to its successor.
         """
         names = {entry.name for entry in self.written.parts}
-        ours = {part.path.name: part for part in closed if part.recorder == self.name and part.samples}
+        ours = {part.path.name: part for part in closed if part.recorder == self.name and part.size_bytes}
         self.written.parts += [PartEntry(name, part.inode) for name, part in ours.items() if name not in names]
         for entry in self.written.parts:
             found = self._ours(entry)

@@ -12,6 +12,7 @@ import time
 from collections import deque
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from silo.collecting.derived_rows import with_derived
@@ -19,8 +20,11 @@ from silo.collecting.rows import Rows
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
-from silo.model import RecorderState
+from silo.files.event_log import newest_number
+from silo.files.part_facts import EVENTS_RING
+from silo.model import Extras, RecorderState
 from silo.recorder.draining import MOST_PERIOD_S, Drain, Drained
+from silo.recorder.happening import Happening
 from silo.recorder.layout import ending, layout_of
 from silo.recorder.ledger import Ledger
 from silo.recorder.orders import (
@@ -32,9 +36,10 @@ from silo.recorder.orders import (
     Report,
     decode_command,
     encode,
+    extras_of,
 )
 from silo.recorder.resuming import Closing, left_rows
-from silo.recorder.writing import Disk, RunBegins, RunEnds, Writing
+from silo.recorder.writing import Disk, ExtrasChange, Look, RunBegins, RunEnds, Writing
 
 FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
 FLUSH_BYTES = 4 << 20
@@ -59,7 +64,9 @@ class Recorder:
         self._pending = Drained()
         self._flushed_s = self._reported_s = self._released_s = time.monotonic()
         self._why = ""
+        self._until = 0  # the event that the log is to have at the end
         self._first = True
+        self._announced = False  # the present run, to the writing thread
         self._early: list[Drained] = []  # read while a predecessor's part was closed
         self._next_since_s = 0.0
         self._news: list[str] = []
@@ -129,28 +136,46 @@ class Recorder:
         while select.select([self._socket], [], [], timeout_s)[0]:
             timeout_s = 0.0
             try:
-                body, descriptors, _, _ = socket.recv_fds(self._socket, MAX_PACKET_BYTES, 1)
+                body, descriptors, _, _ = socket.recv_fds(self._socket, MAX_PACKET_BYTES, 2)
             except OSError:
                 body, descriptors = b"", []
             if not body:
                 self._why = self._why or "the helper process is gone"
                 return
             command = decode_command(body)
-            if isinstance(command, Finish):
-                self._why = command.why
-                return
-            self._follow(command, descriptors)
+            with contextlib.ExitStack() as closing:
+                for descriptor in descriptors:
+                    closing.callback(os.close, descriptor)
+                if isinstance(command, Finish):
+                    self._why, self._until = command.why, command.events
+                    return
+                if isinstance(command, Follow):
+                    self._follow(command, descriptors)
+                elif descriptors:
+                    self._change(extras_of(descriptors[0]))
 
     def _follow(self, command: Follow, descriptors: list[int]) -> None:
-        with contextlib.ExitStack() as closing:
-            for descriptor in descriptors:
-                closing.callback(os.close, descriptor)
-            try:
-                reader = SegmentReader(command.segment, descriptors[0] if descriptors else None)
-                self._runs.append(with_derived(reader, command.derived))
-            except SegmentError as error:
-                self._news.append(f"a run can't be recorded: {error}")
+        try:
+            reader = SegmentReader(command.segment, descriptors[0] if descriptors else None)
+            extras = extras_of(descriptors[1]) if len(descriptors) > 1 else reader.schema.extras
+            run = with_derived(reader, extras.derived)
+            run.schema = msgspec.structs.replace(run.schema, extras=extras)
+            self._runs.append(run)
+        except SegmentError as error:
+            self._news.append(f"a run can't be recorded: {error}")
         self._next_since_s = time.monotonic()
+
+    def _change(self, extras: Extras) -> None:
+        """Have limits and triggers of the newest run be others from here on."""
+        if self._runs:
+            run = self._runs[-1]
+            run.schema = msgspec.structs.replace(run.schema, extras=extras)
+        elif self._drain is not None:
+            self._drain.layout = self._drain.layout.with_extras(extras)
+            self._drain.reader.schema = self._drain.layout.schema
+            if self._announced:
+                self._flush()
+                self._writing.put(ExtrasChange(extras))
 
     def _tell(self) -> None:
         now_s = time.monotonic()
@@ -197,11 +222,15 @@ class Recorder:
             self._released_s = now_s
             self._drain.reader.release_pages()
         late = bool(self._runs) and now_s - self._next_since_s > OLD_RUN_S
-        if self._pending.complete and (late or self._drain.done()):
-            self._flush()
-            self._writing.put(RunEnds())
-            self._drain.reader.close()
-            self._drain = None
+        if self._pending.complete and (late or (self._drain.done() and (self._runs or self._happening.has_ended()))):
+            self._end_run(0)
+
+    def _end_run(self, until: int) -> None:
+        assert self._drain is not None
+        self._flush()
+        self._writing.put(RunEnds(until))
+        self._drain.reader.close()
+        self._drain = None
 
     def _read_some(self, drain: Drain) -> None:
         """Read what there is room for; the rest stays in the rings."""
@@ -221,6 +250,7 @@ class Recorder:
         pending, self._pending = self._pending, Drained()
         if pending.rows or pending.losses:
             self._writing.put(joined(pending))
+        self._writing.put(Look())
 
     def _read_meanwhile(self, closing: Closing, run: str, rows: dict[int, int]) -> None:
         """Read a run on from where a predecessor stood, as far as memory has room, until its part is closed."""
@@ -228,6 +258,7 @@ class Recorder:
             self._listen(min(self._drain.period_s if self._drain else MOST_PERIOD_S, EARLY_PERIOD_S))
             if self._drain is None and self._runs and self._runs[0].schema.run == run:
                 reader = self._runs.popleft()
+                self._announced = False
                 self._drain = Drain(reader, layout_of(reader.schema, self._order.patterns), rows)
             if self._drain is not None and sum(one.size_bytes for one in self._early) < EARLY_BYTES:
                 self._early.append(self._drain.read(FLUSH_BYTES * 2))
@@ -244,7 +275,7 @@ class Recorder:
             self._drain = None
             return
         self._first = False
-        self._announce(drain)
+        self._announce(drain, written.next_rows.get(EVENTS_RING, 0))
         for one in early:
             if one.rows or one.losses:
                 self._writing.put(joined(one))
@@ -260,12 +291,14 @@ class Recorder:
             begin = dict(written.next_rows) if written.run == reader.schema.run else {}
             begin = begin if self._order.resume else None
         self._first = False
-        self._drain = Drain(reader, layout, begin)
-        self._announce(self._drain)
+        self._drain = drain = Drain(reader, layout, begin)
+        schema = reader.schema
+        since = begin.get(EVENTS_RING, 0) if begin is not None else newest_number(schema.folder, schema.logger) + 1
+        self._announce(drain, since)
         return True
 
-    def _announce(self, drain: Drain) -> None:
-        """Have a run begin in the files, and tell what of it can't be recorded without end."""
+    def _announce(self, drain: Drain, since: int) -> None:
+        """Have a run begin in the files, with events from `since` on; tell what can't be recorded without end."""
         layout = drain.layout
         if not layout.elements:
             self._news.append(f"nothing of this run is recorded: no element matches {' '.join(self._order.patterns)}")
@@ -275,19 +308,19 @@ class Recorder:
                 f"{len(names)} elements come to an end when their buffers are full ({shown}): set "
                 "buffer_type=looping to record them without end"
             )
-        self._writing.put(RunBegins(layout, drain.begun_with))
+        self._happening = Happening(drain.reader, since)
+        self._announced = True
+        self._writing.put(RunBegins(layout, {**drain.begun_with, EVENTS_RING: since}, self._happening))
 
     def _drain_last(self) -> None:
         """Take what is in the rings now, however long the disk takes."""
         while (self._drain is not None or self._begin_run()) and not self._writing.over.is_set():
             assert self._drain is not None
             self._read_some(self._drain)
-            complete = self._pending.complete
-            self._flush()
-            if complete:
-                self._drain.reader.close()
-                self._drain = None
+            if self._pending.complete:
+                self._end_run(self._until)
             else:
+                self._flush()
                 self._writing.over.wait(0.01)
 
 

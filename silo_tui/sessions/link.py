@@ -122,6 +122,10 @@ class Link:
         view = self._view
         return view.frame() if view is not None else None
 
+    def try_now(self) -> None:
+        """Look for the helper process at once."""
+        self._client.try_now()
+
     def close(self) -> None:
         """Close the connection without waiting for calls that are under way."""
         with self._lock:

@@ -107,6 +107,16 @@ class Session:
         return self.link is not None and self.lost_since is None
 
     @property
+    def lost_s(self) -> float | None:
+        """For how long there has been no link; None where there is one."""
+        return None if self.lost_since is None else time.monotonic() - self.lost_since
+
+    def try_now(self) -> None:
+        """Look for the logger at once, where the link is lost."""
+        if self.link is not None:
+            self.link.try_now()
+
+    @property
     def fresh(self) -> bool:
         """Whether the values on the screen are of now."""
         return self.connected and not self.dead

@@ -1,6 +1,5 @@
 """The lines around the table: status on top, banner, information, keys at the bottom."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, cast
@@ -96,13 +95,16 @@ class StatusBar(Widget):
             add(0, "connecting …")
             return parts
         name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
-        sign = STATE_SIGNS[status.state] if session.connected else "○ NO LINK"
-        add(0, sign, f"bold {color(variables, name if session.connected else 'error')}")
+        if not session.connected:
+            add(0, f"~ NO LINK {since_words(session.lost_s)}", f"bold {color(variables, 'error')}")
+            add(8, f", was {status.state.name}")
+        else:
+            add(0, STATE_SIGNS[status.state], f"bold {color(variables, name)}")
         if status.started_ns and session.connected:
             add(6, f" {text.duration(session.run_seconds)}")
         if self.mode:
             parts.append((MODE_RANK, _mode_words(self.mode)))
-        if not (self.mode or status.recorders) or wide:  # what isn't normal needs the room
+        if session.connected and (not (self.mode or status.recorders) or wide):  # what isn't normal needs the room
             add(3, f"  {status.enabled}/{status.elements}" + (" elements" if wide else ""))
         rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz
         slow = session.running and session.connected and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
@@ -112,12 +114,13 @@ class StatusBar(Widget):
             jitter = f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}" if jittery else ""
             add(0, f"  {rate:.4g} Hz <<", caution)
             add(2, f" of {status.frequency_hz:.4g}{jitter}", caution)
-        else:
+        elif session.connected:
             add(5, f"  {rate:.4g} Hz")
         if wide:
             add(1, f"  {text.count(session.ticks)} ticks")
         lost = session.lost_total
-        add(0 if lost else 4, f"  lost {text.count(lost)}", f"bold {color(variables, 'error')}" if lost else "")
+        if lost or session.connected:
+            add(0 if lost else 4, f"  lost {text.count(lost)}", f"bold {color(variables, 'error')}" if lost else "")
         alarm, is_red, watching = head_words(session.triggers, session.limits)
         if alarm:
             add(0, f"  {alarm}", f"bold {color(variables, 'error' if is_red else 'warning')}")
@@ -139,6 +142,14 @@ def _mode_words(mode: str) -> Text:
 def color(variables: dict[str, str], name: str) -> str:
     """Return a colour of the theme as Rich writes it (`ansi_red` is `red` there)."""
     return variables.get(name, "").removeprefix("ansi_").replace("default", "") or "none"
+
+
+def since_words(seconds: float | None) -> str:
+    """Return for how long something has been so, in whole units: `14 s`, `5 min`; `…` where that isn't known."""
+    if seconds is None:
+        return "…"
+    whole = 1 if seconds < 120 else 60 if seconds < 7200 else 3600
+    return text.span(float(seconds // whole * whole))
 
 
 def left_a_file(session: Session) -> bool:
@@ -173,10 +184,9 @@ class Banner(Widget):
         session = self.session
         if session.link is None:
             return ""
-        if session.lost_since is not None:
-            age = text.duration(time.monotonic() - session.lost_since)
-            kept = " Pending edits are kept." if session.table.pending_count[0] else ""
-            return f"No link to {session.name} for {age}. Values are {age} old; trying again by itself.{kept}"
+        if session.lost_s is not None:
+            kept = ", pending edits are kept" if session.table.pending_count[0] else ""
+            return f"No link to {session.name}. Values are {since_words(session.lost_s)} old{kept}. r tries now."
         if session.dead:
             reason = session.status.reason
             opens = OPENS.get(getattr(self.screen, "scope", ""), OPENS[""]) if left_a_file(session) else ""

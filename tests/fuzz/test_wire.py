@@ -53,6 +53,7 @@ from silo.ipc.messages import (
     GetPiece,
     GetSamples,
     GetStatus,
+    GetSummary,
     GetSurvey,
     GetTable,
     GetTriggers,
@@ -127,8 +128,8 @@ RAW = re.compile(r"\b[A-Z]\w*(Error|Exception|Exit|Interrupt): ")
 STEM = 1_700_000_000_000_000_000
 
 GOOD: list[Request[Any]] = [
-    Hello(version="0.1.0"), GetStatus(), GetTable(), ListScripts(), ReadScript(path="none.yaml"), ReadScript(),
-    DiffScript(path="good.yaml"),
+    Hello(version="0.1.0"), GetStatus(), GetSummary(), GetTable(), ListScripts(), ReadScript(path="none.yaml"),
+    ReadScript(), DiffScript(path="good.yaml"),
     GetHistory(names=["/log/x", "/log/q_1"], start_ns=STEM, end_ns=STEM + 10**9, column_ns=10**7),
     OpenView(view="abc-1", values=["/log/x", "/log/q"], plots=["/log/x", "/log/q_2"], rate_hz=30.0, column_ns=10**7),
     OpenView(view="abc-2", values=["/log/q"], plots=[], rate_hz=30.0), CloseView(view="abc-1"),
@@ -232,7 +233,7 @@ class Bench:
             self.robot,
             judge,
             self.recording,
-            Operators(events, "fuzz"),
+            Operators(events, self.mirror, "fuzz"),
         )
         self.frames = self.session.declare_subscriber(root.key("view", "*"), lambda _: None)
         self.publisher.start()

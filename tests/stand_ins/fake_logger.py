@@ -822,6 +822,9 @@ class FakeClient:
     def on_link(self, callback: Callable[[bool], None]) -> None:
         self._link = callback
 
+    def try_now(self) -> None:
+        self.calls.append(("try_now",))
+
     def close(self) -> None:
         self.connected = False
 

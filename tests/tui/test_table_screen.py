@@ -200,7 +200,7 @@ async def test_pending_edits_survive_a_lost_link_and_are_rebased(fake, opened):
         await screen.press("d", "5", "enter")
         fake.cut()
         await screen.shows("No link to robot")
-        await screen.shows("Pending edits are kept")
+        await screen.shows("pending edits are kept")
         fake.somebody_edits("/log/base/position", divider=7)
         fake.mend()
         await screen.until(lambda: "No link" not in screen.text)

@@ -10,11 +10,13 @@ The calls stand in a module per topic, `Client` is made of them.
 import contextlib
 from collections.abc import Callable
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
 from silo.arguments import real, shown, switch, text
 from silo.calls import told, told_class
 from silo.display import html_table
 from silo.errors import ElementError, SiloError
+from silo.ipc.addresses import parse_url
 from silo.ipc.client.calling import LONGEST_S
 from silo.ipc.client.conditions import ConditionCalls
 from silo.ipc.client.control import ControlCalls
@@ -35,7 +37,10 @@ from silo.ipc.found import Found
 from silo.ipc.messages import Ask
 from silo.ipc.published import Event
 
-__all__ = ["Client", "Discovery", "Found", "connect", "discover"]
+if TYPE_CHECKING:
+    from silo.ipc.topic import Topic
+
+__all__ = ["Client", "Discovery", "Found", "connect", "discover", "topic"]
 
 
 @told_class("client", make="Client")
@@ -148,6 +153,13 @@ class Client(
         """
         self._connection.on_link(callback)
 
+    def try_now(self) -> None:
+        """Look for the helper process at once, where the link is lost.
+
+        It is looked for by itself five times a second. This returns before it is found: `connected` and `on_link` tell.
+        """
+        self._connection.try_now()
+
     def close(self) -> None:
         """End views and connection, and release control; closing twice is fine."""
         if self._held is not None and self.connected:
@@ -186,3 +198,32 @@ def connect(
         ConnectionLostError: there is none, or several could be meant; the message says what to do.
     """
     return Client.connect(logger, timeout_s, config, read_only=read_only)
+
+
+@told("silo.topic")
+def topic(url: str, timeout_s: float = Ask.timeout_s, config: str = "") -> "Topic":
+    """Subscribe to every sample of a published element by its address alone: `for batch in silo.topic(URL)`.
+
+    Args:
+        url: `silo://robot3/anymal/log/joints/q`, or `silo:///anymal/log/joints/q` without a host; `silo address` prints
+            it.
+        timeout_s: how long to wait for an answer, at least.
+        config: a remote or a Zenoh configuration, to look there alone; `local` for this computer alone.
+
+    Returns:
+        The subscription, with a connection of its own; close it, or use it as a context manager.
+
+    Raises:
+        ConnectionLostError: that is no address, there is no such logger, or several could be meant.
+        ElementError: the address names no element, or one that isn't there.
+    """
+    text("url", url, 'silo.topic("silo://robot3/anymal/log/joints/q")')
+    address = parse_url(url)
+    if not address.element:
+        raise ElementError(f"{url}: names no element: write {url.rstrip('/')}/joints/q; nothing was asked")
+    client = Client.connect(address.logger, timeout_s, config)
+    try:
+        return client._topic(address.element, lambda _topic: client.close())
+    except BaseException:
+        client.close()
+        raise

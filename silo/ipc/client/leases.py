@@ -6,7 +6,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeAlias
 
-from silo.ipc.connection import Connection, Pending
+from silo.ipc.asking import Pending
+from silo.ipc.connection import Connection
 from silo.ipc.exchange import decode_reply
 from silo.ipc.messages import (
     ClosePin,

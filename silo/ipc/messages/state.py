@@ -4,6 +4,7 @@ import enum
 
 from silo.errors import RefusedError
 from silo.ipc.messages.base import Ask, Reply, RobotRequest
+from silo.ipc.published import Summary
 from silo.model import Status
 
 
@@ -42,6 +43,16 @@ class Hello(Ask[HelloReply], frozen=True):
 
 class GetStatus(Ask[StatusReply], frozen=True):
     """What is the logger's state?"""
+
+
+class SummaryReply(Reply, frozen=True):
+    """Carries a `Summary`."""
+
+    summary: Summary
+
+
+class GetSummary(Ask[SummaryReply], frozen=True):
+    """What is published for those who look at many loggers, for who has just come."""
 
 
 class Unsaved(str, enum.Enum):
