@@ -187,6 +187,12 @@ class Connection:
         return "" if user == keys.LOCAL_SENDER else user
 
     @property
+    def identity(self) -> str:
+        """By which the logger tells this user from others; empty while there is no session."""
+        borrowed = self._borrowed
+        return borrowed.identity if borrowed is not None else ""
+
+    @property
     def address(self) -> str:
         """The logger, as its users type it."""
         return f"{self.found.host}/{self.found.name}" if self.found.config else self.found.name

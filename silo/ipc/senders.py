@@ -48,6 +48,18 @@ def _with(program: str) -> str:
     return f", {program}" if program else ""
 
 
+def short_words(who: str) -> str:
+    """Return who it was, without place and program: `anna (proven)`, `bob (says so)`, `carol@robot3`."""
+    name = who.partition(" ")[0]
+    return next((name + mark for mark in (PROVEN, SAYS_SO) if who.startswith(name + mark)), name)
+
+
+def is_by(who: str, client: str) -> bool:
+    """Return whether these words are of the client that names itself so."""
+    claim = claim_of(client)
+    return who == local_words(client) or (bool(claim.program) and who.endswith(f" from {claim.host}, {claim.program}"))
+
+
 def came_by_network(who: str) -> bool:
     """Return whether these words are of somebody who is not on the robot."""
     return PROVEN in who or (SAYS_SO in who and f"{SAYS_SO} of group " not in who)

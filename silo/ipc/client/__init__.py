@@ -133,6 +133,11 @@ class Client(
         return self._connection.found
 
     @property
+    def identity(self) -> str:
+        """By which the logger tells this user from other operators: its name over a network; empty without a link."""
+        return self._connection.identity
+
+    @property
     def connected(self) -> bool:
         """Whether the helper process answers."""
         return self._connection.connected
