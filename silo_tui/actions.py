@@ -372,6 +372,9 @@ COMMANDS: tuple[Command, ...] = (
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
             typed=Typed(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
+    Command("control", "", "Control", "who is connected; take, release or give away control", "Edit", (), asks=True,
+            typed=Typed(("control",), "control", ":control take|release|give NAME",
+                        "one operator at a time; without words, who is connected", 9)),
     Command("goto", "", "Go to", "put the cursor on an element", "Move", (),
             typed=Typed(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),

@@ -10,6 +10,7 @@ from textual.app import App
 from textual.command import CommandPalette
 
 from silo.ipc.published import Event, EventKind
+from silo.ipc.senders import is_by
 from silo_tui import terminal, theme
 from silo_tui.actions import FILE_SCOPES
 from silo_tui.commands import flows
@@ -220,7 +221,7 @@ class SiloApp(App[None]):
         context = self.context
         async with self._news:
             await context.quietly(session.take_event(event))
-        own = event.by == self._finder.own_name  # whoever asked tells how it went
+        own = is_by(event.by, self._finder.own_name)  # whoever asked tells how it went
         if event.kind is EventKind.SAVE_FAILED and not own and not self.screen.is_modal:
             context.fail(event.text)
         elif event.kind not in QUIET_KINDS and not own:

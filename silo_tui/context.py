@@ -14,6 +14,7 @@ from textual.app import App
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
+from silo.ipc.senders import read_only_words
 from silo_tui.actions import BY_ID, Command, edits_by
 from silo_tui.modal import Dialog, Leaving
 from silo_tui.sessions import kept
@@ -131,16 +132,17 @@ class Context:
 
     def allows(self, command: Command) -> bool:
         """Return whether a command may be carried out now; say why when it may not."""
-        return (not command.writes or self._may_write(command.label)) and (not command.asks or self._may_ask(command))
+        return (not command.writes or self.may_write(command.label)) and (not command.asks or self._may_ask(command))
 
-    def _may_write(self, label: str) -> bool:
+    def may_write(self, label: str) -> bool:
+        """Return whether the logger may be changed; say why when it may not."""
         if not self.has_session:
             return False
         if self.read_only:
-            self.say(f"{label}: this is a read-only session (--read-only)")
+            self.say(read_only_words(label))
             return False
         if not self.session.may_edit:
-            self.say(f"{label}: {self.session.status.user or 'its user'} lets you watch this logger, not change it")
+            self.say(f"{label}: {self.session.why_not}")
             return False
         return True
 

@@ -24,7 +24,7 @@ from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
 from silo.ipc.asking import Pending
 from silo.ipc.discovery import namesakes, seen_now
-from silo.ipc.exchange import exchange, key_of, root_at
+from silo.ipc.exchange import exchange, root_at
 from silo.ipc.found import Found
 from silo.ipc.messages import AnyReply, Hello, HelloReply, Request
 from silo.ipc.published import Event
@@ -99,8 +99,7 @@ class Connection:
             # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
             client_id = secrets.token_hex(8)
             question = Hello(version=VERSION, client=self._who, id=client_id)
-            key = key_of(question, root)
-            reply, root = exchange(session, key, question, timeout_s + borrowed.slack_s, self.label_of(found))
+            reply = exchange(borrowed, root, question, timeout_s, self.label_of(found))
             dead = _state_of(reply) is State.DEAD
             # with history, as the end of a token that was there before goes untold without
             alive = session.liveliness().declare_subscriber(
@@ -172,12 +171,35 @@ class Connection:
             )
         return session
 
-    def exchange(self, request: Request[Any], timeout_s: float, *, key: str = "") -> AnyReply:
+    def borrowed(self) -> Borrowed:
+        """Return what requests go through. Raises ConnectionLostError while there is no session."""
+        borrowed = self._borrowed
+        if borrowed is None:
+            self.session()  # raises, with the reason
+            raise ConnectionLostError(f"the connection to {self.label_of(self.found)} ends; try again")
+        return borrowed
+
+    @property
+    def user(self) -> str:
+        """The name under which changes go out; empty on this computer."""
+        user = self.borrowed().user
+        return "" if user == keys.LOCAL_SENDER else user
+
+    @property
+    def identity(self) -> str:
+        """By which the logger tells this user from others; empty while there is no session."""
+        borrowed = self._borrowed
+        return borrowed.identity if borrowed is not None else ""
+
+    @property
+    def address(self) -> str:
+        """The logger, as its users type it."""
+        return f"{self.found.host}/{self.found.name}" if self.found.config else self.found.name
+
+    def exchange(self, request: Request[Any], timeout_s: float, *, as_change: bool = False) -> AnyReply:
         """Ask and wait. Raises ConnectionLostError."""
-        session, borrowed = self.session(), self._borrowed
-        slack_s = borrowed.slack_s if borrowed is not None else 0.0
-        target = self.root.key(key) if key else key_of(request, self.root)
-        return exchange(session, target, request, timeout_s + slack_s, self.label_of(self.found))[0]
+        label = self.label_of(self.found)
+        return exchange(self.borrowed(), self.root, request, timeout_s, label, as_change=as_change)
 
     def attach(self, one: Attachable) -> None:
         """Subscribe something now and in every later session."""
@@ -249,7 +271,7 @@ class Connection:
         self._looked_s = time.monotonic()
         if self.found.socket and owner_is_gone(Path(self.found.socket)):
             question = Hello(version=VERSION, client=self._who)
-            self._asked = Pending(self.session(), key_of(question, self.root), question, LEFT_S)
+            self._asked = Pending(self.borrowed(), self.root, question, LEFT_S)
         return False
 
     def _hand_out_events(self) -> None:

@@ -138,6 +138,7 @@ class EventKind(str, enum.Enum):
     LIMIT = "limit"  # a value went beyond its limits, or is stale
     LIMIT_ENDED = "limit ended"
     CONDITIONS = "conditions"  # somebody changed triggers or limits, or has seen alarms
+    CONTROL = "control"  # somebody took it, gave it away, or lost it
     MARKER = "marker"  # somebody, or the program, marked a tick
     OTHER = "other"
 

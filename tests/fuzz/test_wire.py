@@ -24,6 +24,7 @@ from silo.helper.event_log import EventLog
 from silo.helper.events import Events
 from silo.helper.judge import Judge
 from silo.helper.mirror import Mirror
+from silo.helper.operators import Operators
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.requests import decode_ask, decode_do
@@ -56,6 +57,7 @@ from silo.ipc.messages import (
     GetSurvey,
     GetTable,
     GetTriggers,
+    GiveControl,
     Hello,
     HelloReply,
     KeepPin,
@@ -72,6 +74,7 @@ from silo.ipc.messages import (
     ReadScript,
     Refused,
     RefusedWhy,
+    ReleaseControl,
     RemoveDerived,
     RemoveLimits,
     RemoveTrigger,
@@ -88,6 +91,7 @@ from silo.ipc.messages import (
     Stop,
     StopRecorder,
     TableReply,
+    TakeControl,
     TryTrigger,
     Unsaved,
     ViewOpened,
@@ -152,7 +156,8 @@ GOOD: list[Request[Any]] = [
     TryTrigger(trigger=TriggerOptions(name="fuzz", when="abs(q_1) > 2 or x > 1")), ForceTrigger(name="fuzz"),
     SetDerived(derived=Derived("fuzz", "2 * x", "V")), RemoveDerived(name="fuzz"),
     RemoveTrigger(name="fuzz"), SetLimits(limits=SignalLimits(name="/log/x", bounds=(-2.0, -1.0, 1.0, 2.0))),
-    RemoveLimits(name="/log/x"),
+    RemoveLimits(name="/log/x"), TakeControl(), TakeControl(force=True, lease_s=2.0), GiveControl(to="ann"),
+    ReleaseControl(),
 ]  # fmt: skip
 
 
@@ -220,7 +225,16 @@ class Bench:
         self.saver = Saver(self.mirror, events, self.robot)
         self.recording = Recording(self.mirror, events)
         judge = Judge(self.mirror, events)
-        self.answers = Answers(self.mirror, events, self.publisher, self.saver, self.robot, judge, self.recording)
+        self.answers = Answers(
+            self.mirror,
+            events,
+            self.publisher,
+            self.saver,
+            self.robot,
+            judge,
+            self.recording,
+            Operators(events, self.mirror, "fuzz"),
+        )
         self.frames = self.session.declare_subscriber(root.key("view", "*"), lambda _: None)
         self.publisher.start()
         self.saver.start()

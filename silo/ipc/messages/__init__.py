@@ -134,6 +134,11 @@ from silo.ipc.messages.conditions import (
     Triggers as Triggers,
     TryTrigger as TryTrigger,
 )
+from silo.ipc.messages.control import (
+    GiveControl as GiveControl,
+    ReleaseControl as ReleaseControl,
+    TakeControl as TakeControl,
+)
 from silo.ipc.messages.derived import (
     RemoveDerived as RemoveDerived,
     SetDerived as SetDerived,
