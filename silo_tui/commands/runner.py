@@ -53,13 +53,14 @@ class CommandRunner:
             "settings": lambda: completions(begun),
             "sorts": lambda: context.session.rows.sorts,
             "names": lambda: context.session.table.names,
+            "derived": lambda: [one.name for one in context.session.table.elements[context.session.table.own :]],
             "types": lambda: SAVED_NAMES,
             "views": lambda: ["save", *files.names()],
             "logs": lambda: command_line.logs(begun),
             "control": lambda: ("take", "force", "release", "give"),
             "themes": lambda: sorted(context.app.available_themes),
         }
-        needs = () if context.has_session else ("sorts", "names")
+        needs = () if context.has_session else ("sorts", "names", "derived")
         source = (
             sources.get(command.typed.completes) if command.typed and command.typed.completes not in needs else None
         )
@@ -154,6 +155,11 @@ class CommandRunner:
         """Carry out `:record [PATTERN ...]`; without a pattern, ask what."""
         context = self._context
         self._context.run_flow(recorder.begin(context, context.session, 0, " ".join(spelled.arguments)))
+
+    def word_derive(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:derive [NAME [EXPRESSION]]`; what isn't typed is asked for."""
+        name, expression = (*spelled.arguments[:1], "")[0], " ".join(spelled.arguments[1:])
+        self._table_screen.command_derive(name, expression.removeprefix("= "))
 
     def word_open(self, spelled: command_line.Spelled) -> None:
         """Carry out `:open FILE`."""

@@ -74,6 +74,7 @@ class MonitorScreen(Arranging):
         self._said = ""
         self._asked = self.stack.store  # where the live columns should go
         self._mending = False
+        self._happened = session.happened
         self._timer: Timer | None = None
         self._live = source
         self.between = BetweenTable()
@@ -301,6 +302,9 @@ class MonitorScreen(Arranging):
         self.line.refresh()  # it says whether they are live
         if (self.stack.fresh, self.stack.ended) != (self.session.fresh, self.session.dead):
             self.stack.fresh, self.stack.ended = self.session.fresh, self.session.dead
+            self.stack.redraw()
+        if self.session.happened is not self._happened:  # its letter stands on the axis, also while nothing moves
+            self._happened = self.session.happened
             self.stack.redraw()
         if not self.window.paused and self.session.columns is not self._asked:
             self.fill_soon()  # it was started again
