@@ -372,6 +372,9 @@ COMMANDS: tuple[Command, ...] = (
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
             typed=Typed(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
+    Command("control", "", "Control", "who is connected; take, release or give away control", "Edit", (), asks=True,
+            typed=Typed(("control",), "control", ":control take|release|give NAME",
+                        "one operator at a time; without words, who is connected", 9)),
     Command("derive", "", "Derive", "make or change a signal that is computed from others; x on its row forgets it",
             "Look", (), writes=True, asks=True,
             typed=Typed(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),

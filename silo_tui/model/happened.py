@@ -8,6 +8,7 @@ import io
 from collections.abc import Callable, Collection, Sequence
 from datetime import datetime, timezone
 
+from silo.ipc.senders import short_words
 from silo.model import LoggedEvent
 from silo_tui.model import text
 from silo_tui.model.lists import Order
@@ -122,7 +123,7 @@ def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
     clock = f"{datetime.fromtimestamp(event.time_ns // 1_000_000 / 1000):%H:%M:%S.%f}"[:-3]
     tick = f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
     head = f"  {clock}  {tick:>10} {letter(event)} "
-    who = text.clean(event.who.split(" ", 1)[0] or logger)[: max(0, min(20, width // 4))]
+    who = text.clean(short_words(event.who) or logger)[: max(0, min(20, width // 4))]
     room = width - len(head) - len(who) - 4
     shown = told if len(told) <= room else told[: max(1, room - 1)] + "…"
     return f"{head}{shown:<{max(1, room)}}  {who}"[:width]

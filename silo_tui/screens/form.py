@@ -10,6 +10,8 @@ from textual.containers import Horizontal, Vertical
 from textual.timer import Timer
 from textual.widgets import Input, Static
 
+from silo_tui.context import Later
+from silo_tui.context import Later
 from silo_tui.modal import Dialog
 
 ResultT = TypeVar("ResultT")
@@ -76,7 +78,7 @@ class Form(Dialog[ResultT | None]):
         if self._timer is not None:
             self._timer.stop()
         self._timer = self.set_timer(
-            self.AFTER_S, lambda: self.run_worker(self._look_now(), group="look", exclusive=True)
+            self.AFTER_S, lambda: self.run_worker(Later(self._look_now), group="look", exclusive=True)
         )
 
     async def _look_now(self) -> None:

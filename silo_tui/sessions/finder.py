@@ -48,8 +48,8 @@ class Found:
 class ClientFinder:
     """Finds loggers and connects to them. Calls block and are made in a thread."""
 
-    def __init__(self, config: str = "") -> None:
-        self._config = config
+    def __init__(self, config: str = "", *, read_only: bool = False) -> None:
+        self._config, self._read_only = config, read_only
         self._seen: dict[str, found.Found] = {}
         self._own_name = ""
         self._held = ExitStack()  # the sessions of the look before, so that the next is quick
@@ -93,4 +93,4 @@ class ClientFinder:
         """Connect to a logger that was found. ConnectionLostError says what to do when it doesn't answer."""
         from silo.ipc.client import Client
 
-        return Client.connect(self._seen[logger.key])
+        return Client.connect(self._seen[logger.key], read_only=self._read_only)

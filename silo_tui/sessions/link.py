@@ -82,6 +82,11 @@ class Link:
         """Whether the helper process answers."""
         return self._client.connected
 
+    @property
+    def identity(self) -> str:
+        """By which the logger tells us from other operators."""
+        return self._client.identity
+
     async def call(self, job: "Callable[[Client], Result]") -> Result:
         """Run a call that may change something, one after the other."""
         return await self._run(self._control, job)

@@ -59,6 +59,8 @@ class Session:
         self.link: Link | None = None
         self.status = NO_STATUS
         self.may_edit = True
+        self.why_not = ""  # in words of `silo.ipc.senders`
+        self.identity = ""  # ours, as the logger knows it
         self.table = TableState()
         self.rows = RowList(self.table, columns)
         self.live = LiveValues()
@@ -132,7 +134,8 @@ class Session:
         """Take a new connection and reads everything once."""
         self.link = link
         hello = await link.call(lambda client: client.hello())
-        self.may_edit = hello.may_edit
+        self.may_edit, self.why_not = hello.may_edit, hello.why_not
+        self.identity = self._link.identity
         self.take_status(hello.status)
         await self.reload()
         await self.learn_events()
@@ -348,6 +351,8 @@ class Session:
             self.take_status(event.status)
         elif event.kind not in {EventKind.SAVING, EventKind.SCRIPT_SAVED, EventKind.SAVE_FAILED}:
             await self.refresh_status()
+        if event.kind is EventKind.CONTROL and self._was_given(event):
+            await self._link.call(lambda client: client.take_control())  # to renew it from now on
         if event.kind in {EventKind.EDITED, EventKind.SCRIPT_LOADED} or self.status.revision != self.table.revision:
             await self.reload()
         if event.kind in {EventKind.STARTED, EventKind.STOPPED, EventKind.EDITED, EventKind.SCRIPT_LOADED}:
@@ -368,6 +373,21 @@ class Session:
             )
             self.happened = newest([*self.happened, told])
 
+    @property
+    def has_control(self) -> bool:
+        """Whether we alone may change the logger."""
+        return self.status.control is not None and self.status.control.identity == self.identity
+
+    def _was_given(self, event: Event) -> bool:
+        """Whether somebody else handed control over to us."""
+        return self.has_control and self.status.control is not None and event.by != self.status.control.who
+
+    async def control(self, job: "Callable[[Client], str]") -> str:
+        """Take, release or hand over control; return what was done, in words."""
+        words = await self._link.call(job)
+        await self.refresh_status()
+        return words
+
     def lose(self) -> None:
         """Note that the link is lost; everything stays as it was."""
         if self.lost_since is None:
@@ -382,7 +402,8 @@ class Session:
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
         hello = await self._link.call(lambda client: client.hello())
-        self.may_edit = hello.may_edit
+        self.may_edit, self.why_not = hello.may_edit, hello.why_not
+        self.identity = self._link.identity
         self.take_status(hello.status)
         await self.reload()
         await self.learn_events()

@@ -14,6 +14,7 @@ from silo_tui.actions import BY_ID, Command, footer_for, with_keys
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
 from silo_tui.model.orders import STEADY
+from silo_tui.model.people import head_words as people_head
 from silo_tui.model.plots import PlotWindow
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import thin_head
@@ -116,12 +117,23 @@ class StatusBar(Widget):
             add(0, f"  {alarm}", f"bold {color(variables, 'error' if is_red else 'warning')}")
         if watching:
             add(9, f"  {watching}")
+        return parts + self._beside()
+
+    def _beside(self) -> list[tuple[int, Text]]:
+        """What records, how much is durable, who may change something, and who is there."""
+        session, status, variables = self.session, self.session.status, self.app.theme_variables
+        caution, parts = color(variables, "warning"), []
         if status.recorders:
-            add(0, f"  REC {status.recorders}", f"bold {color(variables, 'error')}")
-        if not session.may_edit or self._read_only:
-            add(0, "  read-only", color(variables, "warning"))
+            parts.append((0, Text(f"  REC {status.recorders}", style=f"bold {color(variables, 'error')}")))
         if status.durable_ticks >= 0:  # storage="disk"
-            add(1, f"  durable to tick {text.count(status.durable_ticks)}")
+            parts.append((1, Text(f"  durable to tick {text.count(status.durable_ticks)}")))
+        if not session.may_edit or self._read_only:
+            parts.append((0, Text("  read-only", style=caution)))
+        controlling, others = people_head(session.status, session.identity)
+        if controlling:
+            parts.append((0, Text(f"  {controlling}", style="" if session.has_control else caution)))
+        if others:
+            parts.append((7, Text(f"  {others}")))
         return parts
 
     def _add_pace(self, add: Callable[[int, str, str], None], *, wide: bool) -> None:

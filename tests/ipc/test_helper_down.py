@@ -12,7 +12,7 @@ from silo.helper.views import View
 from silo.ipc.client import Client
 from silo.ipc.discovery import Discovery, Found, discover
 from silo.ipc.messages import OpenStream, OpenView, Refused, StreamOpened, ViewOpened
-from silo.logger import serving
+from silo.logger import helper_process, serving
 from silo.logger.down import DownMark
 from silo.runtime import down_mark, down_marks, sweep_unfinished
 from tests.fuzz.test_wire import Bench as Parts
@@ -57,6 +57,23 @@ def test_the_row_is_gone_when_a_helper_is_there_again(bench, monkeypatch, runtim
     assert discover().down == []
     assert [found.name for found in discover().loggers] == ["bot"]
     assert list(runtime.glob("*.down")) == []
+
+
+@pytest.mark.slow
+def test_a_helper_process_that_is_slow_to_start_is_waited_for_while_it_works(new_logger, monkeypatch, tmp_path) -> None:
+    (tmp_path / "sitecustomize.py").write_text("import time\nwhile time.process_time() < 1.5: pass\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(helper_process, "READY_TIMEOUT_S", 1.0)
+    assert new_logger("bot").serve().is_up
+
+
+@pytest.mark.slow
+def test_a_helper_process_that_does_nothing_is_given_up(new_logger, monkeypatch, tmp_path) -> None:
+    (tmp_path / "sitecustomize.py").write_text("import signal\nsignal.pause()\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(helper_process, "READY_TIMEOUT_S", 1.0)
+    with pytest.raises(ConnectionLostError, match=r"didn't start: no answer within \d+ s"):
+        new_logger("bot").serve()
 
 
 def test_a_closed_logger_is_not_down(down, runtime) -> None:

@@ -4,6 +4,7 @@ What it has in common with a real helper process is held by `tests/contract`, wh
 """
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,7 @@ from silo.ipc.messages import (
 )
 from silo.ipc.published import Event, EventKind, NotLive
 from silo.ipc.samples import Samples
+from silo.ipc.senders import viewer_words
 from silo.ipc.surveys import QUANTITIES
 from silo.ipc.versions import PROTOCOL
 from silo.judging.between import Between, between
@@ -52,6 +54,7 @@ from silo.judging.moments import Found as FoundMoments
 from silo.model import (
     Action,
     BufferType,
+    Control,
     Derived,
     Edit,
     ElementInfo,
@@ -60,6 +63,7 @@ from silo.model import (
     Extras,
     FileType,
     LoggedEvent,
+    Present,
     Problem,
     RecorderState,
     SavedFile,
@@ -222,6 +226,7 @@ class FakeClient:
     """One logger. `calls` holds what was asked to change it; `advance` moves its clock."""
 
     kinds = EventKind
+    identity = "@local me"
 
     def __init__(self, elements: list[ElementInfo] | None = None, name: str = "robot") -> None:
         self.elements = robot_elements() if elements is None else elements
@@ -241,6 +246,8 @@ class FakeClient:
         self.limit_statuses: list[LimitStatus] = []
         self.views_kept: dict[str, str] = {}
         self.recorder_infos: list[RecorderInfo] = []
+        self.controlled: Control | None = None
+        self.clients: list[Present] = []
         self.derived: tuple[Derived, ...] = ()
         self.refuse_derived = ""  # why nothing is derived
         self.limit_options: tuple[SignalLimits, ...] = ()
@@ -365,7 +372,33 @@ class FakeClient:
 
     def hello(self) -> HelloReply:
         self._ask()
-        return HelloReply(protocol=PROTOCOL, version=VERSION, user="ann", may_edit=self.may_edit, status=self.status())
+        why_not = "" if self.may_edit else viewer_words("bob", f"anymal/{self.name}")
+        return HelloReply(protocol=PROTOCOL, version=VERSION, user="ann", may_edit=self.may_edit,
+            status=self.status(), why_not=why_not)  # fmt: skip
+
+    def take_control(self, *, force: bool = False) -> str:
+        self._ask()
+        self.calls.append(("take_control", force))
+        self._controlled_by("me@here silo-tui 1", "@local me")
+        return f"you have control of {self.name}"
+
+    def release_control(self) -> str:
+        self._ask()
+        self.controlled = None
+        return f"control of {self.name} is released"
+
+    def hand_over(self, to: str) -> str:
+        self._ask()
+        self._controlled_by(f"{to} (proven) from desk2, silo-tui 2", to)
+        return f"{to} has control of {self.name}"
+
+    def _controlled_by(self, who: str, identity: str) -> None:
+        self.controlled = Control(who, identity, time.time_ns(), time.time_ns() + 10**10)
+
+    def somebody_takes_control(self, name: str) -> None:
+        """Another operator takes control."""
+        self._controlled_by(f"{name} (proven) from desk2, silo-tui 2", name)
+        self.publish(EventKind.CONTROL, "control taken", by=self.controlled.who)
 
     def status(self) -> Status:
         self._ask()
@@ -377,7 +410,8 @@ class FakeClient:
             entries=sum(len(info.entries) for info in self.elements), max_time_s=10.0, prefix="/log",
             folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
             durable_ticks=self.durable_ticks, held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
-            recorders=sum(not one.state.over for one in self.recorder_infos),
+            recorders=sum(not one.state.over for one in self.recorder_infos), control=self.controlled,
+            clients=list(self.clients),
         )  # fmt: skip
 
     def table(self) -> Table:
