@@ -11,7 +11,6 @@ from textual.timer import Timer
 from textual.widgets import Input, Static
 
 from silo_tui.context import Later
-from silo_tui.context import Later
 from silo_tui.modal import Dialog
 
 ResultT = TypeVar("ResultT")
