@@ -411,7 +411,7 @@ class Session:
         self._link.watch_again()
         if before.pid == self.status.pid:
             return "the link is back"
-        return f"the robot program was started again; of the one before: {before.reason or 'nothing is known'}"
+        return f"started again; before, {before.reason or 'nothing is known of how it ended'}"
 
     def close(self) -> None:
         """Let the connection go."""
