@@ -109,16 +109,17 @@ class Context:
 
     def allows(self, command: Command) -> bool:
         """Return whether a command may be carried out now; say why when it may not."""
-        return (not command.writes or self._may_write(command.label)) and (
-            not command.asks or self._may_ask(command.label)
-        )
+        return (not command.writes or self._may_write(command)) and (not command.asks or self._may_ask(command.label))
 
-    def _may_write(self, label: str) -> bool:
-        if not self.has_session:
+    def _may_write(self, command: Command) -> bool:
+        label, of_many = command.label, "loggers" in command.scopes  # each says itself whom it lets
+        if not self.has_session and not of_many:
             return False
         if self.read_only:
             self.say(f"{label}: this is a read-only session (--read-only)")
             return False
+        if of_many:
+            return True
         if not self.session.may_edit:
             self.say(f"{label}: {self.session.status.user or 'its user'} lets you watch this logger, not change it")
             return False

@@ -18,7 +18,7 @@ from silo.model import FileType, SavedFile, Status
 
 AT_ONCE = 32
 
-__all__ = ["Outcome", "loading", "outcomes", "restarting", "saving", "starting", "stopping"]
+__all__ = ["Outcome", "loading", "outcomes", "restarting", "saving", "starting", "stopping", "stopping_and_saving"]
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,17 @@ def _ask(place: int, found: Found, job: Job) -> Outcome:
 def stopping() -> Job:
     """Return a job that stops."""
     return lambda client: (_state(client.stop()), ())
+
+
+def stopping_and_saving() -> Job:
+    """Return a job that stops, and then saves, so that the last tick is in the file too."""
+
+    def job(client: Client) -> tuple[str, tuple[SavedFile, ...]]:
+        client.stop()
+        told, files = saving([FileType.SILO])(client)
+        return f"stopped, {told}", files
+
+    return job
 
 
 def starting(unsaved: Unsaved | str = Unsaved.REFUSE) -> Job:
