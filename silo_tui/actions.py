@@ -37,7 +37,8 @@ class Command:
 
     `scopes` are the screens where its keys count (`any`: all of them; none: it can only be typed). `footer` is its
     place in the key bar, 0: none. `writes` commands change the logger or its table: they are refused with
-    `--read-only`. Those that `asks` need a logger that answers. `hidden` ones are left out of the palette.
+    `--read-only`. Those that `asks` need a logger that answers; where the link is lost, those that
+    `retries` look for it at once instead. `hidden` ones are left out of the palette.
     """
 
     id: str
@@ -49,6 +50,7 @@ class Command:
     footer: int = 0
     writes: bool = False
     asks: bool = False
+    retries: bool = False
     hidden: bool = False
     shown_key: str = ""
     typed: Typed | None = None
@@ -163,8 +165,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE, typed=Typed(("redo",))),
     Command("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 6, writes=True, asks=True,
             typed=Typed(("apply",))),
-    Command("discard", "x", "Discard", "drop pending edits of the row, or of what is marked", "Edit", _TABLE,
-            typed=Typed(("discard",))),
+    Command("discard", "x", "Discard", "drop pending edits of the row or of what is marked; forget a derived signal",
+            "Edit", _TABLE, typed=Typed(("discard",))),
     # -------------------------------------------------------------------------------------------------- logger
     Command("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True, asks=True,
             typed=Typed(("start", "stop"))),
@@ -176,7 +178,8 @@ COMMANDS: tuple[Command, ...] = (
             writes=True, asks=True, typed=Typed(("load",), "scripts", ":load x.yaml", "load a script", 1)),
     Command("save_script", "W", "Save script", "store the table as a script on the robot", "Logger", _TABLE,
             writes=True, asks=True, typed=Typed(("save",), "scripts", ":save x.yaml", "save the table as a script", 2)),
-    Command("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE, asks=True, typed=Typed(("refresh",))),
+    Command("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE, asks=True,
+            retries=True, typed=Typed(("refresh",))),
     # ------------------------------------------------------------------------------------------------- looking
     Command("monitor", "m", "Monitor", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7,
             typed=Typed(("monitor",))),
@@ -234,6 +237,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("detail_top", "g", "First", "first signal of the plots", "Detail plot", _DETAILS),
     Command("detail_bottom", "G", "Last", "last signal of the plots", "Detail plot", _DETAILS),
     Command("detail_refresh", "r", "Refresh", "draw with what came since", "Detail plot", _DETAIL, 7),
+    Command("try_link", "r", "Try now", "look for the logger at once, where the link is lost", "Go", _MONITOR + _SCOPE,
+            asks=True, retries=True),
     # --------------------------------------------------------------------------------------------------- files
     Command("plot", "m,enter", "Plot", "plot what is marked, or the element under the cursor", "Look", _FILE, 3),
     # -------------------------------------------------------------------------------------------------- events
@@ -251,7 +256,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("lines_up", "ctrl+u,pageup", "Page up", "a page up", "Events", _HAPPENED),
     Command("order_events", "o", "Order", "by time, kind or who; its letter again turns it round", "Events", _HAPPENED,
             4),
-    Command("read_events", "r", "Read again", "read what happened again", "Events", _EVENTS, asks=True),
+    Command("read_events", "r", "Read again", "read what happened again", "Events", _EVENTS, asks=True,
+            retries=True),
     Command("write_events", "w", "Write", "the lines that are shown to a CSV file here", "Events", _HAPPENED, 5),
     Command("oldest_line", "G,end", "Oldest", "the oldest line", "Events", _HAPPENED),
     Command("follow_events", "g,home", "Follow", "the newest line, and what comes", "Events", _HAPPENED, 3),
@@ -307,7 +313,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("range_of_recordings", "V", "Range", "begin a range, move, V again to mark it", "Recordings", _RECORDINGS),
     Command("filter_recordings", "slash", "Filter", "show only some recordings", "Recordings", _RECORDINGS, 7),
     Command("order_recordings", "o", "Order", "by begin, name, why, span, size", "Recordings", _RECORDINGS, 8),
-    Command("read_recordings", "r", "Read again", "read the list again", "Recordings", _RECORDINGS, asks=True),
+    Command("read_recordings", "r", "Read again", "read the list again", "Recordings", _RECORDINGS, asks=True,
+            retries=True),
     # -------------------------------------------------------------------------------------- triggers and alarms
     Command("triggers", "T", "Triggers", "conditions that save what was logged around them", "Go",
             _TABLE + _MONITOR + _DETAIL + _ALARMS + _RECORDINGS + _EVENTS, typed=Typed(("triggers",))),
@@ -329,7 +336,8 @@ COMMANDS: tuple[Command, ...] = (
             _CONDITIONS),
     Command("plot_conditions", "m", "Plots", "plot what the line, or what is marked, is about", "Triggers and alarms",
             _CONDITIONS, 7),
-    Command("read_conditions", "r", "Read again", "ask how they stand", "Triggers and alarms", _CONDITIONS, asks=True),
+    Command("read_conditions", "r", "Read again", "ask how they stand", "Triggers and alarms", _CONDITIONS, asks=True,
+            retries=True),
     Command("trigger_toggle", "t", "Arm/Off", "have the trigger watch, or no more", "Triggers", _TRIGGERS, 1,
             writes=True, asks=True),
     Command("trigger_edit", "e", "Edit", "change the trigger", "Triggers", _TRIGGERS, 2, writes=True, asks=True),
@@ -378,6 +386,12 @@ COMMANDS: tuple[Command, ...] = (
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
             typed=Typed(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
+    Command("control", "", "Control", "who is connected; take, release or give away control", "Edit", (), asks=True,
+            typed=Typed(("control",), "control", ":control take|release|give NAME",
+                        "one operator at a time; without words, who is connected", 9)),
+    Command("derive", "", "Derive", "make or change a signal that is computed from others; x on its row forgets it",
+            "Look", (), writes=True, asks=True,
+            typed=Typed(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
     Command("goto", "", "Go to", "put the cursor on an element", "Move", (),
             typed=Typed(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),

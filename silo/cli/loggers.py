@@ -31,7 +31,7 @@ from silo.cli.common import (
     unsaved_options,
 )
 from silo.errors import ConnectionLostError
-from silo.files.formats import LOG_ENDINGS, OPEN_PART_ENDING
+from silo.files.formats import LOG_ENDINGS, OPEN_PART_ENDING, SQLITE_ENDING, is_bag_folder
 
 if TYPE_CHECKING:
     from silo.model import ElementInfo, Status
@@ -40,6 +40,12 @@ if TYPE_CHECKING:
 def since(status: "Status") -> str:
     """Return for how long it runs; a dash where it doesn't."""
     return show_duration((time.time_ns() - status.started_ns) / 1e9) if status.state.value == "running" else "-"
+
+
+def _is_log(word: str) -> bool:
+    """Whether a word means a file or a bag folder, not a logger."""
+    endings = (*LOG_ENDINGS, OPEN_PART_ENDING, SQLITE_ENDING)
+    return word.lower().endswith(endings) or word.isdecimal() or is_bag_folder(Path(word))
 
 
 @click.command()
@@ -55,7 +61,7 @@ def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
       silo info demo '*/torque' /log/base    (elements: glob or namespace)
       silo info demo_20260102_10-00-00_00001.silo
     """
-    if len(words) == 1 and (words[0].lower().endswith((*LOG_ENDINGS, OPEN_PART_ENDING)) or words[0].isdecimal()):
+    if len(words) == 1 and _is_log(words[0]):
         from silo.cli.files import print_file_info
 
         print_file_info(Path(words[0]), as_json)

@@ -90,10 +90,13 @@ class Publisher:
         """Clients that are there, by their liveliness tokens."""
         return len(self._clients)
 
-    def name_client(self, client: str, name: str) -> None:
-        """Remember how a client calls itself, before it comes."""
+    def name_client(self, client: str, name: str, identity: str = "") -> None:
+        """Remember who a client is, before it comes: what it says of itself, or with an identity what is known."""
         with self._lock:
-            self._names[client] = Present(name, time.time_ns())
+            known = self._names.get(client)
+            if known is None or identity or not known.identity:
+                since_ns = known.since_ns if known is not None else time.time_ns()
+                self._names[client] = Present(name, since_ns, identity)
             while len(self._names) > MAX_CLIENTS:
                 self._names.popitem(last=False)
         self._name_clients()

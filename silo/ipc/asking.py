@@ -10,7 +10,7 @@ import zenoh
 from silo.errors import ConnectionLostError
 from silo.ipc.exchange import encoded, key_of
 from silo.ipc.keys import Root
-from silo.ipc.messages import Request
+from silo.ipc.messages import Do, Request
 from silo.ipc.sessions import Borrowed
 
 AT_ONCE = 64
@@ -22,9 +22,15 @@ Tag = TypeVar("Tag", bound=Hashable)
 class Pending:
     """A request whose answer nobody waits for: it is looked at when it has come."""
 
-    def __init__(self, session: zenoh.Session, key: str, request: Request[Any], timeout_s: float) -> None:
+    def __init__(self, mine: Borrowed, root: Root, request: Request[Any], timeout_s: float) -> None:
         # not a ring: it loses what it holds when the query ends
-        self._replies = session.get(key, zenoh.handlers.FifoChannel(4), payload=encoded(request), timeout=timeout_s)
+        self._replies = mine.session.get(
+            key_of(request, root, mine.user),
+            zenoh.handlers.FifoChannel(4),
+            payload=encoded(request),
+            timeout=timeout_s + mine.slack_s,
+            attachment=mine.proof if request.key == Do.key else None,
+        )
 
     def poll(self) -> tuple[bool, bytes | None]:
         """Return whether it has come to its end, and with what."""
@@ -53,8 +59,7 @@ class Asking(Generic[Tag]):
     def _send(self) -> None:
         while self._waiting and len(self._under_way) < self._at_once:
             tag, root, request = self._waiting.popleft()
-            key, timeout_s = key_of(request, root), self._timeout_s + self._mine.slack_s
-            self._under_way[tag] = Pending(self._mine.session, key, request, timeout_s)
+            self._under_way[tag] = Pending(self._mine, root, request, self._timeout_s)
 
     @property
     def count(self) -> int:

@@ -19,13 +19,14 @@ import zenoh
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
 from silo.ipc.access import host_part
+from silo.ipc.addresses import logger_of
 from silo.ipc.asking import Asking
-from silo.ipc.configuration import find_file, from_file
+from silo.ipc.configuration import find_file, from_file, user_of
 from silo.ipc.exchange import ask_once, checked_reply, decode_reply, root_at
 from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders
 from silo.ipc.found import Found, is_glob, told_apart
 from silo.ipc.messages import Hello, HelloReply
-from silo.ipc.probing import Layer, LayerError, user_of
+from silo.ipc.probing import Layer, LayerError
 from silo.ipc.remotes import LOCAL, remotes
 from silo.ipc.session import SOCKET_SUFFIX, dead_mark, key_file, owner_is_gone
 from silo.ipc.sessions import borrowed
@@ -68,6 +69,7 @@ class Discovery:
         """Return the only one that is meant. Raises SeveralError with the address of each where several are, else
         ConnectionLostError.
         """
+        wanted = logger_of(wanted)
         if is_glob(wanted):
             raise SeveralError(
                 f"'{wanted}' can mean several loggers, and this is for one: name it; `silo ls '{wanted}'` lists them; "

@@ -9,7 +9,7 @@ from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionErr
 from silo_tui.commands import flows
 from silo_tui.commands.many import Many
 from silo_tui.commands.runner import CommandRunner, view_shown
-from silo_tui.context import Context
+from silo_tui.context import Context, Later
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import Layout
 from silo_tui.screens.loggers import LoggersScreen
@@ -54,7 +54,7 @@ class Opener:
 
     def search_on(self) -> None:
         """Begin the search, or begin it anew."""
-        self._app.run_worker(self._search(), group="search", exclusive=True)
+        self._app.run_worker(Later(self._search), group="search", exclusive=True)
 
     def try_again(self) -> None:
         """Try again also what could not be opened."""
@@ -65,7 +65,7 @@ class Opener:
 
     def list_on(self) -> None:
         """Show the list of loggers; the search ends."""
-        self._app.run_worker(self._show_list(), group="search", exclusive=True)
+        self._app.run_worker(Later(self._show_list), group="search", exclusive=True)
 
     def choose(self, logger: FoundLogger) -> None:
         """Open a logger from the list; ask when edits are pending."""

@@ -14,6 +14,7 @@ import numpy as np
 from silo.amounts import duration
 from silo.columns import ColumnStore, HistoryColumns
 from silo.errors import RefusedError, SiloError
+from silo.judging.between import HELD_PERIODS, NAN, Between, between
 from silo.judging.moments import Found, Looking
 from silo.model import ElementInfo, LoggedEvent, Sought
 from silo.values import newest_values
@@ -25,7 +26,6 @@ from silo_tui.model.source import PlotSource, Samples
 
 MOST_PIECES = 12  # a helper process has 64 pins for all its clients
 NAMES_AT_ONCE = 64  # that a helper process looks through
-HELD_PERIODS = 100  # a slow loop is late by many
 
 
 class PinHandle(PinReader, Protocol):
@@ -73,6 +73,11 @@ class Buffers(Protocol):
         self, looking: Mapping[str, Looking], around_ns: int, most: int, end_ns: int, pins: Sequence[PinHandle]
     ) -> dict[str, Found]:
         """Look for moments in them and in these pins, all of one run."""
+
+    async def measure(
+        self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[PinHandle], run: str
+    ) -> dict[str, Between]:
+        """Measure entries between two moments in them and in these pins, all of that run."""
 
 
 @dataclass(frozen=True)
@@ -377,18 +382,22 @@ class HeldSource:
     # ------------------------------------------------------------------------------------------------------ searching
 
     @property
+    def _of_one_run(self) -> tuple[str, list[PinHandle]]:
+        """The run that was held, and the pins of it."""
+        run = next((pin.run for pin in self._pins if pin.run), "")
+        return run, [pin for pin in self._pins if pin.run == run]
+
+    @property
     def _all_here(self) -> bool:
         return all(piece.complete for piece in self._pieces) and not self._gaps(self.begin_ns, self.end_ns)
 
     async def find(self, looking: Mapping[str, Looking], around_ns: int, most: int) -> tuple[dict[str, Found], str]:
         """Look for moments in all that is held of entries, and return why some of it could not be looked through."""
         if self._all_here or not self._in_buffers:
-            gone = not self._pins and self._buffers is not None and self._buffers.reachable and self.main.problem
-            why = "" if self._all_here else "nothing is pinned" if gone else "no link"
+            why = "" if self._all_here else self._out_of_reach
             return await self._find_here(looking, around_ns, most, why)
         assert self._buffers is not None
-        run = next((pin.run for pin in self._pins if pin.run), "")
-        pins = [pin for pin in self._pins if pin.run == run]
+        _, pins = self._of_one_run
         names = list(looking)
         found: dict[str, Found] = {}
         try:
@@ -399,6 +408,53 @@ class HeldSource:
             why = str(error) if isinstance(error, RefusedError) else "no link"
             return await self._find_here(looking, around_ns, most, why)
         return found, ""
+
+    async def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> tuple[dict[str, Between], str]:
+        """Measure entries between two moments, and return of what the facts are where these aren't all samples.
+
+        What isn't fetched is added up in the helper process; where that can't be asked, columns have what they have.
+        """
+        begin_ns, end_ns = min(a_ns, b_ns), max(a_ns, b_ns)
+        if not self._has(begin_ns, end_ns) and self._in_buffers and self._buffers is not None:
+            run, pins = self._of_one_run
+            found: dict[str, Between] = {}
+            try:
+                for at in range(0, len(names), NAMES_AT_ONCE):
+                    some = names[at : at + NAMES_AT_ONCE]
+                    found.update(await self._buffers.measure(some, a_ns, b_ns, pins, run))
+            except SiloError as error:
+                why = str(error) if isinstance(error, RefusedError) else "no link"
+            else:
+                return found, ""
+        else:
+            why = "" if self._has(begin_ns, end_ns) else self._out_of_reach
+        return await self._measure_here(names, a_ns, b_ns, why)
+
+    @property
+    def _out_of_reach(self) -> str:
+        """Why nothing but what is here can be had."""
+        reached = self._buffers is not None and self._buffers.reachable
+        return "nothing is pinned" if not self._pins and reached and self.main.problem else "no link"
+
+    def _has(self, start_ns: int, end_ns: int) -> bool:
+        """Whether all samples of a stretch are here."""
+        inside = [piece for piece in self._pieces if piece.begin_ns <= end_ns and start_ns <= piece.end_ns]
+        fetched = all(piece.has(max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)) for piece in inside)
+        return fetched and not self._gaps(start_ns, end_ns)
+
+    async def _measure_here(
+        self, names: Sequence[str], a_ns: int, b_ns: int, why: str
+    ) -> tuple[dict[str, Between], str]:
+        """Measure what is here; where only columns are, what these tell: the ends, the smallest, the largest."""
+        found, widest_ns = {}, 0
+        for name in names:
+            parts = [piece.with_columns(name) for piece in self._pieces]
+            wide_ns = max(wide for _, wide in parts)
+            time_ns, values = _joined([some for some, _ in parts])
+            facts = await asyncio.to_thread(between, time_ns, values, a_ns, b_ns)
+            found[name] = facts if not wide_ns else replace(facts, mean=NAN, std=NAN, rms=NAN, not_finite=0)
+            widest_ns = max(widest_ns, wide_ns)
+        return found, f"{'columns' if self._pins else 'picture'} only, to {_digits(widest_ns)}" if widest_ns else why
 
     async def _find_here(
         self, looking: Mapping[str, Looking], around_ns: int, most: int, why: str = ""
@@ -419,7 +475,7 @@ class HeldSource:
             widest_ns = max(widest_ns, wide_ns)
         if not widest_ns:
             return found, why
-        return found, f"{'columns' if self._pins else 'picture'} only, to {duration(float(f'{widest_ns / 1e9:.2g}'))}"
+        return found, f"{'columns' if self._pins else 'picture'} only, to {_digits(widest_ns)}"
 
 
 async def reading_of(source: "PlotSource | PinnedSource", element: ElementInfo, time_ns: int) -> Reading:
@@ -452,6 +508,10 @@ def _room(names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> C
     store = ColumnStore(names, stop - first, column_ns)
     store.advance_to(stop)
     return store
+
+
+def _digits(span_ns: int) -> str:
+    return duration(float(f"{span_ns / 1e9:.2g}"))
 
 
 def _text_of(seconds: float) -> str:

@@ -19,6 +19,7 @@ from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo.model import TriggerOptions
 from silo_tui.actions import bindings_for
+from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.find import Search, What, places_of
@@ -73,6 +74,7 @@ class MonitorScreen(Arranging):
         self._said = ""
         self._asked = self.stack.store  # where the live columns should go
         self._mending = False
+        self._happened = session.happened
         self._timer: Timer | None = None
         self._live = source
         self.between = BetweenTable()
@@ -152,13 +154,13 @@ class MonitorScreen(Arranging):
         if self.window.paused:
             self.session.columns = ColumnStore((), 1, 1)
             if self.pause.source is not None:
-                self.run_worker(self._look(), group="look", exclusive=True)
+                self.run_worker(Later(self._look), group="look", exclusive=True)
         else:
             store.adopt(self.stack.store)
             elements = dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())
             self.session.columns = self._asked = store
             self.session.watch(ViewRequest(tuple(elements), tuple(names), store.column_ns))
-        self.run_worker(self._fill(store, names), group="history", exclusive=True)
+        self.run_worker(Later(self._fill, store, names), group="history", exclusive=True)
 
     async def _fill(self, store: ColumnStore, names: list[str]) -> None:
         start, end = self._shown_ns
@@ -243,15 +245,15 @@ class MonitorScreen(Arranging):
                 self.stack.store.advance_to(frame.time_ns // self.stack.store.column_ns + 1)
             self.stack.advance()
             if self.stack.ghost is not None and self.stack.ghost.end < self.stack.store.end:
-                self.run_worker(self._fill_ghost(self.stack.store), group="ghost", exclusive=True)
+                self.run_worker(Later(self._fill_ghost, self.stack.store), group="ghost", exclusive=True)
             if self.session.columns is self._asked and self._asked.gapped and not self._mending:
                 self._mending = True  # frames got lost on their way: the logger still has what was in them
-                self.run_worker(self._fill(self._asked, list(self._asked.names)), group="history")
+                self.run_worker(Later(self._fill, self._asked, list(self._asked.names)), group="history")
 
     def _moment_shown(self) -> None:
         """Read the values of what stands still: those at the cursor, or at the right end."""
         if self.window.paused and self._live.live:
-            self.run_worker(self._read_moment(), group="moment", exclusive=True)
+            self.run_worker(Later(self._read_moment), group="moment", exclusive=True)
 
     async def _read_moment(self) -> None:
         readings = await self._readings_here()
@@ -300,6 +302,9 @@ class MonitorScreen(Arranging):
         self.line.refresh()  # it says whether they are live
         if (self.stack.fresh, self.stack.ended) != (self.session.fresh, self.session.dead):
             self.stack.fresh, self.stack.ended = self.session.fresh, self.session.dead
+            self.stack.redraw()
+        if self.session.happened is not self._happened:  # its letter stands on the axis, also while nothing moves
+            self._happened = self.session.happened
             self.stack.redraw()
         if not self.window.paused and self.session.columns is not self._asked:
             self.fill_soon()  # it was started again
@@ -425,7 +430,7 @@ class MonitorScreen(Arranging):
         held = self.pause.hold(self.pinned_plots, end, self.window.span_ns, store, newest_ns)
         self.source = self.stack.source = held
         self.window.spans = (*SHORT_SPANS_S, *SPANS_S)
-        self.run_worker(self.pause.fetch(store.column_ns, self.window.span_ns), group="pause", exclusive=True)
+        self.run_worker(Later(self.pause.fetch, store.column_ns, self.window.span_ns), group="pause", exclusive=True)
         self._more_is_here()
         self.request_view()
 
@@ -495,7 +500,7 @@ class MonitorScreen(Arranging):
             self.context.say(said)
 
     def command_zero(self) -> None:
-        self.run_worker(self._zero(), group="zero")
+        self.run_worker(Later(self._zero), group="zero")
 
     async def _zero(self) -> None:
         try:

@@ -19,7 +19,7 @@ from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo.model import LoggedEvent, TriggerOptions
 from silo_tui.actions import bindings_for
-from silo_tui.context import SiloScreen
+from silo_tui.context import Later, SiloScreen
 from silo_tui.model import text
 from silo_tui.model.plots import Picture, Plotted, PlotWindow
 from silo_tui.model.scope import (
@@ -143,7 +143,7 @@ class ScopeScreen(SiloScreen):
 
     def _look_again(self) -> None:
         if (self.waits or self._forced) and not self._looking.locked() and self.session.connected:
-            self.run_worker(self._look(), group="scope")
+            self.run_worker(Later(self._look), group="scope")
 
     async def _look(self) -> None:
         async with self._looking:

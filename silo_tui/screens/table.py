@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import ClassVar
 
+import msgspec
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.timer import Timer
@@ -14,12 +15,14 @@ from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo.model import TriggerOptions
 from silo.settings.words import examples
-from silo_tui.actions import bindings_for
-from silo_tui.model import text
+from silo_tui.actions import BY_ID, bindings_for
+from silo_tui.context import Later
+from silo_tui.model import derived, text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
 from silo_tui.model.orders import STEADY, TREE
 from silo_tui.model.table_columns import LIVE_COLUMNS
+from silo_tui.screens.derive import derive, forget
 from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.elements import WIDE, ElementsScreen
 from silo_tui.sessions.link import ViewRequest
@@ -119,7 +122,7 @@ class TableScreen(ElementsScreen):
         if self._surveying or not due or self.context.upper_screen is not self or not session.connected:
             return
         self._survey_s, self._surveying = now_s, True
-        self.run_worker(self._survey(), group="survey")
+        self.run_worker(Later(self._survey), group="survey")
 
     def _thin_s(self) -> float:
         """Return how long a thin link has to be spared; 0 where it isn't one."""
@@ -230,7 +233,7 @@ class TableScreen(ElementsScreen):
         store = self.session.columns
         if store.gapped and store.names:
             store.past_until_ns = None
-            self.run_worker(self._fill(store, list(store.names)), group="history", exclusive=True)
+            self.run_worker(Later(self._fill, store, list(store.names)), group="history", exclusive=True)
 
     # ------------------------------------------------------------------------------------------------ the view
 
@@ -263,7 +266,7 @@ class TableScreen(ElementsScreen):
         known = set(old.names) if old.column_ns == COLUMN_NS else set()
         missing = [name for name in plots if name not in known]
         if missing and self.session.connected:
-            self.run_worker(self._fill(store, missing), group="history", exclusive=True)
+            self.run_worker(Later(self._fill, store, missing), group="history", exclusive=True)
 
     async def _fill(self, store: ColumnStore, names: list[str]) -> None:
         end = self.source.end_ns
@@ -291,7 +294,9 @@ class TableScreen(ElementsScreen):
     # ------------------------------------------------------------------------------------------------- editing
 
     def command_edit(self) -> None:
-        if self._field_chosen:
+        if (row := self._derived_row) is not None:
+            self.command_derive(self.session.table.names[row])
+        elif self._field_chosen:
             self.edit_field(self.table.field)
         elif self._targets_known():
             count = len(self.session.rows.targets())
@@ -299,6 +304,18 @@ class TableScreen(ElementsScreen):
             self.app.push_screen(
                 Question(f"Edit what of {text.plural(count, 'element')}?", "", choices), self._edit_chosen
             )
+
+    @property
+    def _derived_row(self) -> int | None:
+        """The derived signal that a key is about, where it is about one alone."""
+        targets = self.session.rows.targets()
+        return int(targets[0]) if len(targets) == 1 and self.session.table.derived[targets[0]] else None
+
+    def command_derive(self, name: str = "", expression: str = "") -> None:
+        """Make a derived signal, or change the one of that name."""
+        one = derived.named(self.session.table, name)
+        one = msgspec.structs.replace(one, expression=expression) if expression else one
+        self.context.run_flow(derive(self.context, self.session, one))
 
     def command_new_of_row(self) -> None:
         row = self.session.rows.row
@@ -312,7 +329,10 @@ class TableScreen(ElementsScreen):
         value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
         level = f"{value:.6g}" if math.isfinite(value) else "0"
         made = TriggerOptions(short.rpartition("/")[2], f"{short} > {level}", 1.0, 1.0)
-        choices = [Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l")]
+        choices = [
+            Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l"),
+            Choice("derived", "A signal derived from it", "d"),
+        ]  # fmt: skip
         self.app.push_screen(Question(f"New for {short}?", "", choices), lambda answer: self._make(answer, made, name))
 
     def _make(self, answer: str | None, made: TriggerOptions, name: str) -> None:
@@ -324,6 +344,8 @@ class TableScreen(ElementsScreen):
             triggers = TriggersScreen(self.session)
             self.app.push_screen(triggers)
             triggers.call_after_refresh(triggers.edit, made, is_new=True)
+        elif answer == "derived":
+            self.command_derive("", self.session.short_name(name).lstrip("/"))
         elif answer == "limits":
             alarms = AlarmsScreen(self.session)
             self.app.push_screen(alarms)
@@ -333,7 +355,7 @@ class TableScreen(ElementsScreen):
         from silo_tui.screens.opened import open_saved
 
         self.run_worker(
-            open_saved(self.context, self.session, self.session.left_files), group="opening", exclusive=True
+            Later(open_saved, self.context, self.session, self.session.left_files), group="opening", exclusive=True
         )
 
     def _edit_chosen(self, answer: str | None) -> None:
@@ -454,6 +476,11 @@ class TableScreen(ElementsScreen):
         self._edited(f"done again: {label}" if label else "nothing to do again")
 
     def command_discard(self) -> None:
+        targets = self.session.rows.targets()
+        if len(targets) and self.session.table.derived[targets].all():
+            if self.context.allows(BY_ID["derive"]):
+                self.context.run_flow(forget(self.context, self.session, targets.tolist()))
+            return
         self.sure_of_hidden(self._discard)
 
     def _discard(self) -> None:

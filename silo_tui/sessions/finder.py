@@ -68,8 +68,8 @@ class ClientFinder:
     While nobody looks at the list, `rest` has only their coming and going followed.
     """
 
-    def __init__(self, config: str = "") -> None:
-        self._config = config
+    def __init__(self, config: str = "", *, read_only: bool = False) -> None:
+        self._config, self._read_only = config, read_only
         self._seen: dict[str, found.Found] = {}
         self._own_name = ""
         self._fleet: Fleet | None = None
@@ -136,4 +136,4 @@ class ClientFinder:
         """Connect to a logger that was found. ConnectionLostError says what to do when it doesn't answer."""
         from silo.ipc.client import Client
 
-        return Client.connect(self._seen[logger.key])
+        return Client.connect(self._seen[logger.key], read_only=self._read_only)

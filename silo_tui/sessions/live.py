@@ -65,6 +65,8 @@ class Session:
         self.link: Link | None = None
         self.status = NO_STATUS
         self.may_edit = True
+        self.why_not = ""  # in words of `silo.ipc.senders`
+        self.identity = ""  # ours, as the logger knows it
         self.table = TableState()
         self.rows = RowList(self.table, columns)
         self.live = LiveValues()
@@ -107,6 +109,16 @@ class Session:
         return self.link is not None and self.lost_since is None
 
     @property
+    def lost_s(self) -> float | None:
+        """For how long there has been no link; None where there is one."""
+        return None if self.lost_since is None else time.monotonic() - self.lost_since
+
+    def try_now(self) -> None:
+        """Look for the logger at once, where the link is lost."""
+        if self.link is not None:
+            self.link.try_now()
+
+    @property
     def fresh(self) -> bool:
         """Whether the values on the screen are of now."""
         return self.connected and not self.dead
@@ -128,7 +140,8 @@ class Session:
         """Take a new connection and reads everything once."""
         self.link = link
         hello = await link.call(lambda client: client.hello())
-        self.may_edit = hello.may_edit
+        self.may_edit, self.why_not = hello.may_edit, hello.why_not
+        self.identity = self._link.identity
         self.take_status(hello.status)
         await self.reload()
         await self.learn_events()
@@ -300,7 +313,7 @@ class Session:
         one = self.table.elements[rows[0]]
         others = f" and {len(rows) - 1} more are" if len(rows) > 1 else " is"
         name = self.short_name(one.name).lstrip("/")
-        return f"{name}{others} derived: divider, buffer and action are those of its signals"
+        return f"{name}{others} derived: divider, buffer and action are those of its signals; e edits what it is"
 
     def watch(self, request: ViewRequest) -> None:
         """Say what the screen shows from now on."""
@@ -357,6 +370,8 @@ class Session:
             self.take_status(event.status)
         elif event.kind not in {EventKind.SAVING, EventKind.SCRIPT_SAVED, EventKind.SAVE_FAILED}:
             await self.refresh_status()
+        if event.kind is EventKind.CONTROL and self._was_given(event):
+            await self._link.call(lambda client: client.take_control())  # to renew it from now on
         if event.kind in {EventKind.EDITED, EventKind.SCRIPT_LOADED} or self.status.revision != self.table.revision:
             await self.reload()
         if event.kind in {EventKind.STARTED, EventKind.STOPPED, EventKind.EDITED, EventKind.SCRIPT_LOADED}:
@@ -377,6 +392,21 @@ class Session:
             )
             self.happened = newest([*self.happened, told])
 
+    @property
+    def has_control(self) -> bool:
+        """Whether we alone may change the logger."""
+        return self.status.control is not None and self.status.control.identity == self.identity
+
+    def _was_given(self, event: Event) -> bool:
+        """Whether somebody else handed control over to us."""
+        return self.has_control and self.status.control is not None and event.by != self.status.control.who
+
+    async def control(self, job: "Callable[[Client], str]") -> str:
+        """Take, release or hand over control; return what was done, in words."""
+        words = await self._link.call(job)
+        await self.refresh_status()
+        return words
+
     def lose(self) -> None:
         """Note that the link is lost; everything stays as it was."""
         if self.lost_since is None:
@@ -391,7 +421,8 @@ class Session:
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
         hello = await self._link.call(lambda client: client.hello())
-        self.may_edit = hello.may_edit
+        self.may_edit, self.why_not = hello.may_edit, hello.why_not
+        self.identity = self._link.identity
         self.take_status(hello.status)
         await self.reload()
         await self.learn_events()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from silo.columns import ColumnStore, HistoryColumns
 from silo.errors import RefusedError, SiloError
+from silo.judging.between import Between
 from silo.judging.moments import Found, Looking
 from silo.model import BufferType
 from silo_tui.model import text
@@ -95,6 +96,13 @@ class _LinkBuffers:
                 run=held[0].run if held else "",
             )
         )  # fmt: skip
+
+    async def measure(
+        self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[PinHandle], run: str
+    ) -> dict[str, Between]:
+        """Measure entries between two moments in them and in these pins."""
+        held = [each.pin for each in pins if isinstance(each, _LinkPin)]
+        return await self._link.read(lambda client: client.measure(names, a_ns, b_ns, held, run))
 
 
 def _let_go(pinned: "asyncio.Future[Pin]") -> None:

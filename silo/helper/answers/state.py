@@ -25,7 +25,8 @@ def _hello(parts: Parts, request: Hello) -> HelloReply:
     if request.id:
         parts.publisher.name_client(plain(request.id), plain(request.client))
     # a client that gets this from the key `do` too may edit
-    return HelloReply(PROTOCOL, VERSION, parts.mirror.user, True, parts.mirror.status(), OLDEST)
+    status, closed = parts.mirror.status(), parts.operators.closed()
+    return HelloReply(PROTOCOL, VERSION, parts.mirror.user, True, status, OLDEST, closed)
 
 
 @answers_to(GetStatus)

@@ -9,7 +9,10 @@ from silo.model import Status
 
 
 class HelloReply(Reply, frozen=True):
-    """`may_edit` tells whether `do` requests of this client get through. `oldest` to `protocol` are understood."""
+    """`may_edit` tells whether `do` requests of this client get through, `why_not` why they don't.
+
+    `oldest` to `protocol` are understood.
+    """
 
     protocol: int
     version: str
@@ -17,6 +20,7 @@ class HelloReply(Reply, frozen=True):
     may_edit: bool
     status: Status
     oldest: int = 1
+    why_not: str = ""
 
 
 class StatusReply(Reply, frozen=True):
