@@ -125,7 +125,7 @@ class ClientFinder:
         """Ask all of them the same; yields an outcome for each as it comes."""
         from silo.ipc.bulk import outcomes
 
-        return outcomes([self._seen[logger.key] for logger in loggers], job)
+        return outcomes([self._seen[logger.key] for logger in loggers], job, read_only=self._read_only)
 
     def close(self) -> None:
         """End what follows them, and its sessions."""
