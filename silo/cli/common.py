@@ -130,6 +130,13 @@ def _forget_discovered() -> None:
         ctx.find_root().meta.pop(f"silo discovery {configuration()}", None)
 
 
+def tell_viewers(client: "Client") -> None:
+    """Raise RefusedError for who may not change anything, before a word of how a change could be made."""
+    hello = client.hello()
+    if not hello.may_edit:
+        raise RefusedError(hello.why_not)
+
+
 def find_logger(name: str | None) -> "Found":
     """Return the logger that an address means (`robot3/anymal`, `anymal`, `anymal.4711`), or the only one.
 

@@ -82,8 +82,8 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
     _tell_orphans(answers)
-    if all(answer.state == "no answer" for answer in answers):
-        raise ConnectionLostError("none of them answers, see above")
+    if all(answer.state in ("no answer", "other silo") for answer in answers):
+        raise ConnectionLostError("none of them can be asked, see above")
 
 
 def _show_table(answers: "list[Answer]") -> None:
