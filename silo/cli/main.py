@@ -27,8 +27,8 @@ class LazyCommand:
 
 
 COMMANDS = {
-    "ls": LazyCommand("Loggers", "silo.cli.loggers", "ls", "List the loggers that run."),
-    "info": LazyCommand("Loggers", "silo.cli.loggers", "info", "Show a logger, its elements, or a saved file."),
+    "ls": LazyCommand("Loggers", "silo.cli.listing", "ls", "List the loggers that run."),
+    "info": LazyCommand("Loggers", "silo.cli.info", "info", "Show a logger, its elements, or a saved file."),
     "watch": LazyCommand("Loggers", "silo.cli.watch", "watch", "Print live values."),
     "set": LazyCommand("Loggers", "silo.cli.edits", "set_command", "Change how elements are logged."),
     "start": LazyCommand("Loggers", "silo.cli.loggers", "start", "Start logging."),
