@@ -132,7 +132,15 @@ class Context:
 
     def allows(self, command: Command) -> bool:
         """Return whether a command may be carried out now; say why when it may not."""
-        return (not command.writes or self.may_write(command.label)) and (not command.asks or self._may_ask(command))
+        return (not command.writes or self._may_do(command)) and (not command.asks or self._may_ask(command))
+
+    def _may_do(self, command: Command) -> bool:
+        """Whether a command may change loggers: of many each says itself whom it lets."""
+        if "loggers" not in command.scopes:
+            return self.may_write(command.label)
+        if self.read_only:
+            self.say(read_only_words(command.label))
+        return not self.read_only
 
     def may_write(self, label: str) -> bool:
         """Return whether the logger may be changed; say why when it may not."""

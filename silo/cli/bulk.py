@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import discovered, many, show_json, tell_unreachable
+from silo.cli.common import discovered, many, read_only, show_json, tell_unreachable
 from silo.errors import ConnectionLostError, SiloError
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def carry_out(verb: str, found: "Sequence[Found]", job: "Job", *, as_json: bool 
     names = told_apart(found)
     width = max(map(len, names))
     failed, shown = [], []
-    for outcome in outcomes(found, job):
+    for outcome in outcomes(found, job, read_only=read_only()):
         name = names[outcome.place]
         if not outcome.done:
             failed.append(name)

@@ -18,7 +18,7 @@ from silo.model import FileType, SavedFile, Status
 
 AT_ONCE = 32
 
-__all__ = ["Outcome", "loading", "outcomes", "restarting", "saving", "starting", "stopping"]
+__all__ = ["Outcome", "loading", "outcomes", "restarting", "saving", "starting", "stopping", "stopping_and_saving"]
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,9 @@ class Outcome:
 Job = Callable[[Client], tuple[str, tuple[SavedFile, ...]]]
 
 
-def outcomes(targets: Sequence[Found], job: Job, at_once: int = AT_ONCE) -> Iterator[Outcome]:
+def outcomes(
+    targets: Sequence[Found], job: Job, *, read_only: bool = False, at_once: int = AT_ONCE
+) -> Iterator[Outcome]:
     """Yield one outcome for each logger as it comes. Who stops iterating has no further ones asked."""
     waiting: queue.SimpleQueue[tuple[int, Found]] = queue.SimpleQueue()
     for item in enumerate(targets):
@@ -48,7 +50,7 @@ def outcomes(targets: Sequence[Found], job: Job, at_once: int = AT_ONCE) -> Iter
                 place, found = waiting.get_nowait()
             except queue.Empty:
                 return
-            answers.put(_ask(place, found, job))
+            answers.put(_ask(place, found, job, read_only=read_only))
 
     threads = [threading.Thread(target=work, name="silo-bulk") for _ in range(min(at_once, len(targets)))]
     for thread in threads:
@@ -60,9 +62,9 @@ def outcomes(targets: Sequence[Found], job: Job, at_once: int = AT_ONCE) -> Iter
         stop.set()
 
 
-def _ask(place: int, found: Found, job: Job) -> Outcome:
+def _ask(place: int, found: Found, job: Job, *, read_only: bool) -> Outcome:
     try:
-        with Client.connect(found) as client:
+        with Client.connect(found, read_only=read_only) as client:
             text, files = job(client)
         return Outcome(place, True, text, files)
     except SiloError as error:
@@ -77,6 +79,17 @@ def _ask(place: int, found: Found, job: Job) -> Outcome:
 def stopping() -> Job:
     """Return a job that stops."""
     return lambda client: (_state(client.stop()), ())
+
+
+def stopping_and_saving() -> Job:
+    """Return a job that stops, and then saves, so that the last tick is in the file too."""
+
+    def job(client: Client) -> tuple[str, tuple[SavedFile, ...]]:
+        client.stop()
+        told, files = saving([FileType.SILO])(client)
+        return f"stopped, {told}", files
+
+    return job
 
 
 def starting(unsaved: Unsaved | str = Unsaved.REFUSE) -> Job:

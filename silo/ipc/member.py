@@ -54,6 +54,11 @@ class Member:
         return self.summary.state if self.summary is not None else None
 
     @property
+    def told(self) -> bool:
+        """Whether there is anything to show of it."""
+        return self.summary is not None or bool(self.problem)
+
+    @property
     def dead(self) -> bool:
         """Whether its program is dead."""
         return self.found.dead if self.summary is None else self.summary.state is State.DEAD

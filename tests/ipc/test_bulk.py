@@ -84,6 +84,12 @@ def test_who_refuses_or_is_silent_has_an_answer_too_and_the_exit_code_says_that_
     assert "1 of 3 loggers did, robot1/anymal, robot2/anymal not" in told.err
 
 
+def test_with_read_only_nothing_is_changed_by_many_either(desk, robots, capsys) -> None:
+    assert run(["--config", desk, "--read-only", "stop", "--all"]) == EXIT_FAILED
+    assert "--read-only" in capsys.readouterr().out
+    assert states(robots) == [State.RUNNING] * 3
+
+
 def test_a_glob_that_nobody_fits_is_told(desk, robots, capsys) -> None:
     assert run(["--config", desk, "stop", "mars*/*", "--all"]) == EXIT_NO_LOGGER
     assert "no logger 'mars*/*'" in capsys.readouterr().err

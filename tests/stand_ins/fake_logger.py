@@ -5,7 +5,7 @@ What it has in common with a real helper process is held by `tests/contract`, wh
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,14 @@ import numpy as np
 
 from silo.amounts import read_keep, read_split
 from silo.columns import ColumnGrid, HistoryColumns, bins_of
-from silo.errors import ConnectionLostError, ElementError, ScriptError
+from silo.errors import ConnectionLostError, ElementError, ScriptError, SiloError
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
+from silo.ipc.bulk import Outcome
 from silo.ipc.conditions import LimitStatus, TriggerStatus, TriggerWord
 from silo.ipc.exchange import RequestRefusedError
 from silo.ipc.fetching import Fetch
 from silo.ipc.frames import Frame
+from silo.ipc.member import Member
 from silo.ipc.messages import (
     Alarms,
     EditsApplied,
@@ -906,14 +908,33 @@ class FakeFinder:
     def __init__(self, *clients: FakeClient) -> None:
         self.clients = list(clients)
         self.advice: tuple[str, ...] = ()
+        self.members: dict[str, Member] = {}  # how they stand, by their names
+        self.attentive = True
 
     def find(self) -> Found:
         return Found(
             tuple(
-                FoundLogger(client.name, client.pid, "ann", f"{client.name}.{client.pid}") for client in self.clients
+                FoundLogger(
+                    client.name, client.pid, "ann", f"{client.name}.{client.pid}", member=self.members.get(client.name)
+                )
+                for client in self.clients
             ),
             self.advice,
         )
+
+    def rest(self) -> None:
+        self.attentive = False
+
+    def look_again(self) -> None:
+        self.members = {name: one for name, one in self.members.items() if one.here}
+
+    def ask_many(self, loggers: Sequence[FoundLogger], job: Any) -> Iterator[Outcome]:
+        for place, logger in enumerate(loggers):
+            try:
+                text, files = job(self.connect(logger))
+                yield Outcome(place, True, text, files)
+            except SiloError as error:  # noqa: PERF203
+                yield Outcome(place, False, str(error))
 
     def connect(self, logger: FoundLogger) -> FakeClient:
         return next(client for client in self.clients if client.pid == logger.pid and client.name == logger.name)

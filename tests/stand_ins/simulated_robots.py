@@ -50,7 +50,7 @@ class SimulatedRobot:
         self.hz = 400.0
         self.session = open_client(None, config, reach(config))
         ring = zenoh.handlers.RingChannel
-        self._queries = [self.session.declare_queryable(self.root.key(key), ring(64)) for key in ("ask", "do")]
+        self._queries = [self.session.declare_queryable(self.root.key(key), ring(64)) for key in ("ask", "do/*")]
         self._unanswered: list[zenoh.Query] = []
         self._publisher = self.session.declare_publisher(self.root.key("summary"))
         self._token = self.session.liveliness().declare_token(self.root.key("alive"))

@@ -9,9 +9,12 @@ import pytest
 
 from silo.files.silo_writer import write_silo
 from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
+from silo.ipc.found import Found
+from silo.ipc.member import Member
 from silo.ipc.messages import RecorderInfo, RecordingFile, Recordings, SavedRecording
+from silo.ipc.published import Summary
 from silo.ipc.surveys import FROZEN, NOT_FINITE
-from silo.model import BufferType, Entry, FileType, RecorderState, TriggerOptions
+from silo.model import BufferType, Entry, FileType, RecorderState, State, TriggerOptions
 from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.app import SiloApp
 from silo_tui.layouts import files
@@ -164,6 +167,33 @@ def test_alarms(fake, new_finder, snap_compare, still):
     ]
     steps = by_keys("3 limits", "A")
     assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
+
+
+def test_the_fleet(new_fake, new_finder, snap_compare, still, monkeypatch):
+    clock = SimpleNamespace(time=lambda: still / 1e9, time_ns=lambda: still, monotonic=lambda: 1000.0)
+    for module in ("model.fleet", "screens.loggers"):
+        monkeypatch.setattr(f"silo_tui.{module}.time", clock)
+    fine = Summary(
+        state=State.RUNNING, frequency_hz=400.0, measured_hz=400.0, ticks=118_024, started_ns=still - 330 * 10**9,
+        disk_free_bytes=40 * 10**9, disk_bytes=256 * 10**9, clients=["ann@desk silo-tui 7"],
+    )  # fmt: skip
+    told = (
+        ("anymal", {"alarm": "HH", "alarms": 3, "lost": 12, "control": "ann@desk silo-tui 7"}), ("arm", {}),
+        ("dog", {"state": State.DEAD, "reason": "the robot program (process 7) ended without close(); saved 9.8 MB"}),
+        ("legs", {"measured_hz": 301.0}), ("spot", {"disk_free_bytes": 4 * 10**9, "state": State.STOPPED}),
+    )  # fmt: skip
+    finder = new_finder(*(new_fake(name=name) for name in ("gone", *(name for name, _ in told))))
+    lost = Member(Found("gone", 1, "", "ann", host="rob5"), fine, here=False, since_s=1000.0 - 14)
+    finder.members = {"gone": lost} | {
+        name: Member(Found(name, 1, "", "ann"), msgspec.structs.replace(fine, **more)) for name, more in told
+    }
+
+    async def steps(pilot):
+        await settle(pilot, lambda app: any("SILENT" in line for line in text_of(app)))
+        await pilot.press("j", "space", "space")
+        await settle(pilot, lambda app: any("2 marked" in line for line in text_of(app)))
+
+    assert snap_compare(SiloApp(finder), terminal_size=(80, 24), run_before=steps)
 
 
 def test_events(fake, new_finder, snap_compare, still):
