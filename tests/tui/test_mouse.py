@@ -6,6 +6,8 @@ from silo_tui import terminal
 from silo_tui.model.panel_picture import AXIS
 from silo_tui.screens.monitor import MonitorScreen
 
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
 
 async def test_a_click_on_a_row_puts_the_cursor_there(fake, opened):
     async with opened(fake) as screen:
