@@ -213,6 +213,7 @@ class Context:
     def status_changed(self) -> None:
         """Tell the screens that the state of the logger or of the link changed."""
         self.tell(lambda screen: screen.status_changed())
+        self.tell(lambda screen: screen.update_keys())
 
     def say(self, words: str) -> None:
         """Show the result of something on the screen below any dialog."""

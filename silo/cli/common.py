@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from silo.ipc.client import Client
     from silo.ipc.discovery import Discovery
     from silo.ipc.found import Found
-    from silo.model import ElementInfo
+    from silo.model import ElementInfo, Status
 
 MOST_COMPLETIONS = 100
 TRY_AGAIN_S = 1.0
@@ -128,6 +128,13 @@ def _forget_discovered() -> None:
     ctx = click.get_current_context(silent=True)
     if ctx is not None:
         ctx.find_root().meta.pop(f"silo discovery {configuration()}", None)
+
+
+def tell_viewers(client: "Client") -> None:
+    """Raise RefusedError for who may not change anything, before a word of how a change could be made."""
+    hello = client.hello()
+    if not hello.may_edit:
+        raise RefusedError(hello.why_not)
 
 
 def find_logger(name: str | None) -> "Found":
@@ -374,3 +381,8 @@ def type_of(info: "ElementInfo") -> str:
     word = "text" if only.startswith("S") else "bool" if only == "b1" else only
     shape = "x".join(map(str, info.shape))
     return f"{word}[{shape}]" if shape else word
+
+
+def logged_for(status: "Status") -> str:
+    """How long a logger has been logging, fit to show; `-` before its first start."""
+    return show_duration((time.time_ns() - status.started_ns) / 1e9) if status.state.value == "running" else "-"

@@ -12,13 +12,13 @@ from silo.cli.common import (
     configuration,
     discovered,
     json_option,
+    logged_for,
     many,
     show_duration,
     show_json,
     show_rows,
     tell_unreachable,
 )
-from silo.cli.loggers import since
 from silo.errors import ConnectionLostError
 from silo.ipc.remotes import LOCAL
 
@@ -82,8 +82,8 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
     _tell_orphans(answers)
-    if all(answer.state == "no answer" for answer in answers):
-        raise ConnectionLostError("none of them answers, see above")
+    if all(answer.state in ("no answer", "other silo") for answer in answers):
+        raise ConnectionLostError("none of them can be asked, see above")
 
 
 def _show_table(answers: "list[Answer]") -> None:
@@ -208,7 +208,7 @@ def _ls_row(answer: "Answer") -> tuple[str, ...]:
         found.name,
         found.host or status.host,
         status.state.value,
-        since(status),
+        logged_for(status),
         f"{status.measured_hz or status.frequency_hz:.4g}" if status.state.value == "running" else "-",
         str(status.ticks),
         str(status.lost),

@@ -94,6 +94,7 @@ class SegmentJudge:
         self._until, self._steps = since, 0
         self._spools: list[Spool] = []
         self._numbers: dict[str, int] = {}  # captures of each name so far: they stand in names of files
+        self._off: set[str] = set()  # elements in conditions that are off
         self._found = Step()
         self._unwritten = unwritten
         self.adopt(reader.schema.extras if extras is None else extras)
@@ -132,6 +133,7 @@ class SegmentJudge:
             made.why = str(error)
             self.problems.append(f"trigger '{options.name}' is not judged: {error}")
             return made
+        self._off.update(found.off, found.without)
         if found.problem:
             self.problems.append(f"trigger '{options.name}' {found.problem}")
         if (not found.can_fire and rule.mode is not Mode.AUTO) or not any(bound.sources for bound in found.bounds):
@@ -379,6 +381,7 @@ class SegmentJudge:
         return JudgeState(
             schema.run, schema.pid, schema.pid_start, self._until, self.extras, self._rows.cursors, triggers,
             self._limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
+            off=self._rows.infos_of(self._off),
         )  # fmt: skip
 
     def count_from(self, numbers: Mapping[str, int]) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from silo.ipc.keys import user_part
 
-ROLES = {"viewer": ("look", "watch"), "operator": ("look", "watch"), "robot": ("serve", "served")}
+ROLES = {"viewer": ("look", "watch"), "operator": ("look", "watch"), "robot": ("serve", "served", "know")}
 
 QUERIES = ["query", "reply", "declare_queryable"]
 VALUES = [
@@ -42,6 +42,8 @@ def access_control(users: dict[str, str], host: str = "*") -> dict[str, Any]:
         rules += [
             _rule("serve", _OFFERED, ["silo/**"], ["ingress"]),
             _rule("served", _ASKED, ["silo/**"], ["egress"]),
+            # who is connected, and whose views are to end
+            _rule("know", ["liveliness_query", "declare_liveliness_subscriber"], ["silo/*/*/client/*"], ["ingress"]),
         ]
     shared = [{"rules": list(ROLES[role]), "subjects": named} for role in ROLES if (named := _with(users, role))]
     return {

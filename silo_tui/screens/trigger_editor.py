@@ -4,6 +4,7 @@ from textual.widgets import Input
 
 from silo.errors import SiloError
 from silo.model import TriggerOptions
+from silo_tui.context import Context
 from silo_tui.model.conditions import fields_of, options_of_fields, tried_lines
 from silo_tui.screens.form import Form
 from silo_tui.sessions.live import Session
@@ -15,6 +16,18 @@ HINTS = {
     "rearm": "else: the condition was false", "pre": "5s", "post": "1s", "persist": "20ms", "holdoff": "10s",
     "mode": "normal single, rising falling level", "save": "silo csv bag", "keep": "newest so many, 0 all",
 }  # fmt: skip
+
+
+async def ask_trigger(context: Context, made: TriggerOptions) -> None:
+    """Let a new trigger be edited, and set it."""
+    answer = await context.app.push_screen_wait(TriggerEditor(context.session, made, is_new=True))
+    if answer is None:
+        return
+    said = await context.link.call(lambda client: client.set_trigger(answer))
+    try:
+        await context.session.refresh_conditions()
+    finally:
+        context.say(said)
 
 
 class TriggerEditor(Form[TriggerOptions]):

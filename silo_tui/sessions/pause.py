@@ -14,11 +14,13 @@ from silo.judging.between import Between
 from silo.judging.moments import Found, Looking
 from silo.model import BufferType
 from silo_tui.model import text
-from silo_tui.model.held import HeldSource, PinHandle
+from silo_tui.model.buffers import PinHandle
+from silo_tui.model.held import HeldSource
 from silo_tui.model.plots import Plotted
 from silo_tui.model.source import PlotSource, Samples
 from silo_tui.sessions.link import Link
-from silo_tui.sessions.live import Session, in_pieces
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.live_source import in_pieces
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client

@@ -10,7 +10,7 @@ from textual.widget import Widget
 
 from silo.ipc.surveys import SLOW_SHARE
 from silo.model import State
-from silo_tui.actions import BY_ID, Command, footer_for, with_keys
+from silo_tui.actions import BY_ID, Command, commands_for, footer_for, with_keys
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
 from silo_tui.model.orders import STEADY
@@ -338,6 +338,9 @@ class KeyBar(Widget):
         app, screen = cast(Any, self.app), cast(Any, self.screen)
         keys = app.context.settings.keys
         in_mode = [replace(with_keys(keys, BY_ID[each]), label=label) for each, label in screen.mode_keys()]
+        if getattr(screen, "session", None) is not None and screen.session.lost_s is not None:
+            tries = [command for command in commands_for(self._scope, keys) if command.retries]
+            in_mode = [*(replace(command, label="Try now") for command in tries), *in_mode]
         known = {command.id for command in in_mode}
         shown = footer_for(self._scope, read_only=self._read_only, keys=keys)
         return [*in_mode, *(command for command in shown if command.id not in known)]

@@ -1,6 +1,6 @@
 """500 signals at 1 kHz recorded for minutes, the recorder killed at random: `python tests/long/recorder.py`.
 
-    --minutes 10 --kills 20 --signals 500 --width 1 --ring 10
+    --minutes 10 --kills 20 --every 6 --signals 500 --width 1 --ring 10
 
 Three phases: recorded in peace (lost, MB/s, CPU, memory of recorder and helper over time), killed at random while it is
 started again by the helper process (nothing may be missing between two parts), and killed while the helper process is
@@ -89,6 +89,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--every", type=float, default=6.0, help="seconds between two kills, on the average")
     parser.add_argument("--signals", type=int, default=500)
     parser.add_argument("--width", type=int, default=1, help="values per element")
     parser.add_argument("--ring", type=int, default=10, help="seconds that the buffers hold")
@@ -151,10 +152,12 @@ def phases(options: argparse.Namespace, folder: Path, robot: int, helper: int) -
             killed = info.pid
             while (info := client.recorders()[0]).state.value != "recording" or info.pid == killed:
                 time.sleep(0.1)
-            time.sleep(rng.uniform(0.0, 3.0))
+            time.sleep(rng.uniform(0.0, 2 * options.every))
             os.kill(info.pid, 9)
         time.sleep(6.0)
         print(client.stop_recorder("kills"), flush=True)
+        while list((folder / "kills").glob("*.part")):
+            time.sleep(0.1)
         paths = sorted((folder / "kills").glob("*.mcap"))
         spans = [check(path, thorough=not number % 10) for number, path in enumerate(paths)]
         missing = sum(two[0] - one[1] for one, two in itertools.pairwise(spans))

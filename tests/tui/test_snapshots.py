@@ -4,18 +4,23 @@ import time
 from types import SimpleNamespace
 
 import msgspec
+import numpy as np
 import pytest
 
+from silo.files.silo_writer import write_silo
 from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
 from silo.ipc.found import Found
 from silo.ipc.member import Member
 from silo.ipc.messages import RecorderInfo, RecordingFile, Recordings, SavedRecording
 from silo.ipc.published import Summary
 from silo.ipc.surveys import FROZEN, NOT_FINITE
-from silo.model import FileType, RecorderState, State, TriggerOptions
+from silo.model import BufferType, Entry, FileType, RecorderState, State, TriggerOptions
+from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.app import SiloApp
 from silo_tui.layouts import files
 from silo_tui.layouts.layout import Layout
+from silo_tui.sessions.recorded import open_file
+from silo_tui.settings.options import Settings
 from tests.stand_ins.fake_logger import START_NS
 from tests.waiting import DEADLINE_S
 
@@ -222,3 +227,74 @@ def test_a_view_of_folded_branches_with_their_signs(fake, new_finder, snap_compa
     files.save(files.place("walk"), Layout("tree", set="statistics", folded=("/legs/RF", "/legs/LH", "/legs/LF/HFE")))
     steps = by_keys("HH 1 of 16")
     assert snap_compare(SiloApp(new_finder(fake), view="walk"), terminal_size=(80, 24), run_before=steps)
+
+
+TORQUE = ["slash", *"HAA", "space", *"torque", "enter", "m"]
+
+
+def plotted(app):
+    return not app.screen.stack.store.empty
+
+
+async def to_plots(pilot, *keys):
+    await settle(pilot, readings_are_there)
+    await pilot.press(*TORQUE)
+    await settle(pilot, plotted)
+    await pilot.press(*keys)
+
+
+@pytest.mark.parametrize(
+    ("keys", "ready"),
+    [
+        (("enter",), "Tab"),  # large
+        (("space", "f"), "highest"),
+        (("c", "exclamation_mark"), "SCOPE"),
+        (("f2",), "theme"),
+        (("question_mark",), "Enter"),
+    ],
+    ids=["large", "find", "scope", "settings", "help"],
+)
+def test_what_opens_over_plots(fake, new_finder, snap_compare, still, monkeypatch, keys, ready):
+    fake.run(20)
+    for module in ("sessions.pause", "screens.scope"):  # how long it stands still, or waits
+        monkeypatch.setattr(f"silo_tui.{module}.time", SimpleNamespace(monotonic=lambda: 0.0))
+
+    async def steps(pilot):
+        await to_plots(pilot, *keys)
+        await settle(pilot, lambda app: any(ready in line for line in text_of(app)))
+
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
+
+
+@pytest.mark.parametrize("theme", ["light", "16"])
+def test_plots_in_other_colours(fake, new_finder, snap_compare, theme):
+    fake.run(20)
+    settings = Settings(theme=theme)
+
+    async def steps(pilot):
+        await to_plots(pilot)
+        await settle(pilot)
+
+    assert snap_compare(SiloApp(new_finder(fake), settings=settings), terminal_size=(80, 24), run_before=steps)
+
+
+def test_a_saved_log(tmp_path, new_finder, snap_compare):
+    seconds = np.arange(4000) / 400
+    signals = {"legs/LF/torque": 30 * np.sin(seconds), "legs/LF/contact": np.sin(9 * seconds) > 0, "base/roll": seconds}
+    elements = tuple(
+        RecordedElement(
+            f"/log/{name}", "Nm" if "torque" in name else "-", "scalar", (), 1, BufferType.LOOPING, 0,
+            (RecordedEntry(f"/log/{name}", Entry("", values.dtype.str), values),),
+        )
+        for name, values in signals.items()
+    )  # fmt: skip
+    times = START_NS + 2_500_000 * np.arange(4000, dtype=np.int64)
+    path = tmp_path / "robot_00007.silo"
+    write_silo(Recording("robot", times, 4000, elements, frequency_hz=400.0, started_ns=START_NS), path)
+
+    async def steps(pilot):
+        await settle(pilot)
+        await pilot.press("j", "space")
+        await settle(pilot)
+
+    assert snap_compare(SiloApp(new_finder(), file=open_file(path)), terminal_size=(80, 24), run_before=steps)
