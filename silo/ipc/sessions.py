@@ -121,9 +121,9 @@ def _leave(path: str) -> None:
 
 
 @contextmanager
-def borrowed(socket_path: str, config: str) -> Iterator[Borrowed]:
+def borrowed(socket_path: str, config: str, reach_s: float = REACH_S) -> Iterator[Borrowed]:
     """Borrow a session for a moment. Raises ConnectionLostError."""
-    mine = borrow(socket_path, config)
+    mine = borrow(socket_path, config, reach_s)
     try:
         yield mine
     finally:
