@@ -5,25 +5,11 @@ from collections.abc import Callable
 from silo.arguments import real, switch, text
 from silo.calls import told_class
 from silo.ipc.client.calling import Calls
+from silo.ipc.client.held import Held
 from silo.ipc.messages import GiveControl, ReleaseControl, TakeControl
 
 LEASE_S = 15.0  # of a client that renews it: seven renewals, or 15 s of a link that is away
 LONGEST_LEASE_S = 24 * 3600.0
-
-
-class Held:
-    """Control that a client renews until it gives it up, or somebody takes it."""
-
-    refused = ""
-
-    def __init__(self, renewal: TakeControl, on_lost: Callable[[str], None] | None) -> None:
-        self.renewal, self._on_lost = renewal, on_lost
-
-    def refuse(self, why: str) -> None:
-        """Somebody else has it."""
-        self.refused = why
-        if self._on_lost is not None:
-            self._on_lost(why)
 
 
 @told_class("client")
