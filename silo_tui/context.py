@@ -5,8 +5,9 @@
 Screens, dialogs and commands import this and never `silo_tui.app`; it imports widgets and what stands below them.
 """
 
-from collections.abc import Callable, Coroutine, Sequence
-from typing import Any, cast
+from collections.abc import Awaitable, Callable, Coroutine, Generator, Sequence
+from functools import partial
+from typing import Any, ParamSpec, cast
 
 from textual import events
 from textual.app import App
@@ -25,6 +26,27 @@ from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
 
 NOT_EDITED = "a saved file: nothing to edit"
+
+Arguments = ParamSpec("Arguments")
+
+
+class Later(Awaitable[object]):
+    """Work that begins when a worker awaits it.
+
+    A coroutine that is handed over instead is left behind, and Python warns of it, where the worker is cancelled before
+    it ran: by the next of its group, or by the end of its screen.
+    """
+
+    def __init__(
+        self,
+        work: Callable[Arguments, Coroutine[Any, Any, object]],
+        *arguments: Arguments.args,
+        **named: Arguments.kwargs,
+    ) -> None:
+        self._begin = partial(work, *arguments, **named)
+
+    def __await__(self) -> Generator[Any, None, object]:
+        return self._begin().__await__()
 
 
 class Held(Dialog[None]):
@@ -110,7 +132,15 @@ class Context:
 
     def allows(self, command: Command) -> bool:
         """Return whether a command may be carried out now; say why when it may not."""
-        return (not command.writes or self.may_write(command.label)) and (not command.asks or self._may_ask(command))
+        return (not command.writes or self._may_do(command)) and (not command.asks or self._may_ask(command))
+
+    def _may_do(self, command: Command) -> bool:
+        """Whether a command may change loggers: of many each says itself whom it lets."""
+        if "loggers" not in command.scopes:
+            return self.may_write(command.label)
+        if self.read_only:
+            self.say(read_only_words(command.label))
+        return not self.read_only
 
     def may_write(self, label: str) -> bool:
         """Return whether the logger may be changed; say why when it may not."""
@@ -183,6 +213,7 @@ class Context:
     def status_changed(self) -> None:
         """Tell the screens that the state of the logger or of the link changed."""
         self.tell(lambda screen: screen.status_changed())
+        self.tell(lambda screen: screen.update_keys())
 
     def say(self, words: str) -> None:
         """Show the result of something on the screen below any dialog."""
@@ -250,11 +281,14 @@ class Context:
 
     def learn_scripts(self) -> None:
         """Ask for the names of the scripts, for completion."""
-        self.app.run_worker(self.quietly(self._learn_scripts()), group="scripts", exclusive=True)
+        self.app.run_worker(Later(self._learn_scripts), group="scripts", exclusive=True)
 
     async def _learn_scripts(self) -> None:
-        scripts = await self.link.read(lambda client: client.scripts())
-        self.script_names = tuple(scripts.names)
+        async def ask() -> None:
+            scripts = await self.link.read(lambda client: client.scripts())
+            self.script_names = tuple(scripts.names)
+
+        await self.quietly(ask())
 
     # ----------------------------------------------------------------------------------------------------- screens
 

@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from silo.collecting.damage import damage
 from silo.collecting.holdings import Holdings, recording_holdings
@@ -21,6 +22,10 @@ from silo.errors import StateError
 from silo.files.event_log import read_events
 from silo.model import FileType, LoggedEvent, SavedFile
 from silo.recording import with_events
+
+if TYPE_CHECKING:
+    # 1.4 MB that a helper without triggers doesn't need
+    from silo.helper.capture_recovery import RecoveredCaptures
 
 log = logging.getLogger("silo")
 
@@ -61,6 +66,8 @@ def recover(
     SavedMeanwhileError if another process saved it, StateError while its own process lives, SaveError if it can't be
     saved (it stays).
     """
+    from silo.helper.capture_recovery import recover_captures
+
     path = Path(path)
     if is_journal(path) or path.suffix == JOURNAL_SUFFIX:
         return _recover_journal(path, folder, types)
@@ -69,15 +76,16 @@ def recover(
         if reader.alive():
             raise StateError(f"{path}: process {reader.schema.pid} is still logging into it; nothing was changed")
         with claimed(reader, wait=True):
+            captures = recover_captures(reader, str(folder or reader.schema.folder))
             if reader.ticks and not has_unsaved(reader):
                 discard(reader)
-                return _saved_before(reader, "memory was freed")
+                return _saved_before(reader, "memory was freed", captures)
             files, held = save_reader(reader, folder or reader.schema.folder, types, why=RECOVERED)
             mark_saved(reader)
             discard(reader)
             nothing = f"held {held.text}" if held.ticks else "held no tick"
-            text = "; ".join([f"saved {held.text}", *damage(reader)]) if files else f"{nothing}; its memory was freed"
-            return Recovered(files, held, text)
+            saved = [f"saved {held.text}", *damage(reader)] if files else [f"{nothing}; its memory was freed"]
+            return Recovered([*files, *captures.files], held, "; ".join([*saved, *captures.texts]))
     finally:
         reader.close()
 
@@ -93,9 +101,13 @@ def _recover_journal(path: Path, folder: str | os.PathLike[str] | None, types: S
         return Recovered(files, held, f"saved {held.text}; {reader.proven_text}" if files else f"{nothing}; removed")
 
 
-def _saved_before(reader: SegmentReader | JournalReader, freed: str) -> Recovered:
-    text = f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"
-    return Recovered([], Holdings(reader.ticks, 0, 0, 0.0), text)
+def _saved_before(
+    reader: SegmentReader | JournalReader, freed: str, captures: "RecoveredCaptures | None" = None
+) -> Recovered:
+    texts = [f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"]
+    files = captures.files if captures else []
+    texts += captures.texts if captures else []
+    return Recovered(files, Holdings(reader.ticks, 0, 0, 0.0), "; ".join(texts))
 
 
 def save_reader(

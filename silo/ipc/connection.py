@@ -23,12 +23,11 @@ import zenoh
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
 from silo.ipc.asking import Pending
-from silo.ipc.discovery import discover, seen_now
+from silo.ipc.discovery import namesakes, seen_now
 from silo.ipc.exchange import exchange, root_at
 from silo.ipc.found import Found
 from silo.ipc.messages import AnyReply, Hello, HelloReply, Request
 from silo.ipc.published import Event
-from silo.ipc.remotes import LOCAL
 from silo.ipc.session import owner_is_gone
 from silo.ipc.sessions import Borrowed, borrow, give_back, undeclare
 from silo.model import State
@@ -321,7 +320,7 @@ class Connection:
         """
         mine = self.found
         try:
-            loggers = discover(HELLO_TIMEOUT_S, mine.config or LOCAL).loggers
+            loggers = namesakes(mine, HELLO_TIMEOUT_S)
         except SiloError as error:
             log.debug("can't look for loggers: %s", error)
             return []

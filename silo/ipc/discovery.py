@@ -18,6 +18,7 @@ import zenoh
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
+from silo.ipc.access import host_part
 from silo.ipc.addresses import logger_of
 from silo.ipc.asking import Asking
 from silo.ipc.configuration import find_file, from_file, user_of
@@ -244,9 +245,19 @@ def _root_of_socket(path: Path) -> keys.Root | None:
         return None
 
 
-def _remote(config: str, timeout_s: float, holding: ExitStack) -> list[Found]:
+def namesakes(found: Found, timeout_s: float) -> list[Found]:
+    """Return the loggers of that name on computers of that name, itself among them while it lives. Raises SiloError."""
+    if not found.config:
+        return _near()
+    with ExitStack() as holding:  # of a hundred loggers, one token comes and not all
+        _, host, name = str(keys.Root(found.host, found.name)).split("/")
+        alive = f"silo/{host_part(host)}/{name}/alive"
+        return _remote(found.config, timeout_s, holding, alive)
+
+
+def _remote(config: str, timeout_s: float, holding: ExitStack, alive: str = keys.ANY_ALIVE) -> list[Found]:
     mine = holding.enter_context(borrowed("", config))
-    replies = list(mine.session.liveliness().get(keys.ANY_ALIVE, timeout=timeout_s + mine.slack_s))
+    replies = list(mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s))
     roots = {keys.root_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
     if not roots:
         raise LayerError(Layer.ROLE, nobody_there(config, mine.session))

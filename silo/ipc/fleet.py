@@ -47,6 +47,7 @@ class Fleet:
         self._near = Near()
         self._stop = threading.Event()
         self._again = threading.Event()
+        self.attentive = True
         self._thread = threading.Thread(target=self._scan, name="silo-fleet")
         self._thread.start()
 
@@ -60,11 +61,24 @@ class Fleet:
             self._changed.wait_for(lambda: self._now.number != number or self._stop.is_set(), timeout_s)
             return self._now
 
-    def wait_ready(self, timeout_s: float) -> FleetNow:
-        """Return what is known once every way was tried, or after the timeout."""
+    def wait_ready(self, timeout_s: float, answers_s: float = 0.5) -> FleetNow:
+        """Return what is known once every way was tried, or after the timeout.
+
+        Those that are there have `answers_s` more to say how they stand.
+        """
         with self._changed:
             self._changed.wait_for(lambda: self._now.ready or self._stop.is_set(), timeout_s)
+            self._changed.wait_for(lambda: all(one.told for one in self._now.members), answers_s)
             return self._now
+
+    def attend(self, *, attentive: bool) -> None:
+        """Have summaries come, or only who comes and goes while nobody looks: over a thin link each byte counts."""
+        if attentive != self.attentive:
+            self.attentive = attentive
+            for way in list(self._ways.values()):
+                way.again.set()
+        if attentive:
+            self._again.set()
 
     def look_again(self) -> None:
         """Forget those that are gone, and try at once what could not be reached."""

@@ -25,6 +25,7 @@ from silo.ipc.published import Summary
 from silo.ipc.sessions import Borrowed, borrowed, undeclare
 
 POLL_S = 0.1
+IDLE_S = 0.5  # while nobody looks
 LOOK_S = 1.0  # how often is looked whether the link is there
 RETRY_S = 1.0
 PATIENCE = 5  # who looks again and again spends a sixth of the time on a remote that is silent
@@ -37,7 +38,9 @@ _decoder = msgspec.msgpack.Decoder(Summary)
 
 
 class Told(Protocol):
-    """Who gathers what the ways report."""
+    """Who gathers what the ways report. `attentive`: somebody looks at summaries."""
+
+    attentive: bool
 
     def reached(self, name: str, why: str) -> None:
         """Note that a way was tried, and why it isn't there."""
@@ -98,10 +101,8 @@ class Way:
         alive = root.key("alive") if root is not None else keys.ANY_ALIVE
         summary = root.key("summary") if root is not None else keys.ANY_SUMMARY
         declared: list[Any] = []
+        summaries: Any = None
         try:
-            # first of all: what is told between a token and the answer to its question must not be missed
-            summaries = session.declare_subscriber(summary, zenoh.handlers.RingChannel(MOST))
-            declared.append(summaries)
             tokens = session.liveliness().declare_subscriber(alive, zenoh.handlers.RingChannel(MOST), history=True)
             declared.append(tokens)
             # those that are there already have an end, which a subscription has not
@@ -109,18 +110,29 @@ class Way:
             asking: Asking[str] = Asking(mine, ANSWER_S)
             ready, looked_s = False, 0.0
             while not self._stop.is_set() and main.is_alive():
+                if self._told.attentive and summaries is None:
+                    # before anybody is asked: what is told between its answer and this must not be missed
+                    summaries = session.declare_subscriber(summary, zenoh.handlers.RingChannel(MOST))
+                    for key in self._here:
+                        self._ask(key, asking)
+                elif not self._told.attentive and summaries is not None:
+                    undeclare(summaries)
+                    summaries = None
                 ready = ready or self._take_those_there(there, asking)
                 self._take_tokens(tokens, asking)
-                self._take_summaries(summaries)
+                if summaries is not None:
+                    self._take_summaries(summaries)
                 self._take_answers(asking)
                 now_s = time.monotonic()
                 if ready and now_s - looked_s >= LOOK_S:
                     looked_s = now_s
                     self._told.reached(self._name, self._problem(session))
                     self._ask_again(asking, now_s)
-                self._stop.wait(POLL_S if ready and not asking.count else POLL_S / 10)
+                idle_s = POLL_S if self._told.attentive else IDLE_S
+                self.again.wait(idle_s if ready and not asking.count else POLL_S / 10)
+                self.again.clear()
         finally:
-            undeclare(*declared)
+            undeclare(*declared, summaries)
 
     def _problem(self, session: zenoh.Session) -> str:
         """Why nobody is seen here; empty where somebody is."""
@@ -171,7 +183,8 @@ class Way:
             return replace(before, found=found, here=True, problem="", seen_s=now_s, since_s=now_s)
 
         self._told.change([(key, come)])
-        self._ask(key, asking)
+        if self._told.attentive:
+            self._ask(key, asking)
 
     def _lose(self, gone: list[str]) -> None:
         now_s = time.monotonic()

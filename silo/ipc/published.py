@@ -108,7 +108,8 @@ class Summary(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
         """Return what a status says, in short."""
         taken = {name: getattr(status, name) for name in cls.__struct_fields__ if name not in ("closed", "control")}
         taken["clients"] = [one.who for one in status.clients[:MOST_NAMES]]
-        return cls(**{**taken, "reason": status.reason[:MOST_REASON]})
+        control = status.control.who if status.control is not None else ""
+        return cls(**{**taken, "reason": status.reason[:MOST_REASON], "control": control})
 
 
 class EventKind(str, enum.Enum):

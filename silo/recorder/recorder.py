@@ -10,6 +10,7 @@ import select
 import socket
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -38,13 +39,12 @@ from silo.recorder.orders import (
     encode,
     extras_of,
 )
-from silo.recorder.resuming import Closing, left_rows
-from silo.recorder.writing import Disk, ExtrasChange, Look, RunBegins, RunEnds, Writing
+from silo.recorder.resuming import Closing, fewer_rows, left_rows
+from silo.recorder.writing import Disk, ExtrasChange, Look, RunBegins, RunEnds, Settle, Writing
 
 FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
 FLUSH_BYTES = 4 << 20
-EARLY_BYTES = 64 << 20  # of rows that are read while what a predecessor left is closed
-EARLY_PERIOD_S = 0.05
+CATCH_UP_S = 5.0  # until then what a predecessor left stays open, if there is still to catch up
 REPORT_S = 1.0
 RELEASE_S = 5.0  # how often memory pages of the rings are let go of, which would count as the recorder's own
 PREDECESSOR_S = 60.0  # how long one that ends may take to finish its part
@@ -56,7 +56,15 @@ log = logging.getLogger("silo.recorder")
 class Recorder:
     """One recorder. `run` returns when it has ended."""
 
-    def __init__(self, order: RecordOrder, sock: socket.socket, disk: Disk | None = None) -> None:
+    def __init__(
+        self,
+        order: RecordOrder,
+        sock: socket.socket,
+        disk: Disk | None = None,
+        calm_down: Callable[[], object] = lambda: None,
+    ) -> None:
+        """`calm_down` is called when it has caught up: from then on others may go first."""
+        self._calm_down = calm_down
         self._order, self._socket = order, sock
         self._disk = disk or Disk()
         self._runs: deque[SegmentReader] = deque()
@@ -66,8 +74,9 @@ class Recorder:
         self._why = ""
         self._until = 0  # the event that the log is to have at the end
         self._first = True
-        self._announced = False  # the present run, to the writing thread
-        self._early: list[Drained] = []  # read while a predecessor's part was closed
+        self._closing: Closing | None = None
+        self._settled = False
+        self._begun_s = time.monotonic()
         self._next_since_s = 0.0
         self._news: list[str] = []
 
@@ -86,30 +95,23 @@ class Recorder:
 
     def _record(self, ledger: Ledger) -> RecorderState:
         self._ledger = ledger
-        run, rows = left_rows(ledger.folder, self._order.name, ledger.written) if self._order.resume else ("", {})
-        closing = Closing(ledger.folder)
-        if run:
-            self._read_meanwhile(closing, run, rows)
-        closed, problems = closing.result()
-        for part in closed:
-            self._news.append(part.text)
-        self._news += problems
-        ledger.settle(closed)
-        self._writing = Writing(self._order, ledger, self._disk)
         if self._order.resume:
-            self._writing.totals.parts = sum(part.recorder == self._order.name and part.samples > 0 for part in closed)
+            ledger.go_on(*left_rows(ledger))
+        self._left = ledger.written.run, ledger.written.next_rows
+        self._writing = Writing(self._order, ledger, self._disk)
         self._writing.start()
-        self._put_early()
         problem = ""
         try:
             while not self._why and not self._writing.over.is_set():
                 self._listen(self._drain.period_s if self._drain else MOST_PERIOD_S)
                 self._read()
+                self._close_left()
                 self._tell()
             self._drain_last()
         except SiloError as error:
             self._flush()
             problem = str(error)
+        self._settle()
         self._writing.end()
         totals = self._writing.totals
         while not self._writing.over.wait(REPORT_S):
@@ -171,11 +173,8 @@ class Recorder:
             run = self._runs[-1]
             run.schema = msgspec.structs.replace(run.schema, extras=extras)
         elif self._drain is not None:
-            self._drain.layout = self._drain.layout.with_extras(extras)
-            self._drain.reader.schema = self._drain.layout.schema
-            if self._announced:
-                self._flush()
-                self._writing.put(ExtrasChange(extras))
+            self._flush()
+            self._writing.put(ExtrasChange(extras))
 
     def _tell(self) -> None:
         now_s = time.monotonic()
@@ -252,43 +251,35 @@ class Recorder:
             self._writing.put(joined(pending))
         self._writing.put(Look())
 
-    def _read_meanwhile(self, closing: Closing, run: str, rows: dict[int, int]) -> None:
-        """Read a run on from where a predecessor stood, as far as memory has room, until its part is closed."""
-        while not closing.is_over:
-            self._listen(min(self._drain.period_s if self._drain else MOST_PERIOD_S, EARLY_PERIOD_S))
-            if self._drain is None and self._runs and self._runs[0].schema.run == run:
-                reader = self._runs.popleft()
-                self._announced = False
-                self._drain = Drain(reader, layout_of(reader.schema, self._order.patterns), rows)
-            if self._drain is not None and sum(one.size_bytes for one in self._early) < EARLY_BYTES:
-                self._early.append(self._drain.read(FLUSH_BYTES * 2))
+    def _close_left(self) -> None:
+        """Close what predecessors left, once this recorder has caught up, and has the time."""
+        if self._closing is None:
+            caught_up = self._pending.complete and self._writing.is_idle and self._drain is not None
+            if caught_up or time.monotonic() - self._begun_s > CATCH_UP_S:
+                self._calm_down()
+                self._closing = Closing(self._ledger.folder)
+        elif not self._settled and self._closing.is_over:
+            self._settle()
 
-    def _put_early(self) -> None:
-        """Have written what was read early, if it is what comes next; else it is read anew."""
-        drain, early, self._early = self._drain, self._early, []
-        if drain is None:
+    def _settle(self) -> None:
+        if self._settled:
             return
-        written = self._ledger.written
-        follows = {ring: written.next_rows.get(ring, 0) for ring in drain.begun_with}
-        if written.run != drain.reader.schema.run or follows != drain.begun_with:
-            self._runs.appendleft(drain.reader)
-            self._drain = None
-            return
-        self._first = False
-        self._announce(drain, written.next_rows.get(EVENTS_RING, 0))
-        for one in early:
-            if one.rows or one.losses:
-                self._writing.put(joined(one))
+        self._settled = True
+        closed, problems = (self._closing or Closing(self._ledger.folder)).result()
+        self._news += [*(part.text for part in closed), *problems]
+        if lost := fewer_rows(closed, self._order.name, *self._left):
+            self._news.append(f"the part that a killed recorder left was damaged: {lost} rows of it are lost")
+        self._writing.put(Settle(tuple(closed)))
 
     def _begin_run(self) -> bool:
         if not self._runs:
             return False
         reader = self._runs.popleft()
         layout = layout_of(reader.schema, self._order.patterns)
-        written = self._ledger.written
+        run, rows = self._left
         begin: dict[int, int] | None = {}
         if self._first:
-            begin = dict(written.next_rows) if written.run == reader.schema.run else {}
+            begin = dict(rows) if run == reader.schema.run else {}
             begin = begin if self._order.resume else None
         self._first = False
         self._drain = drain = Drain(reader, layout, begin)
@@ -309,7 +300,6 @@ class Recorder:
                 "buffer_type=looping to record them without end"
             )
         self._happening = Happening(drain.reader, since)
-        self._announced = True
         self._writing.put(RunBegins(layout, {**drain.begun_with, EVENTS_RING: since}, self._happening))
 
     def _drain_last(self) -> None:

@@ -19,6 +19,7 @@ from silo.files.atomic import reason
 from silo.files.mcap_write import Write
 from silo.files.part_facts import EVENTS_RING
 from silo.model import Extras, LoggedEvent, RecorderState
+from silo.recorder.closing import ClosedPart
 from silo.recorder.draining import Drained, Loss
 from silo.recorder.happening import Happening
 from silo.recorder.layout import Layout
@@ -63,7 +64,14 @@ class ExtrasChange:
     extras: Extras
 
 
-Item = RunBegins | RunEnds | Drained | Look | ExtrasChange
+@dataclass(frozen=True)
+class Settle:
+    """Parts that predecessors left were closed."""
+
+    closed: tuple[ClosedPart, ...]
+
+
+Item = RunBegins | RunEnds | Drained | Look | ExtrasChange | Settle
 _OF_RECORDERS = ("recording", "recording failed")  # kinds of news for which alone no part is begun
 
 
@@ -178,6 +186,12 @@ class Writing:
         elif isinstance(item, Look):
             if self._happening is not None:
                 self._take_events(self._happening.read())
+        elif isinstance(item, Settle):
+            if self._order.resume:
+                ours = [part for part in item.closed if part.recorder == self._order.name and part.size_bytes]
+                self.totals.parts += len(ours)
+            self._ledger.settle(item.closed, self._part.final.name if self._part is not None else "")
+            self._count_bytes()
         else:
             self._write(item)
         with self._changed:  # only now: rows that are being written take memory as well

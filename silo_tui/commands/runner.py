@@ -13,7 +13,7 @@ from silo.ipc.messages import RefusedWhy
 from silo.settings.words import Settings, completions, read_settings
 from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
-from silo_tui.context import NOT_EDITED, Context, SiloScreen
+from silo_tui.context import NOT_EDITED, Context, Later, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import Layout, read, write
 from silo_tui.model import command_line, text
@@ -53,13 +53,14 @@ class CommandRunner:
             "settings": lambda: completions(begun),
             "sorts": lambda: context.session.rows.sorts,
             "names": lambda: context.session.table.names,
+            "derived": lambda: [one.name for one in context.session.table.elements[context.session.table.own :]],
             "types": lambda: SAVED_NAMES,
             "views": lambda: ["save", *files.names()],
             "logs": lambda: command_line.logs(begun),
             "control": lambda: ("take", "force", "release", "give"),
             "themes": lambda: sorted(context.app.available_themes),
         }
-        needs = () if context.has_session else ("sorts", "names")
+        needs = () if context.has_session else ("sorts", "names", "derived")
         source = (
             sources.get(command.typed.completes) if command.typed and command.typed.completes not in needs else None
         )
@@ -155,13 +156,18 @@ class CommandRunner:
         context = self._context
         self._context.run_flow(recorder.begin(context, context.session, 0, " ".join(spelled.arguments)))
 
+    def word_derive(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:derive [NAME [EXPRESSION]]`; what isn't typed is asked for."""
+        name, expression = (*spelled.arguments[:1], "")[0], " ".join(spelled.arguments[1:])
+        self._table_screen.command_derive(name, expression.removeprefix("= "))
+
     def word_open(self, spelled: command_line.Spelled) -> None:
         """Carry out `:open FILE`."""
         if not spelled.arguments:
             raise ValueError("open which file? for example `:open logs/run.silo`; F lists what is on the robot")
         if not self._context.has_session:
             raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
-        opening = self._open(" ".join(spelled.arguments))
+        opening = Later(self._open, " ".join(spelled.arguments))
         self._context.app.run_worker(opening, group="opening", exclusive=True)
 
     async def _open(self, path: str) -> None:

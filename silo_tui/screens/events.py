@@ -18,7 +18,7 @@ from silo.errors import SiloError
 from silo.files.atomic import atomic_file
 from silo.model import LoggedEvent
 from silo_tui.actions import bindings_for
-from silo_tui.context import SiloScreen
+from silo_tui.context import Later, SiloScreen
 from silo_tui.model import text
 from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches, words
 from silo_tui.model.lists import arranged
@@ -184,7 +184,7 @@ class EventsScreen(SiloScreen):
             self._show()
 
     def command_read_events(self) -> None:
-        self.run_worker(self._read_again(), group="events", exclusive=True)
+        self.run_worker(Later(self._read_again), group="events", exclusive=True)
 
     async def _read_again(self) -> None:
         await self.context.quietly(self.session.learn_events())
@@ -200,7 +200,7 @@ class EventsScreen(SiloScreen):
 
     def _write(self, given: str | None) -> None:
         if given:
-            self.run_worker(self._written(Path(os.path.expanduser(given)), list(self._shown)))  # noqa: PTH111
+            self.run_worker(Later(self._written, Path(os.path.expanduser(given)), list(self._shown)))  # noqa: PTH111
 
     async def _written(self, path: Path, shown: Sequence[LoggedEvent]) -> None:
         path = path if path.suffix else path.with_suffix(".csv")

@@ -10,7 +10,7 @@ from textual.widget import Widget
 
 from silo.ipc.surveys import SLOW_SHARE
 from silo.model import State
-from silo_tui.actions import BY_ID, Command, footer_for, with_keys
+from silo_tui.actions import BY_ID, Command, commands_for, footer_for, with_keys
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
 from silo_tui.model.orders import STEADY
@@ -57,8 +57,10 @@ class StatusBar(Widget):
     def _line(self) -> Text:
         """As much as there is room for: what is as always gives way first, an alarm and a loss never."""
         parts, mode = self._parts(), self.mode
+        thinly = len(thin_head(self.app, 0))
+        room = self.size.width - (thinly + 2 if thinly else 0)
         for rank in range(1, LAST_RANK + 1):
-            if sum(part.cell_len for _, part in parts) <= self.size.width:
+            if sum(part.cell_len for _, part in parts) <= room:
                 break
             if rank == MODE_RANK:
                 short = [
@@ -71,7 +73,7 @@ class StatusBar(Widget):
                 ]
                 for mode in short:
                     parts = [(at, _mode_words(mode) if at == MODE_RANK else part) for at, part in parts]
-                    if sum(part.cell_len for _, part in parts) <= self.size.width:
+                    if sum(part.cell_len for _, part in parts) <= room:
                         break
             else:
                 parts = [(at, part) for at, part in parts if at != rank]
@@ -95,33 +97,21 @@ class StatusBar(Widget):
         if not session.link or status.helper_pid == 0:
             add(0, "connecting …")
             return parts
-        name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
-        if not session.connected:
+        if not session.connected:  # what it was; how it stands now nobody knows
             add(0, f"~ NO LINK {since_words(session.lost_s)}", f"bold {color(variables, 'error')}")
-            add(8, f", was {status.state.name}")
+            add(5, f", was {status.state.name}")
         else:
+            name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
             add(0, STATE_SIGNS[status.state], f"bold {color(variables, name)}")
-        if status.started_ns and session.connected:
-            add(6, f" {text.duration(session.run_seconds)}")
+            add(6, f" {text.duration(session.run_seconds)}" if status.started_ns else "")
         if self.mode:
             parts.append((MODE_RANK, _mode_words(self.mode)))
-        if session.connected and (not (self.mode or status.recorders) or wide):  # what isn't normal needs the room
-            add(3, f"  {status.enabled}/{status.elements}" + (" elements" if wide else ""))
-        rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz
-        slow = session.running and session.connected and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
-        if slow:
-            caution = f"bold {color(variables, 'warning')}"
-            jittery = session.jitter_s and wide
-            jitter = f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}" if jittery else ""
-            add(0, f"  {rate:.4g} Hz <<", caution)
-            add(2, f" of {status.frequency_hz:.4g}{jitter}", caution)
+        if session.connected:
+            self._add_pace(add, wide=wide)
+        if lost := session.lost_total:
+            add(0, f"  lost {text.count(lost)}", f"bold {color(variables, 'error')}")
         elif session.connected:
-            add(5, f"  {rate:.4g} Hz")
-        if wide:
-            add(1, f"  {text.count(session.ticks)} ticks")
-        lost = session.lost_total
-        if lost or session.connected:
-            add(0 if lost else 4, f"  lost {text.count(lost)}", f"bold {color(variables, 'error')}" if lost else "")
+            add(4, "  lost 0")
         alarm, is_red, watching = head_words(session.triggers, session.limits)
         if alarm:
             add(0, f"  {alarm}", f"bold {color(variables, 'error' if is_red else 'warning')}")
@@ -145,6 +135,24 @@ class StatusBar(Widget):
         if others:
             parts.append((7, Text(f"  {others}")))
         return parts
+
+    def _add_pace(self, add: Callable[[int, str, str], None], *, wide: bool) -> None:
+        """Add how much is logged how fast."""
+        session, status, variables = self.session, self.session.status, self.app.theme_variables
+        if not (self.mode or status.recorders) or wide:  # what isn't normal needs the room
+            add(3, f"  {status.enabled}/{status.elements}" + (" elements" if wide else ""), "")
+        rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz
+        slow = session.running and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
+        if slow:
+            caution = f"bold {color(variables, 'warning')}"
+            jittery = session.jitter_s and wide
+            jitter = f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}" if jittery else ""
+            add(0, f"  {rate:.4g} Hz <<", caution)
+            add(2, f" of {status.frequency_hz:.4g}{jitter}", caution)
+        else:
+            add(5, f"  {rate:.4g} Hz", "")
+        if wide:
+            add(1, f"  {text.count(session.ticks)} ticks", "")
 
 
 def _mode_words(mode: str) -> Text:
@@ -330,6 +338,9 @@ class KeyBar(Widget):
         app, screen = cast(Any, self.app), cast(Any, self.screen)
         keys = app.context.settings.keys
         in_mode = [replace(with_keys(keys, BY_ID[each]), label=label) for each, label in screen.mode_keys()]
+        if getattr(screen, "session", None) is not None and screen.session.lost_s is not None:
+            tries = [command for command in commands_for(self._scope, keys) if command.retries]
+            in_mode = [*(replace(command, label="Try now") for command in tries), *in_mode]
         known = {command.id for command in in_mode}
         shown = footer_for(self._scope, read_only=self._read_only, keys=keys)
         return [*in_mode, *(command for command in shown if command.id not in known)]

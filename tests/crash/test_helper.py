@@ -39,8 +39,9 @@ class Watcher:
         self.topic = self.client.topic("/log/q")
 
     def sees(self) -> bool:
-        """Whether new values came since the last call."""
-        return self.view.frame() is not None
+        """Whether a frame with values came since the last call: the helper may not have taken over the run yet."""
+        frame = self.view.frame()
+        return frame is not None and frame.held.any()
 
     def heard(self, kind: EventKind) -> Event | None:
         return next((event for event in self.events if event.kind is kind), None)

@@ -5,7 +5,7 @@ What it has in common with a real helper process is held by `tests/contract`, wh
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,14 @@ import numpy as np
 
 from silo.amounts import read_keep, read_split
 from silo.columns import ColumnGrid, HistoryColumns, bins_of
-from silo.errors import ConnectionLostError, ScriptError
+from silo.errors import ConnectionLostError, ElementError, ScriptError, SiloError
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
+from silo.ipc.bulk import Outcome
 from silo.ipc.conditions import LimitStatus, TriggerStatus, TriggerWord
 from silo.ipc.exchange import RequestRefusedError
 from silo.ipc.fetching import Fetch
 from silo.ipc.frames import Frame
+from silo.ipc.member import Member
 from silo.ipc.messages import (
     Alarms,
     EditsApplied,
@@ -46,7 +48,9 @@ from silo.ipc.samples import Samples
 from silo.ipc.senders import viewer_words
 from silo.ipc.surveys import QUANTITIES
 from silo.ipc.versions import PROTOCOL
+from silo.judging.between import Between, between
 from silo.judging.derived import derived_infos
+from silo.judging.extras import with_derived, without_derived
 from silo.judging.moments import Finder, Looking
 from silo.judging.moments import Found as FoundMoments
 from silo.model import (
@@ -71,6 +75,7 @@ from silo.model import (
     Status,
     Table,
     TriggerOptions,
+    join_name,
 )
 from silo.settings.extras_diff import diff_extras
 from silo.settings.rules import edit_problems, refusal
@@ -246,6 +251,7 @@ class FakeClient:
         self.controlled: Control | None = None
         self.clients: list[Present] = []
         self.derived: tuple[Derived, ...] = ()
+        self.refuse_derived = ""  # why nothing is derived
         self.limit_options: tuple[SignalLimits, ...] = ()
         self.since_ns = 0  # of the statistics
         self.facts: dict[str, dict[str, float]] = {}  # measured values that a test sets, by quantity and name
@@ -675,21 +681,31 @@ class FakeClient:
         found = {}
         for place, name in enumerate(names):
             held = self._held_samples(name)
-            parts = [self._of_pin(pin, name) for pin in pins]
-            if not run or run == f"run-{self.started_ns}":
-                parts.append(held)
-            stamps = np.concatenate([some.time_ns for some in parts])
-            values = np.concatenate([some.values for some in parts])
-            stamps, at = np.unique(stamps, return_index=True)
+            stamps, values = self._all_of(name, pins, run)
             wanted = (stamps >= start_ns) & (stamps <= end_ns)
             limits = bounds[place] if bounds else (None, None)
             looking = Looking(Sought(what), level, direction, limits, round(1e9 * max(1, held.divider) / HZ))
             finder = Finder(looking, around_ns, most)
-            finder.measure(values[at][wanted])
-            finder.feed(stamps[wanted], values[at][wanted])
+            finder.measure(values[wanted])
+            finder.feed(stamps[wanted], values[wanted])
             found[name] = finder.found
         self.calls.append(("find", tuple(names), Sought(what).value))
         return found
+
+    def measure(
+        self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[FakePin] = (), run: str = ""
+    ) -> dict[str, Between]:
+        self._ask()
+        self.calls.append(("measure", tuple(names)))
+        return {name: between(*self._all_of(name, pins, run), a_ns, b_ns) for name in names}
+
+    def _all_of(self, name: str, pins: Sequence[FakePin], run: str) -> tuple[np.ndarray, np.ndarray]:
+        """Every sample of an entry in pins and buffers, once."""
+        parts = [self._of_pin(pin, name) for pin in pins]
+        if not run or run == f"run-{self.started_ns}":
+            parts.append(self._held_samples(name))
+        stamps, at = np.unique(np.concatenate([some.time_ns for some in parts]), return_index=True)
+        return stamps, np.concatenate([some.values for some in parts])[at]
 
     def _of_pin(self, pin: FakePin, name: str) -> Samples:
         if pin not in self.pins:
@@ -804,6 +820,29 @@ class FakeClient:
         self.calls.append(("set_limits", limits))
         return f"limits of '{limits.name}' are set"
 
+    def derive(self, name: str, expression: str, unit: str = "") -> str:
+        self._ask()
+        self.calls.append(("derive", name, expression, unit))
+        if self.refuse_derived:
+            raise refused(RefusedWhy.INVALID, self.refuse_derived)
+        whole = Derived(join_name("/log", "", name), expression, unit)
+        try:
+            self.derived = with_derived(self.extras, whole, self.elements, "/log").derived
+        except ElementError as error:
+            raise refused(RefusedWhy.INVALID, str(error)) from error
+        self.revision += 1
+        return f"'{whole.name}' is derived: {expression}"
+
+    def remove_derived(self, name: str) -> str:
+        self._ask()
+        self.calls.append(("remove_derived", name))
+        try:
+            self.derived = without_derived(self.extras, name, self.elements, "/log").derived
+        except ElementError as error:
+            raise refused(RefusedWhy.INVALID, str(error)) from error
+        self.revision += 1
+        return f"'{name}' is derived no more"
+
     def survey(
         self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False, derived: bool = False
     ) -> Survey:
@@ -869,14 +908,33 @@ class FakeFinder:
     def __init__(self, *clients: FakeClient) -> None:
         self.clients = list(clients)
         self.advice: tuple[str, ...] = ()
+        self.members: dict[str, Member] = {}  # how they stand, by their names
+        self.attentive = True
 
     def find(self) -> Found:
         return Found(
             tuple(
-                FoundLogger(client.name, client.pid, "ann", f"{client.name}.{client.pid}") for client in self.clients
+                FoundLogger(
+                    client.name, client.pid, "ann", f"{client.name}.{client.pid}", member=self.members.get(client.name)
+                )
+                for client in self.clients
             ),
             self.advice,
         )
+
+    def rest(self) -> None:
+        self.attentive = False
+
+    def look_again(self) -> None:
+        self.members = {name: one for name, one in self.members.items() if one.here}
+
+    def ask_many(self, loggers: Sequence[FoundLogger], job: Any) -> Iterator[Outcome]:
+        for place, logger in enumerate(loggers):
+            try:
+                text, files = job(self.connect(logger))
+                yield Outcome(place, True, text, files)
+            except SiloError as error:  # noqa: PERF203
+                yield Outcome(place, False, str(error))
 
     def connect(self, logger: FoundLogger) -> FakeClient:
         return next(client for client in self.clients if client.pid == logger.pid and client.name == logger.name)

@@ -50,7 +50,8 @@ class SimulatedRobot:
         self.hz = 400.0
         self.session = open_client(None, config, reach(config))
         ring = zenoh.handlers.RingChannel
-        self._queries = [self.session.declare_queryable(self.root.key(key), ring(64)) for key in ("ask", "do")]
+        self._queries = [self.session.declare_queryable(self.root.key(key), ring(64)) for key in ("ask", "do/*")]
+        self._unanswered: list[zenoh.Query] = []
         self._publisher = self.session.declare_publisher(self.root.key("summary"))
         self._token = self.session.liveliness().declare_token(self.root.key("alive"))
 
@@ -73,6 +74,7 @@ class SimulatedRobot:
         for queryable, decode in zip(self._queries, (decode_ask, decode_do), strict=True):
             while (query := queryable.handler.try_recv()) is not None:
                 if self.mute:
+                    self._unanswered.append(query)  # one that is dropped ends at once
                     continue
                 with query:
                     payload = query.payload.to_bytes() if query.payload is not None else b""
@@ -94,6 +96,7 @@ class SimulatedRobot:
         return request if isinstance(request, Refused) else Done()
 
     def close(self) -> None:
+        self._unanswered.clear()
         close(self.session)
 
 

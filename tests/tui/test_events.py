@@ -210,3 +210,29 @@ async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
         await screen.shows('M "push 3"')
         await screen.press("enter")
         await screen.shows('"push 3" at 2.5')
+
+
+async def test_letters_stand_beside_the_times_of_the_axis_never_over_them(flickering, opened):
+    fake = flickering
+    async with opened(fake) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        name = screen.app.screen.stack.on_screen()[0].name
+        for step in range(200):
+            fake.happen("limit", f"{name} H 3 Nm at tick 1, limit 2", fake.now_ns - step * SECOND // 20)
+        await screen.until(lambda: "H" in screen.text.splitlines()[-3], "limits under the plots")
+        axis = screen.text.splitlines()[-3]
+        assert [word in axis for word in ("-10 s", "-7.5 s", "-5 s", "-2.5 s", "now", "M")] == [True] * 6
+
+
+async def test_both_cursors_have_their_letter_where_they_stand_on_one_another(running, opened):
+    async with opened(running) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.press("space", "B")
+
+        def axis():
+            return next((line for line in screen.text.splitlines() if "-7.5 s" in line), "")
+
+        await screen.until(lambda: "A" in axis() and "B" in axis(), "both letters")
+        assert "-5 s" in axis()

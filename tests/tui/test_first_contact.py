@@ -190,6 +190,7 @@ async def test_r_tries_the_link_now_and_the_head_says_since_when_and_what_it_was
         screen.session.lost_since -= 3 * 3600
         await screen.shows("~ NO LINK 3 h, was RUNNING")
         await screen.shows("r tries now")
+        await screen.shows(" r Try now")
         await screen.press("r")
         await screen.shows("trying now")
         assert fake.calls[-1] == ("try_now",)

@@ -86,7 +86,7 @@ MISTAKES = {
     "log.read_new_values('joints/q').value": "they are .values",
     "log.read_new_values('joints/q').times": "it is .time_ns",
     # saved logs
-    "run.columns": "help(silo.Log)",
+    "run.columns": "list(log) has the names",
     "run['joints/qq']": "did you mean /log/joints/q",
     "q.data": "it is .values",
     "q.fft()": "it is .spectrum()",

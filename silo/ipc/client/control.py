@@ -5,7 +5,7 @@ from collections.abc import Callable
 from silo.arguments import real, switch, text
 from silo.calls import told_class
 from silo.ipc.client.calling import Calls
-from silo.ipc.client.held import Held
+from silo.ipc.client.holding import Held
 from silo.ipc.messages import GiveControl, ReleaseControl, TakeControl
 
 LEASE_S = 15.0  # of a client that renews it: seven renewals, or 15 s of a link that is away

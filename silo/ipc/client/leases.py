@@ -24,7 +24,7 @@ from silo.ipc.messages import (
 )
 
 if TYPE_CHECKING:
-    from silo.ipc.client.held import Held
+    from silo.ipc.client.holding import Held
     from silo.ipc.samples import Pin, Stream
     from silo.ipc.view import View
 

@@ -88,7 +88,10 @@ from silo.ipc.messages.samples import (
 from silo.ipc.messages.moments import (
     FindMoments as FindMoments,
     FoundIn as FoundIn,
+    MeasureSpan as MeasureSpan,
     MomentsFound as MomentsFound,
+    SpanFacts as SpanFacts,
+    SpanMeasured as SpanMeasured,
 )
 from silo.ipc.messages.views import (
     CloseView as CloseView,

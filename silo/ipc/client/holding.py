@@ -1,4 +1,4 @@
-"""Control that a client has, as its leases are renewed."""
+"""Control as a lease: what is renewed like a view."""
 
 from collections.abc import Callable
 
