@@ -29,8 +29,8 @@ sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
-# What is collected stays to the end: that Python's collector of garbage looks at it again and again takes a third of the
-# time of the collection, and a tenth of that of the tests.
+# What is collected stays to the end: that Python's collector of garbage looks at it again and again takes a third of
+# the time of the collection, and a tenth of that of the tests.
 gc.disable()
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from silo.ipc.client import Client
     from silo.ipc.discovery import Discovery
     from silo.ipc.found import Found
-    from silo.model import ElementInfo
+    from silo.model import ElementInfo, Status
 
 MOST_COMPLETIONS = 100
 TRY_AGAIN_S = 1.0
@@ -381,3 +381,8 @@ def type_of(info: "ElementInfo") -> str:
     word = "text" if only.startswith("S") else "bool" if only == "b1" else only
     shape = "x".join(map(str, info.shape))
     return f"{word}[{shape}]" if shape else word
+
+
+def logged_for(status: "Status") -> str:
+    """How long a logger has been logging, fit to show; `-` before its first start."""
+    return show_duration((time.time_ns() - status.started_ns) / 1e9) if status.state.value == "running" else "-"

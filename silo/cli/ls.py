@@ -12,13 +12,13 @@ from silo.cli.common import (
     configuration,
     discovered,
     json_option,
+    logged_for,
     many,
     show_duration,
     show_json,
     show_rows,
     tell_unreachable,
 )
-from silo.cli.loggers import since
 from silo.errors import ConnectionLostError
 from silo.ipc.remotes import LOCAL
 
@@ -208,7 +208,7 @@ def _ls_row(answer: "Answer") -> tuple[str, ...]:
         found.name,
         found.host or status.host,
         status.state.value,
-        since(status),
+        logged_for(status),
         f"{status.measured_hz or status.frequency_hz:.4g}" if status.state.value == "running" else "-",
         str(status.ticks),
         str(status.lost),

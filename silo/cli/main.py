@@ -28,7 +28,7 @@ class LazyCommand:
 
 COMMANDS = {
     "ls": LazyCommand("Loggers", "silo.cli.ls", "ls", "List the loggers that run."),
-    "info": LazyCommand("Loggers", "silo.cli.loggers", "info", "Show a logger, its elements, or a saved file."),
+    "info": LazyCommand("Loggers", "silo.cli.info", "info", "Show a logger, its elements, or a saved file."),
     "watch": LazyCommand("Loggers", "silo.cli.watch", "watch", "Print live values."),
     "address": LazyCommand("Loggers", "silo.cli.address", "address", "Print how any language reaches a topic."),
     "set": LazyCommand("Loggers", "silo.cli.edits", "set_command", "Change how elements are logged."),

@@ -227,12 +227,13 @@ def _entries(found: Mapping[int, Sequence[tuple[int, int]]]) -> dict[int, Entrie
     return {channel: np.array(pairs, INDEX_ENTRY) for channel, pairs in found.items()}
 
 
-def _unpacked(body: memoryview) -> bytes:
+def _unpacked(body: memoryview) -> bytes | memoryview:
     """The records of a chunk. Raises ValueError for one that is damaged, or packed in a way that isn't known."""
     _, _, size, checksum, length = struct.unpack_from("<QQQII", body)
     compression = bytes(body[32 : 32 + length]).decode(errors="replace")
     (packed,) = struct.unpack_from("<Q", body, 32 + length)
     content = body[40 + length : 40 + length + packed]
+    chunk: bytes | memoryview
     if compression == "zstd":
         chunk = zstandard.ZstdDecompressor().decompress(bytes(content), max_output_size=size)
     elif compression == "lz4":
@@ -243,7 +244,7 @@ def _unpacked(body: memoryview) -> bytes:
     elif compression:
         raise ValueError(f"a chunk is compressed with {compression!r}, not with zstd or lz4")
     else:
-        chunk = bytes(content)
+        chunk = content  # mapped: what nobody asks for is looked at for its checksum alone
     if len(chunk) != size or (checksum and zlib.crc32(chunk) != checksum):
         raise ValueError("a chunk is damaged: wrong checksum")
     return chunk

@@ -146,9 +146,8 @@ def _reader(name: str, parts: Sequence[tuple[FilePath, Topic]]) -> "TopicReader"
     """Raises `UnknownTypeError` for a topic that can't be read."""
     path, first = parts[0]
     alike = [topic for _, topic in parts if (topic.type, topic.encoding) == (first.type, first.encoding)]
-    some = [equal for topic in alike for equal in topic.stored.some()]
     if first.encoding == "json":
-        wanted, left = json_text.signals_of(some)
+        wanted, left = json_text.signals_of(_looked_at(alike))
         return TopicReader(name, path, alike, None, wanted, left)
     if first.encoding != "cdr":
         raise UnknownTypeError(f"silo reads no {first.encoding or 'unnamed'} messages")
@@ -156,8 +155,9 @@ def _reader(name: str, parts: Sequence[tuple[FilePath, Topic]]) -> "TopicReader"
         raise UnknownTypeError(f"silo reads no definitions in {first.language}")
     message = message_type(first.type, first.definition, first.language)
     wanted, left = signals_of(message)
-    joints = _joints(message, some) if first.type == _JOINTS else ()
     endless = [one.name for one in wanted if one.count < 0]
+    some = _looked_at(alike) if endless else []
+    joints = _joints(message, some) if first.type == _JOINTS else ()
     lengths = cdr.lengths_of(message, endless, some) if endless else {}
     kept: list[Wanted] = []
     empty: list[Path] = []
@@ -174,6 +174,11 @@ def _reader(name: str, parts: Sequence[tuple[FilePath, Topic]]) -> "TopicReader"
         else:
             kept.append(one)
     return TopicReader(name, path, alike, message, kept, left, joints, empty)
+
+
+def _looked_at(parts: Sequence[Topic]) -> list[Equal]:
+    """A few messages of a topic. What they number is within each file."""
+    return [equal for topic in parts for equal in topic.stored.some()]
 
 
 def _joints(message: Message, some: Sequence[Equal]) -> tuple[str, ...]:
