@@ -1,6 +1,8 @@
 """Bags that silo did not write, made here by `rosbags` and `mcap`: signals with the stamps of their own topics."""
 
+import contextlib
 import json
+import random
 import sqlite3
 import warnings
 
@@ -305,6 +307,23 @@ class TestOtherFiles:
         with pytest.raises(silo.FileFormatError, match=r"bag\.mcap: .*damaged"):
             opened(path)["imu/angular_velocity/x"].max()
         assert "imu/angular_velocity" in log
+
+    @pytest.mark.parametrize("storage", ["rosbag2 sqlite3", "mcap, lz4", "mcap without chunks"])
+    def test_of_a_damaged_bag_come_only_errors_of_silo(self, tmp_path, storage):
+        made = MAKERS[storage](tmp_path)
+        path = made if made.is_file() else next(made.glob("*.db3"))
+        whole, chance = path.read_bytes(), random.Random(storage)
+        opens = 0
+        for _ in range(12):
+            data = bytearray(whole)
+            for _ in range(chance.choice((1, 3, 20))):
+                data[chance.randrange(len(data))] = chance.randrange(256)
+            path.write_bytes(data)
+            with contextlib.suppress(silo.SiloError):
+                log = opened(path)
+                opens += 1
+                assert all(len(log[name].values) == len(log[name].time_ns) for name in log)
+        assert opens
 
     def test_messages_that_are_compressed_one_by_one_are_read(self, tmp_path):
         bag = rosbag(tmp_path / "bag", StoragePlugin.SQLITE3, 30, (CompressionMode.MESSAGE, CompressionFormat.ZSTD))
