@@ -1,6 +1,7 @@
 """Bags that silo did not write, made here by `rosbags` and `mcap`: signals with the stamps of their own topics."""
 
 import contextlib
+import functools
 import json
 import random
 import sqlite3
@@ -32,14 +33,20 @@ float32[4] feet
 """
 
 
+@functools.cache
 def message_types():
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg(STATE, "my_msgs/msg/State"))
     return store
 
 
+@functools.cache
 def messages(count):
     """Topic, type, log time, CDR: what a small robot publishes, topic by topic at rates of their own."""
+    return list(made(count))
+
+
+def made(count):
     store = message_types()
     make = store.types
     vector, turn, header, stamp = (
@@ -271,7 +278,7 @@ class TestLazily:
 class TestOtherFiles:
     def test_two_files_of_one_bag_are_one_log(self, tmp_path):
         (tmp_path / "bag").mkdir()
-        whole = list(messages(40))
+        whole = messages(40)
         store = message_types()
         for part in range(2):
             with (tmp_path / "bag" / f"bag_{part}.mcap").open("wb") as file:
@@ -310,8 +317,8 @@ class TestOtherFiles:
 
     @pytest.mark.parametrize("storage", ["rosbag2 sqlite3", "mcap, lz4", "mcap without chunks"])
     def test_of_a_damaged_bag_come_only_errors_of_silo(self, tmp_path, storage):
-        made = MAKERS[storage](tmp_path)
-        path = made if made.is_file() else next(made.glob("*.db3"))
+        bag = MAKERS[storage](tmp_path)
+        path = bag if bag.is_file() else next(bag.glob("*.db3"))
         whole, chance = path.read_bytes(), random.Random(storage)
         opens = 0
         for _ in range(12):
