@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from silo.cli.bulk import carry_out, everyone_option, many_meant
 from silo.cli.common import (
     connect,
     file_types,
@@ -28,28 +29,46 @@ if TYPE_CHECKING:
 @click.command()
 @logger_argument
 @unsaved_options
-def start(logger: str | None, save_first: bool, discard: bool) -> None:
+@everyone_option
+def start(logger: str | None, save_first: bool, discard: bool, everyone: bool) -> None:
     """Start logging; the buffers are cleared, which is refused while they hold what is in no file.
 
     \b
     Examples:
       silo start demo
       silo start demo --save
+      silo start 'robot*/anymal' --all       (one answer per logger)
     """
     chosen = unsaved(save_first=save_first, discard=discard)
+    if (found := many_meant("start", logger, everyone=everyone)) is not None:
+        from silo.ipc.bulk import starting
+
+        carry_out("start", found, starting(chosen))
+        return
     with connect(logger) as client, naming_ways_out("start", client):
         _say_state(client.start(chosen, say_saved))
 
 
 @click.command()
 @logger_argument
-def stop(logger: str | None) -> None:
+@everyone_option
+def stop(logger: str | None, everyone: bool) -> None:
     """Stop logging; the data stays and can be saved. Stopping a stopped logger succeeds.
 
+    A glob is for many: it names them and asks, or takes --all. Each gives an answer of its own, and the exit code is 1
+    if one of them didn't.
+
     \b
-    Example:
+    Examples:
       silo stop demo
+      silo stop 'robot*/anymal' --all
+      silo stop --all                        (every logger)
     """
+    if (found := many_meant("stop", logger, everyone=everyone)) is not None:
+        from silo.ipc.bulk import stopping
+
+        carry_out("stop", found, stopping())
+        return
     with connect(logger) as client:
         _say_state(client.stop())
 
@@ -57,7 +76,8 @@ def stop(logger: str | None) -> None:
 @click.command()
 @logger_argument
 @unsaved_options
-def restart(logger: str | None, save_first: bool, discard: bool) -> None:
+@everyone_option
+def restart(logger: str | None, save_first: bool, discard: bool, everyone: bool) -> None:
     """Stop, and start with empty buffers, which is refused while they hold what is in no file.
 
     \b
@@ -66,6 +86,11 @@ def restart(logger: str | None, save_first: bool, discard: bool) -> None:
       silo restart demo --discard
     """
     chosen = unsaved(save_first=save_first, discard=discard)
+    if (found := many_meant("restart", logger, everyone=everyone)) is not None:
+        from silo.ipc.bulk import restarting
+
+        carry_out("restart", found, restarting(chosen))
+        return
     with connect(logger) as client, naming_ways_out("restart", client):
         _say_state(client.restart(chosen, say_saved))
 
@@ -81,16 +106,23 @@ def _say_state(status: "Status") -> None:
 @types_option
 @click.option("-n", "--name", default="", help="File name without ending, instead of LOGGER_DATE_NUMBER.")
 @click.option("--timeout", type=click.FloatRange(min=1), default=600.0, show_default=True, help="Wait so long, s.")
+@everyone_option
 @json_option
-def save(logger: str | None, types: tuple[str, ...], name: str, timeout: float, as_json: bool) -> None:
+def save(logger: str | None, types: tuple[str, ...], name: str, timeout: float, everyone: bool, as_json: bool) -> None:
     """Save what the buffers hold to files in the logger's folder, while it goes on logging.
 
     \b
     Examples:
       silo save demo
       silo save demo -t silo -t bag --name first_walk
+      silo save 'robot*/anymal' --all
     """
     chosen = file_types(types)
+    if (found := many_meant("save", logger, everyone=everyone)) is not None:
+        from silo.ipc.bulk import saving
+
+        carry_out("save", found, saving(chosen, name, timeout), as_json=as_json)
+        return
     with connect(logger) as client, _progress("saving") as progress:
         files = client.wait_saved(client.save(chosen, name), timeout, progress)
     if as_json:

@@ -17,8 +17,10 @@ from silo.logger.keywords import (
     AnyBuffer,
     AnyStorage,
     AnyThreads,
+    ControlWord,
     ElementKeywords,
     FileTypes,
+    GroupRoleWord,
     Labels,
     Number,
     OptionKeywords,
@@ -305,6 +307,8 @@ class NullLogger(metaclass=HidesOtherNames):
         group: str | None = None,
         config: str | os.PathLike[str] | None = None,
         foxglove: int | None = None,
+        group_role: GroupRoleWord = "operator",
+        control: ControlWord = "any",
     ) -> NullServing:
         """Start nothing: nobody listens."""
         return NullServing()

@@ -1,4 +1,4 @@
-"""`silo ls`: the loggers that run, and what others left."""
+"""`silo ls`: the loggers that run, once, or followed (`silo.cli.follow`)."""
 
 import time
 from collections.abc import Iterable
@@ -31,8 +31,9 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("pattern", required=False, default="", metavar="[HOST/NAME]", shell_complete=complete_logger)
+@click.option("-f", "--follow", is_flag=True, help="Go on: lines change in place; in a pipe one line per change.")
 @json_option
-def ls(pattern: str, as_json: bool) -> None:
+def ls(pattern: str, follow: bool, as_json: bool) -> None:
     """List the loggers that run on this host and on remotes, and remove what dead ones left that holds no data.
 
     A glob means many: of hosts, of names, of both. HOST/NAME is what all commands take; where two are alike, ADDRESS
@@ -43,7 +44,13 @@ def ls(pattern: str, as_json: bool) -> None:
       silo ls
       silo ls 'robot*/*'
       silo ls --json | jq '.[].logger'
+      silo ls --follow                       (state, rate, losses, disk, alarms, who is there, until Ctrl-C)
     """
+    if follow:
+        from silo.cli.follow import follow_fleet
+
+        follow_fleet(pattern, as_json=as_json)
+        return
     from silo.ipc.discovery import Answer, down_text, not_found_text, survey
 
     if configuration() in ("", LOCAL):
@@ -64,20 +71,7 @@ def ls(pattern: str, as_json: bool) -> None:
     if not answers:
         _tell_orphans(answers)
         raise ConnectionLostError(not_found_text(pattern, discovery))
-    header = ("LOGGER", "HOST", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
-    rows = [header, *map(_ls_row, answers)]
-    durable = [answer.status.durable_ticks if answer.status else -1 for answer in answers]
-    if max(durable) >= 0:  # somebody asked for it
-        last = ("DURABLE TO TICK", *(str(tick) if tick >= 0 else "-" for tick in durable))
-        rows = [(*row, end) for row, end in zip(rows, last, strict=True)]
-    recorders = [answer.status.recorders if answer.status else 0 for answer in answers]
-    if any(recorders):
-        rows = [(*row, end) for row, end in zip(rows, ("REC", *map(str, recorders)), strict=True)]
-    right = (3, 4, 5, 6, 7, 8, *range(10, len(rows[0])))
-    apart = _addresses([answer.found for answer in answers])
-    if any(apart):
-        rows = [(*row, end) for row, end in zip(rows, ("ADDRESS", *apart), strict=True)]
-    show_rows(rows, right=right)
+    _show_table(answers)
     tell_unreachable(discovery)
     for answer in answers:
         if answer.error:
@@ -88,8 +82,48 @@ def ls(pattern: str, as_json: bool) -> None:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
     _tell_orphans(answers)
-    if all(answer.state == "no answer" for answer in answers):
-        raise ConnectionLostError("none of them answers, see above")
+    if all(answer.state in ("no answer", "other silo") for answer in answers):
+        raise ConnectionLostError("none of them can be asked, see above")
+
+
+def _show_table(answers: "list[Answer]") -> None:
+    header = ("LOGGER", "HOST", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
+    rows = [header, *map(_ls_row, answers)]
+    durable = [answer.status.durable_ticks if answer.status else -1 for answer in answers]
+    if max(durable) >= 0:  # somebody asked for it
+        last = ("DURABLE TO TICK", *(str(tick) if tick >= 0 else "-" for tick in durable))
+        rows = [(*row, end) for row, end in zip(rows, last, strict=True)]
+    recorders = [answer.status.recorders if answer.status else 0 for answer in answers]
+    if any(recorders):
+        rows = [(*row, end) for row, end in zip(rows, ("REC", *map(str, recorders)), strict=True)]
+    right = (3, 4, 5, 6, 7, 8, *range(10, len(rows[0])))
+    for title, texts in (("FREE", _free(answers)), ("ALARM", _alarms(answers)), ("WHO", _people(answers))):
+        if any(texts):
+            rows = [(*row, end) for row, end in zip(rows, (title, *(text or "-" for text in texts)), strict=True)]
+            right = (*right, len(rows[0]) - 1) if title == "FREE" else right
+    apart = _addresses([answer.found for answer in answers])
+    if any(apart):
+        rows = [(*row, end) for row, end in zip(rows, ("ADDRESS", *apart), strict=True)]
+    show_rows(rows, right=right)
+
+
+def _free(answers: "list[Answer]") -> list[str]:
+    """How much room is left where each saves."""
+    from silo.ipc.member import size
+
+    known = [answer.status for answer in answers]
+    return [size(one.disk_free_bytes) if one is not None and one.disk_bytes else "" for one in known]
+
+
+def _alarms(answers: "list[Answer]") -> list[str]:
+    known = [answer.status for answer in answers]
+    return [f"{one.alarm} {one.alarms}" if one is not None and one.alarms else "" for one in known]
+
+
+def _people(answers: "list[Answer]") -> list[str]:
+    """Who is connected to each, without the programs that they use."""
+    known = [answer.status.clients if answer.status is not None else [] for answer in answers]
+    return [" ".join(dict.fromkeys(one.who.split(" ", 1)[0] for one in people)) for people in known]
 
 
 def _addresses(found: "Sequence[Found]") -> list[str]:
@@ -167,9 +201,9 @@ def _tell_journals(folder: str) -> None:
 def _ls_row(answer: "Answer") -> tuple[str, ...]:
     found, status = answer.found, answer.status
     if status is None:
-        since = show_duration(time.time() - found.since) if answer.state == "helper down" else "-"
+        down = show_duration(time.time() - found.since) if answer.state == "helper down" else "-"
         who = found.label if found.pid else found.name
-        return (who, found.host or "-", answer.state, since, *["-"] * 4, str(found.pid or "-"), found.user or "-")
+        return (who, found.host or "-", answer.state, down, *["-"] * 4, str(found.pid or "-"), found.user or "-")
     return (
         found.name,
         found.host or status.host,
