@@ -278,6 +278,9 @@ class TestLazily:
 class TestOtherFiles:
     def test_two_files_of_one_bag_are_one_log(self, tmp_path):
         (tmp_path / "bag").mkdir()
+        (tmp_path / "bag" / "metadata.yaml").write_text(
+            "rosbag2_bagfile_information:\n  relative_file_paths: [bag_0.mcap, bag_1.mcap]\n"
+        )
         whole = messages(40)
         store = message_types()
         for part in range(2):
@@ -401,6 +404,13 @@ class TestOtherFiles:
             (log,) = silo.open_logs(tmp_path)
         assert log.path.endswith("rosbag2_2026")
         assert opened("rosbag2_20", folder=tmp_path).path == log.path
+
+    def test_a_folder_with_several_mcap_files_is_a_folder_of_logs(self, tmp_path):
+        for number in range(2):
+            mcap_bag(tmp_path / f"drive_{number}.mcap", 10 + number)
+        with pytest.warns(silo.LogWarning):
+            assert [len(log["imu/angular_velocity"]) for log in silo.open_logs(tmp_path)] == [10, 11]
+        assert len(opened(tmp_path)["imu/angular_velocity"]) == 11
 
 
 class TestSaving:
