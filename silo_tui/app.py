@@ -10,6 +10,7 @@ from textual.app import App
 from textual.command import CommandPalette
 
 from silo.ipc.published import Event, EventKind
+from silo.ipc.senders import is_by
 from silo_tui import terminal, theme
 from silo_tui.actions import FILE_SCOPES
 from silo_tui.commands import flows
@@ -220,11 +221,11 @@ class SiloApp(App[None]):
         context = self.context
         async with self._news:
             await context.quietly(session.take_event(event))
-        own = event.by == self._finder.own_name  # whoever asked tells how it went
+        own = is_by(event.by, self._finder.own_name)  # whoever asked tells how it went
         if event.kind is EventKind.SAVE_FAILED and not own and not self.screen.is_modal:
             context.fail(event.text)
         elif event.kind not in QUIET_KINDS and not own:
-            told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else event.text
+            told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else session.table.shown(event.text)
             context.say(told + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             context.table_changed()
@@ -257,6 +258,9 @@ class SiloApp(App[None]):
         from silo_tui.screens.save_data import SaveDialog
 
         self.push_screen(SaveDialog(self.context))
+
+    def command_try_link(self) -> None:
+        self.context.try_link()
 
     def command_suspend(self) -> None:
         self.action_suspend_process()

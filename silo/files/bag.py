@@ -128,14 +128,12 @@ def _write_mcap(
     """Write the whole file; return rosbag2's metadata as YAML."""
     groups: list[MessageGroup | EventGroup] = [*group_channels(recording, channels)]
     counts = {number: recording.elements[channel.element].count for number, channel in enumerate(channels, start=1)}
-    schemas, records = definitions(recording, channels)
     topics = [(channel.topic, channel.type) for channel in channels]
     if len(events := EventGroup(recording, len(channels) + 1)):
         groups.append(events)
         counts[len(channels) + 1] = len(events)
         topics.append((events_topic(recording, channels), LOG_TYPE))
-        schemas.append(_schema(LOG_TYPE, len(schemas) + 1))
-        records.append(_channel_record(len(channels) + 1, *topics[-1], schemas[-1].id, {"kind": "events"}))
+    schemas, records = definitions(recording, channels, events=bool(len(events)))
     first, last = _span(recording, groups)
     metadata = metadata_yaml(recording, topics, counts, name, (first, last))
 
@@ -217,8 +215,10 @@ def _span(recording: Recording, groups: "Sequence[MessageGroup | EventGroup]") -
     return (int(stamps.min()), int(stamps.max())) if len(stamps) else (0, 0)
 
 
-def definitions(recording: Recording, channels: Sequence[Channel]) -> tuple[list[Schema], list[ChannelRecord]]:
-    """The schema and channel records of a file; channels count from 1."""
+def definitions(
+    recording: Recording, channels: Sequence[Channel], *, events: bool
+) -> tuple[list[Schema], list[ChannelRecord]]:
+    """The schema and channel records of a file; channels count from 1. `events`: what happened is one more channel."""
     schemas: dict[str, Schema] = {}
     records = []
     for number, channel in enumerate(channels, start=1):
@@ -227,6 +227,10 @@ def definitions(recording: Recording, channels: Sequence[Channel]) -> tuple[list
             schemas[name] = _schema(channel.type, len(schemas) + 1)
         about = _about(recording.elements[channel.element])
         records.append(_channel_record(number, channel.topic, channel.type, schemas[name].id, about))
+    if events:
+        schema = schemas.setdefault(LOG_TYPE.name, _schema(LOG_TYPE, len(schemas) + 1))
+        topic = events_topic(recording, channels)
+        records.append(_channel_record(len(records) + 1, topic, LOG_TYPE, schema.id, {"kind": "events"}))
     return list(schemas.values()), records
 
 

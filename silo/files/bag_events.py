@@ -47,7 +47,7 @@ def log_message(event: LoggedEvent, logger: str, stamp_ns: int) -> bytes:
     body = bytearray(struct.pack("<iIB", stamp_ns // _SECOND, stamp_ns % _SECOND, _LEVEL_OF.get(event.kind, INFO)))
     for text in (event.who or logger, f"{event.kind}: {event.text}", "", event.kind):
         _append_text(body, text)
-    body += bytes(-len(body) % 4) + struct.pack("<I", min(max(event.tick, 0), 2**32 - 1))
+    body += bytes(-len(body) % 4) + struct.pack("<I", max(event.tick, 0) % 2**32)
     return ENCAPSULATION + bytes(body)
 
 
@@ -69,7 +69,7 @@ class EventGroup:
         events = sorted(recording.events, key=lambda event: event.tick) if held else []
         self._places = np.array([min(max(event.tick - before, 0), held - 1) for event in events], np.int64)
         self._records = [
-            _record(channel, number, event, recording.logger, int(recording.time_ns[place]))
+            event_record(channel, number, event, recording.logger, int(recording.time_ns[place]))
             for number, (event, place) in enumerate(zip(events, self._places.tolist(), strict=True))
         ]
         self._sizes = np.array([len(record) for record in self._records], np.int64)
@@ -115,22 +115,31 @@ class EventGroup:
         low, high = np.searchsorted(self._ticks, [start, stop]).tolist()
         if low == high:
             return None
-        dtype = index_dtype(high - low)
-        records = np.empty(1, dtype)
-        records["opcode"] = INDEX_OPCODE
-        records["length"] = dtype.itemsize - 9  # opcode and length themselves don't count
-        records["channel"] = self._channel
-        records["size"] = 16 * (high - low)
-        records["entries"]["time"] = self._times[low:high]
-        records["entries"]["offset"] = self._positions[low:high] + shift
-        return IndexBlock(np.array([self._channel], "<u2"), records)
+        return event_index(self._channel, self._times[low:high], self._positions[low:high] + shift)
 
     def due(self, due: NDArray[np.bool_]) -> None:
         """Set the ticks that have an event."""
         due[self._places] = True
 
 
-def _record(channel: int, number: int, event: LoggedEvent, logger: str, stamp_ns: int) -> bytes:
+def event_record(
+    channel: int, number: int, event: LoggedEvent, logger: str, stamp_ns: int, published_ns: int | None = None
+) -> bytes:
+    """The message record of an event, with log time and stamp `stamp_ns`; published then, too, or at another time."""
     message = log_message(event, logger, stamp_ns)
-    head = struct.pack("<BQHIQQ", MESSAGE_OPCODE, RECORD_HEAD - 9 + len(message), channel, number, stamp_ns, stamp_ns)
+    times = stamp_ns, stamp_ns if published_ns is None else published_ns
+    head = struct.pack("<BQHIQQ", MESSAGE_OPCODE, RECORD_HEAD - 9 + len(message), channel, number, *times)
     return head + message
+
+
+def event_index(channel: int, times: NDArray[np.int64], offsets: NDArray[np.int64]) -> IndexBlock:
+    """The message index record of a channel whose messages are of these times and stand at these places."""
+    dtype = index_dtype(len(times))
+    records = np.empty(1, dtype)
+    records["opcode"] = INDEX_OPCODE
+    records["length"] = dtype.itemsize - 9  # opcode and length themselves don't count
+    records["channel"] = channel
+    records["size"] = 16 * len(times)
+    records["entries"]["time"] = times
+    records["entries"]["offset"] = offsets
+    return IndexBlock(np.array([channel], "<u2"), records)

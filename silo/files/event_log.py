@@ -17,6 +17,7 @@ from silo.model import LoggedEvent
 MOST_BYTES = 4_000_000
 ENDING = ".events.jsonl"
 OLDER_ENDING = ".events.1.jsonl"
+_END_BYTES = 64_000  # the newest lines
 
 _encoder = msgspec.json.Encoder()
 _decoder = msgspec.json.Decoder(LoggedEvent)
@@ -25,6 +26,11 @@ _decoder = msgspec.json.Decoder(LoggedEvent)
 def event_log_path(folder: str | os.PathLike[str], logger: str) -> Path:
     """Return where the event log of a logger stands."""
     return Path(folder) / f".{logger}{ENDING}"
+
+
+def older_event_log(folder: str | os.PathLike[str], logger: str) -> Path:
+    """Return where the older half of the event log of a logger stands, once there is one."""
+    return Path(folder) / f".{logger}{OLDER_ENDING}"
 
 
 def loggers_with_events(folder: str | os.PathLike[str]) -> list[str]:
@@ -45,7 +51,7 @@ def append_events(folder: str | os.PathLike[str], logger: str, events: Sequence[
         while view:
             view = view[os.write(descriptor, view) :]
         if os.fstat(descriptor).st_size > MOST_BYTES:
-            path.rename(path.with_name(f".{logger}{OLDER_ENDING}"))
+            path.rename(older_event_log(folder, logger))
 
 
 @contextlib.contextmanager
@@ -80,10 +86,21 @@ def read_events(folder: str | os.PathLike[str], logger: str, run: str = "") -> l
     """
     path = event_log_path(folder, logger)
     found: list[LoggedEvent] = []
-    for part in (path.with_name(f".{logger}{OLDER_ENDING}"), path):
+    for part in (older_event_log(folder, logger), path):
         with contextlib.suppress(FileNotFoundError):
             found += _decoded(part.read_bytes().splitlines(), run)
     return found
+
+
+def newest_number(folder: str | os.PathLike[str], logger: str) -> int:
+    """Return the number of the newest line, 0 where there is none, or none that can be read."""
+    for path in (event_log_path(folder, logger), older_event_log(folder, logger)):
+        with contextlib.suppress(OSError), path.open("rb") as file:
+            file.seek(max(0, os.fstat(file.fileno()).st_size - _END_BYTES))
+            numbers = [event.number for event in _decoded(file.read().splitlines(), "")]
+            if numbers:
+                return max(numbers)
+    return 0
 
 
 def _decoded(lines: Iterable[bytes], run: str) -> Iterator[LoggedEvent]:

@@ -4,6 +4,8 @@ A part is an MCAP file whose chunks each hold rows of one ring; a message's sequ
 known of every sample at which tick it was taken, and of every missing one that it is missing.
 """
 
+from collections.abc import Mapping
+
 import msgspec
 import zstandard
 
@@ -16,11 +18,15 @@ LOST_METADATA = "silo/lost"
 TOTALS_METADATA = "silo/totals"
 PART_VERSION = 1
 SEQUENCES = 2**32  # a message counts in 32 bits
+EVENTS_RING = -1  # stands for the event log, whose lines are its rows: they have a channel and no ring
 _MAX_BYTES = 2**31
 
 
 class RingFacts(msgspec.Struct, frozen=True):
-    """The channels that a ring's rows fill; `begin` is the row with which the part goes on from the one before it."""
+    """The channels that a ring's rows fill; `begin` is the row with which the part goes on from the one before it.
+
+    Of `EVENTS_RING` rows are numbers of events, of which a part has only those of its run: they rise with gaps.
+    """
 
     ring: int
     divider: int
@@ -36,6 +42,15 @@ class PartFacts(msgspec.Struct, frozen=True):
     run: str
     rings: list[RingFacts]
     recording: RecordingFacts
+
+    @property
+    def value_rings(self) -> list[RingFacts]:
+        """The rings whose rows are samples."""
+        return [ring for ring in self.rings if ring.ring != EVENTS_RING]
+
+    def samples(self, counts: Mapping[int, int]) -> int:
+        """How many of these messages, by channel, are samples."""
+        return sum(counts.get(channel, 0) for ring in self.value_rings for channel in ring.channels)
 
 
 def pack_part(facts: PartFacts) -> bytes:

@@ -6,7 +6,7 @@ fell due lie evenly between those of their neighbours.
 """
 
 import struct
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from silo.files.bag_channels import INDEX_ENTRY, Values, channel_readers, unpack_chunk
 from silo.files.mcap_write import MAGIC
-from silo.files.part_facts import PartFacts, RingFacts
+from silo.files.part_events import events_of
+from silo.files.part_facts import EVENTS_RING, PartFacts, RingFacts
 from silo.files.part_scan import first_row, part_records, ring_of
-from silo.model import BufferType
+from silo.model import BufferType, LoggedEvent
 from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording
 
 _MOST_SPANS = 15
@@ -66,7 +67,9 @@ class _Joined:
 
 def read_part(data: memoryview, facts: PartFacts) -> Recording:
     """All samples of a part. Raises ValueError, ZstdError and the like for a damaged one."""
-    rings = {ring.ring: _Ring(ring) for ring in facts.rings}
+    rings = {ring.ring: _Ring(ring) for ring in facts.value_rings}
+    begin_tick = min((ring.begin * ring.divider for ring in facts.value_rings), default=0)
+    events: list[LoggedEvent] = []
     chunks = [record for record in part_records(data) if record.opcode == Opcode.CHUNK and ring_of(facts, record)]
     counts: dict[int, int] = {}
     for record in chunks:
@@ -81,6 +84,9 @@ def read_part(data: memoryview, facts: PartFacts) -> Recording:
         ring = ring_of(facts, record)
         assert ring is not None
         chunk = unpack_chunk(record.body)
+        if ring.ring == EVENTS_RING:
+            events += events_of(chunk, record.index[0], ring.begin, begin_tick, facts.run)
+            continue
         for place, index in enumerate(record.index):
             channel, size = struct.unpack_from("<HI", index)
             entries = np.frombuffer(index[6 : 6 + size], INDEX_ENTRY)
@@ -88,7 +94,8 @@ def read_part(data: memoryview, facts: PartFacts) -> Recording:
                 rings[ring.ring].add(first_row(ring, chunk, index), entries)
             readers[channel].add(chunk, entries["offset"])
     joined = {number: ring.join() for number, ring in rings.items()}
-    return _recording(facts, joined, elements, closed=bytes(data[-len(MAGIC) :]) == MAGIC)
+    found = _recording(facts, joined, elements, closed=bytes(data[-len(MAGIC) :]) == MAGIC)
+    return replace(found, events=tuple(sorted(events, key=lambda event: (event.time_ns, event.number))))
 
 
 def _recording(facts: PartFacts, rings: dict[int, _Joined], elements: list[Values], *, closed: bool) -> Recording:
@@ -96,7 +103,7 @@ def _recording(facts: PartFacts, rings: dict[int, _Joined], elements: list[Value
     filled = [ring for ring in rings.values() if len(ring.rows)]
     first = min((int(ring.ticks[0]) for ring in filled), default=0)
     end = max((int(ring.ticks[-1]) + 1 for ring in filled), default=0)
-    ring_by_channel = {channel: rings[ring.ring] for ring in facts.rings for channel in ring.channels}
+    ring_by_channel = {channel: rings[ring.ring] for ring in facts.value_rings for channel in ring.channels}
     warnings = list(about.warnings)
     if not closed:
         warnings.append(

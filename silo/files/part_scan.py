@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from silo.errors import FileFormatError
 from silo.files.bag_channels import INDEX_ENTRY, unpack_chunk
 from silo.files.mcap_write import MAGIC, Begun, chunk_index
-from silo.files.part_facts import PART_ATTACHMENT, PartFacts, RingFacts, row_of, unpack_part
+from silo.files.part_events import last_number
+from silo.files.part_facts import EVENTS_RING, PART_ATTACHMENT, PartFacts, RingFacts, row_of, unpack_part
 
 _PREFIX = 9  # opcode and length of a record
 _SEQUENCE_AT = 11  # in a message record
@@ -113,6 +114,13 @@ def first_row(ring: RingFacts, chunk: bytes, index: memoryview) -> int:
     return row_of(sequence, ring.begin)
 
 
+def _row_after(ring: RingFacts, chunk: bytes, index: memoryview) -> int:
+    """The row after the last one of a chunk, given its first message index."""
+    if ring.ring == EVENTS_RING:
+        return last_number(chunk, index, ring.begin) + 1
+    return first_row(ring, chunk, index) + (len(index) - _ENTRIES_AT) // INDEX_ENTRY.itemsize
+
+
 def scan_part(data: memoryview) -> PartScan:
     """Read a part from front to back. Raises FileFormatError for what is no part of ours."""
     scan = PartScan()
@@ -168,8 +176,7 @@ def rows_after(data: memoryview) -> tuple[PartFacts, dict[int, int]] | None:
         return None
     rows = {ring.ring: ring.begin for ring in facts.rings}
     for ring, body, index in last.values():
-        first = first_row(ring, unpack_chunk(body), index)
-        rows[ring.ring] = first + (len(index) - _ENTRIES_AT) // INDEX_ENTRY.itemsize
+        rows[ring.ring] = _row_after(ring, unpack_chunk(body), index)
     return facts, rows
 
 
@@ -204,9 +211,8 @@ def _take_chunk(scan: PartScan, record: PartRecord) -> bool:
         scan.counts[channel] = scan.counts.get(channel, 0) + entry_bytes // INDEX_ENTRY.itemsize
         offsets += struct.pack("<HQ", channel, place)
         place += _PREFIX + len(one)
-    first = first_row(ring, data, record.index[0])
-    (entry_bytes,) = struct.unpack_from("<I", record.index[0], 2)
-    scan.add_rows(ring.ring, first, first + entry_bytes // INDEX_ENTRY.itemsize)
+    index = record.index[0]
+    scan.add_rows(ring.ring, first_row(ring, data, index), _row_after(ring, data, index))
     start_ns, end_ns, size, _, length = struct.unpack_from("<QQQII", record.body)
     scan.start_ns = min(scan.start_ns, start_ns) if scan.begun.chunk_indexes else start_ns
     scan.end_ns = max(scan.end_ns, end_ns)

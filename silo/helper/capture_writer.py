@@ -1,24 +1,17 @@
 """The thread that writes captures, of each trigger one in turn: the judge never waits for a disk."""
 
-import dataclasses
 import logging
 import math
 import threading
-from datetime import datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-import msgspec
-
-from silo.errors import SaveError, SiloError
-from silo.files.saving import size_of
-from silo.helper.capture_list import CaptureEntry, CaptureList
+from silo.errors import SiloError
+from silo.helper.capture_list import CaptureList
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.waiting_captures import WaitingCaptures
 from silo.ipc.published import EventKind
-from silo.model import FileType, SavedFile
-from silo.recording import with_events
+from silo.model import SavedFile
 
 if TYPE_CHECKING:
     from silo.helper.spool import Spool
@@ -94,27 +87,16 @@ class CaptureWriter:
             self._events.publish(EventKind.SAVE_FAILED, text)
 
     def _write(self, spool: "Spool") -> None:
-        from silo.files.naming import next_run_number
+        from silo.helper.capture_files import write_capture
 
-        folder, capture, logger = self.folder, spool.capture, spool.schema.logger
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        listed = self._list_of(folder, logger)
-        entry = listed.find(spool.run, spool.trigger, capture.number)
-        if entry is None:
-            begun = f"{logger}_{datetime.now():%Y%m%d_%H-%M-%S}_{next_run_number(folder, logger):05d}"
-            name = f"{begun}_{spool.trigger}_{capture.number}"
-            entry = CaptureEntry(spool.run, spool.trigger, capture.number, name)
-            listed.note(entry)  # a helper process that is killed from here on leaves the name to its successor
-        files = self._written(spool, folder, entry.name)
-        ended = spool.why and f" ({spool.why})"
-        paths = ", ".join(file.path for file in files)
-        text = f"capture {capture.number} of '{spool.trigger}', ticks {capture.first} to {capture.last}{ended}: {paths}"
-        if not self._was_told(spool, files):
-            self._events.publish(EventKind.CAPTURED, text, files=files)
-        self._files[spool.run, spool.trigger] = tuple(file.path for file in files)
-        removed = listed.written(entry, [file.path for file in files], spool.options.keep)
-        if removed:
-            log.info("trigger '%s' keeps %d captures: removed %s", spool.trigger, spool.options.keep, removed)
+        logger = spool.schema.logger
+        listed = self._list_of(self.folder, logger)
+        done = write_capture(spool, self.folder, listed, self._events.log.of_run(spool.run))
+        if not self._was_told(spool, done.files):
+            self._events.publish(EventKind.CAPTURED, done.text, files=done.files)
+        self._files[spool.run, spool.trigger] = tuple(file.path for file in done.files)
+        if done.removed:
+            log.info("trigger '%s' keeps %d captures: removed %s", spool.trigger, spool.options.keep, done.removed)
 
     def _list_of(self, folder: str, logger: str) -> CaptureList:
         """The list that was read before, of which only what is new has to be read."""
@@ -125,37 +107,3 @@ class CaptureWriter:
     def _was_told(self, spool: "Spool", files: list[SavedFile]) -> bool:
         told = [event.text for event in self._events.log.of_run(spool.run) if event.kind == EventKind.CAPTURED.value]
         return any(file.path in text for file in files for text in told)
-
-    def _written(self, spool: "Spool", folder: str, name: str) -> list[SavedFile]:
-        """The files of a capture; those that a predecessor wrote already are left as they are."""
-        from silo.files import write
-        from silo.files.formats import SAVED
-        from silo.files.naming import custom_path
-        from silo.helper.writing import WriteOrder, write_apart
-
-        wanted: list[FileType] = list(dict.fromkeys((FileType.SILO, *spool.options.save)))
-        paths = {kind: custom_path(folder, name, SAVED[kind].ending) for kind in wanted}
-        files = [SavedFile(str(path), kind, size_of(path)) for kind, path in paths.items() if path.exists()]
-        there = {file.type for file in files}
-        if there.issuperset(spool.options.save):
-            return [file for file in files if file.type in spool.options.save]
-        options, logger = spool.options, spool.schema.logger
-        if FileType.SILO not in there:
-            happened = self._events.log.of_run(spool.run)
-            first, last = spool.capture.first, spool.capture.last
-            recording = with_events(spool.recording(), [event for event in happened if first <= event.tick <= last])
-            # derived signals and limits by which it fired, whatever they are by now
-            extras = msgspec.structs.replace(spool.extras, capture=recording.extras.capture)
-            recording = dataclasses.replace(recording, extras=extras)
-            files += write(recording, folder, logger, [FileType.SILO], name, why=f"trigger {options.name}")
-        others: list[FileType] = [kind for kind in wanted if kind is not FileType.SILO and kind not in there]
-        if others:
-            # what CSV and bags need would leave this process with twice its memory
-            order = WriteOrder(folder, logger, others, name, log=str(paths[FileType.SILO]))
-            report = write_apart(None, order, lambda _: None)
-            files += report.files
-            if report.error:
-                raise SaveError(f"{report.error}; saved: {', '.join(file.path for file in files)}")
-        if FileType.SILO not in options.save:
-            paths[FileType.SILO].unlink(missing_ok=True)
-        return sorted((file for file in files if file.type in options.save), key=lambda file: wanted.index(file.type))

@@ -29,6 +29,7 @@ class EventLog:
         self._numbers = itertools.count(max((event.number for event in self._events), default=0) + 1)
         self._waiting: deque[LoggedEvent] = deque(maxlen=MOST_EVENTS)
         self._lock = threading.Lock()
+        self._written = threading.Condition(self._lock)
         self._wake = threading.Event()
         self._ended = False
         self._told = False
@@ -65,10 +66,21 @@ class EventLog:
         return kept, len(found) - len(kept)
 
     @property
+    def newest(self) -> int:
+        """The number of the newest line, 0 if there is none."""
+        with self._lock:
+            return self._events[-1].number if self._events else 0
+
+    @property
     def written(self) -> int:
         """The number up to which all lines stand in the file."""
         with self._lock:
             return self._waiting[0].number - 1 if self._waiting else self._events[-1].number if self._events else 0
+
+    def wait_written(self, number: int, timeout_s: float) -> bool:
+        """Wait until a line stands in the file; False for a disk that takes longer."""
+        with self._lock:
+            return self._written.wait_for(lambda: not self._waiting or self._waiting[0].number > number, timeout_s)
 
     def of_run(self, run: str) -> list[LoggedEvent]:
         """Return what happened in a run, as far as memory has it."""
@@ -107,3 +119,4 @@ class EventLog:
             last = lines[-1].number
             while self._waiting and self._waiting[0].number <= last:
                 self._waiting.popleft()
+            self._written.notify_all()

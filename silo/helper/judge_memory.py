@@ -67,15 +67,7 @@ class JudgeMemory:
         except OSError:
             return
         if state.pid != self._pid:
-            if state.is_orphan:
-                self._tell_left(state)
-                self._tell_lost(
-                    state,
-                    "program and helper process died before it was written; what buffers held of it is in the log of "
-                    "that run",
-                )
-                path.unlink(missing_ok=True)
-            return
+            return  # of a program that is gone, and its helper process with it: `silo.helper.capture_recovery`
         self._left[state.run], self._own[state.run] = state, path
         self._tell_left(state)
 
@@ -132,8 +124,8 @@ class JudgeMemory:
         self._told = [(number, one) for number, one in self._told if number > written]
         whole = [*(found.whole if found else ()), *self._writer.waiting(run)]
         waiting = [KeptCapture(spool.options, spool.capture, spool.ended) for spool in whole]
-        untold = [*(one for _, one in self._told[-MOST_UNTOLD:]), *(_untold(found) if found else ())]
-        state = judge.state(waiting, untold, closed=closed)
+        unsure = [*(one for _, one in self._told[-MOST_UNTOLD:]), *(untold(found) if found else ())]
+        state = judge.state(waiting, unsure, closed=closed)
         if failed:
             state = msgspec.structs.replace(state, failed=failed)
         try:
@@ -152,7 +144,7 @@ class JudgeMemory:
 
     def tell(self, found: Step) -> None:
         """Publish what was found."""
-        for one in _untold(found):
+        for one in untold(found):
             self._told.append((self._publish(one), one))
 
     def _publish(self, one: Untold, run: str = "") -> int:
@@ -173,7 +165,8 @@ def lost_text(kept: KeptCapture, why: str) -> str:
     return f"capture {capture.number} of '{kept.options.name}', ticks {capture.first} to {capture.last}, is lost: {why}"
 
 
-def _untold(found: Step) -> list[Untold]:
+def untold(found: Step) -> list[Untold]:
+    """Return what a step is to tell."""
     events = [Untold(EventKind.BLIND.value, text) for text in found.blind]
     for name, fires in found.fired:
         first, last = fires[0], fires[-1]

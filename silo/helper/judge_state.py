@@ -17,7 +17,7 @@ from silo.errors import SegmentError
 from silo.helper.limit_judge import LimitMemory
 from silo.judging.evaluation import EvaluatorMemory
 from silo.judging.triggers import Capture, Trigger
-from silo.model import Extras, TriggerOptions
+from silo.model import ElementInfo, Extras, TriggerOptions
 from silo.runtime import process_start, runtime_dir
 
 SUFFIX = ".judge"
@@ -69,6 +69,7 @@ class JudgeState(msgspec.Struct, frozen=True):
     untold: list[Untold] = []
     closed: bool = False
     failed: str = ""
+    off: list[ElementInfo] = []  # elements in conditions that are not logged
 
     @property
     def is_orphan(self) -> bool:

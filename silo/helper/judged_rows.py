@@ -1,6 +1,6 @@
 """Rows of a run as expressions want them: columns of float64 by element and entry, from one tick on."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from silo.collecting.schema import ElementSchema
@@ -130,6 +130,10 @@ class JudgedRows:
             entries = schema.entries if ring == schema.ring else schema.live_entries
             columns[element, entry] = as_floats(rows.column(entries[entry]))
         return SourceRows(rows.ticks, rows.time_ns, columns), lost
+
+    def infos_of(self, names: Collection[str]) -> list[ElementInfo]:
+        """Return what is known of these elements."""
+        return [one.info for one in self._elements if one.info.name in names]
 
     def off_names(self, expressions: Iterable[Bound]) -> list[str]:
         """Return the elements in expressions that are off."""

@@ -6,6 +6,7 @@ stays, and it is said how to save it by hand.
 
 import contextlib
 import logging
+import os
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,14 +22,16 @@ from silo.collecting.left_behind import (
 )
 from silo.collecting.left_journals import claimed_journal, find_stale_journals, remove_proven, sweep_journals
 from silo.collecting.segment_reader import SegmentReader
-from silo.errors import SiloError, StateError
+from silo.errors import SegmentError, SiloError, StateError
 from silo.files.atomic import sweep_parts
 from silo.helper.events import Events
+from silo.helper.judge import STATE_NAME
+from silo.helper.left_log import RECOVERED
 from silo.helper.mirror import Mirror
-from silo.helper.recovery import RECOVERED
 from silo.helper.saver import describe
 from silo.ipc.published import EventKind
-from silo.model import FileType
+from silo.model import FileType, SavedFile
+from silo.runtime import runtime_dir
 
 if TYPE_CHECKING:
     from silo.helper.writing import WriteReport
@@ -57,6 +60,7 @@ class PredecessorRecovery:
 
     def _run(self) -> None:
         options = self._mirror.now.options
+        self._recover_captures(options.name, options.folder)
         with contextlib.suppress(SiloError):  # no runtime folder any more: then there is nothing in it either
             sweep_segments(segment_folder(options))
             sweep_parts(Path(options.folder))
@@ -67,6 +71,21 @@ class PredecessorRecovery:
             for stale in find_stale_journals(options.folder, options):
                 if not self._ended.is_set():
                     self._recover(stale)
+
+    def _recover_captures(self, logger: str, folder: str) -> None:
+        """Before their segments are saved, or removed as all of them stands in files."""
+        try:
+            with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
+                if any(map(STATE_NAME, os.listdir(runtime_dir()))):  # noqa: PTH208  # nearly always there is none
+                    from silo.helper.capture_recovery import recover_all_captures
+
+                    recover_all_captures(logger, folder, self._tell)
+        except Exception:  # what is in the segment is saved all the same
+            log.exception("captures that earlier runs of this logger left can't be written")
+
+    def _tell(self, kind: EventKind, text: str, files: list[SavedFile]) -> None:
+        log.warning("%s", text)
+        self._events.publish(kind, text, files=files)
 
     def _recover(self, stale: StaleSegment) -> None:
         if stale.schema is None or stale.holdings is None:

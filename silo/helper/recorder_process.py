@@ -7,12 +7,23 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import msgspec
 
-from silo.model import Derived, RecorderState
-from silo.recorder.orders import MAX_PACKET_BYTES, Finish, Follow, RecordOrder, Report, decode_report, encode
+from silo.model import NO_EXTRAS, Extras, RecorderState
+from silo.recorder.orders import (
+    MAX_PACKET_BYTES,
+    Conditions,
+    Finish,
+    Follow,
+    RecordOrder,
+    Report,
+    decode_report,
+    encode,
+    extras_file,
+)
 
 # glibc answers each large block that is freed by keeping larger ones: within 3 minutes 54 MB became 68
 HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_MMAP_THRESHOLD_": str(2**20), "MALLOC_TRIM_THRESHOLD_": str(2**20)}
@@ -28,6 +39,40 @@ class Kept(msgspec.Struct, frozen=True):
     since_ns: int
 
 
+class Spare:
+    """A process that has all of a recorder in memory and waits for an order.
+
+    To import it takes 0.4 s of a processor, which on one that has much to do is longer than a short ring lasts.
+    """
+
+    def __init__(self) -> None:
+        """Start it. Raises OSError."""
+        self.socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "silo.recorder", str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                env=os.environ | HEAP,
+                start_new_session=True,
+                stdin=subprocess.DEVNULL,
+            )
+        except BaseException:
+            self.socket.close()
+            raise
+        finally:
+            theirs.close()
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it lives."""
+        return self.process.poll() is None
+
+    def end(self) -> None:
+        """Have it end without an order."""
+        self.socket.close()
+        self.process.wait()
+
+
 class RecorderProcess:
     """A recorder that was started. Methods are for who holds the lock of `Recording`, but `wait`."""
 
@@ -37,6 +82,7 @@ class RecorderProcess:
         self.report = Report(RecorderState.WAITING)
         self.before = Report(RecorderState.WAITING)  # sums of the processes before this one
         self.run = ""  # that was handed over last
+        self._extras = NO_EXTRAS  # with it, or since
         self.ending = False  # it was told to end
         self.useless_lives = 0  # in a row, in which it did not come to record
         self.again_s = 0.0  # when it is started again, 0 while it lives
@@ -49,24 +95,13 @@ class RecorderProcess:
         """What it is to do."""
         return self.kept.order
 
-    def start(self, order: RecordOrder) -> None:
-        """Start the process. Raises OSError."""
-        self.socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        try:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "silo.recorder", str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                env=os.environ | HEAP,
-                start_new_session=True,
-                stdin=subprocess.DEVNULL,
-            )
-        except BaseException:
-            self.socket.close()
-            raise
-        finally:
-            theirs.close()
+    def start(self, order: RecordOrder, spare: Spare | None = None) -> None:
+        """Start a process, or have one that is there do it. Raises OSError."""
+        fresh = spare if spare is not None and spare.is_there else Spare()
+        self.socket, self._process = fresh.socket, fresh.process
         self.socket.setblocking(False)
         self.again_s = 0.0
+        self.started_s = time.monotonic()
         self.run = ""
         self.has_recorded = False  # in this life
         self._send(encode(order))
@@ -81,17 +116,30 @@ class RecorderProcess:
         """Whether there is a process whose end was not noticed yet."""
         return not self.ended.is_set() and not self.again_s
 
-    def follow(self, run: str, segment: Path, descriptor: int, derived: tuple[Derived, ...] = ()) -> None:
-        """Hand a run over, unless it was already."""
-        if self.run != run and not self.ending and not self.again_s:
-            self.run = run
-            with contextlib.suppress(OSError):  # gone: its end is noticed, and it is started again
-                socket.send_fds(self.socket, [encode(Follow(str(segment), derived))], [descriptor])
+    def follow(self, run: str, segment: Path, descriptor: int, extras: Extras) -> None:
+        """Hand a run over, with the limits and triggers that it has now."""
+        if not self.ending and not self.again_s:
+            self.run, self._extras = run, extras
+            self._hand_over(Follow(str(segment)), extras, descriptor)
 
-    def finish(self, why: str) -> None:
-        """Have it finish what is there and end; it is not started again."""
+    def change(self, extras: Extras) -> None:
+        """Tell limits and triggers of the run that was handed over, if they have changed."""
+        if not self.ending and not self.again_s and _recorded(self._extras) != _recorded(extras):
+            self._extras = extras
+            self._hand_over(Conditions(), extras)
+
+    def _hand_over(self, command: Follow | Conditions, extras: Extras, *descriptors: int) -> None:
+        with contextlib.suppress(OSError):  # gone: its end is noticed, and it is started again
+            file = extras_file(extras)
+            try:
+                socket.send_fds(self.socket, [encode(command)], [*descriptors, file])
+            finally:
+                os.close(file)
+
+    def finish(self, why: str, events: int) -> None:
+        """Have it finish what is there and end; it is not started again. `events` is the newest of the event log."""
         self.ending = True
-        self._send(encode(Finish(why)))
+        self._send(encode(Finish(why, events)))
 
     def _send(self, packet: bytes) -> None:
         with contextlib.suppress(OSError):
@@ -120,6 +168,11 @@ class RecorderProcess:
         self.socket.close()
         self.before = self.report
         return self._process.wait()
+
+
+def _recorded(extras: Extras) -> tuple[object, ...]:
+    """What of limits and triggers stands in parts; to arm a trigger makes no new one."""
+    return extras.limits, tuple(msgspec.structs.replace(one, armed=True) for one in extras.triggers)
 
 
 def close_left(folder: str) -> list[str]:

@@ -18,7 +18,7 @@ from silo.errors import SegmentError
 from silo.files.naming import check_name
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
-from silo.helper.recorder_process import Kept, RecorderProcess, close_left, store, stored
+from silo.helper.recorder_process import Kept, RecorderProcess, Spare, close_left, store, stored
 from silo.helper.recording_folder import recording_folder
 from silo.ipc.messages import Done, RecorderInfo, RecorderStarted, Refused, RefusedWhy, StartRecorder, StopRecorder
 from silo.ipc.published import EventKind
@@ -31,6 +31,7 @@ MOST_RECORDERS = 8
 MOST_PATTERNS, MOST_PATTERN_LETTERS = 1000, 50_000
 BEGIN_S = 5.0  # how long a client waits for the first report
 END_S = 5.0  # and for a part to be finished
+SPARE_S = 1.0  # after the start of a recorder
 AGAIN_S = (0.0, 0.5, 2.0, 10.0, 30.0)  # before each new try, after so many that recorded nothing
 SUFFIX = ".recorders"
 
@@ -46,6 +47,7 @@ class Recording:
         self._recorders: dict[str, RecorderProcess] = {}
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._stopping = False
+        self._spare: Spare | None = None  # only the thread's
         robot = mirror.now.robot
         self._kept = runtime_dir() / f"{robot.logger}.{robot.pid}{SUFFIX}"
         self._thread = threading.Thread(target=self._watch, name="recorders", daemon=True)
@@ -158,7 +160,8 @@ class Recording:
                 text = f"there are {names}" if names else "nothing is being recorded"
                 what = f"no recording is called '{request.name[:80]}'" if request.name else "say which recording"
                 return Refused(RefusedWhy.NOT_FOUND, f"{what}: {text}; nothing was stopped")
-            recorder.finish(f"stopped by {request.client}" if request.client else "stopped")
+            why = f"stopped by {request.client}" if request.client else "stopped"
+            recorder.finish(why, self._events.log.newest)
         over = recorder.ended.wait(END_S)
         with self._lock:
             if over:
@@ -182,17 +185,18 @@ class Recording:
                 self._follow(recorder)
 
     def _follow(self, recorder: RecorderProcess) -> None:
-        if self._mirror.run and recorder.run != self._mirror.run:
-            try:
-                reader = self._mirror.open_reader()
-            except SegmentError as error:
-                log.warning("a run can't be recorded: %s", error)
-                return
-            if reader is not None:
-                recorder.follow(
-                    reader.schema.run, reader.path, reader.fileno(), self._mirror.now.robot.extras.derived
-                )  # fmt: skip
-                reader.close()
+        extras = self._mirror.now.robot.extras
+        if not self._mirror.run or recorder.run == self._mirror.run:
+            recorder.change(extras)
+            return
+        try:
+            reader = self._mirror.open_reader()
+        except SegmentError as error:
+            log.warning("a run can't be recorded: %s", error)
+            return
+        if reader is not None:
+            recorder.follow(reader.schema.run, reader.path, reader.fileno(), extras)
+            reader.close()
 
     def stop(self, *, forget: bool) -> None:
         """Have all of them finish; returns at once. `forget`: no helper process after this one goes on with them."""
@@ -200,8 +204,9 @@ class Recording:
             self._stopping = True
             if forget:
                 store(self._kept, [])
+            why = "the logger was closed, or its program ended" if forget else "the helper process ends"
             for recorder in self._recorders.values():
-                recorder.finish("the logger was closed, or its program ended" if forget else "the helper process ends")
+                recorder.finish(why, self._events.log.newest)
         self._poke()
 
     def wait(self, timeout_s: float | None = None) -> None:
@@ -217,6 +222,8 @@ class Recording:
                 live = {one.socket.fileno(): one for one in self._recorders.values() if one.is_live}
                 waiting = [one for one in self._recorders.values() if one.again_s]
                 self._mirror.recorders = len(live) + len(waiting)
+                if not live and (self._stopping or not waiting):
+                    self._let_spare_go()
                 if self._stopping and not live:
                     return
             for one in waiting:
@@ -243,10 +250,23 @@ class Recording:
         recorder.report = report
         recorder.has_recorded = recorder.has_recorded or report.state is RecorderState.RECORDING
         recorder.reported.set()
+        self._keep_spare(recorder)
         if report.finished:
             self._tell(f"recording '{recorder.order.name}': finished {report.finished}")
         if report.told:
             self._tell(f"recording '{recorder.order.name}': {report.told}")
+
+    def _keep_spare(self, recorder: RecorderProcess) -> None:
+        """Have a process ready for the case that a recorder is killed, once one records and has caught up."""
+        records = recorder.report.state is RecorderState.RECORDING
+        if self._spare is None and records and time.monotonic() - recorder.started_s > SPARE_S:
+            with contextlib.suppress(OSError):  # then the next one takes longer
+                self._spare = Spare()
+
+    def _let_spare_go(self) -> None:
+        if self._spare is not None:
+            self._spare.end()
+            self._spare = None
 
     def _gone(self, recorder: RecorderProcess) -> None:
         code = recorder.reap()
@@ -289,7 +309,8 @@ class Recording:
             if time.monotonic() < recorder.again_s:
                 return
             try:
-                recorder.start(msgspec.structs.replace(recorder.order, resume=True))
+                spare, self._spare = self._spare, None
+                recorder.start(msgspec.structs.replace(recorder.order, resume=True), spare)
             except OSError as error:
                 recorder.again_s = time.monotonic() + AGAIN_S[-1]
                 log.warning("recorder '%s' can't be started: %s", recorder.order.name, error.strerror)

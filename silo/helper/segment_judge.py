@@ -17,11 +17,11 @@ from silo.helper.judged_rows import JudgedRows
 from silo.helper.limit_judge import LimitJudge, LimitNews
 from silo.helper.spool import Spool, bytes_per_tick
 from silo.ipc.conditions import CapturedSpan, LimitStatus, TriggerStatus, TriggerWord
-from silo.judging.binding import Bound, bind, meaning
+from silo.judging.binding import Bound, meaning
 from silo.judging.evaluation import Evaluator
 from silo.judging.extras import trigger_rule
-from silo.judging.off import can_be, without_off
-from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Slope, Trigger, TriggerState, longest_capture
+from silo.judging.off import trigger_conditions
+from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Trigger, TriggerState, longest_capture
 from silo.model import ElementInfo, Extras, TriggerOptions
 
 BATCH_TICKS = 16_384
@@ -94,6 +94,7 @@ class SegmentJudge:
         self._until, self._steps = since, 0
         self._spools: list[Spool] = []
         self._numbers: dict[str, int] = {}  # captures of each name so far: they stand in names of files
+        self._off: set[str] = set()  # elements in conditions that are off
         self._found = Step()
         self._unwritten = unwritten
         self.adopt(reader.schema.extras if extras is None else extras)
@@ -127,37 +128,26 @@ class SegmentJudge:
                 self._arm(before, armed=options.armed)
                 return before
         try:
-            made.expressions, gone = self._bound(options)
+            found = trigger_conditions(options, self._rows.catalogue)
         except ElementError as error:
             made.why = str(error)
             self.problems.append(f"trigger '{options.name}' is not judged: {error}")
             return made
-        if gone:
-            made.note = f"judged without {', '.join(gone[:3])}{' ...' if len(gone) > 3 else ''}: off"
-            self.problems.append(f"trigger '{options.name}' is {made.note}")
-        true, false = can_be(made.expressions[0].root)
-        can_fire = (false if rule.slope is Slope.FALLING else true) or rule.mode is Mode.AUTO
-        if not can_fire or not any(bound.sources for bound in made.expressions):
-            made.why = f"{', '.join(self._rows.off_names(made.expressions)[:3])} is off"
-            self.problems.append(f"trigger '{options.name}' is unobservable: the elements in it are off")
-            made.expressions = ()
+        self._off.update(found.off, found.without)
+        if found.problem:
+            self.problems.append(f"trigger '{options.name}' {found.problem}")
+        if (not found.can_fire and rule.mode is not Mode.AUTO) or not any(bound.sources for bound in found.bounds):
+            made.why = f"{', '.join(found.off[:3])} is off"
             return made
-        made.evaluator = Evaluator(*made.expressions)
+        made.note = found.problem.removeprefix("is ")
+        made.expressions, made.evaluator = found.bounds, Evaluator(*found.bounds)
         return made
-
-    def _bound(self, options: TriggerOptions) -> tuple[tuple[Bound, ...], list[str]]:
-        """The conditions of a trigger, and the elements that are left out of them. Raises ElementError."""
-        found = [
-            without_off(bind(text, self._rows.catalogue).condition()) for text in (options.when, options.rearm) if text
-        ]
-        names = [self._rows.catalogue.name(column.element, column.entry) for _, gone in found for column in gone]
-        return tuple(bound for bound, _ in found), list(dict.fromkeys(names))
 
     def _differs(self, watched: _Watched) -> bool:
         """Whether the words of a trigger mean something else than when it was taken."""
         options = watched.options
         try:
-            now, _ = self._bound(options)
+            now = trigger_conditions(options, self._rows.catalogue).bounds
         except ElementError:
             return True
         return [meaning(bound) for bound in now] != [meaning(bound) for bound in watched.expressions]
@@ -231,6 +221,10 @@ class SegmentJudge:
             one.options, state, trigger.fires, trigger.captures, last.tick if last else -1, last.time_ns if last else 0,
             left_s, why, whole=_whole(trigger, tick),
         )  # fmt: skip
+
+    def worst(self) -> tuple[str, int]:
+        """Return the worst limit that is violated now, in letters, and how many are."""
+        return self._limits.worst()
 
     def limits(self) -> list[LimitStatus]:
         """Return how each scalar with limits stands."""
@@ -387,6 +381,7 @@ class SegmentJudge:
         return JudgeState(
             schema.run, schema.pid, schema.pid_start, self._until, self.extras, self._rows.cursors, triggers,
             self._limits.memory(), self._numbers, [*under_way, *waiting], list(untold), closed,
+            off=self._rows.infos_of(self._off),
         )  # fmt: skip
 
     def count_from(self, numbers: Mapping[str, int]) -> None:

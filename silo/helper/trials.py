@@ -9,9 +9,9 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import ElementError
 from silo.helper.judged_rows import JudgedRows
 from silo.ipc.messages import TriggerTried
-from silo.judging.binding import bind
 from silo.judging.evaluation import UNOBSERVABLE, Evaluator
 from silo.judging.extras import trigger_rule
+from silo.judging.off import trigger_conditions
 from silo.judging.triggers import Fire, Trigger
 from silo.model import Derived, ElementInfo, TriggerOptions
 
@@ -32,12 +32,13 @@ def try_trigger(
     if derived is not None:
         rows.derive(derived)
     rule = trigger_rule(options, reader.schema.frequency_hz)
-    expressions = tuple(bind(text, rows.catalogue).condition() for text in (options.when, options.rearm) if text)
+    conditions = trigger_conditions(options, rows.catalogue)
+    expressions = conditions.bounds
     columns = [column for bound in expressions for column in bound.columns]
     rows.want(columns, 0)
     size = _capture_bytes(reader, rule.pre + rule.post + 1)
-    if not any(bound.sources for bound in expressions):
-        off = ", ".join(rows.off_names(expressions)[:3])
+    if not conditions.can_fire:
+        off = ", ".join(conditions.off[:3])
         return TriggerTried(0, [], [], 0, -1, 0, 0, capture_bytes=size, why=f"{off} is off")
     evaluator, trigger = Evaluator(*expressions), Trigger(rule)
     begin, end = rows.oldest_tick(), reader.ticks

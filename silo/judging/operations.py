@@ -159,10 +159,35 @@ def _all(values: list[Value]) -> Truth:
     return Truth(every, ~(every | false))
 
 
-REDUCING = ("any", "all", "norm_of", "sum_of", "min_of", "max_of")
+def _known_any(values: list[Value], together: Any) -> Truth:
+    """Whether one is true of those that are known; unknown where none is."""
+    truths = [as_truth(value) for value in values]
+    true = together([truth.true for truth in truths])
+    if all(truth.unknown is None for truth in truths):
+        return Truth(true)
+    known = together([np.ones_like(truth.true) if truth.unknown is None else ~truth.unknown for truth in truths])
+    return Truth(true, ~known)
+
+
+def _joined(parts: list[Any]) -> Any:
+    made = parts[0]
+    for part in parts[1:]:
+        made = made | part
+    return made
+
+
+def _one_of(parts: list[Any]) -> Any:
+    return _side_by_side(parts).any(axis=1)
+
+
+REDUCING = ("any", "all", "norm_of", "sum_of", "min_of", "max_of", "known any", "known all")
 
 OPERATIONS: dict[str, Any] = {
     "and": _and, "or": _or, "not": _not, "any": _any, "all": _all,
+    "known or": lambda values: _known_any(values, _joined),
+    "known any": lambda values: _known_any(values, _one_of),
+    "known and": lambda values: _not([_known_any([_not([value]) for value in values], _joined)]),
+    "known all": lambda values: _not([_known_any([_not([value]) for value in values], _one_of)]),
     "<": _comparison(np.less), "<=": _comparison(np.less_equal), ">": _comparison(np.greater),
     ">=": _comparison(np.greater_equal), "==": _comparison(np.equal), "!=": _comparison(np.not_equal),
     "+": _numeric(np.add), "-": _numeric(np.subtract), "*": _numeric(np.multiply), "/": _numeric(np.divide),

@@ -178,13 +178,15 @@ def _restart(logger: Served, request: Restart) -> Done:
 
 def _set_trigger(logger: Served, request: SetTrigger) -> Done:
     from silo.judging.extras import fixed_text
+    from silo.judging.off import off_problem
 
     name = request.trigger.name
     known = name in {one.name for one in logger.extras.triggers}
     logger.set_trigger(request.trigger)
     running = "" if logger.is_running else "; it is judged when the logger is started"
-    fixed = fixed_text(logger.elements)
-    return Done(f"trigger '{name}' is {'replaced' if known else 'set'}{running}{f'; {fixed}' if fixed else ''}")
+    off = off_problem(request.trigger, logger.elements, logger.options.prefix, logger.extras.derived)
+    notes = "".join(f"; {note}" for note in (off and f"it {off}", fixed_text(logger.elements)) if note)
+    return Done(f"trigger '{name}' is {'replaced' if known else 'set'}{running}{notes}")
 
 
 def _remove_trigger(logger: Served, request: RemoveTrigger) -> Done:

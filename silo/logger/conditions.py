@@ -260,6 +260,8 @@ class Conditions(Configuration):
             infos = self._all_infos
             check_held(one, infos, self.options.frequency_hz)
             self._extras = with_trigger(self._extras, one, infos, self.options.prefix)
+            if self._running:
+                self._warn_of_off(one)  # else at the start: until then elements may be switched on
             self._tell()
 
     def remove_trigger(self, name: str) -> None:
@@ -320,7 +322,15 @@ class Conditions(Configuration):
         if not served:
             log.warning("%s: triggers are judged by the helper process, and there is none: call serve()", names)
         for one in self._extras.triggers:
+            self._warn_of_off(one)
             try:
                 check_held(one, self._table.infos, self.options.frequency_hz)
-            except ElementError as error:  # noqa: PERF203  # each is told
+            except ElementError as error:  # each is told
                 log.warning("trigger '%s' will capture less than it should: %s", one.name, error)
+
+    def _warn_of_off(self, one: TriggerOptions) -> None:
+        from silo.judging.off import off_problem
+
+        problem = off_problem(one, self._table.infos, self.options.prefix, self._extras.derived)
+        if problem:
+            log.warning("trigger '%s' %s", one.name, problem)

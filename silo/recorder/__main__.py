@@ -1,5 +1,6 @@
 """`python -m silo.recorder FD`: a recorder, whose order and runs come over that socket; `--close FOLDER`: its rests."""
 
+import contextlib
 import logging
 import os
 import signal
@@ -17,21 +18,35 @@ NICER = 5
 
 def main() -> int:
     """Record, or close what recorders left in a folder."""
-    os.nice(NICER)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     logging.basicConfig(format="silo recorder: %(message)s", level=logging.WARNING)
     if sys.argv[1] == "--close":
+        os.nice(NICER)
         closed, problems = close_parts(Path(sys.argv[2]))
         for text in [*(part.text for part in closed), *problems]:
             print(text, flush=True)
         return 1 if problems else 0
     sock = socket.socket(fileno=int(sys.argv[1]))
-    body = sock.recv(MAX_PACKET_BYTES)
+    body = sock.recv(MAX_PACKET_BYTES)  # what is kept for the case that one is killed waits here, all imported
     if not body:
         return 1
-    recorder = Recorder(decode_order(body), sock)
+    order = decode_order(body)
+    if not order.resume:
+        _let_others_go_first()
+    recorder = Recorder(order, sock, calm_down=_let_others_go_first)
     signal.signal(signal.SIGTERM, recorder.on_term)
     return 0 if recorder.run() is RecorderState.ENDED else 1
+
+
+def _let_others_go_first() -> None:
+    """All threads, which have priorities of their own, and those that they start.
+
+    Not before one that was killed has caught up: on a computer with much to do that would take longer than the rings
+    last.
+    """
+    for thread in Path("/proc/self/task").iterdir():
+        with contextlib.suppress(ProcessLookupError):
+            os.setpriority(os.PRIO_PROCESS, int(thread.name), NICER)
 
 
 if __name__ == "__main__":

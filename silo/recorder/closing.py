@@ -54,15 +54,15 @@ def left_parts(folder: Path) -> list[Path]:
 
 def _is_written(path: Path) -> bool:
     try:
-        with _claimed(path):
+        with claimed(path):
             return False
     except (OSError, SaveError):
         return True
 
 
 @contextmanager
-def _claimed(path: Path) -> Iterator[BinaryIO]:
-    """The open file, locked. Raises OSError if a recorder writes it, or another process closes it."""
+def claimed(path: Path) -> Iterator[BinaryIO]:
+    """The open file, locked. Raises BlockingIOError if a recorder writes it, or another process closes it; OSError."""
     descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
     with os.fdopen(descriptor, "r+b", buffering=0) as file:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -97,12 +97,12 @@ def close_part(path: Path) -> ClosedPart:
     Raises FileFormatError for what is no part of ours, OSError for what can't be written or is being written.
     """
     final = path.with_name(path.name.removesuffix(".part"))
-    with _claimed(path) as file:
+    with claimed(path) as file:
         scan = _scanned(file, path)
         facts = scan.facts
-        samples = sum(scan.counts.values())
+        samples = facts.samples(scan.counts) if facts is not None else 0
         run, recorder = (facts.run, facts.recorder) if facts is not None else ("", "")
-        if not samples:
+        if not any(scan.counts.values()):
             path.unlink()
             return ClosedPart(path, 0, 0, run, recorder, scan.next_rows)
         if final.exists():
@@ -116,20 +116,6 @@ def close_part(path: Path) -> ClosedPart:
         sync_folder(final.parent)
         found = os.fstat(file.fileno())
         return ClosedPart(final, found.st_size, samples, run, recorder, scan.next_rows, found.st_ino)
-
-
-def finished_part(path: Path) -> ClosedPart | None:
-    """Return what a finished part holds, None for what can't be read."""
-    try:
-        with path.open("rb") as file:
-            scan = _scanned(file, path)
-            found = os.fstat(file.fileno())
-    except (OSError, FileFormatError):
-        return None
-    if scan.facts is None:
-        return None
-    samples = sum(scan.counts.values())
-    return ClosedPart(path, found.st_size, samples, scan.facts.run, scan.facts.recorder, scan.next_rows, found.st_ino)
 
 
 def _scanned(file: BinaryIO, path: Path) -> PartScan:

@@ -1,13 +1,15 @@
 """Which channels the rows of a run's rings fill, and rows as samples of them. Pure rules.
 
 An element is recorded from the ring that passes every sample of it: its own, or the one for live values where its own
-ends when it is full. All of a ring's elements have the same rows, so a chunk holds one ring's.
+ends when it is full. All of a ring's elements have the same rows, so a chunk holds one ring's. The last channel has no
+ring: what happened.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import msgspec
 import numpy as np
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Schema
@@ -17,9 +19,11 @@ from silo.collecting.rows import Rows
 from silo.collecting.schema import ElementSchema, SegmentSchema
 from silo.errors import SaveError
 from silo.files.bag import MAX_CHANNELS, Utf8Entry, definitions, recording_facts, utf8_entry
-from silo.files.part_facts import PART_VERSION, PartFacts, RingFacts
+from silo.files.bag_events import LOG_TYPE, events_topic
+from silo.files.part_facts import EVENTS_RING, PART_VERSION, PartFacts, RingFacts
 from silo.files.ros_types import STRING, Channel, MessageType, channels_of, is_text
 from silo.files.texts import presentable
+from silo.judging.extras import table_catalogue
 from silo.model import BufferType, Extras
 from silo.patterns import matching
 from silo.recording import RecordedElement, RecordedEntry, Recording
@@ -52,9 +56,19 @@ class Layout:
             frequency_hz=self.schema.frequency_hz,
             started_ns=self.schema.started_ns,
             time_looping=True,
-            extras=Extras(tuple(one for one in self.schema.extras.derived if one.name in names)),
+            extras=self._extras(names),
         )
         return presentable(about)
+
+    def _extras(self, names: set[str]) -> Extras:
+        """Derived signals and limits of what is recorded, and all triggers: what fires is in the part."""
+        extras = self.schema.extras
+        catalogue = table_catalogue([element.info for element in self.elements], self.schema.prefix)
+        return Extras(
+            tuple(one for one in extras.derived if one.name in names),
+            tuple(one for one in extras.limits if catalogue.find(one.name)),
+            extras.triggers,
+        )
 
     @cached_property
     def channels(self) -> list[Channel]:
@@ -64,7 +78,13 @@ class Layout:
     @property
     def topics(self) -> list[tuple[str, MessageType]]:
         """Name and type of each channel's topic."""
-        return [(channel.topic, channel.type) for channel in self.channels]
+        events = events_topic(self.template, self.channels), LOG_TYPE
+        return [*((channel.topic, channel.type) for channel in self.channels), events]
+
+    @property
+    def events_channel(self) -> int:
+        """The number of the channel of events."""
+        return len(self.channels) + 1
 
     @cached_property
     def ring_channels(self) -> dict[int, dict[int, Channel]]:
@@ -77,7 +97,7 @@ class Layout:
     @cached_property
     def definitions(self) -> tuple[list[Schema], list[ChannelRecord]]:
         """The schema and channel records."""
-        return definitions(self.template, self.channels)
+        return definitions(self.template, self.channels, events=True)
 
     def facts(self, recorder: str, begin: Mapping[int, int]) -> PartFacts:
         """What a part says of itself that begins with these rows."""
@@ -86,6 +106,7 @@ class Layout:
             for ring, channels in self.ring_channels.items()
             if channels
         ]
+        rings.append(RingFacts(EVENTS_RING, 1, begin.get(EVENTS_RING, 0), [self.events_channel]))
         return PartFacts(PART_VERSION, recorder, self.schema.run, rings, recording_facts(self.template, self.channels))
 
     def samples(self, rows: Rows) -> list[RecordedElement]:
@@ -109,6 +130,11 @@ class Layout:
     def with_bytes(self, entries: set[str]) -> "Layout":
         """The same, with these entries as bytes."""
         return replace(self, as_bytes=self.as_bytes | entries)
+
+    def with_extras(self, extras: Extras) -> "Layout":
+        """The same with other limits and triggers; what is computed stays as it was when the run was taken over."""
+        kept = msgspec.structs.replace(self.schema.extras, limits=extras.limits, triggers=extras.triggers)
+        return replace(self, schema=msgspec.structs.replace(self.schema, extras=kept))
 
     def _recorded(self, element: ElementSchema, rows: Rows | None) -> RecordedElement:
         info = element.info
@@ -143,9 +169,9 @@ def layout_of(schema: SegmentSchema, patterns: Sequence[str]) -> Layout:
     """What of a run is recorded. Raises SaveError for more than a file can number, or for what none can hold."""
     wanted = set(matching([element.info.name for element in schema.elements], patterns))
     layout = Layout(schema, tuple(element for element in schema.elements if element.info.name in wanted))
-    if len(layout.channels) > MAX_CHANNELS:
+    if layout.events_channel > MAX_CHANNELS:
         raise SaveError(
-            f"{len(layout.channels)} topics are too many for an MCAP file, which numbers at most {MAX_CHANNELS}: "
+            f"{layout.events_channel} topics are too many for an MCAP file, which numbers at most {MAX_CHANNELS}: "
             "record fewer, by patterns"
         )
     return layout

@@ -6,6 +6,7 @@ replaced as a whole; `.NAME.recorder.lock` is held by the recorder that writes u
 
 import contextlib
 import fcntl
+import glob
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -16,7 +17,7 @@ import msgspec
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, reason
 from silo.files.part_facts import PART_ENDING
-from silo.recorder.closing import ClosedPart, finished_part
+from silo.recorder.closing import ClosedPart
 
 ROOM_SHARE = 0.02  # of a disk that is left free, or
 ROOM_BYTES = 1_000_000_000  # that many, whichever is less
@@ -58,6 +59,12 @@ def part_path(folder: Path, name: str) -> Path:
     return folder / (name.removesuffix(".mcap") + PART_ENDING)
 
 
+def number_of(path: Path) -> int:
+    """Return the number of a part, by which they follow one another; 0 for a name that is no part's."""
+    number = path.name.removesuffix(".part").removesuffix(".mcap").rpartition("_")[2]
+    return int(number) if number.isdecimal() else 0
+
+
 class Ledger:
     """The parts of one recorder. One user at a time: `close` lets go of the name."""
 
@@ -88,23 +95,33 @@ class Ledger:
         with atomic_file(self._path) as file:
             file.write(msgspec.json.encode(self.written))
 
-    def settle(self, closed: Sequence[ClosedPart]) -> None:
+    def open_parts(self) -> list[Path]:
+        """Return where parts of this recorder are, or were, of whose end it knows nothing."""
+        noted = {part_path(self.folder, entry.name) for entry in self.written.parts if not entry.size_bytes}
+        return [*(noted | set(self.folder.glob(f"{glob.escape(self.name)}_*{PART_ENDING}")))]
+
+    def go_on(self, run: str, next_rows: dict[int, int]) -> None:
+        """Note with which rows this recorder goes on."""
+        self.written.run, self.written.next_rows = run, next_rows
+
+    def settle(self, closed: Sequence[ClosedPart], open_part: str = "") -> None:
         """Take in what became of parts that a predecessor left: closed just now, by others, or gone.
 
-        One that was killed right before it noted a part, or its end, leaves that to its successor.
+        One that was killed right before it noted a part, or its end, leaves that to its successor, of whom `open_part`
+        is. With which rows to go on stays as it is: that is told by what is newest.
         """
         names = {entry.name for entry in self.written.parts}
-        ours = {part.path.name: part for part in closed if part.recorder == self.name and part.samples}
-        self.written.parts += [PartEntry(name, part.inode) for name, part in ours.items() if name not in names]
+        ours = [part for part in closed if part.recorder == self.name and part.size_bytes]
+        self.written.parts += [PartEntry(part.path.name, part.inode) for part in ours if part.path.name not in names]
         for entry in self.written.parts:
             found = self._ours(entry)
-            if found is None or entry.size_bytes:
-                continue
-            entry.size_bytes = found
-            part = ours.get(entry.name) or finished_part(self.folder / entry.name)
-            if part is not None:
-                self.written.run, self.written.next_rows = part.run, part.next_rows
-        self.written.parts = [entry for entry in self.written.parts if entry.size_bytes and self._ours(entry)]
+            if found is not None and not entry.size_bytes:
+                entry.size_bytes = found
+        self.written.parts = [
+            entry
+            for entry in sorted(self.written.parts, key=lambda entry: number_of(Path(entry.name)))
+            if entry.name == open_part or (entry.size_bytes and self._ours(entry))
+        ]
         self._store()
 
     def begin(self, name: str, inode: int) -> None:

@@ -1,8 +1,10 @@
 """What travels between a recorder and the process that started it: msgspec structs in JSON, a packet each."""
 
+import os
+
 import msgspec
 
-from silo.model import Derived, RecorderState
+from silo.model import Extras, RecorderState
 
 MAX_PACKET_BYTES = 180_000  # within the send buffer of a socket as Linux has it by default
 TEXT_BYTES = 2_000
@@ -27,17 +29,25 @@ class RecordOrder(msgspec.Struct, frozen=True):
 class Follow(msgspec.Struct, frozen=True, tag=True):
     """A run to be recorded; its segment comes along as a descriptor. What is still to come of the last one is taken.
 
-    `derived` are signals that are computed of it, as they are when it is handed over.
+    A second descriptor is a file with its `Extras`, which may be larger than a packet: derived signals, limits and
+    triggers as they are when it is handed over; without it, as they were when the run began.
     """
 
     segment: str
-    derived: tuple[Derived, ...] = ()
+
+
+class Conditions(msgspec.Struct, frozen=True, tag=True):
+    """Limits and triggers are others from now on; the descriptor is a file with the `Extras`."""
 
 
 class Finish(msgspec.Struct, frozen=True, tag=True):
-    """Record what is there, finish the part, and end. `why` goes into the last report."""
+    """Record what is there, finish the part, and end. `why` goes into the last report.
+
+    `events` is the number of the newest event that the event log has, or will have in a moment.
+    """
 
     why: str
+    events: int = 0
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -58,9 +68,27 @@ class Report(msgspec.Struct, frozen=True):
     told: str = ""
 
 
-Command = Follow | Finish
+Command = Follow | Conditions | Finish
 
 encode = msgspec.json.Encoder().encode
 decode_order = msgspec.json.Decoder(RecordOrder).decode
 decode_command = msgspec.json.Decoder(Command).decode
 decode_report = msgspec.json.Decoder(Report).decode
+_decode_extras = msgspec.json.Decoder(Extras).decode
+
+
+def extras_file(extras: Extras) -> int:
+    """Return a file in memory with extras, to be handed over and closed. Raises OSError."""
+    descriptor = os.memfd_create("silo-extras", os.MFD_CLOEXEC)
+    try:
+        with os.fdopen(os.dup(descriptor), "wb") as file:
+            file.write(encode(extras))
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def extras_of(descriptor: int) -> Extras:
+    """Return the extras that a file has which was handed over. Raises OSError, MsgspecError."""
+    return _decode_extras(os.pread(descriptor, os.fstat(descriptor).st_size, 0))

@@ -3,10 +3,11 @@
 import fcntl
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from silo.collecting.rows import Rows
@@ -14,7 +15,9 @@ from silo.files.bag import MAX_STAMP_NS, metadata_yaml, write_windows
 from silo.files.bag_groups import group_samples
 from silo.files.mcap_write import McapFile, Write
 from silo.files.naming import log_path, next_run_number
+from silo.files.part_events import event_messages
 from silo.files.part_facts import LOST_METADATA, PART_ATTACHMENT, TOTALS_METADATA, pack_part
+from silo.model import LoggedEvent
 from silo.recorder.closing import sync_folder
 from silo.recorder.layout import Layout
 from silo.recorder.ledger import part_path
@@ -36,7 +39,6 @@ class Part:
         self.path = part_path(folder, self.final.name)
         self.layout = layout
         self.begun_s = time.monotonic()
-        self.next_rows = {ring: begin.get(ring, 0) for ring in layout.rings}
         self._file = self.path.open("xb", buffering=0)
         fcntl.flock(self._file, fcntl.LOCK_EX)
         self.inode = os.fstat(self._file.fileno()).st_ino
@@ -45,7 +47,7 @@ class Part:
         self._rows: dict[int, int] = dict.fromkeys(layout.rings, 0)
         self._span: tuple[int, int] | None = None
         self._synced_s, self._synced_bytes = self.begun_s, 0
-        self._lost = 0
+        self._lost = self._events = 0
 
     @property
     def size_bytes(self) -> int:
@@ -59,7 +61,7 @@ class Part:
 
     @property
     def samples(self) -> int:
-        """Messages written."""
+        """Samples written."""
         return sum(rows * len(self.layout.ring_channels[ring]) for ring, rows in self._rows.items())
 
     def add(self, rows: Rows, elements: list[RecordedElement]) -> None:
@@ -72,7 +74,20 @@ class Part:
         groups = group_samples(elements, self.layout.ring_channels[ring], rows.first)
         write_windows(self._mcap, np.ascontiguousarray(times), groups)
         self._rows[ring] += len(rows)
-        self.next_rows[ring] = rows.first + len(rows)
+        self._stretch(first, last)
+
+    def add_events(self, events: Sequence[LoggedEvent]) -> None:
+        """Write what happened as a chunk of its own."""
+        stamped = [_held(event) for event in events]
+        layout = self.layout
+        records, index, span = event_messages(
+            layout.events_channel, stamped, layout.schema.logger, self._mcap.definitions_size
+        )
+        self._mcap.add_chunk(memoryview(records), *span, index)
+        self._events += len(events)
+        self._stretch(*span)
+
+    def _stretch(self, first: int, last: int) -> None:
         self._span = (min(first, self._span[0]), max(last, self._span[1])) if self._span else (first, last)
 
     def note_lost(self, ring: int, begin: int, end: int, why: str) -> None:
@@ -91,7 +106,6 @@ class Part:
             },
         )
         self._lost += (end - begin) * len(names)
-        self.next_rows[ring] = end
 
     def sync_if_due(self) -> None:
         """Put what was written on the disk, now and then: the end then takes no long time either."""
@@ -104,13 +118,13 @@ class Part:
     def finish(self) -> int:
         """Write index and summary, sync, and give it its name; returns its size, 0 if it was empty and is removed."""
         with self._file:
-            if not self.samples or self._span is None:
+            if self._span is None:
                 self.path.unlink(missing_ok=True)
                 return 0
             self._mcap.add_metadata(TOTALS_METADATA, {"samples": str(self.samples), "lost": str(self._lost)})
             counts = {
                 number: self._rows[ring] for ring, channels in self.layout.ring_channels.items() for number in channels
-            }
+            } | {self.layout.events_channel: self._events}
             text = metadata_yaml(self.layout.template, self.layout.topics, counts, self.final.name, self._span)
             self._mcap.add_metadata("rosbag2", {"serialized_metadata": text})
             self._mcap.finish(counts, *self._span)
@@ -123,3 +137,10 @@ class Part:
     def leave(self) -> None:
         """Let go of a part that can't be finished: it is closed later."""
         self._file.close()
+
+
+def _held(event: LoggedEvent) -> LoggedEvent:
+    """The event at a time that a file can hold."""
+    if 0 <= event.at_ns < MAX_STAMP_NS:
+        return event
+    return msgspec.structs.replace(event, stamp_ns=min(max(event.at_ns, 1), MAX_STAMP_NS - 1))

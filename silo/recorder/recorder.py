@@ -10,8 +10,10 @@ import select
 import socket
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from silo.collecting.derived_rows import with_derived
@@ -19,8 +21,11 @@ from silo.collecting.rows import Rows
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SegmentError, SiloError
 from silo.files.atomic import reason
-from silo.model import RecorderState
+from silo.files.event_log import newest_number
+from silo.files.part_facts import EVENTS_RING
+from silo.model import Extras, RecorderState
 from silo.recorder.draining import MOST_PERIOD_S, Drain, Drained
+from silo.recorder.happening import Happening
 from silo.recorder.layout import ending, layout_of
 from silo.recorder.ledger import Ledger
 from silo.recorder.orders import (
@@ -32,14 +37,14 @@ from silo.recorder.orders import (
     Report,
     decode_command,
     encode,
+    extras_of,
 )
-from silo.recorder.resuming import Closing, left_rows
-from silo.recorder.writing import Disk, RunBegins, RunEnds, Writing
+from silo.recorder.resuming import Closing, fewer_rows, left_rows
+from silo.recorder.writing import Disk, ExtrasChange, Look, RunBegins, RunEnds, Settle, Writing
 
 FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
 FLUSH_BYTES = 4 << 20
-EARLY_BYTES = 64 << 20  # of rows that are read while what a predecessor left is closed
-EARLY_PERIOD_S = 0.05
+CATCH_UP_S = 5.0  # until then what a predecessor left stays open, if there is still to catch up
 REPORT_S = 1.0
 RELEASE_S = 5.0  # how often memory pages of the rings are let go of, which would count as the recorder's own
 PREDECESSOR_S = 60.0  # how long one that ends may take to finish its part
@@ -51,7 +56,15 @@ log = logging.getLogger("silo.recorder")
 class Recorder:
     """One recorder. `run` returns when it has ended."""
 
-    def __init__(self, order: RecordOrder, sock: socket.socket, disk: Disk | None = None) -> None:
+    def __init__(
+        self,
+        order: RecordOrder,
+        sock: socket.socket,
+        disk: Disk | None = None,
+        calm_down: Callable[[], object] = lambda: None,
+    ) -> None:
+        """`calm_down` is called when it has caught up: from then on others may go first."""
+        self._calm_down = calm_down
         self._order, self._socket = order, sock
         self._disk = disk or Disk()
         self._runs: deque[SegmentReader] = deque()
@@ -59,8 +72,11 @@ class Recorder:
         self._pending = Drained()
         self._flushed_s = self._reported_s = self._released_s = time.monotonic()
         self._why = ""
+        self._until = 0  # the event that the log is to have at the end
         self._first = True
-        self._early: list[Drained] = []  # read while a predecessor's part was closed
+        self._closing: Closing | None = None
+        self._settled = False
+        self._begun_s = time.monotonic()
         self._next_since_s = 0.0
         self._news: list[str] = []
 
@@ -79,30 +95,23 @@ class Recorder:
 
     def _record(self, ledger: Ledger) -> RecorderState:
         self._ledger = ledger
-        run, rows = left_rows(ledger.folder, self._order.name, ledger.written) if self._order.resume else ("", {})
-        closing = Closing(ledger.folder)
-        if run:
-            self._read_meanwhile(closing, run, rows)
-        closed, problems = closing.result()
-        for part in closed:
-            self._news.append(part.text)
-        self._news += problems
-        ledger.settle(closed)
-        self._writing = Writing(self._order, ledger, self._disk)
         if self._order.resume:
-            self._writing.totals.parts = sum(part.recorder == self._order.name and part.samples > 0 for part in closed)
+            ledger.go_on(*left_rows(ledger))
+        self._left = ledger.written.run, ledger.written.next_rows
+        self._writing = Writing(self._order, ledger, self._disk)
         self._writing.start()
-        self._put_early()
         problem = ""
         try:
             while not self._why and not self._writing.over.is_set():
                 self._listen(self._drain.period_s if self._drain else MOST_PERIOD_S)
                 self._read()
+                self._close_left()
                 self._tell()
             self._drain_last()
         except SiloError as error:
             self._flush()
             problem = str(error)
+        self._settle()
         self._writing.end()
         totals = self._writing.totals
         while not self._writing.over.wait(REPORT_S):
@@ -129,28 +138,43 @@ class Recorder:
         while select.select([self._socket], [], [], timeout_s)[0]:
             timeout_s = 0.0
             try:
-                body, descriptors, _, _ = socket.recv_fds(self._socket, MAX_PACKET_BYTES, 1)
+                body, descriptors, _, _ = socket.recv_fds(self._socket, MAX_PACKET_BYTES, 2)
             except OSError:
                 body, descriptors = b"", []
             if not body:
                 self._why = self._why or "the helper process is gone"
                 return
             command = decode_command(body)
-            if isinstance(command, Finish):
-                self._why = command.why
-                return
-            self._follow(command, descriptors)
+            with contextlib.ExitStack() as closing:
+                for descriptor in descriptors:
+                    closing.callback(os.close, descriptor)
+                if isinstance(command, Finish):
+                    self._why, self._until = command.why, command.events
+                    return
+                if isinstance(command, Follow):
+                    self._follow(command, descriptors)
+                elif descriptors:
+                    self._change(extras_of(descriptors[0]))
 
     def _follow(self, command: Follow, descriptors: list[int]) -> None:
-        with contextlib.ExitStack() as closing:
-            for descriptor in descriptors:
-                closing.callback(os.close, descriptor)
-            try:
-                reader = SegmentReader(command.segment, descriptors[0] if descriptors else None)
-                self._runs.append(with_derived(reader, command.derived))
-            except SegmentError as error:
-                self._news.append(f"a run can't be recorded: {error}")
+        try:
+            reader = SegmentReader(command.segment, descriptors[0] if descriptors else None)
+            extras = extras_of(descriptors[1]) if len(descriptors) > 1 else reader.schema.extras
+            run = with_derived(reader, extras.derived)
+            run.schema = msgspec.structs.replace(run.schema, extras=extras)
+            self._runs.append(run)
+        except SegmentError as error:
+            self._news.append(f"a run can't be recorded: {error}")
         self._next_since_s = time.monotonic()
+
+    def _change(self, extras: Extras) -> None:
+        """Have limits and triggers of the newest run be others from here on."""
+        if self._runs:
+            run = self._runs[-1]
+            run.schema = msgspec.structs.replace(run.schema, extras=extras)
+        elif self._drain is not None:
+            self._flush()
+            self._writing.put(ExtrasChange(extras))
 
     def _tell(self) -> None:
         now_s = time.monotonic()
@@ -197,11 +221,15 @@ class Recorder:
             self._released_s = now_s
             self._drain.reader.release_pages()
         late = bool(self._runs) and now_s - self._next_since_s > OLD_RUN_S
-        if self._pending.complete and (late or self._drain.done()):
-            self._flush()
-            self._writing.put(RunEnds())
-            self._drain.reader.close()
-            self._drain = None
+        if self._pending.complete and (late or (self._drain.done() and (self._runs or self._happening.has_ended()))):
+            self._end_run(0)
+
+    def _end_run(self, until: int) -> None:
+        assert self._drain is not None
+        self._flush()
+        self._writing.put(RunEnds(until))
+        self._drain.reader.close()
+        self._drain = None
 
     def _read_some(self, drain: Drain) -> None:
         """Read what there is room for; the rest stays in the rings."""
@@ -221,51 +249,47 @@ class Recorder:
         pending, self._pending = self._pending, Drained()
         if pending.rows or pending.losses:
             self._writing.put(joined(pending))
+        self._writing.put(Look())
 
-    def _read_meanwhile(self, closing: Closing, run: str, rows: dict[int, int]) -> None:
-        """Read a run on from where a predecessor stood, as far as memory has room, until its part is closed."""
-        while not closing.is_over:
-            self._listen(min(self._drain.period_s if self._drain else MOST_PERIOD_S, EARLY_PERIOD_S))
-            if self._drain is None and self._runs and self._runs[0].schema.run == run:
-                reader = self._runs.popleft()
-                self._drain = Drain(reader, layout_of(reader.schema, self._order.patterns), rows)
-            if self._drain is not None and sum(one.size_bytes for one in self._early) < EARLY_BYTES:
-                self._early.append(self._drain.read(FLUSH_BYTES * 2))
+    def _close_left(self) -> None:
+        """Close what predecessors left, once this recorder has caught up, and has the time."""
+        if self._closing is None:
+            caught_up = self._pending.complete and self._writing.is_idle and self._drain is not None
+            if caught_up or time.monotonic() - self._begun_s > CATCH_UP_S:
+                self._calm_down()
+                self._closing = Closing(self._ledger.folder)
+        elif not self._settled and self._closing.is_over:
+            self._settle()
 
-    def _put_early(self) -> None:
-        """Have written what was read early, if it is what comes next; else it is read anew."""
-        drain, early, self._early = self._drain, self._early, []
-        if drain is None:
+    def _settle(self) -> None:
+        if self._settled:
             return
-        written = self._ledger.written
-        follows = {ring: written.next_rows.get(ring, 0) for ring in drain.begun_with}
-        if written.run != drain.reader.schema.run or follows != drain.begun_with:
-            self._runs.appendleft(drain.reader)
-            self._drain = None
-            return
-        self._first = False
-        self._announce(drain)
-        for one in early:
-            if one.rows or one.losses:
-                self._writing.put(joined(one))
+        self._settled = True
+        closed, problems = (self._closing or Closing(self._ledger.folder)).result()
+        self._news += [*(part.text for part in closed), *problems]
+        if lost := fewer_rows(closed, self._order.name, *self._left):
+            self._news.append(f"the part that a killed recorder left was damaged: {lost} rows of it are lost")
+        self._writing.put(Settle(tuple(closed)))
 
     def _begin_run(self) -> bool:
         if not self._runs:
             return False
         reader = self._runs.popleft()
         layout = layout_of(reader.schema, self._order.patterns)
-        written = self._ledger.written
+        run, rows = self._left
         begin: dict[int, int] | None = {}
         if self._first:
-            begin = dict(written.next_rows) if written.run == reader.schema.run else {}
+            begin = dict(rows) if run == reader.schema.run else {}
             begin = begin if self._order.resume else None
         self._first = False
-        self._drain = Drain(reader, layout, begin)
-        self._announce(self._drain)
+        self._drain = drain = Drain(reader, layout, begin)
+        schema = reader.schema
+        since = begin.get(EVENTS_RING, 0) if begin is not None else newest_number(schema.folder, schema.logger) + 1
+        self._announce(drain, since)
         return True
 
-    def _announce(self, drain: Drain) -> None:
-        """Have a run begin in the files, and tell what of it can't be recorded without end."""
+    def _announce(self, drain: Drain, since: int) -> None:
+        """Have a run begin in the files, with events from `since` on; tell what can't be recorded without end."""
         layout = drain.layout
         if not layout.elements:
             self._news.append(f"nothing of this run is recorded: no element matches {' '.join(self._order.patterns)}")
@@ -275,19 +299,18 @@ class Recorder:
                 f"{len(names)} elements come to an end when their buffers are full ({shown}): set "
                 "buffer_type=looping to record them without end"
             )
-        self._writing.put(RunBegins(layout, drain.begun_with))
+        self._happening = Happening(drain.reader, since)
+        self._writing.put(RunBegins(layout, {**drain.begun_with, EVENTS_RING: since}, self._happening))
 
     def _drain_last(self) -> None:
         """Take what is in the rings now, however long the disk takes."""
         while (self._drain is not None or self._begin_run()) and not self._writing.over.is_set():
             assert self._drain is not None
             self._read_some(self._drain)
-            complete = self._pending.complete
-            self._flush()
-            if complete:
-                self._drain.reader.close()
-                self._drain = None
+            if self._pending.complete:
+                self._end_run(self._until)
             else:
+                self._flush()
                 self._writing.over.wait(0.01)
 
 

@@ -1,12 +1,13 @@
-"""Going on after a recorder that was killed: its part is closed beside, while the rings are read from where it stood.
+"""Going on after a recorder that was killed: at once, with the rows after those that its part holds.
 
-A part of a gigabyte takes seconds to close, in which a short ring would be overwritten.
+That is told at a glance. Its part is closed beside, when this one has caught up: one of a gigabyte takes many seconds,
+in which a short ring would be overwritten.
 """
 
-import contextlib
 import mmap
 import struct
 import threading
+import time
 from pathlib import Path
 
 import msgspec
@@ -14,9 +15,12 @@ import zstandard
 from mcap.exceptions import McapError
 
 from silo.errors import FileFormatError
+from silo.files.part_facts import EVENTS_RING, PartFacts
 from silo.files.part_scan import rows_after
-from silo.recorder.closing import ClosedPart, close_parts, left_parts
-from silo.recorder.ledger import Written
+from silo.recorder.closing import ClosedPart, claimed, close_parts
+from silo.recorder.ledger import Ledger, number_of
+
+OTHERS_S = 10.0  # how long another process may take to close what a predecessor left
 
 _DAMAGE = (
     struct.error, ValueError, IndexError, OverflowError, MemoryError, FileFormatError, zstandard.ZstdError,
@@ -54,16 +58,37 @@ class Closing:
         return self._found
 
 
-def left_rows(folder: Path, name: str, written: Written) -> tuple[str, dict[int, int]]:
-    """Return with which rows of which run to go on, told at a glance; what closing finds is what counts.
+def left_rows(ledger: Ledger) -> tuple[str, dict[int, int]]:
+    """Return with which rows of which run to go on, told at a glance."""
+    until_s = time.monotonic() + OTHERS_S
+    for path in sorted(ledger.open_parts(), key=number_of, reverse=True):
+        while (found := _glance(path)) is None and time.monotonic() < until_s:
+            time.sleep(0.02)  # another process closes it just now
+        if found and found[0].recorder == ledger.name:
+            return found[0].run, found[1]
+    return ledger.written.run, dict(ledger.written.next_rows)
 
-    Before anybody closes, who cuts the file: to read beyond its end would end this process.
-    """
-    for path in reversed(left_parts(folder)):
-        with contextlib.suppress(OSError, *_DAMAGE):
-            with path.open("rb") as file:
-                # the map ends with its last view
-                found = rows_after(memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)))
-            if found is not None and found[0].recorder == name:
-                return found[0].run, found[1]
-    return written.run, dict(written.next_rows)
+
+def _glance(path: Path) -> "tuple[PartFacts, dict[int, int]] | tuple[()] | None":
+    """What a part says of itself, and its rows; nothing of one that can't be read, None of one that is in use."""
+    final = path.with_name(path.name.removesuffix(".part"))
+    try:
+        # claimed, as who closes it cuts it: to read beyond its end would end this process
+        with claimed(path if path.exists() else final) as file:
+            # the map ends with its last view
+            return rows_after(memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))) or ()
+    except BlockingIOError:
+        return None
+    except FileNotFoundError:
+        return None if final.exists() else ()  # it got its name just now
+    except (OSError, *_DAMAGE):
+        return ()
+
+
+def fewer_rows(closed: list[ClosedPart], recorder: str, run: str, rows: dict[int, int]) -> int:
+    """Return how many rows the newest part of a recorder lacks of those after which another one went on: damage."""
+    ours = [part for part in closed if part.recorder == recorder and part.run == run and part.size_bytes]
+    if not ours:
+        return 0
+    newest = max(ours, key=lambda part: number_of(part.path))
+    return sum(max(0, row - newest.next_rows.get(ring, row)) for ring, row in rows.items() if ring != EVENTS_RING)

@@ -17,8 +17,11 @@ from silo.collecting.journal_folders import RECORDINGS, remember_folder
 from silo.errors import SiloError
 from silo.files.atomic import reason
 from silo.files.mcap_write import Write
-from silo.model import RecorderState
+from silo.files.part_facts import EVENTS_RING
+from silo.model import Extras, LoggedEvent, RecorderState
+from silo.recorder.closing import ClosedPart
 from silo.recorder.draining import Drained, Loss
+from silo.recorder.happening import Happening
 from silo.recorder.layout import Layout
 from silo.recorder.ledger import DiskRoom, Ledger, disk_room, left_free
 from silo.recorder.orders import RecordOrder
@@ -35,18 +38,41 @@ log = logging.getLogger("silo.recorder")
 
 @dataclass(frozen=True)
 class RunBegins:
-    """What follows is of another run: its layout, and the rows with which its rings begin."""
+    """What follows is of another run: its layout, the rows with which its rings begin, and what happens in it."""
 
     layout: Layout
     begin: Mapping[int, int]
+    happening: Happening
 
 
 @dataclass(frozen=True)
 class RunEnds:
-    """Nothing more comes of this run."""
+    """Nothing more comes of this run; its event log is to have event `until`."""
+
+    until: int = 0
 
 
-Item = RunBegins | RunEnds | Drained
+@dataclass(frozen=True)
+class Look:
+    """It is time to look what happened: also where no rows come."""
+
+
+@dataclass(frozen=True)
+class ExtrasChange:
+    """The limits and triggers that hold from here on: a part has one set of them."""
+
+    extras: Extras
+
+
+@dataclass(frozen=True)
+class Settle:
+    """Parts that predecessors left were closed."""
+
+    closed: tuple[ClosedPart, ...]
+
+
+Item = RunBegins | RunEnds | Drained | Look | ExtrasChange | Settle
+_OF_RECORDERS = ("recording", "recording failed")  # kinds of news for which alone no part is begun
 
 
 @dataclass
@@ -82,7 +108,9 @@ class Writing:
         self._folder = Path(order.folder)
         self._layout: Layout | None = None
         self._next: dict[int, int] = {}
+        self._happening: Happening | None = None
         self._part: Part | None = None
+        self._waiting: list[LoggedEvent] = []  # for a part in which to stand
         self._queue: deque[Item] = deque()
         self._queued_bytes = 0
         self._changed = threading.Condition()
@@ -127,7 +155,7 @@ class Writing:
         try:
             while (item := self._next_item()) is not None:
                 self._take(item)
-            self._finish_part()
+            self._end_run(RunEnds())
         except OSError as error:  # a SaveError, too
             self._fail(str(error) if isinstance(error, SiloError) else f"the disk refused: {reason(error)}")
         except SiloError as error:
@@ -146,12 +174,24 @@ class Writing:
 
     def _take(self, item: Item) -> None:
         if isinstance(item, RunBegins):
-            self._finish_part()
-            self._layout, self._next = item.layout, dict(item.begin)
+            self._end_run(RunEnds())
+            self._layout, self._next, self._happening = item.layout, dict(item.begin), item.happening
             self.totals.state = RecorderState.RECORDING
         elif isinstance(item, RunEnds):
-            self._finish_part()
+            self._end_run(item)
             self.totals.state = RecorderState.WAITING
+        elif isinstance(item, ExtrasChange):
+            self._finish_part()
+            self._layout = self._present_layout.with_extras(item.extras)
+        elif isinstance(item, Look):
+            if self._happening is not None:
+                self._take_events(self._happening.read())
+        elif isinstance(item, Settle):
+            if self._order.resume:
+                ours = [part for part in item.closed if part.recorder == self._order.name and part.size_bytes]
+                self.totals.parts += len(ours)
+            self._ledger.settle(item.closed, self._part.final.name if self._part is not None else "")
+            self._count_bytes()
         else:
             self._write(item)
         with self._changed:  # only now: rows that are being written take memory as well
@@ -214,7 +254,29 @@ class Writing:
                 remember_folder(self._folder, RECORDINGS)
             self._ledger.begin(part.final.name, part.inode)
             self.totals.part = str(part.path)
+            self._take_events(())
         return self._part
+
+    def _take_events(self, events: tuple[LoggedEvent, ...]) -> None:
+        """Write what happened, if there is a part; where there is none it waits for the next rows, or the end."""
+        if self._present_layout.elements:
+            self._waiting += events
+        if self._part is not None and self._waiting:
+            written, self._waiting = self._waiting, []
+            self._part.add_events(written)
+            self._next[EVENTS_RING] = written[-1].number + 1
+            self._count_bytes()
+
+    def _end_run(self, end: RunEnds) -> None:
+        """Finish what there is of a run; a mark that came after the last row may have a part of its own."""
+        happening, self._happening = self._happening, None
+        if happening is not None:
+            with contextlib.closing(happening):
+                self._take_events(happening.read_last(end.until))
+            if any(event.kind not in _OF_RECORDERS for event in self._waiting):
+                self._open_part()
+        self._waiting = []
+        self._finish_part()
 
     def _note_lost(self, loss: Loss) -> None:
         layout = self._present_layout

@@ -14,7 +14,8 @@ from textual.widgets.option_list import Option
 from silo_tui.context import Later, SiloScreen
 from silo_tui.model.lists import Marks, Order, arranged, passes
 from silo_tui.screens.order import OrderDialog
-from silo_tui.sessions.live import LiveSource, Session
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.live_source import LiveSource
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.inputs import Fleeting, Line
 

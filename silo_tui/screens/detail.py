@@ -344,6 +344,8 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         self.request_view()
 
     def command_detail_refresh(self) -> None:
+        if not self.session.connected:
+            self.context.try_link()
         self.request_view()
 
     def command_back(self) -> None:

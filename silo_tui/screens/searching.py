@@ -91,7 +91,8 @@ class Searching(StandingStill):
             return
         at = f"{found.before + place + 1} of {found.total}"
         partly = f" ({found.partly})" if found.partly else ""
-        told = f", {at}: {moment.said} at {self.moment_words(moment.time_ns)}{partly}"
+        said = self.session.table.shown(moment.said)
+        told = f", {at}: {said} at {self.moment_words(moment.time_ns)}{partly}"
         room = self.line.content_size.width - len(f"{words} in {told}")  # value and time are what was asked for
         name = text.shorten_left(self._short(moment.name), max(8, room))
         self.say(f"{words} in {name}{told}" if len(self.stack.plots) > 1 and moment.name else f"{words}{told}")
@@ -111,10 +112,13 @@ class Searching(StandingStill):
         await self.pause.settled()
         if not await self.bring(event.at_ns):
             gone = gone_words(event, self.session.happened)
-            self.say(f"{words(event)}: gone, oldest held {self.moment_words(self._oldest_ns)}; {gone}")
+            self.say(f"{self._told(event)}: gone, oldest held {self.moment_words(self._oldest_ns)}; {gone}")
             return
         await self._jump_to(event.at_ns)
-        self.say(f"{words(event)} at {self.moment_words(event.at_ns)}")
+        self.say(f"{self._told(event)} at {self.moment_words(event.at_ns)}")
+
+    def _told(self, event: LoggedEvent) -> str:
+        return words(event, self.session.table.shown)
 
     def command_next_event(self) -> None:
         self._event(1)

@@ -11,8 +11,8 @@ from datetime import datetime
 import numpy as np
 
 from silo.errors import SiloError
+from silo.judging.between import Between
 from silo_tui.context import Later, SiloScreen
-from silo_tui.model.between import Between, between
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, Plotted, PlotWindow
 from silo_tui.model.source import HeldRows, PlotSource
@@ -26,7 +26,6 @@ from silo_tui.widgets.plot_stack import PlotStack
 
 FAR = 10
 STEP_PERIODS = 64  # as far as the next sample is looked for at first
-HELD_PERIODS = 100  # a slow loop is late by many
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
 
 
@@ -371,21 +370,21 @@ class StandingStill(SiloScreen):
 
     async def _compute_between(self, a_ns: int, b_ns: int) -> None:
         await self.pause.settled()
-        facts: list[tuple[str, str, Between]] = []
-        for plotted in self.stack.plots:
-            # what held at the earlier cursor may be some periods older
-            before = HELD_PERIODS * self.source.period_ns(plotted.element.name)
-            try:
-                time_ns, values = await self.source.samples(plotted.name, min(a_ns, b_ns) - before, max(a_ns, b_ns))
-            except SiloError as error:
-                self.say(f"nothing between the cursors: {error}")
-                return
-            found = await asyncio.to_thread(between, time_ns, values, a_ns, b_ns)
-            facts.append((self.stack.letter(plotted), self._short(plotted.name), found))
+        names = list(dict.fromkeys(plotted.name for plotted in self.stack.plots))
+        try:
+            found, partly = await self.held.measure(names, a_ns, b_ns)
+        except SiloError as error:
+            self.say(f"nothing between the cursors: {error}")
+            return
+        facts = [
+            (self.stack.letter(plotted), self._short(plotted.name), found.get(plotted.name, Between()))
+            for plotted in self.stack.plots
+        ]
         seconds = (b_ns - a_ns) / SECOND_NS
         times = f"A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}   B-A {seconds:.6g} s"
         hertz = f"  {abs(1 / seconds):.4g} Hz" if seconds else ""
-        self.between.show(times + (hertz if len(times + hertz) + 2 <= self.size.width else ""), facts)
+        times += hertz if len(times + hertz) + 2 <= self.size.width else ""
+        self.between.show(times, facts, partly)
 
     def command_export_plots(self) -> None:
         self._pause_here()

@@ -63,7 +63,7 @@ def write_with_mcap(recording: Recording, path: Path) -> float:
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="benchmark")
-        schemas, records = definitions(recording, channels_of(recording.elements))
+        schemas, records = definitions(recording, channels_of(recording.elements), events=False)
         schema = writer.register_schema(schemas[0].name, schemas[0].encoding, schemas[0].data)
         channels = [writer.register_channel(r.topic, "cdr", schema, r.metadata) for r in records]
         for k, stamp in enumerate(recording.time_ns.tolist()):

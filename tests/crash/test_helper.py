@@ -58,7 +58,7 @@ def watcher(robot, until) -> Iterator[Watcher]:
 def test_killed_helper_is_replaced_and_everything_goes_on(robot, watcher, until) -> None:
     ticks = watcher.client.status().ticks
     os.kill(robot.helper_pid, signal.SIGKILL)
-    until(lambda: watcher.links == [False, True])
+    until(lambda: watcher.links[-1:] == [True])
     status = watcher.client.status()
     assert status.helper_pid != robot.helper_pid
     assert status.ticks >= ticks
@@ -73,13 +73,13 @@ def test_loss_of_the_helper_is_noticed_sooner_than_its_silence(robot, watcher, u
     os.kill(robot.pid, signal.SIGSTOP)  # so that it starts no other
     began = time.monotonic()
     os.kill(robot.helper_pid, signal.SIGSTOP)
-    until(lambda: watcher.links == [False])
+    until(lambda: watcher.links[-1:] == [False])
     silence_s = time.monotonic() - began
     os.kill(robot.helper_pid, signal.SIGCONT)
-    until(lambda: watcher.links == [False, True])
+    until(lambda: watcher.links[-1:] == [True])
     began = time.monotonic()
     os.kill(robot.helper_pid, signal.SIGKILL)
-    until(lambda: watcher.links == [False, True, False])
+    until(lambda: watcher.links[-1:] == [False])
     assert time.monotonic() - began < silence_s
     with pytest.raises(ConnectionLostError, match="connecting again by itself"):
         watcher.client.status()
@@ -89,9 +89,9 @@ def test_frozen_helper_is_told_and_comes_back(robot, watcher, until) -> None:
     os.kill(robot.helper_pid, signal.SIGSTOP)
     with pytest.raises(ConnectionLostError):
         watcher.client.status()
-    until(lambda: watcher.links == [False])
+    until(lambda: watcher.links[-1:] == [False])
     os.kill(robot.helper_pid, signal.SIGCONT)
-    until(lambda: watcher.links == [False, True])
+    until(lambda: watcher.links[-1:] == [True])
     watcher.view.frame()
     until(watcher.sees)
 

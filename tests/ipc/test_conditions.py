@@ -147,6 +147,16 @@ class TestTriggers:
         bench.ticks(5)
         assert trigger(client, "kept", TriggerWord.BLIND).why == "/log/kept is off"
 
+    def test_a_rearm_condition_that_is_off_is_told_when_it_is_set(self, bench, client, caplog):
+        bench.logger.disable("kept")
+        bench.logger.start()
+        told = client.set_trigger(TriggerOptions("once", "x > 3", rearm="kept < 1"))
+        assert told == (
+            "trigger 'once' is set; it fires once and never again: its rearm condition needs /log/kept, which is off"
+        )
+        bench.logger.trigger("too", "x > 3", rearm="kept < 1")
+        assert "trigger 'too' fires once and never again" in caplog.text
+
     @pytest.mark.parametrize(
         ("options", "says"),
         [

@@ -7,10 +7,11 @@ import pytest
 
 from silo.cli.main import EXIT_NO_LOGGER, run
 from silo.errors import ConnectionLostError
+from silo.helper.streams import Stream
 from silo.helper.views import View
 from silo.ipc.client import Client
 from silo.ipc.discovery import Discovery, Found, discover
-from silo.ipc.messages import OpenView, Refused, ViewOpened
+from silo.ipc.messages import OpenStream, OpenView, Refused, StreamOpened, ViewOpened
 from silo.logger import helper_process, serving
 from silo.logger.down import DownMark
 from silo.runtime import down_mark, down_marks, sweep_unfinished
@@ -141,5 +142,32 @@ def test_a_view_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monkey
         assert parts.alive()
         parts.publisher.close_view("bad-1")
         assert isinstance(parts.publisher.open_view(wrong), ViewOpened)
+    finally:
+        parts.end()
+
+
+@pytest.mark.slow
+def test_a_stream_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monkeypatch, caplog) -> None:
+    adopt = Stream.adopt
+
+    def failing(stream, *words):
+        if stream.request.stream == "bad-1" and words[1] is None:
+            raise ValueError("shapes (1,) and (2,)")
+        return adopt(stream, *words)
+
+    parts = Parts(tmp_path)
+    streams = parts.publisher.streams
+    try:
+        wrong, right = (OpenStream(stream=name, names=["/log/x"]) for name in ("bad-1", "good-1"))
+        assert isinstance(streams.open(wrong), StreamOpened)
+        streams.open(right)
+        monkeypatch.setattr(Stream, "adopt", failing)
+        refused = wait_until(lambda: isinstance(answer := streams.open(wrong), Refused) and answer)
+        assert "can't be fed any more: ValueError: shapes (1,) and (2,)" in refused.text
+        assert isinstance(streams.open(right), StreamOpened)
+        assert "stream bad-1 failed" in caplog.text
+        monkeypatch.undo()
+        streams.close("bad-1")
+        assert isinstance(streams.open(wrong), StreamOpened)
     finally:
         parts.end()

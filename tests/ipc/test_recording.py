@@ -38,13 +38,19 @@ def span(path: Path) -> tuple[int, int]:
     with path.open("rb") as file:
         count = sum(1 for _ in make_reader(file, validate_crcs=True).iter_messages())
     with Reader(path) as reader:
-        assert sum(1 for _ in reader.messages()) == count == sum(element.count for element in found.elements)
+        there = sum(element.count for element in found.elements) + len(found.events)
+        assert sum(1 for _ in reader.messages()) == count == there
     return first, found.offset
 
 
 def check_unbroken(paths: list[Path]) -> None:
     spans = [span(path) for path in paths]
     assert [one[1] for one in spans[:-1]] == [one[0] for one in spans[1:]]
+
+
+def happened(paths: list[Path]) -> list[str]:
+    """What happened beside the news of recorders, part by part."""
+    return [event.text for path in paths for event in read_bag(path).events if event.kind != EventKind.RECORDING]
 
 
 def samples(client: Client, more_than: int = 0) -> int:
@@ -67,14 +73,18 @@ def test_a_killed_recorder_is_started_again_and_not_a_row_is_missing(robots, tmp
     with Client.connect("bot") as client:
         started = client.record(["x", "/log/q"], to="walks", split="1h")
         before = wait_until(lambda: samples(client))
+        client.mark("one")
         os.kill(client.recorders()[0].pid, 9)
+        client.mark("two")
         wait_until(lambda: samples(client, before))
+        client.mark("three")
         assert client.status().recorders == 1
         assert "ended: 2 files" in client.stop_recorder()
         assert client.recorders() == []
     assert Path(started.folder) == tmp_path / "logs" / "walks"
     assert len(parts(Path(started.folder))) == 2
     check_unbroken(parts(Path(started.folder)))
+    assert happened(parts(Path(started.folder))) == ["one", "two", "three"]
 
 
 @pytest.mark.slow
@@ -83,13 +93,16 @@ def test_of_a_killed_helper_the_next_one_goes_on_recording(robots, tmp_path) -> 
     with Client.connect("bot") as client:
         client.record(to="walks", name="walk")
         wait_until(lambda: samples(client))
+        client.mark("one")
         os.kill(robot.helper_pid, 9)
         robot.helper_pid = wait_until(lambda: another_helper(client, robot.helper_pid))
         wait_until(lambda: samples(client))
+        client.mark("two")
         client.stop_recorder("walk")
     found = parts(tmp_path / "logs" / "walks")
     assert len(found) == 2
     check_unbroken(found)
+    assert happened(found) == ["one", "two"]
 
 
 @pytest.mark.slow
@@ -101,9 +114,12 @@ def test_of_a_killed_robot_program_everything_is_recorded(robots, tmp_path) -> N
         robot.kill()
     (path,) = wait_until(lambda: parts(tmp_path / "logs" / "walks"))
     (log,) = wait_until(lambda: list((tmp_path / "logs").glob("*.silo")))
-    from silo.analysis.log import open_log
+    from silo.analysis.opening import open_log
 
     assert span(path)[1] == wait_until(lambda: open_log(log).recording.offset)
+    (text,) = happened([path])
+    assert text.startswith("the robot program")
+    assert "ended without close()" in text
 
 
 @pytest.mark.slow
@@ -132,7 +148,9 @@ def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_to
     assert bench.logger.record(["x"], to=folder.parent / "elsewhere", split="10min") == "bot"
     assert client.record(["x"], keep="50MB").name == "bot-2"
     bench.ticks(100)
+    bench.logger.mark("fell")
     bench.logger.restart()
+    bench.logger.limit("x", (None, None, 1, 120))
     bench.ticks(50)
     assert client.status().recorders == 2
     with pytest.raises(RefusedError, match="say which recording: there are 'bot', 'bot-2'; nothing was stopped"):
@@ -142,6 +160,9 @@ def test_a_restart_is_recorded_from_its_first_tick_and_the_program_may_record_to
     for place in (folder.parent / "elsewhere", folder / "recordings"):
         found = [read_bag(path).elements[0].entries[0].values.tolist() for path in parts(place)]
         assert found == [[float(k) for k in range(1, 101)], [float(k) for k in range(101, 151)]]
+        assert "fell" in happened(parts(place)[:1])
+        assert "started" in happened(parts(place)[1:])
+        assert run(["check", str(parts(place)[-1])]) == 1
     assert "recording 'bot'" in heard.wait(EventKind.RECORDING).text
 
 

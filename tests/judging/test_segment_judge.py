@@ -10,6 +10,7 @@ import silo
 import silo.model
 from silo.collecting.segment_reader import SegmentReader
 from silo.helper.segment_judge import MOST_SPOOL_BYTES, SegmentJudge
+from silo.helper.trials import try_trigger
 
 
 class Robot:
@@ -318,3 +319,62 @@ def test_an_element_that_is_off_is_left_out_of_a_wildcard_and_named(robot):
     slip, _, never = robot.judge.triggers()
     assert slip.why == "judged without /log/legs/a/slip: off"
     assert never.state.name == "BLIND"
+
+
+OFF_IN_IT = [
+    ("fast/x_0 > 50 or off > 1", "rising", [40, 60, 90]),
+    ("off > 1 or fast/x_0 > 50", "rising", [40, 60, 90]),
+    ("not (fast/x_0 <= 50 and off < 1)", "rising", [40, 60, 90]),
+    ("any(fast/x_0 > 50, off > 1)", "rising", [40, 60, 90]),
+    ("fast/x_0 <= 50 and off < 1", "falling", [40, 60, 90]),
+    ("fast/x_0 > 50 and (off > 1 or fast/x_0 > 20)", "rising", [40, 60, 90]),
+]
+
+
+@pytest.mark.parametrize(("when", "edge", "fires"), OFF_IN_IT)
+def test_an_alternative_that_is_off_keeps_a_trigger_from_no_rise_of_the_other(robot, when, edge, fires):
+    robot.logger.array("off", ())
+    robot.logger.update(read_script=False)
+    robot.logger.disable("off")
+    robot.logger.trigger("either", when, edge=edge)
+    robot.start()
+    robot.ticks(200, [(tick, 0) for tick in fires])
+    found = robot.judge.step()
+    assert [fire.tick for _, some in found.fired for fire in some] == fires
+    assert robot.judge.problems == ["trigger 'either' is judged without /log/off: off"]
+    assert robot.judge.triggers()[0].state.value == "armed"
+
+
+def test_an_alternative_of_which_nothing_is_known_now_keeps_a_trigger_from_no_rise_of_the_other(robot):
+    robot.logger.trigger("either", "fast/x_0 > 50 or fast/x_1 > 50")
+    robot.start()
+    for spike in (False, True, False, False, True, False):
+        robot.x[:] = [100.0 if spike else 0.0, np.nan, 0.0, 0.0]
+        robot.logger.collect()
+    found = robot.judge.step()
+    assert [fire.tick for _, some in found.fired for fire in some] == [1, 4]
+
+
+def test_a_rearm_condition_that_is_off_is_told(robot):
+    robot.logger.array("off", ())
+    robot.logger.update(read_script=False)
+    robot.logger.disable("off")
+    robot.logger.trigger("once", "fast/x_0 > 50", rearm="off < 1")
+    robot.start()
+    assert robot.judge.problems == [
+        "trigger 'once' fires once and never again: its rearm condition needs /log/off, which is off"
+    ]
+    robot.ticks(200, [(40, 0), (60, 0)])
+    assert [fire.tick for _, some in robot.judge.step().fired for fire in some] == [40]
+    assert robot.judge.triggers()[0].why.startswith("fires once and never again")
+
+
+def test_a_try_of_a_trigger_judges_as_the_trigger_does(robot):
+    robot.logger.array("off", ())
+    robot.logger.update(read_script=False)
+    robot.logger.disable("off")
+    robot.start()
+    robot.ticks(200, [(40, 0), (60, 0)])
+    tried = silo.model.TriggerOptions("try", "any(fast/x_0 > 50, off > 1)")
+    found = try_trigger(tried, SegmentReader(robot.logger.segment_path), robot.logger.elements)
+    assert found.ticks == [40, 60]

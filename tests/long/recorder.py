@@ -1,6 +1,6 @@
 """500 signals at 1 kHz recorded for minutes, the recorder killed at random: `python tests/long/recorder.py`.
 
-    --minutes 10 --kills 20 --signals 500 --width 1
+    --minutes 10 --kills 20 --every 6 --signals 500 --width 1 --ring 10
 
 Three phases: recorded in peace (lost, MB/s, CPU, memory of recorder and helper over time), killed at random while it is
 started again by the helper process (nothing may be missing between two parts), and killed while the helper process is
@@ -25,10 +25,10 @@ from rosbags.rosbag2 import Reader
 ROBOT = """
 import sys, time
 import numpy as np, silo
-folder, signals, width = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
+folder, signals, width, ring = sys.argv[1], *map(int, sys.argv[2:5])
 log = silo.Logger("bot", frequency=1000, max_time=0, folder=folder, script=folder + "/none.yaml")
 arrays = [
-    log.array(f"s{k}", (width,) if width > 1 else (), buffer_type="looping", buffer_size=4000)
+    log.array(f"s{k}", (width,) if width > 1 else (), buffer_type="looping", buffer_size=1000 * ring)
     for k in range(signals // width)
 ]
 serving = log.serve()
@@ -71,7 +71,7 @@ def check(path: Path, thorough: bool) -> tuple[int, int]:
         number = int(element.name.rpartition("s")[2])
         expected = ticks.astype(float) if number == 0 else noise[ticks % 1000, number]
         assert all((entry.values == expected).all() for entry in element.entries), element.name
-    samples = sum(element.count for element in found.elements)
+    samples = sum(element.count for element in found.elements) + len(found.events)
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         assert reader.get_summary().statistics.message_count == samples
@@ -89,15 +89,23 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--every", type=float, default=6.0, help="seconds between two kills, on the average")
     parser.add_argument("--signals", type=int, default=500)
     parser.add_argument("--width", type=int, default=1, help="values per element")
+    parser.add_argument("--ring", type=int, default=10, help="seconds that the buffers hold")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--folder", type=Path, default=None)
     options = parser.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="silo-record-", dir=options.folder))
     runtime = Path(tempfile.mkdtemp(prefix="silo-record-", dir="/dev/shm"))
     os.environ |= {"SILO_RUNTIME_DIR": str(runtime), "XDG_STATE_HOME": str(folder / "state")}
-    command = [sys.executable, "-c", ROBOT, str(folder), str(options.signals), str(options.width)]
+    command = [
+        sys.executable,
+        "-c",
+        ROBOT,
+        str(folder),
+        *(str(one) for one in (options.signals, options.width, options.ring)),
+    ]
     robot = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert robot.stdout is not None
     helper = int(robot.stdout.readline())
@@ -144,10 +152,12 @@ def phases(options: argparse.Namespace, folder: Path, robot: int, helper: int) -
             killed = info.pid
             while (info := client.recorders()[0]).state.value != "recording" or info.pid == killed:
                 time.sleep(0.1)
-            time.sleep(rng.uniform(0.0, 3.0))
+            time.sleep(rng.uniform(0.0, 2 * options.every))
             os.kill(info.pid, 9)
         time.sleep(6.0)
         print(client.stop_recorder("kills"), flush=True)
+        while list((folder / "kills").glob("*.part")):
+            time.sleep(0.1)
         paths = sorted((folder / "kills").glob("*.mcap"))
         spans = [check(path, thorough=not number % 10) for number, path in enumerate(paths)]
         missing = sum(two[0] - one[1] for one, two in itertools.pairwise(spans))

@@ -17,6 +17,7 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.logger.logger import Logger
 from silo.model import RecorderState
 from silo.recorder.draining import Drain
+from silo.recorder.happening import Happening
 from silo.recorder.layout import layout_of
 from silo.recorder.ledger import Ledger
 from silo.recorder.orders import (
@@ -27,8 +28,9 @@ from silo.recorder.orders import (
     Report,
     decode_report,
     encode,
+    extras_file,
 )
-from silo.recorder.writing import Disk, RunBegins, Totals, Writing
+from silo.recorder.writing import Disk, Look, RunBegins, RunEnds, Totals, Writing
 from silo.recording import Recording
 from tests.waiting import wait_until
 
@@ -142,9 +144,10 @@ class Process:
             return b""
 
     def follow(self, log: Logger) -> None:
-        descriptor = log.present_run.segment.open_read_only()
-        socket.send_fds(self.socket, [encode(Follow(log.segment_path))], [descriptor])
-        os.close(descriptor)
+        files = [log.present_run.segment.open_read_only(), extras_file(log.extras)]
+        socket.send_fds(self.socket, [encode(Follow(log.segment_path))], files)
+        for descriptor in files:
+            os.close(descriptor)
 
     def wait_recording(self) -> None:
         """Until it has begun with the run."""
@@ -196,7 +199,7 @@ class Direct:
         self.writing.start()
         reader = SegmentReader(robot.log.segment_path)
         self.drain = Drain(reader, layout_of(reader.schema, order.patterns), None)
-        self.writing.put(RunBegins(self.drain.layout, self.drain.begun_with))
+        self.writing.put(RunBegins(self.drain.layout, self.drain.begun_with, Happening(reader, 0)))
 
     def step(self) -> None:
         """Read all that is in the rings, and have it written."""
@@ -212,9 +215,11 @@ class Direct:
             return False
         found = self.drain.read(room)
         self.writing.put(found)
+        self.writing.put(Look())
         return found.complete
 
     def finish(self) -> Totals:
+        self.writing.put(RunEnds())
         self.writing.end()
         self.writing.join()
         self.ledger.close()

@@ -21,6 +21,7 @@ from silo.model import RecorderState
 from silo.recorder.closing import close_part, close_parts, left_parts
 from silo.recorder.ledger import Ledger, left_free
 from silo.recorder.orders import RecordOrder
+from silo.recorder.resuming import left_rows
 from silo.recorder.writing import QUEUE_BYTES, Disk
 
 
@@ -357,10 +358,11 @@ def test_who_goes_on_begins_behind_a_part_whose_end_was_never_noted(robot, tmp_p
     direct.finish()
     (tmp_path / "rec" / ".bot.recorder.json").write_bytes(noted)  # killed between the name of the part and its note
     ledger = Ledger(tmp_path / "rec", "bot", 0.0)
+    run_id, rows = left_rows(ledger)
     ledger.settle([])
     ledger.close()
-    assert set(ledger.written.next_rows.values()) == {30, 150}
-    assert ledger.written.run == robot.log.present_run.id
+    assert set(rows.values()) == {30, 150, 0}  # of both rings and the event log
+    assert run_id == robot.log.present_run.id
     assert ledger.size_bytes == parts(tmp_path)[0].stat().st_size
 
 

@@ -3,8 +3,8 @@
 import pytest
 
 from silo_tui import terminal
+from silo_tui.model.panel_picture import AXIS
 from silo_tui.screens.monitor import MonitorScreen
-from silo_tui.widgets.plot_stack import AXIS
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 

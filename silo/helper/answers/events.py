@@ -8,6 +8,7 @@ from silo.ipc.published import EventKind
 
 MOST_EVENTS_AT_ONCE = 10_000
 MOST_MARK_LETTERS = 200
+WRITTEN_S = 0.5  # a disk that takes longer holds no client up
 
 
 @answers_to(GetEvents)
@@ -30,4 +31,6 @@ def _mark(parts: Parts, request: AddMark) -> Marked | Refused:
     tick = request.tick if request.tick >= 0 else None
     if request.at_ns and (tick := parts.mirror.tick_at(request.at_ns)) < 0:
         return Refused(RefusedWhy.INVALID, "no tick of that time is held any more; nothing was marked")
-    return Marked(parts.events.publish(EventKind.MARKER, text, by=request.client, tick=tick))
+    mark = parts.events.publish(EventKind.MARKER, text, by=request.client, tick=tick)
+    parts.events.log.wait_written(mark.number, WRITTEN_S)  # what was answered outlives a kill of this process
+    return Marked(mark)

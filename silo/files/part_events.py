@@ -1,0 +1,71 @@
+"""What happened, in a part of an endless recording: chunks of `rcl_interfaces/msg/Log`, written as it comes.
+
+A message is numbered as in the event log, published at the wall clock's time, and logged at that of its tick, so that
+an event is read as it stands in the log, and a recorder that goes on knows which it has.
+"""
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+
+from silo.files.bag_channels import INDEX_ENTRY
+from silo.files.bag_events import event_index, event_record
+from silo.files.bag_groups import RECORD_HEAD
+from silo.files.mcap_write import IndexBlock
+from silo.files.part_facts import SEQUENCES, row_of
+from silo.files.ros_types import ENCAPSULATION
+from silo.model import LoggedEvent
+
+_HEAD = struct.Struct("<BQHIQQ")
+_FIXED_BYTES = 9  # stamp and level, before the texts
+
+
+def event_messages(
+    channel: int, events: Sequence[LoggedEvent], logger: str, shift: int
+) -> tuple[bytes, list[IndexBlock], tuple[int, int]]:
+    """Return message records of events, their index, and their first and last time; `shift` is what is before them.
+
+    Each event stands at its `at_ns`, which a file must be able to hold.
+    """
+    records = [
+        event_record(channel, event.number % SEQUENCES, event, logger, event.at_ns, max(event.time_ns, 0))
+        for event in events
+    ]
+    ends = np.cumsum([len(record) for record in records])
+    times = np.array([event.at_ns for event in events], np.int64)
+    index = event_index(channel, times, shift + np.concatenate([[0], ends[:-1]]).astype(np.int64))
+    return b"".join(records), [index], (int(times.min()), int(times.max()))
+
+
+def last_number(chunk: bytes, index: memoryview, begin: int) -> int:
+    """Return the number of the last event of a chunk of a part that begins with event `begin`."""
+    (offset,) = struct.unpack_from("<Q", index, len(index) - INDEX_ENTRY.itemsize + 8)
+    return row_of(_HEAD.unpack_from(chunk, offset)[3], begin)
+
+
+def events_of(chunk: bytes, index: memoryview, begin: int, tick: int, run: str) -> list[LoggedEvent]:
+    """Return the events of a chunk. `tick` is one of the part: ticks in messages count in 32 bits.
+
+    Raises ValueError or struct.error for damaged bytes.
+    """
+    (size,) = struct.unpack_from("<I", index, 2)
+    offsets = np.frombuffer(index[6 : 6 + size], INDEX_ENTRY)["offset"]
+    return [_event(chunk, offset, begin, tick, run) for offset in offsets.tolist()]
+
+
+def _event(chunk: bytes, offset: int, begin: int, tick: int, run: str) -> LoggedEvent:
+    _, length, _, sequence, logged_ns, published_ns = _HEAD.unpack_from(chunk, offset)
+    body = chunk[offset + RECORD_HEAD + len(ENCAPSULATION) : offset + 9 + length]
+    texts, at = [], _FIXED_BYTES
+    for _ in range(4):
+        at += -at % 4
+        (size,) = struct.unpack_from("<I", body, at)
+        texts.append(body[at + 4 : at + 3 + size].decode())
+        at += 4 + size
+    (line,) = struct.unpack_from("<I", body, at + -at % 4)
+    who, text, _, kind = texts
+    near = tick + (line - tick + SEQUENCES // 2) % SEQUENCES - SEQUENCES // 2
+    return LoggedEvent(
+        kind, text.removeprefix(f"{kind}: "), published_ns, near, logged_ns, who, run, row_of(sequence, begin)
+    )

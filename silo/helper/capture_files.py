@@ -1,0 +1,80 @@
+"""Writing one capture to its files: by the helper process that cut it, or by who recovers what it left."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import msgspec
+
+from silo.errors import SaveError
+from silo.files.saving import size_of
+from silo.helper.capture_list import CaptureEntry, CaptureList
+from silo.helper.spool import Spool
+from silo.model import FileType, LoggedEvent, SavedFile
+from silo.recording import with_events
+
+
+@dataclass(frozen=True)
+class WrittenCapture:
+    """A capture that was written: its files, and in words what it is; `removed` are older ones that went for it."""
+
+    files: list[SavedFile]
+    text: str
+    removed: list[str]
+
+
+def write_capture(spool: Spool, folder: str, listed: CaptureList, happened: Sequence[LoggedEvent]) -> WrittenCapture:
+    """Write a capture, under the name that one who was killed had begun it with; note it in the list.
+
+    `happened` are events of its run. Raises OSError, SaveError.
+    """
+    from silo.files.naming import next_run_number
+
+    capture, logger = spool.capture, spool.schema.logger
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    entry = listed.find(spool.run, spool.trigger, capture.number)
+    if entry is None:
+        begun = f"{logger}_{datetime.now():%Y%m%d_%H-%M-%S}_{next_run_number(folder, logger):05d}"
+        entry = CaptureEntry(spool.run, spool.trigger, capture.number, f"{begun}_{spool.trigger}_{capture.number}")
+        listed.note(entry)  # a process that is killed from here on leaves the name to its successor
+    files = _written(spool, folder, entry.name, happened)
+    ended = spool.why and f" ({spool.why})"
+    paths = ", ".join(file.path for file in files)
+    text = f"capture {capture.number} of '{spool.trigger}', ticks {capture.first} to {capture.last}{ended}: {paths}"
+    return WrittenCapture(files, text, listed.written(entry, [file.path for file in files], spool.options.keep))
+
+
+def _written(spool: Spool, folder: str, name: str, happened: Sequence[LoggedEvent]) -> list[SavedFile]:
+    """The files of a capture; those that a predecessor wrote already are left as they are."""
+    from silo.files import write
+    from silo.files.formats import SAVED
+    from silo.files.naming import custom_path
+    from silo.helper.writing import WriteOrder, write_apart
+
+    wanted: list[FileType] = list(dict.fromkeys((FileType.SILO, *spool.options.save)))
+    paths = {kind: custom_path(folder, name, SAVED[kind].ending) for kind in wanted}
+    files = [SavedFile(str(path), kind, size_of(path)) for kind, path in paths.items() if path.exists()]
+    there = {file.type for file in files}
+    if there.issuperset(spool.options.save):
+        return [file for file in files if file.type in spool.options.save]
+    options, logger = spool.options, spool.schema.logger
+    if FileType.SILO not in there:
+        first, last = spool.capture.first, spool.capture.last
+        recording = with_events(spool.recording(), [event for event in happened if first <= event.tick <= last])
+        # derived signals and limits by which it fired, whatever they are by now
+        extras = msgspec.structs.replace(spool.extras, capture=recording.extras.capture)
+        recording = dataclasses.replace(recording, extras=extras)
+        files += write(recording, folder, logger, [FileType.SILO], name, why=f"trigger {options.name}")
+    others: list[FileType] = [kind for kind in wanted if kind is not FileType.SILO and kind not in there]
+    if others:
+        # what CSV and bags need would leave this process with twice its memory
+        order = WriteOrder(folder, logger, others, name, log=str(paths[FileType.SILO]))
+        report = write_apart(None, order, lambda _: None)
+        files += report.files
+        if report.error:
+            raise SaveError(f"{report.error}; saved: {', '.join(file.path for file in files)}")
+    if FileType.SILO not in options.save:
+        paths[FileType.SILO].unlink(missing_ok=True)
+    return sorted((file for file in files if file.type in options.save), key=lambda file: wanted.index(file.type))

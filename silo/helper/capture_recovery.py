@@ -1,0 +1,139 @@
+"""Captures of a program that died together with its helper process: judged to the end, cut out of its rings, written.
+
+What the judge knew stands in a file of the runtime folder, the rows in the segment. By `silo recover`, or by the next
+helper process of that logger, whoever claims the segment.
+"""
+
+import contextlib
+import logging
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from silo.collecting.left_behind import claimed
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError, SiloError, StateError
+from silo.files.event_log import append_events, newest_number, read_events
+from silo.helper.capture_files import write_capture
+from silo.helper.capture_list import CaptureList
+from silo.helper.judge_memory import lost_text, untold
+from silo.helper.judge_state import JudgeState, Untold, left_states, read_state, state_path
+from silo.helper.segment_judge import SegmentJudge
+from silo.ipc.published import EventKind
+from silo.model import LoggedEvent, SavedFile
+from silo.runtime import list_segments
+
+WHY = "the program and its helper process died"
+GONE = "program and helper process died before it was written, and its memory is gone"
+
+log = logging.getLogger("silo")
+
+
+@dataclass(frozen=True)
+class RecoveredCaptures:
+    """Captures that were written, and in words what became of each, and of what could not be."""
+
+    files: list[SavedFile]
+    texts: list[str]
+
+
+def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
+    """Write the captures that a judge left of a segment whose writer is gone, and forget what it left.
+
+    The segment is claimed. What is found is told in the event log of its logger, too.
+    """
+    schema = reader.schema
+    found = RecoveredCaptures([], [])
+    with contextlib.suppress(SegmentError, OSError):  # no runtime folder, or none that can be read
+        path = state_path(schema.logger, schema.run)
+        state = read_state(path)
+        if state.is_orphan:
+            news = _recovered(reader, state, folder, found)
+            _log(schema.folder, schema.logger, schema.run, news)
+            path.unlink(missing_ok=True)
+    return found
+
+
+def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: RecoveredCaptures) -> list[Untold]:
+    """Write what there is; returns what is to be told."""
+    schema = reader.schema
+    judge = SegmentJudge(reader, [*(one.info for one in schema.elements), *state.off], state.extras, state.until)
+    whole = judge.recall(state)
+    step = judge.end(WHY)
+    news = [*state.untold, *untold(step)]
+    listed = CaptureList(folder, schema.logger)
+    for spool in [*whole, *step.whole]:
+        capture = spool.capture
+        entry = listed.find(spool.run, spool.trigger, capture.number)
+        if entry is not None and entry.files:
+            continue
+        try:
+            done = write_capture(spool, folder, listed, read_events(schema.folder, schema.logger, schema.run))
+        except (SiloError, OSError) as error:
+            text, kind = f"capture {capture.number} of '{spool.trigger}' was not saved: {error}", EventKind.SAVE_FAILED
+        else:
+            found.files.extend(done.files)
+            text, kind = done.text, EventKind.CAPTURED
+        found.texts.append(text)
+        news.append(Untold(kind.value, text, capture.fires[0].tick, capture.fires[0].time_ns))
+    return news
+
+
+def recover_all_captures(logger: str, folder: str, tell: Callable[[EventKind, str, list[SavedFile]], object]) -> None:
+    """Write what judges left of programs of this logger that are gone; told is what was written, and what is lost."""
+    for path, state in _orphans(logger):
+        reader = _segment_of(state.run, folder)
+        if reader is None:
+            for kept in state.captures:
+                if not _is_written(CaptureList(folder, logger), state.run, kept.options.name, kept.capture.number):
+                    tell(EventKind.BLIND, lost_text(kept, GONE), [])
+            _log(folder, logger, state.run, state.untold)
+            path.unlink(missing_ok=True)
+            continue
+        with contextlib.closing(reader), contextlib.suppress(StateError), claimed(reader):  # else another one does it
+            found = recover_captures(reader, folder)
+            if found.texts:
+                tell(EventKind.RECOVERED, f"{WHY}; {'; '.join(found.texts)}", found.files)
+
+
+def _orphans(logger: str) -> Iterator[tuple[Path, JudgeState]]:
+    with contextlib.suppress(SegmentError, OSError):  # no runtime folder: then there is nothing in it either
+        for path in left_states(logger):
+            with contextlib.suppress(SegmentError, OSError):  # a damaged one is the judge's
+                state = read_state(path)
+                if state.is_orphan:
+                    yield path, state
+
+
+def _segment_of(run: str, folder: str) -> SegmentReader | None:
+    for path in list_segments(Path(folder)):
+        with contextlib.suppress(SegmentError):
+            reader = SegmentReader(path)
+            if reader.schema.run == run and not reader.alive():
+                return reader
+            reader.close()
+    return None
+
+
+def _is_written(listed: CaptureList, run: str, trigger: str, number: int) -> bool:
+    with contextlib.suppress(OSError):
+        entry = listed.find(run, trigger, number)
+        return entry is not None and bool(entry.files)
+    return False
+
+
+def _log(folder: str, logger: str, run: str, news: list[Untold]) -> None:
+    """Have the event log say of that run what nobody came to say."""
+    try:
+        known = {(event.kind, event.text) for event in read_events(folder, logger, run)}
+        fresh = [one for one in news if (one.kind, one.text) not in known]
+        number = newest_number(folder, logger)
+        lines = [
+            LoggedEvent(one.kind, one.text, time.time_ns(), one.tick, one.stamp_ns, logger, run, number + place)
+            for place, one in enumerate(fresh, start=1)
+        ]
+        if lines:
+            append_events(folder, logger, lines)
+    except OSError as error:
+        log.warning("the event log in %s can't be written (%s)", folder, error.strerror)

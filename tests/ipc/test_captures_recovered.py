@@ -1,0 +1,80 @@
+"""A program and its helper process that are killed together within a capture: there is a file, and it says so."""
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+import silo
+from silo.analysis.log import LogWarning
+from silo.cli.main import run
+from silo.files.event_log import read_events
+from silo.ipc.client import Client
+from silo.ipc.published import EventKind
+from silo.model import FileType, TriggerOptions
+from tests.waiting import wait_until
+
+pytestmark = pytest.mark.slow
+
+FALL = TriggerOptions(
+    "fall", "x % 100 == 50", pre_s=0.05, post_s=60.0, mode="single", save=(FileType.SILO, FileType.CSV)
+)
+
+
+def fallen(robots, *triggers: TriggerOptions):
+    """Kill a program and its helper process within the post of a capture."""
+    robot = robots("bot")
+    with Client.connect("bot") as client:
+        for one in triggers:
+            client.set_trigger(one)
+        wait_until(lambda: all(one.fires for one in client.triggers().triggers))
+        for pid in (robot.helper_pid, robot.pid):
+            os.kill(pid, 9)
+    robot.kill()
+    return robot
+
+
+def captures(folder: Path, ending: str = "silo") -> list[Path]:
+    return sorted(folder.glob(f"bot_*_fall_1.{ending}"))
+
+
+def check(path: Path) -> None:
+    with pytest.warns(LogWarning, match="the program and its helper process died, [0-9]+ ticks before its end"):
+        log = silo.open_log(path)
+    facts = log.recording.extras.capture
+    (fire,) = facts.fires
+    values = log["x"].values
+    assert values[fire - facts.first] % 100 == 50
+    assert facts.first == fire - 25  # 50 ms at 500 Hz
+    assert re.match("the program and its helper process died, [0-9]+ ticks before its end", facts.ended)
+    assert len(values) > 26
+
+
+def test_recover_writes_the_capture_beside_the_log(robots, tmp_path, monkeypatch, capsys, runtime) -> None:
+    fallen(robots, FALL)
+    folder = tmp_path / "logs"
+    monkeypatch.chdir(tmp_path)
+    assert run(["recover"]) == 0
+    told = capsys.readouterr().out
+    assert "capture 1 of 'fall', ticks" in told
+    assert str(captures(folder)[0]) in told
+    check(captures(folder)[0])
+    assert len(captures(folder, "csv")) == 1
+    texts = [event.text for event in read_events(folder, "bot") if event.kind == EventKind.CAPTURED.value]
+    assert len(texts) == 1
+    assert not list(runtime.glob("*.judge"))
+
+
+def test_the_next_start_writes_the_capture_and_no_second_one(robots, tmp_path, capsys) -> None:
+    fallen(robots, FALL)
+    robots("bot")
+    folder = tmp_path / "logs"
+    wait_until(lambda: captures(folder) and captures(folder, "csv"))
+    check(captures(folder)[0])
+    found = wait_until(lambda: [one for one in read_events(folder, "bot") if one.kind == EventKind.RECOVERED.value])
+    assert "capture 1 of 'fall'" in found[0].text
+    wait_until(lambda: len(list(folder.glob("bot_*.silo"))) == 2)
+    assert run(["recover", str(folder)]) == 0
+    assert len(captures(folder)) == 1
+    capsys.readouterr()

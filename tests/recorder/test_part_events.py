@@ -1,0 +1,263 @@
+"""What happened, limits and triggers in the parts of an endless recording: there for silo and for everybody else."""
+
+import contextlib
+import itertools
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from silo.analysis.log import open_log
+from silo.cli.main import run
+from silo.errors import FileFormatError
+from silo.files.bag import write_bag
+from silo.files.bag_read import read_bag
+from silo.files.event_log import append_events, event_log_path, older_event_log
+from silo.files.part_scan import rows_after, scan_part
+from silo.model import LoggedEvent
+from silo.recorder.closing import close_part
+from silo.recorder.orders import RecordOrder
+from silo.recorder.writing import ExtrasChange, Look
+from tests.waiting import wait_until
+
+
+def order(folder: Path, **options: object) -> RecordOrder:
+    return RecordOrder("bot", str(folder / "rec"), **options)
+
+
+def parts(folder: Path) -> list[Path]:
+    return sorted((folder / "rec").glob("bot_*.mcap"), key=lambda path: path.name.rpartition("_")[2])
+
+
+@pytest.fixture
+def happens(robot, tmp_path):
+    """Writes an event of the present run into the event log, as a helper process does."""
+    numbers = itertools.count(1)
+
+    def happen(text: str, tick: int, kind: str = "marker", stamp_ns: int = 0) -> LoggedEvent:
+        run_id = robot.log.present_run.id
+        event = LoggedEvent(kind, text, 1_800_000_000_000_000_000 + tick, tick, stamp_ns, "me", run_id, next(numbers))
+        append_events(tmp_path, "bot", [event])
+        return event
+
+    return happen
+
+
+def kept(path: Path) -> list[tuple[str, str, int]]:
+    return [(event.kind, event.text, event.tick) for event in read_bag(path).events]
+
+
+def test_what_happened_stands_in_the_part_as_in_the_event_log(robot, tmp_path, truth, happens) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    told = [happens("started", 0, "started")]
+    robot.ticks(50)
+    told.append(happens("slipped … 10 °C", 20))
+    direct.step()
+    told.append(happens("trigger 'fall' fired", 49, "triggered"))
+    robot.ticks(50)
+    direct.step()
+    direct.finish()
+    found = read_bag(parts(tmp_path)[0])
+    stamps = found.time_ns.tolist()
+    assert list(found.events) == [msgspec.structs.replace(event, stamp_ns=stamps[event.tick]) for event in told]
+    assert [event.text for event in open_log(parts(tmp_path)[0]).events] == [event.text for event in told]
+    assert truth.span(found) == (0, 100)
+
+
+def test_other_readers_find_events_as_messages_of_ros(robot, tmp_path, truth, happens) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(30)
+    happens("slipped", 12)
+    direct.step()
+    direct.finish()
+    (path,) = parts(tmp_path)
+    assert truth.by_others(path)["/log/events"] == 1
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Reader(path) as reader:
+        ((connection, stamp, raw),) = [one for one in reader.messages() if one[0].topic == "/log/events"]
+        message = store.deserialize_cdr(raw, connection.msgtype)
+    assert (message.msg, message.name, message.line) == ("marker: slipped", "me", 12)
+    assert stamp == message.stamp.sec * 10**9 + message.stamp.nanosec
+    with path.open("rb") as file:
+        assert [channel.topic for _, channel, _ in make_reader(file).iter_messages(topics="/log/events")] == [
+            "/log/events"
+        ]
+
+
+def test_a_mark_while_nothing_else_happens_is_in_the_part_at_once(robot, tmp_path, truth, happens) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(30)
+    direct.step()
+    happens("stands still", 29)
+    direct.writing.put(Look())
+    wait_until(lambda: direct.writing.is_idle)
+    (path,) = (tmp_path / "rec").glob("*.mcap.part")
+    assert kept(path) == [("marker", "stands still", 29)]
+    direct.finish()
+    assert kept(parts(tmp_path)[0]) == [("marker", "stands still", 29)]
+
+
+def test_a_mark_after_the_last_row_of_a_part_has_one_of_its_own_if_no_row_follows(
+    robot, tmp_path, truth, happens
+) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path, keep_bytes=40_000))
+    while not parts(tmp_path):
+        robot.ticks(100)
+        direct.step()
+    happens("stands still", robot.tick - 1)
+    direct.finish()
+    path = parts(tmp_path)[-1]
+    assert kept(path) == [("marker", "stands still", robot.tick - 1)]
+    truth.by_others(path)
+    write_bag(read_bag(path), tmp_path / "again.mcap")
+
+
+def test_news_of_recorders_alone_begin_no_part(robot, tmp_path, truth, happens) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    happens("recording 'bot': finished", 0, "recording")
+    direct.finish()
+    assert list((tmp_path / "rec").glob("*.mcap*")) == []
+
+
+def test_events_of_a_part_cut_at_any_byte_are_read_and_closed(robot, tmp_path, truth, happens) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    for number in range(4):
+        robot.ticks(50)
+        happens(f"mark {number}", robot.tick - 1)
+        direct.step()
+    (path,) = (tmp_path / "rec").glob("*.mcap.part")
+    whole = path.read_bytes()
+    direct.finish()
+    most = 0
+    for size in [*np.random.default_rng(5).integers(len(whole) // 2, len(whole), 25).tolist(), len(whole)]:
+        cut = tmp_path / f"cut{size}.mcap.part"
+        cut.write_bytes(whole[:size])
+        scan = scan_part(memoryview(whole[:size]))
+        glance = rows_after(memoryview(whole[:size]))
+        assert glance is not None
+        assert glance[1] == scan.next_rows
+        closed = close_part(cut)
+        if closed.size_bytes:
+            found = read_bag(closed.path)
+            truth.span(found)
+            assert [event.text for event in found.events] == [f"mark {number}" for number in range(len(found.events))]
+            assert scan.next_rows[-1] == (found.events[-1].number + 1 if found.events else 0)
+            assert sum(truth.by_others(closed.path).values()) == closed.samples + len(found.events)
+            most = max(most, len(found.events))
+    assert most == 4
+
+
+def test_limits_and_triggers_stand_in_every_part(robot, tmp_path, truth, capsys) -> None:
+    robot.log.update(read_script=False)
+    robot.log.limit("x", (None, None, 150, 250))
+    robot.log.trigger("high", "x > 100", pre="10ms", post="10ms")
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(300)
+    direct.step()
+    direct.finish()
+    found = open_log(parts(tmp_path)[0]).recording.extras
+    assert [one.name for one in found.limits] == ["x"]
+    assert [one.name for one in found.triggers] == ["high"]
+    assert run(["check", str(parts(tmp_path)[0])]) == 1
+    assert "RED" in capsys.readouterr().out.upper()
+
+
+def test_limits_of_what_is_not_recorded_stay_away(robot, tmp_path, truth, capsys) -> None:
+    robot.log.update(read_script=False)
+    robot.log.limit("x", (None, None, 150, 250))
+    robot.log.limit("slow", (None, None, 150, 250))
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path, patterns=("slow",)))
+    robot.ticks(300)
+    direct.step()
+    direct.finish()
+    assert [one.name for one in open_log(parts(tmp_path)[0]).recording.extras.limits] == ["slow"]
+    assert run(["check", str(parts(tmp_path)[0])]) == 0
+    capsys.readouterr()
+
+
+def test_other_limits_begin_another_part(robot, tmp_path, truth) -> None:
+    robot.log.update(read_script=False)
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(50)
+    direct.step()
+    robot.log.limit("x", (None, None, 150, 250))
+    direct.writing.put(ExtrasChange(robot.log.extras))
+    robot.ticks(50)
+    direct.step()
+    direct.finish()
+    one, two = (read_bag(path) for path in parts(tmp_path))
+    assert [len(found.extras.limits) for found in (one, two)] == [0, 1]
+    assert [truth.span(one), truth.span(two)] == [(0, 50), (50, 100)]
+
+
+def test_the_event_log_is_followed_through_its_renaming(robot, tmp_path, truth, happens) -> None:
+    robot.start()
+    direct = truth.direct(robot, order(tmp_path))
+    robot.ticks(30)
+    happens("one", 1)
+    direct.step()
+    happens("two", 2)
+    event_log_path(tmp_path, "bot").rename(older_event_log(tmp_path, "bot"))
+    happens("three", 3)
+    direct.step()
+    direct.writing.put(Look())
+    direct.finish()
+    assert [text for _, text, _ in kept(parts(tmp_path)[0])] == ["one", "two", "three"]
+
+
+@pytest.mark.slow
+def test_no_event_is_missing_or_twice_when_another_recorder_goes_on(robot, recorders, tmp_path, truth, happens) -> None:
+    robot.start()
+    recorder = recorders(order(tmp_path))
+    recorder.follow(robot.log)
+    recorder.wait_recording()
+    robot.ticks(200)
+    happens("before", 150)
+
+    def opened() -> list[tuple[str, str, int]]:
+        with contextlib.suppress(StopIteration, FileFormatError):  # there is none yet, or it is being begun
+            return kept(next((tmp_path / "rec").glob("*.mcap.part")))
+        return []
+
+    wait_until(opened)
+    recorder.kill()
+    happens("between", 199)
+    robot.ticks(100)
+    again = recorders(order(tmp_path, resume=True))
+    again.follow(robot.log)
+    again.wait_recording()
+    happens("after", 299)
+    wait_until(lambda: len(opened()) == 2)
+    again.finish()
+    assert [text for path in parts(tmp_path) for _, text, _ in kept(path)] == ["before", "between", "after"]
+    for path in parts(tmp_path):
+        truth.by_others(path)
+
+
+@pytest.mark.slow
+def test_of_a_run_that_is_under_way_a_new_recorder_takes_what_happens_from_then_on(
+    robot, recorders, tmp_path, happens
+) -> None:
+    robot.start()
+    robot.ticks(100)
+    happens("long ago", 10)
+    recorder = recorders(order(tmp_path))
+    recorder.follow(robot.log)
+    recorder.wait_recording()
+    robot.ticks(50)
+    happens("now", 120)
+    recorder.finish()
+    assert [text for _, text, _ in kept(parts(tmp_path)[0])] == ["now"]
