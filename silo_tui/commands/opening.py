@@ -40,6 +40,7 @@ class Opener:
         self.rate_hz = rate_hz
         self._many = Many(context, lambda: self._finder)
         self._kept: Layout | None = None
+        self._view_is_there = True  # not while a logger is being opened: what is kept of its view is yet to be shown
         self._failed: dict[str, str] = {}  # by key, why it could not be opened
         self._again_s: dict[str, float] = {}  # by key, when it is tried again; never, where that can't help
 
@@ -123,6 +124,7 @@ class Opener:
             return True  # the program was ended meanwhile
         session = Session(logger.name)
         session.address = logger.addresses[-1] if logger.alike and logger.addresses else ""
+        self._view_is_there = False
         context.take_session(session)
         runner = CommandRunner(context)
         screen = TableScreen(session, runner.run, runner.complete, read_only=context.read_only)
@@ -145,6 +147,7 @@ class Opener:
             return True
         self._finder.rest()
         words = await self._show_view()  # first: the question about edits that were kept stands above it
+        self._view_is_there = True
         context.table_changed()
         context.status_changed()
         context.say_settings_problems()
@@ -179,6 +182,8 @@ class Opener:
 
     def keep_view(self) -> None:
         """Keep what is on the screen for the next time, if that is wished."""
+        if not self._view_is_there:
+            return
         wish = self._context.settings.view
         layout = views.capture(self._context) if wish in ("last", "lost") else None
         if layout is None or layout == self._kept:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo_tui.layouts import files
+from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import FIELDS, Layout, read, write
 from silo_tui.layouts.views import capture
 from silo_tui.screens.monitor import MonitorScreen
@@ -284,6 +284,21 @@ async def test_a_view_that_isnt_there_is_told_with_those_that_are(fake, opened):
     async with opened(fake, view="wlak") as screen:
         await screen.shows("there is no view 'wlak'; walk?")
         assert isinstance(screen.app.screen, TableScreen)
+
+
+async def test_a_view_that_is_yet_to_be_shown_is_not_overwritten_by_what_is_there_before_it(fake, opened, monkeypatch):
+    show, last, found = views.show, files.last_of("robot"), []
+
+    async def show_late(context, layout):
+        context.app._opener.keep_view()  # a second has passed since the table came
+        found.append(files.load_file(last)[0].sort)
+        return await show(context, layout)
+
+    files.save(last, Layout(sort="div"))
+    monkeypatch.setattr(views, "show", show_late)
+    async with opened(fake, settings=Settings(view="last")) as screen:
+        await screen.until(lambda: screen.session.rows.sort == "div")
+    assert found == ["div"]
 
 
 async def test_the_view_that_was_left_last_comes_back_if_wished(new_fake, opened):
