@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PYTHONS = ("3.10", "3.11", "3.12", "3.13")
 RESOLUTIONS = ("lowest-direct", "highest")
-EXTRAS = "analysis,convert,plot,web"
+EXTRAS = "analysis,bags,convert,plot,web"
 
 
 def interpreter(version: str) -> str:

@@ -15,13 +15,11 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
     from silo.analysis.comparing import Comparison as Comparison, compare as compare
     from silo.analysis.log import (
         Log as Log,
-        LogWarning as LogWarning,
         Signal as Signal,
         UnknownSignalError as UnknownSignalError,
-        open_log as open_log,
-        open_logs as open_logs,
     )
-    from silo.ipc.client import Client as Client, connect as connect
+    from silo.analysis.opening import open_log as open_log, open_logs as open_logs
+    from silo.ipc.client import Client as Client, connect as connect, topic as topic
     from silo.collecting.traits import register as register
     from silo.errors import (
         ArgumentError as ArgumentError,
@@ -34,6 +32,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a name that is given to itse
         ConnectionLostError as ConnectionLostError,
         ElementError as ElementError,
         FileFormatError as FileFormatError,
+        LogWarning as LogWarning,
         RefusedError as RefusedError,
         SaveError as SaveError,
         ScriptError as ScriptError,
@@ -89,13 +88,14 @@ _HOMES = {
         "update"
     ),
     "silo.errors": (
-        "ArgumentError ConnectionLostError ElementError FileFormatError GoesOnError LogNotFoundError NoRoomError "
-        "RefusedError SaveError ScriptError SegmentError SiloError SourceError StateError UnknownNameError "
+        "ArgumentError ConnectionLostError ElementError FileFormatError GoesOnError LogNotFoundError LogWarning "
+        "NoRoomError RefusedError SaveError ScriptError SegmentError SiloError SourceError StateError UnknownNameError "
         "UnsavedError VersionError"
     ),
-    "silo.analysis.log": "Log LogWarning Signal UnknownSignalError open_log open_logs",
+    "silo.analysis.log": "Log Signal UnknownSignalError",
+    "silo.analysis.opening": "open_log open_logs",
     "silo.analysis.comparing": "Comparison compare",
-    "silo.ipc.client": "Client connect",
+    "silo.ipc.client": "Client connect topic",
     "silo.logger.elements": "LoggedElement",
     "silo.logger.logger": "Logger",
     "silo.logger.new_values": "NewValues",

@@ -47,6 +47,15 @@ def duration(seconds: float) -> str:
     return f"{days:.3g} days" if days < 1000 else f"{days:.0f} days"
 
 
+def read_seconds(argument: str, given: str) -> float:
+    """Return a time in s. Raises ElementError for what is none."""
+    amount = _read(given)
+    seconds = amount[0] * _SECONDS.get(amount[1], 0.0) if amount is not None else 0.0
+    if not 1.0 <= seconds <= 86400.0:
+        raise ElementError(f"{argument} must be a time from 1s to 1d, got {shown(given)}; write 30s, 10min, 2h")
+    return seconds
+
+
 def read_keep(given: object) -> int:
     """Return how many bytes are kept, 0 without a limit. Raises ElementError for what is no size."""
     if given in ("", None):

@@ -8,7 +8,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from functools import wraps
-from typing import Any, NoReturn, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, ParamSpec, TypeVar
 
 import msgspec
 
@@ -20,10 +20,10 @@ C = TypeVar("C", bound=type)
 
 # what people call an argument, by what it is called here; of several, the first that the function has
 SYNONYMS = {
-    "frequency": ("freq", "hz", "rate", "frequencyhz", "samplerate", "fs"),
+    "frequency": ("freq", "hz", "rate", "frequencyhz", "samplerate", "fs", "dt", "timestep", "period", "ts"),
     "divider": ("decimation", "every", "rate", "freq", "frequency", "hz"),
     "max_time": ("duration", "maxlogtime", "maxloggingtime", "seconds", "maxtimes"),
-    "buffer_size": ("size", "length", "capacity", "samples", "bufsize", "buffer"),
+    "buffer_size": ("size", "length", "capacity", "samples", "bufsize"),
     "buffer_type": ("buffer", "buf", "mode"),
     "action": ("act", "publish", "logaction"),
     "enabled": ("on", "log", "logging", "enable", "active"),
@@ -37,12 +37,17 @@ SYNONYMS = {
     "script": ("config", "yaml", "file", "scriptfilename"),
     "source": ("var", "variable", "value", "array", "data"),
     "timeout_s": ("timeout",),
+    "times": ("hz", "rate", "freq", "frequency", "dt", "fs"),
     "start_s": ("start", "begin", "t0", "tmin"),
     "stop_s": ("stop", "end", "t1", "tmax"),
     "dtype": ("type",),
     "string_bytes": ("strlen", "stringlength", "maxlength"),
 }
-EXAMPLES = {"divider": 'divider=2 (every second tick) or divider="50Hz"', "buffer_size": 'buffer_size=1000 or "10s"'}
+EXAMPLES = {
+    "frequency": "frequency=500 (ticks per second: 1 / dt)",
+    "divider": 'divider=2 (every second tick) or divider="50Hz"',
+    "buffer_size": 'buffer_size=1000 or "10s"',
+}
 
 
 def told(label: str, bound: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -91,17 +96,19 @@ class ToldStruct(msgspec.StructMeta):
     Making one costs 0.7 us more.
     """
 
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: D102, N805  # of a class of classes
-        try:
-            return super().__call__(*args, **kwargs)
-        except TypeError as error:
-            label = f"silo.{cls.__name__}"
-            unknown = [key for key in kwargs if key not in cls.__struct_fields__]
-            if unknown:  # no example: a struct takes numbers alone
-                problem = unknown_argument(label, unknown[0], cls.__struct_fields__, {})
-            else:
-                problem = call_problem(label, cls, args, kwargs)
-            raise ArgumentError(problem or f"{label}(): {error}") from None
+    if not TYPE_CHECKING:  # which take the call for that of the struct: with this one, any arguments would do
+
+        def __call__(cls, *args: Any, **kwargs: Any) -> Any:  # noqa: D102, N805  # of a class of classes
+            try:
+                return super().__call__(*args, **kwargs)
+            except TypeError as error:
+                label = f"silo.{cls.__name__}"
+                unknown = [key for key in kwargs if key not in cls.__struct_fields__]
+                if unknown:  # no example: a struct takes numbers alone
+                    problem = unknown_argument(label, unknown[0], cls.__struct_fields__, {})
+                else:
+                    problem = call_problem(label, cls, args, kwargs)
+                raise ArgumentError(problem or f"{label}(): {error}") from None
 
 
 def call_problem(
@@ -184,9 +191,6 @@ def _meant(key: str, known: list[str]) -> str:
     asked = _plain(key)
     if asked in plain:  # bufferSize, buffersize, BUFFER_SIZE
         return plain[asked]
-    near = get_close_matches(asked, plain, 1, 0.75)
-    if near:
-        return plain[near[0]]
     synonym = next((name for name, words in SYNONYMS.items() if asked in words and name in known), "")
     near = [] if synonym else get_close_matches(asked, plain, 1, 0.6)
     return synonym or (plain[near[0]] if near else "")

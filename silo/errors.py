@@ -78,3 +78,7 @@ class UnsavedError(StateError):
 
 class RefusedError(SiloError):
     """The logger's helper process answered that it won't do this; the message is its reason."""
+
+
+class LogWarning(UserWarning):
+    """A log is damaged, cut off, or not complete; the text says what is missing."""

@@ -326,6 +326,37 @@ class RecorderState(str, enum.Enum):
         return self in (RecorderState.ENDED, RecorderState.FAILED)
 
 
+class GroupRole(str, enum.Enum):
+    """What members of a group may do that is let in: look, or change things too."""
+
+    VIEWER = "viewer"
+    OPERATOR = "operator"
+
+
+class ControlMode(str, enum.Enum):
+    """Whether changes need control, or anybody's are done while nobody took it."""
+
+    ANY = "any"
+    ONE = "one"
+
+
+class Present(msgspec.Struct, frozen=True):
+    """A client that is connected: `who` in words; `identity` tells operators apart, empty for who only looks."""
+
+    who: str
+    since_ns: int
+    identity: str = ""
+
+
+class Control(msgspec.Struct, frozen=True):
+    """Who alone may change a logger now, until `until_ns` (nanoseconds since 1970) unless it is renewed."""
+
+    who: str
+    identity: str
+    since_ns: int
+    until_ns: int
+
+
 class Status(msgspec.Struct, frozen=True):
     """A logger at a glance. Times are nanoseconds since 1970; `lost` counts samples that could not be
     kept, all elements together."""
@@ -361,6 +392,13 @@ class Status(msgspec.Struct, frozen=True):
     recorders: int = 0  # endless recordings that are under way
     derived: int = 0  # signals that are computed from elements
     room_bytes: int = 0  # that buffers of the next start may take: what is free, and what the present ones have
+    disk_free_bytes: int = 0  # where its files are saved; both 0 where that isn't known
+    disk_bytes: int = 0
+    alarm: str = ""  # the worst of the limits that are violated now, in the letters of LimitWord
+    alarms: int = 0  # how many are
+    clients: list[Present] = []  # who is connected, first come first; the first twenty
+    control: Control | None = None  # who alone may change it now; None: nobody took control
+    one_operator: bool = False  # whether changes need control: `serve(control="one")`
 
 
 class Table(msgspec.Struct, frozen=True):

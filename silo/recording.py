@@ -32,6 +32,24 @@ class RecordedEntry:
     values: NDArray[Any]
 
 
+class LazyEntry(RecordedEntry):
+    """An entry whose values are read when they are first asked for; `lazy_entry` makes it."""
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        if name != "values":
+            raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+        load: Callable[[], NDArray[Any]] = self.__dict__["load"]
+        values = self.__dict__["values"] = load()
+        return values
+
+
+def lazy_entry(name: str, entry: Entry, load: Callable[[], NDArray[Any]]) -> RecordedEntry:
+    """An entry whose values `load` gives."""
+    made = LazyEntry.__new__(LazyEntry)
+    object.__setattr__(made, "__dict__", {"name": name, "entry": entry, "load": load})
+    return made
+
+
 @dataclass(frozen=True)
 class Failures:
     """Samples that are not what the program had: its attribute or function could not be read, or did not fit.
@@ -63,7 +81,8 @@ class RecordedElement:
     Sample i of every entry belongs to time stamp `first + i * divider` of the recording: a buffer keeps either the
     first or the newest samples, so what it holds is always one unbroken run. `lost` counts the samples that fell
     due and could not be kept although the policy asked for them (memory limit). `dtype` are the fields of a NumPy
-    structure (`silo.kinds.struct_text`), empty for all else.
+    structure (`silo.kinds.struct_text`), empty for all else. `own_ns`, shape `(count,)`, are time stamps of its own:
+    bags of others have no ticks, `first` and `divider` say nothing of them.
     """
 
     name: str
@@ -78,10 +97,13 @@ class RecordedElement:
     lost: int = 0
     dtype: str = ""
     failures: Failures = NO_FAILURES
+    own_ns: NDArray[np.int64] | None = None
 
     @property
     def count(self) -> int:
         """Samples per entry."""
+        if self.own_ns is not None:
+            return len(self.own_ns)
         return len(self.entries[0].values) if self.entries else 0
 
     @property
@@ -166,6 +188,44 @@ class Recording:
     def entry_count(self) -> int:
         """Scalar signals of all elements, the time stamps not counted."""
         return sum(len(element.entries) for element in self.elements)
+
+
+def plain_element(element: RecordedElement, **changes: Any) -> RecordedElement:
+    """A copy with other fields, that reads nothing: an element of a bag may be of a class that does."""
+    fields = {name: getattr(element, name) for name in RecordedElement.__dataclass_fields__ if name not in changes}
+    return RecordedElement(**fields, **changes)
+
+
+def has_own_stamps(recording: Recording) -> bool:
+    """Whether elements have time stamps of their own, not those of ticks: a bag of others."""
+    return any(element.own_ns is not None for element in recording.elements)
+
+
+def stamps_of(recording: Recording, element: RecordedElement) -> NDArray[np.int64]:
+    """The time stamps of an element, shape `(count,)`: its own, or those of its ticks."""
+    if element.own_ns is not None:
+        return element.own_ns
+    stop = element.first + (element.count - 1) * element.divider + 1 if element.count else element.first
+    return recording.time_ns[element.first : stop : element.divider]
+
+
+def common_axis(stamps: Iterable[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """All stamps that there are, rising; one that somebody has twice is there twice."""
+    parts = list({id(each): each for each in stamps}.values())
+    axis = np.unique(np.concatenate([np.empty(0, np.int64), *parts]))
+    times = np.ones(len(axis), np.int64)
+    for part in parts:
+        if len(part) > 1 and (part[1:] == part[:-1]).any():
+            found, counts = np.unique(part, return_counts=True)
+            at = np.searchsorted(axis, found)
+            times[at] = np.maximum(times[at], counts)
+    return axis if (times == 1).all() else np.repeat(axis, times)
+
+
+def places_on(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where rising stamps stand on an axis that `common_axis` made of them, and of others."""
+    again = np.arange(len(stamps)) - np.searchsorted(stamps, stamps)  # the how many-th of equal ones
+    return np.searchsorted(axis, stamps) + again
 
 
 MOST_EVENTS = 10_000  # of a recording: the newest

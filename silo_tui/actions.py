@@ -37,7 +37,8 @@ class Command:
 
     `scopes` are the screens where its keys count (`any`: all of them; none: it can only be typed). `footer` is its
     place in the key bar, 0: none. `writes` commands change the logger or its table: they are refused with
-    `--read-only`. Those that `asks` need a logger that answers. `hidden` ones are left out of the palette.
+    `--read-only`. Those that `asks` need a logger that answers; where the link is lost, those that
+    `retries` look for it at once instead. `hidden` ones are left out of the palette.
     """
 
     id: str
@@ -49,6 +50,7 @@ class Command:
     footer: int = 0
     writes: bool = False
     asks: bool = False
+    retries: bool = False
     hidden: bool = False
     shown_key: str = ""
     typed: Typed | None = None
@@ -163,8 +165,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("redo", "ctrl+r", "Redo", "do it again", "Edit", _TABLE, typed=Typed(("redo",))),
     Command("apply", "a", "Apply", "show what would change, and apply it", "Edit", _TABLE, 6, writes=True, asks=True,
             typed=Typed(("apply",))),
-    Command("discard", "x", "Discard", "drop pending edits of the row, or of what is marked", "Edit", _TABLE,
-            typed=Typed(("discard",))),
+    Command("discard", "x", "Discard", "drop pending edits of the row or of what is marked; forget a derived signal",
+            "Edit", _TABLE, typed=Typed(("discard",))),
     # -------------------------------------------------------------------------------------------------- logger
     Command("start_stop", "S", "Start/Stop", "start or stop logging", "Logger", _BOTH, 8, writes=True, asks=True,
             typed=Typed(("start", "stop"))),
@@ -176,7 +178,8 @@ COMMANDS: tuple[Command, ...] = (
             writes=True, asks=True, typed=Typed(("load",), "scripts", ":load x.yaml", "load a script", 1)),
     Command("save_script", "W", "Save script", "store the table as a script on the robot", "Logger", _TABLE,
             writes=True, asks=True, typed=Typed(("save",), "scripts", ":save x.yaml", "save the table as a script", 2)),
-    Command("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE, asks=True, typed=Typed(("refresh",))),
+    Command("refresh", "r", "Refresh", "read the table again", "Logger", _TABLE, asks=True,
+            retries=True, typed=Typed(("refresh",))),
     # ------------------------------------------------------------------------------------------------- looking
     Command("monitor", "m", "Monitor", "plot what is marked, or the element under the cursor", "Look", _TABLE, 7,
             typed=Typed(("monitor",))),
@@ -234,6 +237,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("detail_top", "g", "First", "first signal of the plots", "Detail plot", _DETAILS),
     Command("detail_bottom", "G", "Last", "last signal of the plots", "Detail plot", _DETAILS),
     Command("detail_refresh", "r", "Refresh", "draw with what came since", "Detail plot", _DETAIL, 7),
+    Command("try_link", "r", "Try now", "look for the logger at once, where the link is lost", "Go", _MONITOR + _SCOPE,
+            asks=True, retries=True),
     # --------------------------------------------------------------------------------------------------- files
     Command("plot", "m,enter", "Plot", "plot what is marked, or the element under the cursor", "Look", _FILE, 3),
     # -------------------------------------------------------------------------------------------------- events
@@ -251,13 +256,14 @@ COMMANDS: tuple[Command, ...] = (
     Command("lines_up", "ctrl+u,pageup", "Page up", "a page up", "Events", _HAPPENED),
     Command("order_events", "o", "Order", "by time, kind or who; its letter again turns it round", "Events", _HAPPENED,
             4),
-    Command("read_events", "r", "Read again", "read what happened again", "Events", _EVENTS, asks=True),
+    Command("read_events", "r", "Read again", "read what happened again", "Events", _EVENTS, asks=True,
+            retries=True),
     Command("write_events", "w", "Write", "the lines that are shown to a CSV file here", "Events", _HAPPENED, 5),
     Command("oldest_line", "G,end", "Oldest", "the oldest line", "Events", _HAPPENED),
     Command("follow_events", "g,home", "Follow", "the newest line, and what comes", "Events", _HAPPENED, 3),
     # ------------------------------------------------------------------------------------------------- loggers
-    Command("loggers", "ctrl+l", "Loggers", "choose another logger", "Go",
-            _BOTH + _DETAIL + _ASIDE, typed=Typed(("loggers",))),
+    Command("loggers", "ctrl+l", "Loggers", "all loggers, how each stands; choose another, command many", "Go",
+            _BOTH + _DETAIL + _ASIDE, typed=Typed(("loggers", "fleet"))),
     Command("next_logger", "j,down", "Next", "next logger", "Loggers", _LOGGERS),
     Command("previous_logger", "k,up", "Previous", "previous logger", "Loggers", _LOGGERS),
     Command("first_logger", "g,home", "Top", "first logger", "Loggers", _LOGGERS),
@@ -265,8 +271,22 @@ COMMANDS: tuple[Command, ...] = (
     Command("loggers_down", "ctrl+d,pagedown", "Page down", "a page down", "Loggers", _LOGGERS),
     Command("loggers_up", "ctrl+u,pageup", "Page up", "a page up", "Loggers", _LOGGERS),
     Command("open_logger", "enter", "Open", "open this logger", "Loggers", _LOGGERS, 1),
-    Command("look_again", "r", "Look again", "look again, also at what could not be opened", "Loggers", _LOGGERS, 3),
-    Command("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 2),
+    Command("mark_logger", "space", "Mark", "mark or unmark, and move on", "Loggers", _LOGGERS, 2),
+    Command("start_stop_loggers", "S", "Start/Stop", "start or stop it, or all that are marked, after a question that "
+            "names them", "Loggers", _LOGGERS, 3, writes=True),
+    Command("restart_loggers", "R", "Restart", "stop and start it again, or all that are marked", "Loggers", _LOGGERS,
+            writes=True),
+    Command("save_loggers", "w", "Save", "write its data to files on the robot, or of all that are marked", "Loggers",
+            _LOGGERS, 4, writes=True),
+    Command("load_into_loggers", "L", "Load script", "load a script into it, or into all that are marked", "Loggers",
+            _LOGGERS, 5, writes=True),
+    Command("filter_loggers", "slash", "Filter", "show only some loggers", "Loggers", _LOGGERS, 6),
+    Command("order_loggers", "o", "Order", "by how they stand, name, rate, losses, disk", "Loggers", _LOGGERS, 9),
+    Command("mark_loggers", "asterisk", "Mark all", "mark all that are shown (again: unmark)", "Loggers", _LOGGERS),
+    Command("range_of_loggers", "V", "Range", "begin a range, move, V again to mark it", "Loggers", _LOGGERS),
+    Command("look_again", "r", "Look again", "forget those that are gone; try what could not be reached", "Loggers",
+            _LOGGERS, 8),
+    Command("demo", "D", "Demo", "start a simulated robot and open it", "Loggers", _LOGGERS, 7),
     # ---------------------------------------------------------------------------------------------- recordings
     Command("recordings", "F", "Recordings", "what was saved on the robot: open, fetch, delete", "Go",
             _BOTH + _DETAIL + _CONDITIONS + _EVENTS, asks=True, typed=Typed(("files",))),
@@ -293,7 +313,8 @@ COMMANDS: tuple[Command, ...] = (
     Command("range_of_recordings", "V", "Range", "begin a range, move, V again to mark it", "Recordings", _RECORDINGS),
     Command("filter_recordings", "slash", "Filter", "show only some recordings", "Recordings", _RECORDINGS, 7),
     Command("order_recordings", "o", "Order", "by begin, name, why, span, size", "Recordings", _RECORDINGS, 8),
-    Command("read_recordings", "r", "Read again", "read the list again", "Recordings", _RECORDINGS, asks=True),
+    Command("read_recordings", "r", "Read again", "read the list again", "Recordings", _RECORDINGS, asks=True,
+            retries=True),
     # -------------------------------------------------------------------------------------- triggers and alarms
     Command("triggers", "T", "Triggers", "conditions that save what was logged around them", "Go",
             _TABLE + _MONITOR + _DETAIL + _ALARMS + _RECORDINGS + _EVENTS, typed=Typed(("triggers",))),
@@ -315,7 +336,8 @@ COMMANDS: tuple[Command, ...] = (
             _CONDITIONS),
     Command("plot_conditions", "m", "Plots", "plot what the line, or what is marked, is about", "Triggers and alarms",
             _CONDITIONS, 7),
-    Command("read_conditions", "r", "Read again", "ask how they stand", "Triggers and alarms", _CONDITIONS, asks=True),
+    Command("read_conditions", "r", "Read again", "ask how they stand", "Triggers and alarms", _CONDITIONS, asks=True,
+            retries=True),
     Command("trigger_toggle", "t", "Arm/Off", "have the trigger watch, or no more", "Triggers", _TRIGGERS, 1,
             writes=True, asks=True),
     Command("trigger_edit", "e", "Edit", "change the trigger", "Triggers", _TRIGGERS, 2, writes=True, asks=True),
@@ -364,6 +386,12 @@ COMMANDS: tuple[Command, ...] = (
     # ----------------------------------------------------------------------------------------------- only typed
     Command("set", "", "Edit", "edit what is marked", "Edit", (), writes=True,
             typed=Typed(("set",), "settings", ":set div=5 size=10s", "edit what is marked, by these words:", 3)),
+    Command("control", "", "Control", "who is connected; take, release or give away control", "Edit", (), asks=True,
+            typed=Typed(("control",), "control", ":control take|release|give NAME",
+                        "one operator at a time; without words, who is connected", 9)),
+    Command("derive", "", "Derive", "make or change a signal that is computed from others; x on its row forgets it",
+            "Look", (), writes=True, asks=True,
+            typed=Typed(("derive",), "derived", ":derive NAME EXPRESSION", "a signal computed from others", 10)),
     Command("goto", "", "Go to", "put the cursor on an element", "Move", (),
             typed=Typed(("goto",), "names", ":goto NAME", "put the cursor there", 5)),
     Command("unmark", "", "Unmark", "unmark everything", "Find and mark", (), typed=Typed(("unmark",))),

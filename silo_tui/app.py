@@ -10,13 +10,14 @@ from textual.app import App
 from textual.command import CommandPalette
 
 from silo.ipc.published import Event, EventKind
+from silo.ipc.senders import is_by
 from silo_tui import terminal, theme
 from silo_tui.actions import FILE_SCOPES
 from silo_tui.commands import flows
 from silo_tui.commands.opening import Opener
 from silo_tui.commands.palette import CommandProvider
 from silo_tui.commands.runner import CommandRunner
-from silo_tui.context import Context
+from silo_tui.context import Context, Later
 from silo_tui.model import dots
 from silo_tui.screens.holding import Holding
 from silo_tui.sessions.demo import Demo
@@ -140,7 +141,7 @@ class SiloApp(App[None]):
         if not paint:
             return
         if frame.running != session.running and not session.dead:
-            self.run_worker(self._refresh_status(), group="status", exclusive=True)
+            self.run_worker(Later(self._refresh_status), group="status", exclusive=True)
         self.context.tell_upper(lambda screen: screen.live_changed(frame))
         self._tell_thinness()
 
@@ -158,11 +159,12 @@ class SiloApp(App[None]):
         self._opener.keep_view()
         session = self._live_session
         if session is not None and session.conditions_due and session.fresh:
-            self.run_worker(self._refresh_conditions(session), group="conditions", exclusive=True)
+            self.run_worker(Later(self._refresh_conditions, session), group="conditions", exclusive=True)
         if session is not None and session.lost_since is not None and session.link and session.link.connected:
-            self.run_worker(self._regain(session), group="regain")  # it came back, but didn't answer at once
+            self.run_worker(Later(self._regain, session), group="regain")  # it came back, but didn't answer at once
         elif session is not None and session.running and session.connected and session.status.durable_ticks >= 0:
-            self.run_worker(self._refresh_status(), group="status", exclusive=True)  # no frame tells what is durable
+            # no frame tells what is durable
+            self.run_worker(Later(self._refresh_status), group="status", exclusive=True)
 
     async def _refresh_conditions(self, session: Session) -> None:
         await self.context.quietly(session.refresh_conditions())
@@ -180,7 +182,7 @@ class SiloApp(App[None]):
         if session is None or message.link is not session.link:
             return
         if message.connected:
-            self.run_worker(self._regain(session), group="regain", exclusive=True)
+            self.run_worker(Later(self._regain, session), group="regain", exclusive=True)
         else:
             session.lose()
             self.context.status_changed()
@@ -191,7 +193,9 @@ class SiloApp(App[None]):
         if session is None or session.link is None:
             return
         if session.link.connected:
-            self.run_worker(self._regain(session, quiet=session.lost_since is None), group="regain", exclusive=True)
+            self.run_worker(
+                Later(self._regain, session, quiet=session.lost_since is None), group="regain", exclusive=True
+            )
         else:
             session.lose()
             self.context.status_changed()
@@ -211,17 +215,17 @@ class SiloApp(App[None]):
         """Follow what somebody did, or what happened, in a worker: asking takes time, keys don't wait."""
         session = self._live_session
         if session is not None and message.link is session.link:
-            self.run_worker(self._take_event(session, message.event), group="news")
+            self.run_worker(Later(self._take_event, session, message.event), group="news")
 
     async def _take_event(self, session: Session, event: Event) -> None:
         context = self.context
         async with self._news:
             await context.quietly(session.take_event(event))
-        own = event.by == self._finder.own_name  # whoever asked tells how it went
+        own = is_by(event.by, self._finder.own_name)  # whoever asked tells how it went
         if event.kind is EventKind.SAVE_FAILED and not own and not self.screen.is_modal:
             context.fail(event.text)
         elif event.kind not in QUIET_KINDS and not own:
-            told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else event.text
+            told = f'marker "{event.text}"' if event.kind is EventKind.MARKER else session.table.shown(event.text)
             context.say(told + (f" ({event.by})" if event.by else ""))
         if event.kind is not EventKind.SAVING:
             context.table_changed()
@@ -254,6 +258,9 @@ class SiloApp(App[None]):
         from silo_tui.screens.save_data import SaveDialog
 
         self.push_screen(SaveDialog(self.context))
+
+    def command_try_link(self) -> None:
+        self.context.try_link()
 
     def command_suspend(self) -> None:
         self.action_suspend_process()
@@ -331,8 +338,8 @@ class SiloApp(App[None]):
         from silo_tui.screens.opened import open_saved
 
         session = self.context.session
-        opening = open_saved(
-            self.context, session, session.left_files,
+        opening = Later(
+            open_saved, self.context, session, session.left_files,
             lambda file: [name for name in asked.names if name in file.table.names],
         )  # fmt: skip
         self.run_worker(opening, group="opening", exclusive=True)

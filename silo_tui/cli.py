@@ -40,7 +40,9 @@ Examples:
     help="Look at this remote, or Zenoh configuration, alone; `local`: at this computer alone.",
 )
 @click.option("--demo", is_flag=True, help="Start a simulated robot, open it, and end it on quitting.")
-@click.option("--read-only", is_flag=True, help="Look only: nothing that changes the logger.")
+@click.option(
+    "--read-only", is_flag=True, envvar="SILO_READ_ONLY", help="Look only: nothing is sent that changes the logger."
+)
 @click.option(
     "--rate", type=click.FloatRange(0.5, 10.0), metavar="HZ", help="Refreshes a second. Default: 5, or as set (F2)."
 )
@@ -176,7 +178,7 @@ def _run(
         settings = replace(settings, theme=theme)
     if mouse is None:
         mouse = terminal.mouse_wanted(settings.mouse)
-    finder = ClientFinder(config)
+    finder = ClientFinder(config, read_only=read_only)
     app = SiloApp(
         finder,
         name=logger,

@@ -5,14 +5,16 @@
 Screens, dialogs and commands import this and never `silo_tui.app`; it imports widgets and what stands below them.
 """
 
-from collections.abc import Callable, Coroutine, Sequence
-from typing import Any, cast
+from collections.abc import Awaitable, Callable, Coroutine, Generator, Sequence
+from functools import partial
+from typing import Any, ParamSpec, cast
 
 from textual import events
 from textual.app import App
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
+from silo.ipc.senders import read_only_words
 from silo_tui.actions import BY_ID, Command, edits_by
 from silo_tui.modal import Dialog, Leaving
 from silo_tui.sessions import kept
@@ -24,6 +26,27 @@ from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.inputs import Fleeting
 
 NOT_EDITED = "a saved file: nothing to edit"
+
+Arguments = ParamSpec("Arguments")
+
+
+class Later(Awaitable[object]):
+    """Work that begins when a worker awaits it.
+
+    A coroutine that is handed over instead is left behind, and Python warns of it, where the worker is cancelled before
+    it ran: by the next of its group, or by the end of its screen.
+    """
+
+    def __init__(
+        self,
+        work: Callable[Arguments, Coroutine[Any, Any, object]],
+        *arguments: Arguments.args,
+        **named: Arguments.kwargs,
+    ) -> None:
+        self._begin = partial(work, *arguments, **named)
+
+    def __await__(self) -> Generator[Any, None, object]:
+        return self._begin().__await__()
 
 
 class Held(Dialog[None]):
@@ -109,26 +132,44 @@ class Context:
 
     def allows(self, command: Command) -> bool:
         """Return whether a command may be carried out now; say why when it may not."""
-        return (not command.writes or self._may_write(command.label)) and (
-            not command.asks or self._may_ask(command.label)
-        )
+        return (not command.writes or self._may_do(command)) and (not command.asks or self._may_ask(command))
 
-    def _may_write(self, label: str) -> bool:
+    def _may_do(self, command: Command) -> bool:
+        """Whether a command may change loggers: of many each says itself whom it lets."""
+        if "loggers" not in command.scopes:
+            return self.may_write(command.label)
+        if self.read_only:
+            self.say(read_only_words(command.label))
+        return not self.read_only
+
+    def may_write(self, label: str) -> bool:
+        """Return whether the logger may be changed; say why when it may not."""
         if not self.has_session:
             return False
         if self.read_only:
-            self.say(f"{label}: this is a read-only session (--read-only)")
+            self.say(read_only_words(label))
             return False
         if not self.session.may_edit:
-            self.say(f"{label}: {self.session.status.user or 'its user'} lets you watch this logger, not change it")
+            self.say(f"{label}: {self.session.why_not}")
             return False
         return True
 
-    def _may_ask(self, label: str) -> bool:
+    def _may_ask(self, command: Command) -> bool:
         if not self.has_session or self.session.connected:
             return True
-        self.say(f"{label}: no link to {self.session.name}; it is tried again by itself")
+        if command.retries:
+            self.try_link()
+        else:
+            self.say(f"{command.label}: no link to {self.session.name}; r tries now")
         return False
+
+    def try_link(self) -> None:
+        """Look for the logger at once, where the link is lost."""
+        if self.session.connected:
+            self.say("the link is there")
+        else:
+            self.session.try_now()
+            self.say(f"no link to {self.session.name}: trying now")
 
     def offer_edits(self) -> None:
         """Offer what an earlier start kept, where there is any."""
@@ -172,6 +213,7 @@ class Context:
     def status_changed(self) -> None:
         """Tell the screens that the state of the logger or of the link changed."""
         self.tell(lambda screen: screen.status_changed())
+        self.tell(lambda screen: screen.update_keys())
 
     def say(self, words: str) -> None:
         """Show the result of something on the screen below any dialog."""
@@ -189,6 +231,7 @@ class Context:
 
     def fail(self, words: str) -> None:
         """Show an error; behind a dialog, its first line stays on the screen below."""
+        words = self.session.table.shown(words) if self.has_session else words
         if self.has_session and self.session.dead and self.session.status.reason:  # which the banner says
             words = words.replace(self.session.status.reason, "the robot program is gone")
         screen = self.upper_screen
@@ -238,11 +281,14 @@ class Context:
 
     def learn_scripts(self) -> None:
         """Ask for the names of the scripts, for completion."""
-        self.app.run_worker(self.quietly(self._learn_scripts()), group="scripts", exclusive=True)
+        self.app.run_worker(Later(self._learn_scripts), group="scripts", exclusive=True)
 
     async def _learn_scripts(self) -> None:
-        scripts = await self.link.read(lambda client: client.scripts())
-        self.script_names = tuple(scripts.names)
+        async def ask() -> None:
+            scripts = await self.link.read(lambda client: client.scripts())
+            self.script_names = tuple(scripts.names)
+
+        await self.quietly(ask())
 
     # ----------------------------------------------------------------------------------------------------- screens
 

@@ -3,9 +3,11 @@
 A page names it in a comment, `<!-- generated: commands -->`, and the text stands in its place.
 """
 
+import ast
 import inspect
 import re
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import click
 
@@ -14,6 +16,7 @@ from silo.files.formats import FORMATS, Keeps
 from silo.ipc import messages
 from silo_tui.actions import COMMANDS as ACTIONS
 
+ROOT = Path(__file__).resolve().parents[2]
 MARK = re.compile(r"<!-- generated: (\w+) -->")
 Page = Callable[[], str]
 
@@ -84,4 +87,22 @@ def formats() -> str:
     return _table(("ending", "what", "read again", "keeps beside values and stamps"), rows)
 
 
-GENERATED: dict[str, Page] = {"commands": commands, "keys": keys, "requests": requests, "formats": formats}
+def mistakes() -> str:
+    """Every natural mistake that a test types, and what its message says."""
+    source = (ROOT / "tests" / "unit" / "test_natural_mistakes.py").read_text(encoding="utf-8")
+    table = next(
+        ast.literal_eval(node.value)
+        for node in ast.parse(source).body
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == "MISTAKES"
+    )
+    rows = ((f"`{call}`", f"... {words} ...") for call, words in table.items())
+    return f"{_table(('written', 'the message says'), rows)}\n\n{len(table)} of them."
+
+
+GENERATED: dict[str, Page] = {
+    "commands": commands,
+    "keys": keys,
+    "requests": requests,
+    "formats": formats,
+    "mistakes": mistakes,
+}

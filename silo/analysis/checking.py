@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.analysis.expressions import RecordingJudge
+from silo.analysis.expressions import RecordingJudge, narrowed
 from silo.errors import ElementError
 from silo.judging.binding import bind
 from silo.judging.evaluation import FALSE, TRUE, UNOBSERVABLE
@@ -51,7 +51,8 @@ def check(
     `never` are conditions that must not be true, `always` ones that must not be false. Raises ElementError, with the
     place in the expression where it is one.
     """
-    judge = RecordingJudge(recording)
+    needed = [text for one in limits for text in (one.name, one.when)]
+    judge = RecordingJudge(narrowed(recording, [*needed, *never, *always]))
     found = [finding for one in limits for finding in _limited(judge, recording, one)]
     found += [_conditioned(judge, recording, text, TRUE, f"never {text}") for text in never]
     return found + [_conditioned(judge, recording, text, FALSE, f"always {text}") for text in always]

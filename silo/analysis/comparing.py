@@ -163,7 +163,7 @@ def compare(
 
 
 def _log(given: Any) -> Log:
-    from silo.analysis.log import open_log
+    from silo.analysis.opening import open_log
 
     return given if isinstance(given, Log) else open_log(given)
 

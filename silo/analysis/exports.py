@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from silo.analysis.samples import Samples
 from silo.errors import ElementError
 from silo.files.extras import need
+from silo.recording import places_on
 
 _WHAT = "tables"
 
@@ -127,9 +128,15 @@ def _column(signal: Samples) -> _Column:
 
 
 def _ticks(signal: Samples, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return which tick each sample belongs to: the signal's first stamp, then every divider-th."""
+    """Return which tick each sample belongs to: the signal's first stamp, then every divider-th.
+
+    Where these are not the stamps of the samples, it has stamps of its own.
+    """
     first = int(np.searchsorted(time_ns, signal.time_ns[0])) if len(signal) else 0
-    return first + np.arange(len(signal), dtype=np.int64) * signal.divider
+    ticks = first + np.arange(len(signal), dtype=np.int64) * signal.divider
+    if len(ticks) and (ticks[-1] >= len(time_ns) or not np.array_equal(time_ns[ticks], signal.time_ns)):
+        return places_on(time_ns, signal.time_ns)
+    return ticks
 
 
 def _pandas_column(pandas: Any, column: _Column, index: Any) -> Any:

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 
-from silo.files.judged import BATCH_TICKS, Evaluated, RecordingJudge
+from silo.files.judged import BATCH_TICKS, Evaluated, RecordingJudge, narrowed
 from silo.judging.binding import Bound
 
-__all__ = ["BATCH_TICKS", "Evaluated", "RecordingJudge", "is_expression", "labels_of"]
+__all__ = ["BATCH_TICKS", "Evaluated", "RecordingJudge", "is_expression", "labels_of", "narrowed"]
 
 
 def is_expression(pattern: str) -> bool:

@@ -1,15 +1,12 @@
-"""`open_log`: any log that silo reads, as a mapping from names to signals.
+"""`Log`: a log as a mapping from names to signals, with its parts, tables and plots.
 
-    log = silo.open_log("anymal_2026", folder="logs")     # the newest whose name starts so; a path; or a run number
-    torque = log["/log/joints/tau"]
-    torque.average(2.0, 3.5)
-
-Nothing but the header is read before a signal is asked for.
+log = silo.open_log("anymal_2026", folder="logs")
+torque = log["/log/joints/tau"]
+torque.average(2.0, 3.5)
 """
 
 import difflib
 import math
-import numbers
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,32 +19,24 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from silo.analysis.expressions import RecordingJudge
+from silo.analysis.expressions import RecordingJudge, narrowed
 from silo.analysis.happened import LogEvent, events_of
+from silo.analysis.lookup import Names
 from silo.analysis.recordings import clipped, resampled
 from silo.analysis.shapes import assembled, component_names
 from silo.analysis.signals import Signal
+from silo.arguments import INT64, real, shown, switch, text
 from silo.arguments import path as file_path
-from silo.arguments import real, shown, switch, text, whole
-from silo.calls import told, told_class
+from silo.calls import told_class
 from silo.display import html_table
-from silo.errors import ElementError, SaveError, UnknownNameError
-from silo.files.bag_index import BagElements
-from silo.files.formats import read_recording, writer_for
-from silo.files.naming import find_log, find_logs
-from silo.files.silo_whole import FileElements
+from silo.errors import ElementError, LogWarning, SaveError, UnknownNameError
+from silo.files.formats import writer_for
 from silo.judging.derived import bound_derived
 from silo.kinds import SCALAR
 from silo.model import NO_EXTRAS
-from silo.recording import RecordedElement, Recording
+from silo.recording import RecordedElement, Recording, common_axis, has_own_stamps, stamps_of
 
-MOST_RUNS = 10**9
-
-__all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError", "open_log", "open_logs"]
-
-
-class LogWarning(UserWarning):
-    """A log is damaged, cut off, or not complete; the text says what is missing."""
+__all__ = ["Log", "LogWarning", "Signal", "UnknownSignalError"]
 
 
 class UnknownSignalError(ElementError, KeyError):
@@ -57,61 +46,20 @@ class UnknownSignalError(ElementError, KeyError):
         return str(self.args[0])
 
 
-@told("silo.open_log")
-def open_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str] = ".") -> "Log":
-    """Open a saved log.
-
-    Every format that silo reads (`silo.files.formats`); of a file with another ending, the first bytes tell. What a
-    damaged file lacks is told by a `LogWarning` and in `log.warnings`.
-
-    Args:
-        which: a path, the start of a file name (the newest such is meant), or a run number. A folder or a glob
-            (`logs/*.silo`) means the newest log there; `open_logs` opens all.
-        folder: where names and run numbers are looked for.
-
-    Returns:
-        The log; what is large in it is read when it is asked for.
-
-    Raises:
-        LogNotFoundError: there is none.
-        FileFormatError: it is no log, or damaged beyond reading.
-        ElementError: `which` is something else.
-    """
-    if not isinstance(which, str | bytes | os.PathLike):
-        if not isinstance(which, numbers.Integral):
-            raise ElementError(
-                f"which log must be a path, the start of a file name or a run number, got {shown(which)}; write "
-                "silo.open_log('logs/robot_2026')"
-            )
-        which = whole("a run number", which, 0, MOST_RUNS)
-    path = find_log(which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder))
-    recording = read_recording(path)
-    for warning in recording.warnings:
-        warnings.warn(f"{path}: {warning}", LogWarning, stacklevel=3)
-    return Log(recording, os.fspath(path))
-
-
-@told("silo.open_logs")
-def open_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".") -> "list[Log]":
-    """Open several logs. Of one save in several formats the one that keeps most is taken.
-
-    Args:
-        which: a folder, a glob (`logs/run_*.silo`), or the start of a file name.
-        folder: where names are looked for.
-
-    Returns:
-        The logs, oldest first.
-
-    Raises:
-        LogNotFoundError: there is none.
-    """
-    paths = find_logs(file_path("which logs", which), file_path("folder", folder))
-    return [open_log(path) for path in paths]
-
-
 # what others call it
 _OTHER_NAMES = {
     "signals": "list(log) has the names, log['/log/x'] is one of them, log.glob('*') are all",
+    "columns": "list(log) has the names",
+    "head": "it is log.to_pandas().head()",
+    "describe": "it is log.to_pandas().describe(), or `silo stats FILE`",
+    "shape": "log['/log/x'].shape is that of a signal, len(log) counts them",
+    "mean": "it is of a signal: log['/log/x'].mean()",
+    "max": "it is of a signal: log['/log/x'].max()",
+    "min": "it is of a signal: log['/log/x'].min()",
+    "std": "it is of a signal: log['/log/x'].std()",
+    "close": "nothing is to be closed: a log is a value",
+    "filter": "log.names('joints/*') and log.glob('joints/*') choose, log.namespace('joints') is that part of the log",
+    "topics": "list(log) has the names of all signals",
     "time": "it is .times (seconds since start) or .time_ns",
     "duration": "it is .duration_s",
     "elements": "list(log) has the names, log['/log/x'] is one of them",
@@ -149,51 +97,40 @@ class Log(Mapping[str, Signal]):
         self.recording = recording
         self.path = path
         self._start_ns = start_ns
-        self._elements: dict[str, int] = {}
-        for place, name in enumerate(_names(recording.elements)):
-            self._elements[_unused(name, self._elements)] = place
+        self._names = Names(recording.elements, recording.prefix)
+        self._elements = self._names.elements
         # an element of the same name stands for itself
         defined = [one.name for one in recording.extras.derived if one.name not in self._elements]
         told = {one.name: why for one, _, why in bound_derived(self._judge.catalogue)} if defined else {}
         self._derived = [name for name in defined if not told[name]]
         self._blind = [name for name in defined if told[name]]  # what they need isn't in the log
 
-    @cached_property
-    def _entries(self) -> dict[str, tuple[int, int]]:
-        # made only for who asks for a scalar of an element, or for a name that is not there
-        found: dict[str, tuple[int, int]] = {}
-        for place, names in enumerate(_entry_names(self.recording.elements)):
-            for index, name in enumerate(names):
-                found.setdefault(name, (place, index))
-        return found
-
     # ------------------------------------------------------------------------------------------------------- mapping
 
     def __getitem__(self, name: str) -> Signal:
         if not isinstance(name, str):
+            several = isinstance(name, list | tuple) and all(isinstance(one, str) for one in name)
+            way_out = f"[log[name] for name in {shown(name)}] are several" if several else "list(log) has all names"
             raise UnknownSignalError(
-                f"a signal is named by a text, got {shown(name)} ({type(name).__name__}); list(log) has all names"
+                f"a signal is named by a text, got {shown(name)} ({type(name).__name__}); {way_out}"
             )
-        # elements with and without the prefix first: names of scalars may cost reading all of the log
-        for key in self._keys(name):
-            if key in self._elements:
-                return self._signal(key, self.recording.elements[self._elements[key]])
-        for key in self._keys(name):
-            if key in self._entries:
-                place, index = self._entries[key]
-                element = self.recording.elements[place]
-                entry = element.entries[index]
-                return self._signal(key, replace(element, name=key, kind=SCALAR.name, shape=(), entries=(entry,)))
-            if key in self._derived or key in self._blind:
-                return self._evaluated(f"`{key}`", key)
-        near = difflib.get_close_matches(name, [*self._elements, *self._entries, *self._derived], 3, 0.5)
-        near = near or [key for key in self._elements if name.lower() in key.lower()][:3]
-        hint = f"; did you mean {', '.join(near)}?" if near else f"; it has {len(self)} elements, see list(log)"
-        raise UnknownSignalError(f"the log has no signal '{name}'{hint}")
+        found = self._names.find(name)
+        if found is None:
+            for key in self._names.keys(name):
+                if key in self._derived or key in self._blind:
+                    return self._evaluated(f"`{key}`", key)
+            raise UnknownSignalError(f"the log has no signal '{name}'{self._names.hint(name, self._derived)}")
+        key, place, index = found
+        element = self.recording.elements[place]
+        if index is None:
+            return self._signal(key, element)
+        entry = element.entries[index]
+        return self._signal(key, replace(element, name=key, kind=SCALAR.name, shape=(), entries=(entry,)))
 
     def __contains__(self, name: object) -> bool:
-        known = self._keys(name) if isinstance(name, str) else ()
-        return any(key in self._elements or key in self._entries or key in self._derived for key in known)
+        if not isinstance(name, str):
+            return False
+        return self._names.find(name) is not None or any(key in self._derived for key in self._names.keys(name))
 
     def __iter__(self) -> Iterator[str]:
         yield from self._elements
@@ -233,6 +170,8 @@ class Log(Mapping[str, Signal]):
 
         def __getattr__(self, name: str) -> Any:
             near = [] if name.startswith("_") else difflib.get_close_matches(name, dir(type(self)), 1, 0.7)
+            if not name.startswith("_") and name not in _OTHER_NAMES and name in self:
+                raise UnknownNameError(f"a log has no '{name}': the signal is log['{name}']", name=name)
             way_out = _OTHER_NAMES.get(
                 name, f"did you mean '{near[0]}'?" if near else "help(silo.Log) lists what there is"
             )
@@ -284,7 +223,7 @@ class Log(Mapping[str, Signal]):
         Raises:
             ElementError: there is no tick between them.
         """
-        low, high = (self._bound(*each) for each in (("start_s", start_s, 0), ("stop_s", stop_s, -1)))
+        low, high = (self._bound(*each) for each in (("start_s", start_s, 0), ("stop_s", stop_s, 1)))
         made = clipped(self.recording, low, high)
         if not len(made.time_ns) and len(self.time_ns):
             raise ElementError(
@@ -295,7 +234,7 @@ class Log(Mapping[str, Signal]):
 
     def _bound(self, argument: str, given: float | None, end: int) -> int:
         if given is None:
-            return int(self.time_ns[end]) if len(self.time_ns) else 0
+            return INT64[end]
         return self.start_ns + round(real(argument, given, -1e9, 1e9, "s since start") * 1e9)
 
     def resample(self, times: "Signal | ArrayLike | float", method: Literal["hold", "linear"] = "hold") -> "Log":
@@ -403,7 +342,7 @@ class Log(Mapping[str, Signal]):
         return self._evaluated(expression, expression)
 
     def _evaluated(self, expression: str, name: str) -> Signal:
-        found = self._judge.evaluate(expression)
+        found = self._judge_of(expression).evaluate(expression)
         dividers = set(found.bound.sources.values())
         return Signal(
             name=name,
@@ -420,6 +359,11 @@ class Log(Mapping[str, Signal]):
     @cached_property
     def _judge(self) -> RecordingJudge:
         return RecordingJudge(self.recording)
+
+    def _judge_of(self, expression: str) -> RecordingJudge:
+        """Of a bag of others, one that reads no more than the expression needs."""
+        recording = narrowed(self.recording, [expression])
+        return self._judge if recording is self.recording else RecordingJudge(recording)
 
     # ---------------------------------------------------------------------------------------------------------- facts
 
@@ -465,7 +409,7 @@ class Log(Mapping[str, Signal]):
         """
         from silo.analysis.exports import log_to_pandas
 
-        return log_to_pandas({name: self[name] for name in self.names(pattern)}, self.time_ns)
+        return log_to_pandas(*self._table(pattern))
 
     def to_polars(self, pattern: str = "*") -> Any:
         """Return a polars DataFrame: `time`, then one column per scalar, null where there is no sample.
@@ -475,7 +419,7 @@ class Log(Mapping[str, Signal]):
         """
         from silo.analysis.exports import log_to_polars
 
-        return log_to_polars({name: self[name] for name in self.names(pattern)}, self.time_ns)
+        return log_to_polars(*self._table(pattern))
 
     def to_xarray(self, pattern: str = "*") -> Any:
         """Return an xarray Dataset with one variable per element.
@@ -485,20 +429,21 @@ class Log(Mapping[str, Signal]):
         """
         from silo.analysis.exports import log_to_xarray
 
-        return log_to_xarray({name: self[name] for name in self.names(pattern)}, self.time_ns)
+        return log_to_xarray(*self._table(pattern))
 
-    def _keys(self, name: str) -> tuple[str, str]:
-        return name, f"{self.recording.prefix}/{name.lstrip('/')}"
+    def _table(self, pattern: str) -> tuple[dict[str, Signal], NDArray[np.int64]]:
+        """Return signals, and the stamps of the rows of a table of them: the ticks, or all stamps that they have."""
+        signals = {name: self[name] for name in self.names(pattern)}
+        own = has_own_stamps(self.recording)
+        return signals, common_axis([one.time_ns for one in signals.values()]) if own else self.time_ns
 
     def _signal(self, name: str, element: RecordedElement) -> Signal:
-        count = element.count
-        stop = element.first + (count - 1) * element.divider + 1 if count else element.first
         entries = element.entries
         labels = entries[0].entry.labels if len({repr(entry.entry.labels) for entry in entries}) == 1 else None
         return Signal(
             name=name,
             values=assembled(element),
-            time_ns=self.time_ns[element.first : stop : element.divider],
+            time_ns=stamps_of(self.recording, element),
             unit=element.unit,
             kind=element.kind,
             divider=element.divider,
@@ -508,24 +453,3 @@ class Log(Mapping[str, Signal]):
             description=element.description,
             failures=element.failures,
         )
-
-
-def _names(elements: Sequence[RecordedElement]) -> list[str]:
-    if isinstance(elements, FileElements | BagElements):
-        return elements.names
-    return [element.name for element in elements]
-
-
-def _entry_names(elements: Sequence[RecordedElement]) -> list[list[str]]:
-    if isinstance(elements, BagElements):
-        return elements.entry_names
-    return [[entry.name for entry in element.entries] for element in elements]
-
-
-def _unused(name: str, taken: Mapping[str, object]) -> str:
-    number = 1
-    unique = name
-    while unique in taken:
-        number += 1
-        unique = f"{name}#{number}"
-    return unique

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.calculus import Floats
-from silo.analysis.expressions import RecordingJudge, is_expression, labels_of
+from silo.analysis.expressions import RecordingJudge, is_expression, labels_of, narrowed
 from silo.errors import ElementError
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.recording import RecordedElement, RecordedEntry, Recording, stamps_of
 from silo.values import as_floats, printable
 from silo.values import text_of as value_text
 
@@ -82,9 +82,7 @@ def pick_all(recording: Recording) -> list[Picked]:
 
 def picked(recording: Recording, element: RecordedElement, entry: RecordedEntry) -> Picked:
     """Return one entry with its time stamps, by the rule of `RecordedElement`."""
-    stop = element.first + element.count * element.divider
-    times = recording.time_ns[element.first : stop : element.divider]
-    return Picked(entry.name, element.unit, times, entry.values, entry.entry.labels or {})
+    return Picked(entry.name, element.unit, stamps_of(recording, element), entry.values, entry.entry.labels or {})
 
 
 def window(signal: Picked, start_ns: float, stop_ns: float) -> Picked:
@@ -118,7 +116,7 @@ def _find(recording: Recording, pattern: str) -> list[tuple[RecordedElement, Rec
 
 def _computed(recording: Recording, pattern: str) -> list[Picked]:
     """What an expression or a derived signal gives: one curve, or one per value of a vector. None for another word."""
-    judge = RecordingJudge(recording)
+    judge = RecordingJudge(narrowed(recording, [pattern]))
     derived = judge.derived(pattern)
     if derived is None and not is_expression(pattern):
         return []

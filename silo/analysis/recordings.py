@@ -4,6 +4,7 @@ Pure functions on a `Recording`; values stay views of the file where they can.
 """
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -11,14 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.model import BufferType
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.recording import RecordedElement, RecordedEntry, Recording, lazy_entry, plain_element, stamps_of
 
 
 def clipped(recording: Recording, first_ns: int, last_ns: int) -> Recording:
     """Return the ticks with stamps from `first_ns` to `last_ns`, both included, and what was logged at them."""
     low = int(np.searchsorted(recording.time_ns, first_ns, side="left"))
     high = max(low, int(np.searchsorted(recording.time_ns, last_ns, side="right")))
-    elements = tuple(_between(element, low, high) for element in recording.elements)
+    elements = tuple(
+        _between(element, low, high)
+        if element.own_ns is None
+        else _own_between(element, element.own_ns, first_ns, last_ns)
+        for element in recording.elements
+    )
     offset = recording.offset - (len(recording.time_ns) - high)
     begin = offset - (high - low)
     events = tuple(event for event in recording.events if begin <= event.tick < offset)
@@ -34,6 +40,18 @@ def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
     entries = tuple(replace(entry, values=entry.values[begin:end]) for entry in element.entries)
     # a stretch from the middle is what a growing buffer would have held
     return replace(element, first=max(first, 0), entries=entries, buffer_type=BufferType.GROWING)
+
+
+def _own_between(element: RecordedElement, own: NDArray[np.int64], first_ns: int, last_ns: int) -> RecordedElement:
+    """The samples of an element with time stamps of its own, read when they are asked for."""
+    begin = int(np.searchsorted(own, first_ns, side="left"))
+    end = max(begin, int(np.searchsorted(own, last_ns, side="right")))
+    entries = tuple(lazy_entry(entry.name, entry.entry, partial(_cut, entry, begin, end)) for entry in element.entries)
+    return plain_element(element, own_ns=own[begin:end], entries=entries)
+
+
+def _cut(entry: RecordedEntry, begin: int, end: int) -> NDArray[Any]:
+    return entry.values[begin:end]
 
 
 def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) -> Recording:
@@ -60,12 +78,16 @@ def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) ->
     )
 
 
+def _dtype(element: RecordedElement, entry: RecordedEntry) -> np.dtype[Any]:
+    """The type of an entry; of a bag of others what the message type says, which costs no reading."""
+    return np.dtype(entry.entry.dtype) if element.own_ns is not None else entry.values.dtype
+
+
 def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int64], linear: bool) -> RecordedElement:
-    stop = element.first + element.count * element.divider
-    own = recording.time_ns[element.first : stop : element.divider]
+    own = stamps_of(recording, element)
     places = np.searchsorted(own, time_ns, side="right") - 1
     begin = int(np.searchsorted(places, 0))
-    smooth = linear and all(e.values.dtype.kind == "f" for e in element.entries)
+    smooth = linear and all(_dtype(element, e).kind == "f" for e in element.entries)
     end = int(np.searchsorted(time_ns, own[-1], side="right")) if smooth and len(own) else len(time_ns)
     places = places[begin : max(begin, end)]
     wanted = time_ns[begin : max(begin, end)]
@@ -78,6 +100,9 @@ def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int6
         found: NDArray[Any] = made.astype(entry.values.dtype)
         return found
 
-    entries = tuple(replace(entry, values=values(entry)) for entry in element.entries)
     first = begin if len(places) else 0
+    if element.own_ns is not None:
+        lazy = tuple(lazy_entry(e.name, e.entry, partial(values, e)) for e in element.entries)
+        return plain_element(element, own_ns=None, first=first, entries=lazy)
+    entries = tuple(replace(entry, values=values(entry)) for entry in element.entries)
     return replace(element, divider=1, first=first, entries=entries, buffer_type=BufferType.GROWING)

@@ -12,7 +12,7 @@ import numpy as np
 
 from silo.analysis.happened import LogEvent, event_lines, events_of
 from silo.analysis.picking import Picked, picked, text_of
-from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording
+from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording, stamps_of
 
 
 class ElementReport(msgspec.Struct, frozen=True):
@@ -97,7 +97,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
 
 def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
     count = element.count
-    times = recording.time_ns[element.first : element.first + count * element.divider : element.divider]
+    times = stamps_of(recording, element)
     zero = int(recording.time_ns[0]) if len(recording.time_ns) else 0
     span = float(times[-1] - times[0]) / 1e9 if count else 0.0
     labels = element.entries[0].entry.labels if element.entries else None
@@ -120,7 +120,10 @@ def _describe(recording: Recording, element: RecordedElement) -> ElementReport:
 
 
 def _type(element: RecordedElement) -> str:
-    types = list(dict.fromkeys(_type_name(entry.values.dtype) for entry in element.entries))
+    # of a bag of others, a type must not cost reading a topic
+    own = element.own_ns is not None
+    dtypes = [np.dtype(entry.entry.dtype) if own else entry.values.dtype for entry in element.entries]
+    types = list(dict.fromkeys(_type_name(dtype) for dtype in dtypes))
     shape = f"[{','.join(map(str, element.shape))}]" if element.shape else ""
     return ("/".join(types[:3]) + ("/…" if len(types) > 3 else "") or "-") + shape
 

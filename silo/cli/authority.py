@@ -18,6 +18,7 @@ from typing import Any
 
 from silo.errors import SiloError
 from silo.ipc.access import ROLES, access_control
+from silo.ipc.admission import CHECKED
 from silo.ipc.configuration import LINK
 
 AUTHORITY_DAYS, ROBOT_DAYS = 3650, 825
@@ -192,11 +193,13 @@ def _client_text(folder: Path, host: str, port: int, name: str, password: str, r
 def _robot_text(folder: Path, host: str, port: int, name: str, password: str, role: str) -> str:
     return (
         f"// Connects robots to the router on {host}; it holds a password.\n"
-        f'//     log.serve(config="{name}.json5")\n' + _way(folder, host, port, name, password)
+        f'//     log.serve(config="{name}.json5")\n'
+        "// That router admits each user to its own name alone, so robots say of who changed something: proven.\n"
+        + _way(folder, host, port, name, password, {"metadata": {"silo": {CHECKED: True}}})
     )
 
 
-def _way(folder: Path, host: str, port: int, name: str, password: str) -> str:
+def _way(folder: Path, host: str, port: int, name: str, password: str, more: dict[str, Any] | None = None) -> str:
     values = {
         "connect": {"endpoints": [f"tls/{_at(host)}:{port}"]},
         "transport": {
@@ -205,6 +208,7 @@ def _way(folder: Path, host: str, port: int, name: str, password: str) -> str:
                 "tls": {"root_ca_certificate_base64": base64.b64encode((folder / "ca.pem").read_bytes()).decode()}
             },
         },
+        **(more or {}),
     }
     return json.dumps(values, indent=2) + "\n"
 

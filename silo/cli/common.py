@@ -16,10 +16,11 @@ if TYPE_CHECKING:
     from silo.ipc.client import Client
     from silo.ipc.discovery import Discovery
     from silo.ipc.found import Found
-    from silo.model import ElementInfo
+    from silo.model import ElementInfo, Status
 
 MOST_COMPLETIONS = 100
 TRY_AGAIN_S = 1.0
+READ_ONLY = "silo read-only"  # in the meta of the root's context
 
 _Made = TypeVar("_Made")
 _Command = TypeVar("_Command", bound=Callable[..., Any] | click.Command)
@@ -40,7 +41,27 @@ def config_option(command: click.Command) -> click.Command:
     elif not any("--config" in each.opts for each in command.params):
         note = click.Option(["--config"], metavar="NAME|FILE", expose_value=False, hidden=True, callback=_take_config)
         command.params.append(note)
+        looking = click.Option(["--read-only"], is_flag=True, expose_value=False, hidden=True, callback=_take_read_only)
+        command.params.append(looking)
     return command
+
+
+def check_control(control: bool) -> bool:
+    """Return whether a bridge offers control. Raises UsageError where nothing may be changed."""
+    if control and read_only():
+        raise click.UsageError("--control lets others change things, --read-only lets nobody: leave one out")
+    return control
+
+
+def _take_read_only(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
+    if value:
+        ctx.find_root().meta[READ_ONLY] = True
+
+
+def read_only() -> bool:
+    """Return whether nothing may be sent that changes anything: `--read-only`, before or after the command."""
+    ctx = click.get_current_context(silent=True)
+    return ctx is not None and bool(ctx.find_root().meta.get(READ_ONLY))
 
 
 def _take_config(ctx: click.Context, _param: click.Parameter, value: str | None) -> None:
@@ -109,6 +130,13 @@ def _forget_discovered() -> None:
         ctx.find_root().meta.pop(f"silo discovery {configuration()}", None)
 
 
+def tell_viewers(client: "Client") -> None:
+    """Raise RefusedError for who may not change anything, before a word of how a change could be made."""
+    hello = client.hello()
+    if not hello.may_edit:
+        raise RefusedError(hello.why_not)
+
+
 def find_logger(name: str | None) -> "Found":
     """Return the logger that an address means (`robot3/anymal`, `anymal`, `anymal.4711`), or the only one.
 
@@ -137,17 +165,22 @@ def connect(name: str | None) -> "Client":
     found = find_logger(name)
     from silo.ipc.client import Client
 
-    return Client.connect(found)
+    return Client.connect(found, read_only=read_only())
 
 
 def split_logger(words: Sequence[str], *, or_pattern: bool = False) -> tuple[str | None, list[str]]:
     """Return a leading name or address of a logger, if there is one, and the other words, patterns and settings.
 
     A word with a `/` in it is an address where a logger that is there has it, else a pattern. With `or_pattern`, a
-    plain word that names no logger is a pattern too, as long as only one logger can be meant.
+    plain word that names no logger is a pattern too, as long as only one logger can be meant. A URL names its logger,
+    and perhaps an element.
     """
+    from silo.ipc.addresses import is_url, parse_url
     from silo.ipc.found import ADDRESS
 
+    if words and is_url(words[0]):
+        url = parse_url(words[0])
+        return url.logger, [*([url.element] if url.element else []), *words[1:]]
     if not words or not ADDRESS.fullmatch(words[0]):
         return None, list(words)
     if "/" in words[0] and "~" not in words[0] and not discovered().named(words[0]):
@@ -348,3 +381,8 @@ def type_of(info: "ElementInfo") -> str:
     word = "text" if only.startswith("S") else "bool" if only == "b1" else only
     shape = "x".join(map(str, info.shape))
     return f"{word}[{shape}]" if shape else word
+
+
+def logged_for(status: "Status") -> str:
+    """How long a logger has been logging, fit to show; `-` before its first start."""
+    return show_duration((time.time_ns() - status.started_ns) / 1e9) if status.state.value == "running" else "-"

@@ -15,6 +15,7 @@ from silo.cli.common import (
     say_saved,
     show_rows,
     split_logger,
+    tell_viewers,
     unknown_logger,
     unsaved,
     unsaved_options,
@@ -115,6 +116,8 @@ def _set(
         click.echo(f"would change {what}")
         return
     runs = status.state is State.RUNNING
+    if runs:
+        tell_viewers(client)
     if runs and not restart:
         raise RefusedError(
             f"logger '{status.logger}' is running: `silo stop {status.logger}` first, or add --restart "

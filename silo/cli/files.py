@@ -37,6 +37,7 @@ def print_file_info(path: Path, as_json: bool) -> None:
     """Print what is in a log: elements with unit, type, samples, rate, span, lost. Raises `SiloError`."""
     from silo.analysis.reports import format_report, report
 
+    path = path if path.exists() else _find(str(path))
     recording = _read(path)
     facts = report(recording, str(path), _size_of(path))
     click.echo(msgspec.json.encode(facts).decode() if as_json else format_report(facts, _columns()))
@@ -72,14 +73,15 @@ def _clean_errors(command: Callable[_Params, _Result]) -> Callable[_Params, _Res
 
 _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT.
 
-    OUT may end in {writable()}; without an ending it is a bag folder. IN may be {readable()}
-    (of bags, those that silo wrote).
+    OUT may end in {writable()}; without an ending it is a bag folder. IN may be {readable()},
+    of silo or of others; where each topic of a bag has times of its own, --rate gives all the same.
 
     \b
     Examples:
       silo convert run.silo run.parquet
       silo convert 17 walk.rosbag2         (run number 17 of this folder)
       silo convert run.mcap run.silo
+      silo convert --rate 100 rosbag2_2026_11_22 drive.csv
     """
 
 
@@ -87,14 +89,15 @@ _CONVERT_HELP = f"""Convert a log to another format, chosen by the ending of OUT
 @click.argument("source", metavar="IN", shell_complete=_complete_file)
 @click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
 @click.option("-f", "--force", is_flag=True, help="Replace OUT if it exists.")
+@click.option("--rate", type=click.FloatRange(min=0, min_open=True), metavar="HZ", help="All signals at this rate.")
 @_clean_errors
-def convert_command(source: str, target: Path, force: bool) -> None:
+def convert_command(source: str, target: Path, force: bool, rate: float | None) -> None:
     """Convert a log; the help is `_CONVERT_HELP`."""
     from silo.files.convert import convert
 
     path = _find(source)
     with _progress_bar(f"{target.name}") as progress:
-        recording = convert(path, target, progress, force)
+        recording = convert(path, target, progress, force, lambda read: read if rate is None else _at_rate(read, rate))
     _warn(recording)
     click.echo(f"{target}  {_size_of(target)} bytes, {recording.entry_count} signals, {len(recording.time_ns)} ticks")
 
@@ -220,6 +223,12 @@ def plot_command(
     if left_out:
         click.echo(f"{left_out} more signals match; the first {_MOST_CURVES} are drawn", err=True)
     _warn(recording)
+
+
+def _at_rate(recording: "Recording", rate: float) -> "Recording":
+    from silo.analysis.log import Log
+
+    return Log(recording).resample(rate).recording
 
 
 def _find(which: str) -> Path:

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 
 import click
 
-from silo.cli.common import config_option
+from silo.cli.common import READ_ONLY, config_option
 from silo.errors import ConnectionLostError, SiloError
 from silo.version import VERSION
 
@@ -27,9 +27,10 @@ class LazyCommand:
 
 
 COMMANDS = {
-    "ls": LazyCommand("Loggers", "silo.cli.loggers", "ls", "List the loggers that run."),
-    "info": LazyCommand("Loggers", "silo.cli.loggers", "info", "Show a logger, its elements, or a saved file."),
+    "ls": LazyCommand("Loggers", "silo.cli.ls", "ls", "List the loggers that run."),
+    "info": LazyCommand("Loggers", "silo.cli.info", "info", "Show a logger, its elements, or a saved file."),
     "watch": LazyCommand("Loggers", "silo.cli.watch", "watch", "Print live values."),
+    "address": LazyCommand("Loggers", "silo.cli.address", "address", "Print how any language reaches a topic."),
     "set": LazyCommand("Loggers", "silo.cli.edits", "set_command", "Change how elements are logged."),
     "start": LazyCommand("Loggers", "silo.cli.loggers", "start", "Start logging."),
     "stop": LazyCommand("Loggers", "silo.cli.loggers", "stop", "Stop logging; the data stays."),
@@ -43,6 +44,7 @@ COMMANDS = {
     "script": LazyCommand("Loggers", "silo.cli.scripts", "script", "Show, check, load, save, compare scripts."),
     "trigger": LazyCommand("Loggers", "silo.cli.triggers", "trigger", "Save what was logged around a condition."),
     "alarms": LazyCommand("Loggers", "silo.cli.alarms", "alarms", "Show what is, or was, beyond its limits."),
+    "control": LazyCommand("Loggers", "silo.cli.control", "control", "One operator at a time: take, give, release."),
     "recover": LazyCommand("Loggers", "silo.cli.recover", "recover", "Save what programs that died left behind."),
     "convert": LazyCommand("Saved files", "silo.cli.files", "convert_command", "Convert a log to another format."),
     "plot": LazyCommand("Saved files", "silo.cli.files", "plot_command", "Draw signals of a log."),
@@ -103,9 +105,15 @@ class LazyGroup(click.Group):
     metavar="NAME|FILE",
     help="Look at this remote, or Zenoh configuration, alone; `local`: at this computer alone. Also after the command.",
 )
+@click.option(
+    "--read-only",
+    is_flag=True,
+    envvar="SILO_READ_ONLY",
+    help="Send nothing that changes anything. Also after the command.",
+)
 @click.version_option(VERSION, prog_name="silo")
 @click.pass_context
-def cli(ctx: click.Context, config: str) -> None:
+def cli(ctx: click.Context, config: str, read_only: bool) -> None:
     """Log, see, configure and save the signals of robots.
 
     LOGGER is a name, or HOST/NAME where several have the name (`silo ls` shows them). It may be left out of every
@@ -125,6 +133,8 @@ def cli(ctx: click.Context, config: str) -> None:
       4  two logs, or a script and a logger, differ
     """
     ctx.obj = config
+    if read_only:
+        ctx.meta[READ_ONLY] = True
 
 
 def main() -> None:

@@ -107,8 +107,7 @@ def ls(as_json: bool) -> None:
     Example:
       silo remote ls
     """
-    from silo.ipc.configuration import endpoints_of, from_file
-    from silo.ipc.probing import user_of
+    from silo.ipc.configuration import endpoints_of, from_file, user_of
 
     rows = []
     for name in remotes():

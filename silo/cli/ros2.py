@@ -6,7 +6,7 @@ import threading
 import click
 
 from silo.bridges.listening import check_installed
-from silo.cli.common import complete_logger, configuration
+from silo.cli.common import check_control, complete_logger, configuration
 
 DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical", "rolling")
 
@@ -37,12 +37,12 @@ def ros2(logger: str | None, router: str, domain: int, distro: str, control: boo
     from silo.bridges.services import pinned, services
     from silo.ipc.client import Client
 
-    config = configuration()  # of this thread's command
+    config, looks = configuration(), not check_control(control)  # of this thread's command
 
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
-    name, reach = pinned(lambda wanted: Client.connect(wanted, config=config), logger or "")
+    name, reach = pinned(lambda wanted: Client.connect(wanted, config=config, read_only=looks), logger or "")
     offered = services(reach, ros_name(name)) if control else {}
     with joined(router) as session:
         node = Node(domain, str(session.zid()), ros_name(name))

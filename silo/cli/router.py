@@ -25,13 +25,20 @@ def router(config: Path) -> None:
       silo config cp router.json5 && silo router --config router.json5
       silo router --config lab/server/server.json5
     """
+    from silo.ipc.admission import router_admission
+    from silo.ipc.configuration import from_file
     from silo.ipc.session import close, open_router
 
     session, endpoints = open_router(str(config))
+    admission = router_admission(from_file(str(config)), endpoints, str(config))
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     click.echo(f"router on {', '.join(endpoints)}")
+    if not admission.changes:
+        click.echo(f"nobody may change anything through it: {admission.why}", err=True)
+    elif not admission.proven:
+        click.echo("whoever may change something can do so under any name: its rules don't hold names", err=True)
     try:
         ended.wait()
     finally:

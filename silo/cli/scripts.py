@@ -5,7 +5,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from silo.cli.common import complete_logger, complete_script, connect, json_option, logger_argument, many, show_json
+from silo.cli.bulk import carry_out, everyone_option, many_meant
+from silo.cli.common import (
+    complete_logger,
+    complete_script,
+    connect,
+    discovered,
+    json_option,
+    logger_argument,
+    many,
+    show_json,
+)
 from silo.cli.edits import show_changes
 from silo.cli.files import EXIT_DIFFERENT
 
@@ -23,8 +33,15 @@ def script() -> None:
 
 
 def _split(words: tuple[str, ...]) -> tuple[str | None, str]:
-    """Return logger and path, either of which may be missing."""
-    paths = [word for word in words if word.endswith((".yaml", ".yml")) or "/" in word]
+    """Return logger and path, either of which may be missing. A word with a `/` may be an address."""
+    from silo.ipc.found import is_glob
+
+    def is_path(word: str) -> bool:
+        return word.endswith((".yaml", ".yml")) or (
+            "/" in word and not is_glob(word) and "~" not in word and not discovered().named(word)
+        )
+
+    paths = [word for word in words if is_path(word)]
     loggers = [word for word in words if word not in paths]
     if len(paths) > 1 or len(loggers) > 1:
         raise click.UsageError("give at most one logger and one path (ending in .yaml or .yml)")
@@ -97,15 +114,24 @@ def check(path: Path, logger: str | None) -> None:
 @script.command(short_help="Configure all elements by a script.")
 @click.argument("words", nargs=-1, metavar="[LOGGER] [PATH]", shell_complete=complete_script)
 @click.option("-n", "--dry-run", is_flag=True, help="Only show what would change.")
-def load(words: tuple[str, ...], dry_run: bool) -> None:
+@everyone_option
+def load(words: tuple[str, ...], dry_run: bool, everyone: bool) -> None:
     """Configure all elements by a script; only while the logger is stopped.
 
     \b
     Examples:
       silo script load demo walk.yaml
       silo script load demo walk.yaml --dry-run
+      silo script load 'robot*/anymal' walk.yaml --all
     """
     logger, path = _split(words)
+    if dry_run and everyone:
+        raise click.UsageError("--dry-run shows what one logger would change; leave out --all")
+    if not dry_run and (found := many_meant("load the script for", logger, everyone=everyone)) is not None:
+        from silo.ipc.bulk import loading
+
+        carry_out("load", found, loading(path))
+        return
     with connect(logger) as client:
         if dry_run:
             _diff(client, path)

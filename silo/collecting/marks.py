@@ -23,7 +23,8 @@ SLOT_SHIFT = SLOT.size.bit_length() - 1
 LAST_SLOT = SLOTS - 1
 MARKS_BYTES = SLOTS * SLOT.size
 
-Mark = Callable[[str], None]
+Mark = Callable[..., None]  # of words, as `Logger.mark` takes them
+NO_WORDS = "mark"
 
 
 def marker(area: memoryview, words: "memoryview[int]", head: int) -> Mark:
@@ -34,7 +35,9 @@ def marker(area: memoryview, words: "memoryview[int]", head: int) -> Mark:
 
     take, pack, now = itertools.count(1).__next__, SLOT.pack_into, time.time_ns
 
-    def mark(text: str) -> None:
+    def mark(text: str = NO_WORDS, *more: object) -> None:
+        if more:
+            text = " ".join(map(str, (text, *more)))
         number = take()
         try:
             data = text.encode()
@@ -45,7 +48,7 @@ def marker(area: memoryview, words: "memoryview[int]", head: int) -> Mark:
     return mark
 
 
-def no_mark(text: str) -> None:
+def no_mark(text: str = NO_WORDS, *more: object) -> None:
     """`mark()` where there is no run that could have it."""
 
 

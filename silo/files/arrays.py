@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from silo.errors import SaveError
 from silo.files.extras import need, whole_file
 from silo.files.texts import presentable
-from silo.recording import Progress, RecordedElement, Recording
+from silo.recording import Progress, RecordedElement, Recording, stamps_of
 
 # MATLAB cuts longer names
 _MATLAB_NAME = 63
@@ -163,10 +163,10 @@ def _fill_store(h5py: Any, store: Any, recording: Recording, progress: Progress 
     if recording.events:
         # a data set: an attribute holds at most 64 kB
         store.create_dataset(_free(store, "events"), data=msgspec.json.encode(recording.events).decode())
-    shared = {(0, 1, len(recording.time_ns)): store.create_dataset("time_ns", data=recording.time_ns)}
+    shared = {(0, 1, len(recording.time_ns), id(None)): store.create_dataset("time_ns", data=recording.time_ns)}
     for done, element in enumerate(recording.elements, start=1):
         group = _group(store, element.name)
-        when = (element.first, element.divider, element.count)
+        when = (element.first, element.divider, element.count, id(element.own_ns))
         if when not in shared:
             shared[when] = group.create_dataset(_free(group, "time_ns"), data=_times(recording, element))
         else:
@@ -240,8 +240,7 @@ def _hdf5_values(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _times(recording: Recording, element: RecordedElement) -> NDArray[np.int64]:
-    stop = element.first + element.count * element.divider
-    return recording.time_ns[element.first : stop : element.divider]
+    return stamps_of(recording, element)
 
 
 def _seconds(time_ns: NDArray[np.int64], start: int) -> NDArray[np.float64]:

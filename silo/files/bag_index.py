@@ -54,8 +54,8 @@ def read_index(data: memoryview) -> Index | None:
     opcode, length, start, _, checksum = _FOOTER.unpack_from(data, end)
     if opcode != Opcode.FOOTER or length != _FOOTER.size - _HEAD.size or not len(MAGIC) <= start < end:
         return None
-    # the footer counts up to its checksum
-    if zlib.crc32(data[start : end + _FOOTER.size - 4]) != checksum:
+    # the footer counts up to its checksum, which others may leave out
+    if checksum and zlib.crc32(data[start : end + _FOOTER.size - 4]) != checksum:
         return None
     attachments: dict[str, tuple[int, int]] = {}
     counts: Mapping[int, int] = {}

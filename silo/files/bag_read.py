@@ -3,7 +3,7 @@
 The facts attachment says where in which message each value stands; the message index says where in a chunk each
 message stands; so a chunk is read with one indexed load per channel, and `open_bag` reads only what is asked for
 (`silo.files.bag_index`). A file that was cut off gives what is whole, with a warning. Bags of others have no facts:
-`FileFormatError` says so.
+`open_bag` gives them to `silo.files.others`.
 """
 
 import mmap
@@ -47,13 +47,33 @@ def read_bag(path: str | os.PathLike[str]) -> Recording:
 
 
 def open_bag(path: str | os.PathLike[str]) -> Recording:
-    """As `read_bag`, but of a whole file each element is read when it is asked for.
+    """As `read_bag`, but of a whole file each element is read when it is asked for, and bags of others are read too.
 
     What is damaged in an element raises `FileFormatError` then.
     """
+    source = Path(path)
+    if _is_of_others(source):
+        return _opened_others(source)
     file, data = _mapped(path)
     with damage_told(file):
-        return _read_by_index(file, data) or _read(data)
+        index = read_index(data)
+        if index is None or {FACTS_ATTACHMENT, PART_ATTACHMENT} & index.attachments.keys():
+            try:
+                return _read_by_index(file, data, index) or _read(data)
+            except _NotOursError:
+                pass
+    return _opened_others(source)
+
+
+def _is_of_others(path: Path) -> bool:
+    """Whether the files alone tell that silo did not write it: it writes one .mcap file."""
+    return path.suffix == ".db3" or (path.is_dir() and len(list(path.glob("*.mcap"))) != 1)
+
+
+def _opened_others(path: Path) -> Recording:
+    from silo.files.others.recording import open_others
+
+    return open_others(path)
 
 
 def _mapped(path: str | os.PathLike[str]) -> tuple[Path, memoryview]:
@@ -79,9 +99,8 @@ def _storage_file(path: Path) -> Path:
     return files[0]
 
 
-def _read_by_index(file: Path, data: memoryview) -> Recording | None:
+def _read_by_index(file: Path, data: memoryview, index: Index | None) -> Recording | None:
     """The recording, its elements to be read when they are asked for; None where the file isn't whole or is a part."""
-    index = read_index(data)
     if (
         index is None
         or PART_ATTACHMENT in index.attachments
@@ -103,7 +122,11 @@ def _attached(data: memoryview, index: Index, name: str) -> bytes:
     return attachment(record_at(data, at, Opcode.ATTACHMENT))[2]
 
 
-def _read(data: memoryview) -> Recording:
+class _NotOursError(ValueError):
+    """No attachment of silo is in it."""
+
+
+def _read(data: memoryview) -> Recording:  # noqa: PLR0912  # a branch per record
     if bytes(data[: len(MAGIC)]) != MAGIC:
         raise FileFormatError("not an MCAP file: it doesn't start with the MCAP mark")
     facts: RecordingFacts | None = None
@@ -127,7 +150,8 @@ def _read(data: memoryview) -> Recording:
             elif name == TIME_ATTACHMENT:
                 times = unpack_times(content)
         elif opcode == Opcode.CHUNK:
-            chunk = unpack_chunk(body)
+            # in bags of silo, facts come first
+            chunk = unpack_chunk(body) if facts is not None else None
         elif opcode == Opcode.MESSAGE_INDEX and chunk is not None:
             channel, size = struct.unpack_from("<HI", body)
             entries = np.frombuffer(body[6 : 6 + size], dtype=INDEX_ENTRY)
@@ -136,13 +160,10 @@ def _read(data: memoryview) -> Recording:
         elif opcode == Opcode.DATA_END:
             complete = bytes(data[-len(MAGIC) :]) == MAGIC
             break
-    if facts is None or times is None:
-        raise ValueError(
-            "this bag was not written by silo, which reads only its own (the package rosbags reads others), or was cut "
-            "off before its table"
-            if complete or facts is None
-            else "cut off before its time stamps"
-        )
+    if facts is None:
+        raise _NotOursError("this bag was not written by silo, or was cut off before its table")
+    if times is None:
+        raise ValueError("cut off before its time stamps")
     return _recording(facts, times, tuple(map(recorded, elements)), _warnings(facts, elements, complete))
 
 

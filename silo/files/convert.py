@@ -6,7 +6,7 @@ Which formats there are says `silo.files.formats`.
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -24,10 +24,12 @@ def convert(
     target: str | os.PathLike[str],
     progress: Progress | None = None,
     force: bool = False,
+    change: Callable[[Recording], Recording] = lambda recording: recording,
 ) -> Recording:
-    """Read `source`, write `target`; the formats follow from the endings, a name without one is a bag folder.
+    """Read `source`, write what `change` makes of it to `target`; the formats follow from the endings, a name without
+    one is a bag folder.
 
-    Returns the recording that was read; its `warnings` say what a damaged source lacks. `progress` gets the fraction
+    Returns the recording that was written; its `warnings` say what a damaged source lacks. `progress` gets the fraction
     written. An existing target is replaced only with `force`, and only when the new one is complete. Raises
     `LogNotFoundError`, `FileFormatError` for the source, `SaveError` for the target, `SiloError` for a missing extra.
     """
@@ -35,7 +37,8 @@ def convert(
     write = writer_for(final)
     if final.exists() and not force:
         raise SaveError(f"'{final}' exists already; add --force to replace it, or choose another name")
-    recording = replace(_with_what_is_not_known(read_recording(source), Path(source)), why=CONVERTED)
+    recording = change(_with_what_is_not_known(read_recording(source), Path(source)))
+    recording = replace(recording, why=CONVERTED)
     if final.is_dir():
         with _set_aside(final):
             write(recording, final, progress)

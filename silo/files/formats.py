@@ -47,7 +47,8 @@ class Format(msgspec.Struct, frozen=True):
     endings: the first is what silo gives to new files; all are understood. folder: a log is a folder, not a file.
     saved_as: its number in the save request, for formats that a logger saves in. about: a few words for dialogs.
     extra: which extra of the package has the libraries that writing needs. mark: the first bytes of every file.
-    beside: what is added to the name for a second file, without which next to nothing is kept.
+    beside: what is added to the name for a second file, without which next to nothing is kept. own_times: whether each
+    element may have time stamps of its own.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Format(msgspec.Struct, frozen=True):
     writer: str
     keeps: Keeps = Keeps.NOTHING
     reader: str = ""
+    own_times: bool = False
     folder: bool = False
     saved_as: FileType | None = None
     extra: str = ""
@@ -77,6 +79,14 @@ class Format(msgspec.Struct, frozen=True):
         function = _function(self.writer)
 
         def write(recording: "Recording", path: Path, progress: "Progress | None") -> None:
+            from silo.recording import has_own_stamps
+
+            if not self.own_times and has_own_stamps(recording):
+                raise SaveError(
+                    f"'{path}' has one time for all signals, but in this bag each topic has its own: choose a rate, "
+                    f"log.resample(100).save({path.name!r}) or `silo convert --rate 100`; "
+                    f"{_list([one.ending for one in FORMATS if one.own_times])} keep the times of each"
+                )
             if recording.extras.derived:
                 from silo.files.derived import with_derived
 
@@ -144,17 +154,20 @@ FORMATS = (
         endings=(".mat",),
         about="MATLAB, Octave",
         writer="silo.files.arrays:write_mat",
+        own_times=True,
         extra="convert",
     ),
-    Format(name="numpy", endings=(".npz",), about="NumPy arrays", writer="silo.files.arrays:write_npz"),
+    Format(name="numpy", endings=(".npz",), about="NumPy arrays", writer="silo.files.arrays:write_npz", own_times=True),
     Format(
         name="hdf5",
         endings=(".h5", ".hdf5"),
         about="HDF5",
         writer="silo.files.arrays:write_hdf5",
+        own_times=True,
         extra="convert",
     ),
 )
+SQLITE_ENDING = ".db3"  # a file of rosbag2's other storage, which is read and not written
 FOLDER = next(one for one in FORMATS if one.folder)  # what a name without ending becomes
 SAVED = {kind: one for kind in FileType for one in FORMATS if one.saved_as is kind}
 SAVED_NAMES = tuple(one.name for one in SAVED.values())
@@ -207,7 +220,9 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
             raise FileFormatError(f"'{source}' is a folder without a bag in it")
         return FOLDER.load_reader()(source)
     found = format_of(source) if source.suffix else None
-    if found is None:
+    if source.suffix == SQLITE_ENDING:
+        found = FOLDER
+    elif found is None:
         found = _by_mark(source)
     elif found.folder:
         # a single file that is called like a bag folder
@@ -226,8 +241,8 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
 
 
 def is_bag_folder(path: Path) -> bool:
-    """Whether this is a folder with a rosbag2 recording."""
-    return path.is_dir() and ((path / "metadata.yaml").is_file() or any(path.glob("*.mcap")))
+    """Whether this is a folder with a rosbag2 recording, of silo or of others."""
+    return path.is_dir() and ((path / "metadata.yaml").is_file() or any(path.glob("*.mcap")) or any(path.glob("*.db3")))
 
 
 def savable() -> str:

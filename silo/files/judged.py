@@ -4,8 +4,9 @@ The judge is the same as of triggers and limits: an expression has a value at ev
 sample, the others hold (`silo.judging.evaluation`).
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
@@ -14,7 +15,14 @@ from numpy.typing import NDArray
 from silo.judging.binding import Bound, Catalogue, Known, bind
 from silo.judging.evaluation import UNOBSERVABLE, Evaluator, Judged, SourceRows
 from silo.model import Derived, Entry
-from silo.recording import RecordedElement, RecordedEntry, Recording
+from silo.recording import (
+    RecordedElement,
+    RecordedEntry,
+    Recording,
+    common_axis,
+    has_own_stamps,
+    places_on,
+)
 from silo.values import as_floats
 
 BATCH_TICKS = 16_384  # what is computed at once stays in the cache
@@ -33,21 +41,73 @@ class Evaluated:
     values: NDArray[np.float64] | NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class _Ticks:
+    """At which ticks a source has samples: `first`, then every `divider`-th, `count` in all.
+
+    Of elements with stamps of their own, `own` are the ticks themselves, and `divider` the longest way between two.
+    """
+
+    first: int
+    divider: int
+    count: int
+    own: NDArray[np.int64] | None = None
+
+    def between(self, begin: int, end: int) -> tuple[int, int]:
+        """Which samples belong to the ticks `begin ... end - 1`."""
+        if self.own is not None:
+            low, high = np.searchsorted(self.own, [begin, end]).tolist()
+            return low, high
+        low, high = (min(max(-(-(tick - self.first) // self.divider), 0), self.count) for tick in (begin, end))
+        return low, high
+
+    def numbers(self, low: int, high: int) -> NDArray[np.int64]:
+        """The ticks of samples."""
+        if self.own is not None:
+            return self.own[low:high]
+        return self.first + np.arange(low, high, dtype=np.int64) * self.divider
+
+    def among(self, ticks: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """At which of these ticks there is a sample."""
+        if self.own is not None:
+            return np.isin(ticks, self.own)
+        place, off = np.divmod(ticks - self.first, self.divider)
+        return np.asarray((off == 0) & (place >= 0) & (place < self.count))
+
+
+def narrowed(recording: Recording, texts: Iterable[str]) -> Recording:
+    """Return a bag of others with only the elements that expressions may mean; any other recording as it is.
+
+    Their stamps are the ticks of what is computed, and nothing of other topics is read.
+    """
+    if not has_own_stamps(recording):
+        return recording
+    words = " ".join(texts)
+    kept = recording.elements
+    if not _WILDCARD.search(words):
+        kept = [element for element in kept if element.name.rpartition("/")[2] in words]
+    return replace(recording, elements=tuple(kept))
+
+
+_WILDCARD = re.compile(r"\S[*?]|[*?]\S")
+
+
 class RecordingJudge:
-    """Computes expressions over one recording."""
+    """Computes expressions over one recording; the ticks of a bag of others are the stamps of all its elements."""
 
     def __init__(self, recording: Recording) -> None:
-        self._recording = recording
         self._elements = list(recording.elements)
-        numbers: dict[tuple[int, int, int], int] = {}
-        self._sources = [
-            numbers.setdefault((element.first, element.divider, element.count), len(numbers))
-            for element in self._elements
-        ]
-        self._layouts = {source: layout for layout, source in numbers.items()}
+        stamps = [element.own_ns for element in self._elements if element.own_ns is not None]
+        self.time_ns = common_axis(stamps) if stamps else recording.time_ns
+        # elements of one topic have the same array
+        own = {id(each): _own_ticks(self.time_ns, each) for each in {id(each): each for each in stamps}.values()}
+        numbers: dict[tuple[int, int, int, int], int] = {}
+        keys = [(one.first, one.divider, one.count, id(one.own_ns)) for one in self._elements]
+        self._sources = [numbers.setdefault(key, len(numbers)) for key in keys]
+        self._layouts = {source: own.get(key[3]) or _Ticks(*key[:3]) for key, source in numbers.items()}
         known = [
             Known(element.name, tuple(_entry(element, entry) for entry in element.entries), element.unit, source,
-                  element.divider)
+                  self._layouts[source].divider)
             for element, source in zip(self._elements, self._sources, strict=True)
         ]  # fmt: skip
         self.catalogue = Catalogue(known, recording.prefix, recording.extras.derived)
@@ -58,30 +118,30 @@ class RecordingJudge:
         wanted: dict[int, set[tuple[int, int]]] = {}
         for column in (column for bound in expressions for column in bound.columns):
             wanted.setdefault(column.source, set()).add((column.element, column.entry))
-        for begin in range(0, len(self._recording.time_ns), BATCH_TICKS):
+        for begin in range(0, len(self.time_ns), BATCH_TICKS):
             end = begin + BATCH_TICKS
             yield evaluator.feed({source: self.rows(source, keys, begin, end) for source, keys in wanted.items()})
 
     def rows(self, source: int, keys: set[tuple[int, int]], begin: int, end: int) -> SourceRows:
         """Return the samples of some columns of a source at the ticks `begin ... end - 1`."""
-        first, divider, count = self._layouts[source]
-        low, high = (min(max(-(-(tick - first) // divider), 0), count) for tick in (begin, end))
-        ticks = first + np.arange(low, high, dtype=np.int64) * divider
+        layout = self._layouts[source]
+        low, high = layout.between(begin, end)
+        ticks = layout.numbers(low, high)
         columns = {key: as_floats(self._elements[key[0]].entries[key[1]].values[low:high]) for key in keys}
-        return SourceRows(ticks, self._recording.time_ns[ticks], columns)
+        return SourceRows(ticks, self.time_ns[ticks], columns)
 
     def span(self, source: int) -> tuple[int, int]:
         """Return the time stamps, by number, from which on and before which the samples of a source hold."""
-        first, divider, count = self._layouts[source]
-        return first, first + divider * count
+        layout = self._layouts[source]
+        if layout.own is not None and len(layout.own):
+            return int(layout.own[0]), int(layout.own[-1]) + layout.divider
+        return layout.first, layout.first + layout.divider * layout.count
 
     def has_sample(self, bound: Bound, ticks: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return at which ticks a signal of an expression has a sample of its own, not one that is held."""
         found = np.zeros(len(ticks), bool)
         for source in bound.sources:
-            first, divider, count = self._layouts[source]
-            place, off = np.divmod(ticks - first, divider)
-            found |= (off == 0) & (place >= 0) & (place < count)
+            found |= self._layouts[source].among(ticks)
         return found
 
     def derived(self, name: str) -> Derived | None:
@@ -104,6 +164,13 @@ class RecordingJudge:
 
 
 _NO_TICKS = np.zeros(0, np.int64)
+
+
+def _own_ticks(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> _Ticks:
+    ticks = places_on(axis, stamps)
+    # a single message, as of a map, holds to the end
+    longest = int(np.diff(ticks).max()) if len(ticks) > 1 else len(axis) + 1
+    return _Ticks(0, longest, len(ticks), ticks)
 
 
 def _known(bound: Bound, judged: Judged) -> tuple[NDArray[np.float64] | NDArray[np.bool_], NDArray[np.bool_]]:

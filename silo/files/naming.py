@@ -146,8 +146,9 @@ def _by_run(run: int, folder: Path) -> Path:
 def _logs(folder: Path) -> Iterable[Path]:
     if not folder.is_dir():
         return ()
-    paths = (path for path in folder.iterdir() if path.suffix in LOG_ENDINGS and not path.name.startswith("."))
-    return [path for path in paths if path.is_file() or is_bag_folder(path)]
+    paths = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    # bags of others are folders of any name
+    return [path for path in paths if is_bag_folder(path) or (path.suffix in LOG_ENDINGS and path.is_file())]
 
 
 def _run_of(path: Path) -> int:
@@ -165,7 +166,7 @@ def _age_and_preference(path: Path) -> tuple[float, int, int]:
             made = datetime.strptime(match["when"], "%Y%m%d_%H-%M-%S").timestamp()
         except ValueError:
             made = path.stat().st_mtime
-    return made, _run_of(path), -LOG_ENDINGS.index(path.suffix)
+    return made, _run_of(path), -LOG_ENDINGS.index(path.suffix) if path.suffix in LOG_ENDINGS else -len(LOG_ENDINGS)
 
 
 def _newest_run(folder: Path, logger: str) -> int:

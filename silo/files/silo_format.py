@@ -16,7 +16,7 @@ import numpy as np
 
 from silo.kinds import SCALAR
 from silo.model import MARKER, NO_EXTRAS, BufferType, Extras, LoggedEvent
-from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording
+from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording
 
 BANNER = (
     b"#  ---------------------------------------------------------- #\n"
@@ -200,6 +200,11 @@ def facts_line(start: bytes, facts: LogFacts | ElementFacts | LoggedEvent) -> by
     return start + text + b"\n"
 
 
+def _is_named_otherwise(element: RecordedElement, entry: RecordedEntry) -> bool:
+    """Whether the name of an entry can't be put together from what else stands in the file."""
+    return table_name(entry.name) != entry.name or entry.name != element.name + entry.entry.suffix
+
+
 def element_facts(element: RecordedElement, first: int | None) -> ElementFacts:
     """The facts of an element that is about to be written."""
     entries = tuple(
@@ -207,7 +212,7 @@ def element_facts(element: RecordedElement, first: int | None) -> ElementFacts:
             suffix=plain_text(entry.entry.suffix),
             dtype=_dtype_text(entry.entry.dtype, entry.values.dtype),
             labels=entry.entry.labels and {key: plain_text(label) for key, label in entry.entry.labels.items()},
-            name=plain_text(entry.name) if table_name(entry.name) != entry.name else None,
+            name=plain_text(entry.name) if _is_named_otherwise(element, entry) else None,
         )
         for entry in element.entries
     )

@@ -5,7 +5,7 @@ import logging
 import sys
 
 from silo.helper.heap import limit_heap
-from silo.helper.helper import Helper, open_link
+from silo.helper.helper import Helper, ServingOptions, open_link
 
 
 def main() -> int:
@@ -17,11 +17,14 @@ def main() -> int:
     parser.add_argument("--id", default="", help="what the logger drew to tell it from others of its name")
     parser.add_argument("--group", help="system group whose members may connect")
     parser.add_argument("--config", help="Zenoh configuration with remote access")
+    parser.add_argument("--group-role", default="operator", help="viewer, or operator")
+    parser.add_argument("--control", default="any", help="one: changes need control")
     arguments = parser.parse_args()
     logging.basicConfig(level=logging.WARNING, format="silo: %(message)s", stream=sys.stderr)
     limit_heap()
     robot = open_link(arguments.fd, arguments.runs_fd)
-    return Helper(robot, arguments.name, arguments.group, arguments.config, arguments.id).run()
+    serving = ServingOptions(arguments.group, arguments.config, arguments.group_role, arguments.control)
+    return Helper(robot, arguments.name, serving, arguments.id).run()
 
 
 if __name__ == "__main__":

@@ -14,9 +14,12 @@ import msgspec
 import zenoh
 
 from silo.helper.answers import Answers
+from silo.helper.door import Door, attachment_of
+from silo.helper.events import plain
+from silo.helper.operators import Operators
 from silo.helper.requests import decode_ask, decode_do
 from silo.ipc.keys import Root
-from silo.ipc.messages import Refused, RefusedWhy, Request, SlowAsk
+from silo.ipc.messages import AnyDo, Hello, Refused, RefusedWhy, Request, SlowAsk
 
 MAX_WAITING = 64
 # Slow requests wait for their turn: their answers, of which one of 64 names takes 4.5 MB, are made one after the other.
@@ -33,19 +36,30 @@ Slow = tuple[zenoh.Query, SlowAsk[Any], int, float]  # with its bytes, and until
 class Control:
     """Owns the control threads."""
 
-    def __init__(self, session: zenoh.Session, root: Root, answers: Answers) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        root: Root,
+        answers: Answers,
+        door: Door,
+        operators: Operators,
+        know: Callable[[str, str, str], None],
+    ) -> None:
+        """`know` takes the id of a client, who it is in words, and its identity."""
         self._root = root
+        self._door, self._operators, self._know = door, operators, know
         self._answers = answers
         # when more wait, the oldest are dropped, and their clients get an empty answer at once
         self._asked = session.declare_queryable(root.key("ask"), zenoh.handlers.RingChannel(MAX_WAITING))
-        self._to_do = session.declare_queryable(root.key("do"), zenoh.handlers.RingChannel(MAX_WAITING))
+        self._to_do = [session.declare_queryable(key, zenoh.handlers.RingChannel(MAX_WAITING)) for key in door.keys]
+        self._doing = threading.Lock()  # one change after the other, whichever way they come
         self._slow: queue.Queue[Slow | None] = queue.Queue()
         self._slow_bytes = 0
         self._counting = threading.Lock()
         self._ending = False
         self._threads = [
             threading.Thread(target=self._serve, args=(self._asked.handler, self._ask), name="ask"),
-            threading.Thread(target=self._serve, args=(self._to_do.handler, self._do), name="do"),
+            *(threading.Thread(target=self._serve, args=(one.handler, self._do), name="do") for one in self._to_do),
             threading.Thread(target=self._read_slowly, name="slow"),
         ]
 
@@ -58,7 +72,7 @@ class Control:
         """End the threads and wait for them."""
         self._ending = True
         self._slow.put(None)
-        for queryable in (self._asked, self._to_do):
+        for queryable in (self._asked, *self._to_do):
             # ends the recv() of its thread
             queryable.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
         for thread in self._threads:
@@ -103,8 +117,23 @@ class Control:
         return Refused(RefusedWhy.FAILED, text)
 
     def _do(self, query: zenoh.Query) -> None:
-        request = decode_do(_payload(query))
-        self._reply(query, "do", lambda: self._answer(request))
+        payload, key = _payload(query), str(query.key_expr)
+        with self._doing:
+            self._reply(query, key, lambda: self._answer(self._signed(decode_do(payload), key, attachment_of(query))))
+
+    def _signed(self, request: AnyDo | Hello | Refused, key: str, attachment: bytes) -> Request[Any] | Refused:
+        """Return a request with its sender as the door knows it; refused, where that one may not change this now."""
+        if isinstance(request, Refused):
+            return request
+        sender = self._door.sender(key, attachment, plain(request.client))
+        if isinstance(sender, Refused):
+            return sender
+        if isinstance(request, Hello):
+            if request.id:
+                self._know(plain(request.id), sender.words, sender.identity)
+            return msgspec.structs.replace(request, id="")
+        self._operators.asking = sender
+        return self._operators.refused(request, sender) or msgspec.structs.replace(request, client=sender.words)
 
     def _answer(self, request: Request[Any] | Refused) -> bytes:
         return _encoder.encode(request) if isinstance(request, Refused) else self._answers.answer(request)
@@ -127,7 +156,10 @@ class Control:
         return True
 
     def _reply(self, query: zenoh.Query, key: str, answer: Callable[[], bytes]) -> None:
-        """Answer whatever happens: a request that breaks something is refused and logged, the thread goes on."""
+        """Answer whatever happens: a request that breaks something is refused and logged, the thread goes on.
+
+        `key` is the end of one of ours, or the whole of that which was asked.
+        """
         try:
             body = answer()
         except Exception as error:
@@ -135,7 +167,9 @@ class Control:
             body = _encoder.encode(Refused(RefusedWhy.FAILED, f"{type(error).__name__}: {error}"))
         try:
             with query:
-                query.reply(self._root.key(key), body)
+                # one with wildcards is refused, under some key that fits
+                own = self._root.do("nobody") if "*" in key else key
+                query.reply(own if "/" in own else self._root.key(own), body)
         except zenoh.ZError as error:
             # the client is gone, or asked for another key than ours
             log.debug("no reply could be sent: %s", error)

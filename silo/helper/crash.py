@@ -9,8 +9,8 @@ from silo.collecting.left_behind import BusyError, SavedMeanwhileError, claimed,
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, SiloError
 from silo.helper.events import Events
+from silo.helper.left_log import save_reader
 from silo.helper.mirror import Mirror
-from silo.helper.recovery import save_reader
 from silo.helper.saver import describe
 from silo.ipc.published import EventKind
 from silo.model import SavedFile

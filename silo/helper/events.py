@@ -3,6 +3,7 @@
 Any thread of the helper may tell; nobody waits for a slow client or a slow disk.
 """
 
+import logging
 import threading
 import time
 from collections.abc import Sequence
@@ -14,10 +15,14 @@ from silo.helper.event_log import EventLog
 from silo.helper.mirror import Mirror
 from silo.ipc.keys import Root
 from silo.ipc.published import Event, EventKind
+from silo.ipc.senders import came_by_network
 from silo.model import LoggedEvent, SavedFile
 
 MAX_BY = 120
 
+_QUIET = (EventKind.SAVING, EventKind.MARKER)  # not on the console of the robot program
+
+log = logging.getLogger("silo.helper")
 _encoder = msgspec.msgpack.Encoder()
 
 
@@ -69,6 +74,9 @@ class Events:
         )
         if kind is not EventKind.SAVING:  # only news; how it ends is logged
             event = self.log.add(event)
+        if came_by_network(by) and kind not in _QUIET:
+            # whoever sits before the robot wants to know why it does what nobody there asked for
+            log.warning("%s: %s, by %s", self._mirror.now.robot.logger, text, plain(by))
         with self._lock:
             self._number += 1
             told = Event(

@@ -14,6 +14,7 @@ import socket
 import threading
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +24,14 @@ from silo.errors import ConnectionLostError, SegmentError, SiloError
 from silo.helper.answers import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
+from silo.helper.door import Door
 from silo.helper.event_log import EventLog
 from silo.helper.events import Events, plain
 from silo.helper.journaling import Journaling
 from silo.helper.judge import Judge
 from silo.helper.marks import Marks
 from silo.helper.mirror import LoggerSnapshot, Mirror
+from silo.helper.operators import Operators
 from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
@@ -75,14 +78,23 @@ class _Ended(enum.Enum):
     FILES_DELETED = enum.auto()
 
 
+@dataclass(frozen=True)
+class ServingOptions:
+    """To whom a logger is served: see `silo.Logger.serve`."""
+
+    group: str | None = None
+    config: str | None = None
+    group_role: str = "operator"
+    control: str = "any"
+
+
 class Helper:
     """One helper process. `run` returns when it has ended."""
 
-    def __init__(self, robot: Robot, name: str, group: str | None, config: str | None, drawn: str = "") -> None:
+    def __init__(self, robot: Robot, name: str, serving: ServingOptions, drawn: str = "") -> None:
         self._robot = robot
         self._name = name
-        self._group = group
-        self._config = config
+        self._serving = serving
         self._root = Root(socket.gethostname(), name, drawn)
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._term_s = 0.0  # when SIGTERM came
@@ -92,6 +104,7 @@ class Helper:
         self._judge: Judge | None = None
         self._recording: Recording | None = None
         self._marks: Marks | None = None
+        self._operators: Operators | None = None
 
     def run(self) -> int:
         """Serve until the robot process is gone and nobody needs the helper any more; returns the exit code."""
@@ -113,28 +126,43 @@ class Helper:
         return self._exit_code
 
     def _open(self, first: RobotState) -> tuple[zenoh.Session, Path]:
-        folder = group_folder(self._group) if self._group else runtime_dir()
-        session, path = open_server(folder, self._name, first.pid, self._config, self._root)
-        if self._group:
+        group, config = self._serving.group, self._serving.config
+        folder = group_folder(group) if group else runtime_dir()
+        session, path = open_server(folder, self._name, first.pid, config, self._root, grouped=bool(group))
+        if group:
             share_socket(path, folder)
         return session, path
+
+    def _door(self, path: Path) -> Door:
+        door = Door.of(self._root, self._serving.config)
+        if self._serving.group:
+            door.share(path, self._serving.group, may_change=self._serving.group_role != "viewer")
+        if door.admission.why:
+            log.warning("%s: no changes are taken from the network: %s", self._name, door.admission.why)
+        return door
+
+    def _people(self, path: Path, mirror: Mirror, events: Events) -> tuple[Door, Operators]:
+        one, door = self._serving.control == "one", self._door(path)
+        operators = self._operators = Operators(events, mirror, self._name, one=one, closed=lambda: door.closed)
+        mirror.control = lambda: (operators.control, operators.one)
+        return door, operators
 
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
         mirror = Mirror(first)
         self._take_runs(mirror)
-        root = self._root
-        events = Events(session, root, mirror, EventLog(first.folder, first.logger))
+        events = Events(session, self._root, mirror, EventLog(first.folder, first.logger))
         marks = self._marks = Marks(mirror, events)
-        publisher = Publisher(session, root, mirror, events)
+        publisher = Publisher(session, self._root, mirror, events)
         saver = Saver(mirror, events, self._robot)
         journaling = Journaling(mirror, events)
         judge = self._judge = Judge(mirror, events)
         recording = self._recording = Recording(mirror, events)
-        answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording)
-        control = Control(session, root, answers)
+        people = self._people(path, mirror, events)
+        answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording, people[1])
+        control = Control(session, self._root, answers, *people, publisher.name_client)
         for part in (marks, publisher, saver, journaling, judge, recording, control):
             part.start()
-        token = session.liveliness().declare_token(root.key("alive"))
+        token = session.liveliness().declare_token(self._root.key("alive"))
         predecessors = PredecessorRecovery(mirror, events)
         self._robot.send(LinkReply(READY, Done(str(path))))
         predecessors.start()
@@ -152,7 +180,7 @@ class Helper:
             at_end.callback(token.undeclare)
             ended = self._follow_robot(mirror, events, saver, path)
             if ended is _Ended.DIED:
-                dead_mark(path).touch()  # first of all: who looks for the program may find its next start already
+                _tell_death(path, publisher)
             marks.stop()  # recordings have them, too
             # a helper process that comes after this one goes on with what was recorded, unless the logger is closed
             recording.stop(forget=ended is not _Ended.FILES_DELETED and not self._term_s)
@@ -167,7 +195,7 @@ class Helper:
                 within_s = math.inf if self._gave_up else CAPTURES_GRACE_S
                 judge.stop(ending, hand_over=self._gave_up, within_s=within_s)
                 journaling.stop()
-                events.publish(EventKind.CLOSED, "the robot program closed its logger")
+                _tell_end(events, publisher)
                 saver.stop(SAVE_GRACE_S)
             else:
                 self._robot.lost()
@@ -190,6 +218,8 @@ class Helper:
             readable = select.select(waited, [], [], timeout_s)[0]
             if self._wake in readable:
                 os.eventfd_read(self._wake)
+            if self._operators is not None:
+                self._operators.watch()
             if not readable and self._term_s and time.monotonic() >= self._term_s + TERM_GRACE_S:
                 log.warning("ended by SIGTERM; the robot program goes on")
                 self._gave_up = True
@@ -299,6 +329,17 @@ class Helper:
         self._term_s = time.monotonic()
         with contextlib.suppress(BlockingIOError):
             os.eventfd_write(self._wake, 1)
+
+
+def _tell_death(path: Path, publisher: Publisher) -> None:
+    """First of all: who looks for the program may find its next start already, and saving takes time."""
+    dead_mark(path).touch()
+    publisher.summary.die()
+
+
+def _tell_end(events: Events, publisher: Publisher) -> None:
+    events.publish(EventKind.CLOSED, "the robot program closed its logger")
+    publisher.summary.close()
 
 
 def _ready(descriptors: list[int]) -> bool:

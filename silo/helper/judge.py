@@ -39,6 +39,7 @@ IDLE_S = 0.1  # how often is looked whether there is a run with triggers
 
 STATE_NAME = re.compile(r".*\.judge").fullmatch  # of what a judge leaves; `silo.helper.judge_state` reads it
 
+WORST_PERIOD_S = 0.5  # how soon others see in the status what is violated
 ORDER_S = 1.5  # how long a client waits for the judge thread; it asks for 2 s
 
 log = logging.getLogger("silo.helper")
@@ -73,6 +74,7 @@ class Judge:
         self._hands_over = False
         self._orders: deque[tuple[Callable[[], Any], concurrent.futures.Future[Any]]] = deque()
         self._standing = Standing()  # at the end of the last run
+        self._worst_due_s = 0.0
         self._failed = ""
         self._thread = threading.Thread(target=self._watch, name="judge")
 
@@ -279,12 +281,16 @@ class Judge:
         self._adopt()
         judge = self._judge
         if judge is None or not judge.active:
+            self._mirror.alarm = ("", 0)
             return IDLE_S
         running = judge.reader.running  # before its rows are read: a stop after them is seen at the next look
         self._bring(judge, judge.step(self._is_late))
         if not running and not self._closed:
             self._closed = True
             self._bring(judge, judge.end(judge.reader.stop_reason or "the logger was stopped", self._is_late))
+        if time.monotonic() >= self._worst_due_s:  # of 10,000 limits it takes a millisecond
+            self._worst_due_s = time.monotonic() + WORST_PERIOD_S
+            self._mirror.alarm = judge.worst()
         return judge.wait_s
 
     def _is_late(self) -> bool:

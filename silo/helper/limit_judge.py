@@ -284,6 +284,19 @@ class LimitJudge:
                 count += one.limit.acknowledge(who, time_ns, chosen)
         return count
 
+    def worst(self) -> tuple[str, int]:
+        """Return the worst that is violated now, in the letters of `LimitWord`, and how many are; ("", 0) for none."""
+        count, worst, rank = 0, "", -1
+        for one in self._limited.values():
+            if one.why or one.silent:
+                continue
+            for state in one.limit.states:
+                if state.level or state.stale:
+                    count += 1
+                    if abs(state.level) > rank:
+                        rank, worst = abs(state.level), _word(state, 0.0).value
+        return worst, count
+
     # ------------------------------------------------------------------------------------------------------- words
 
     def statuses(self) -> list[LimitStatus]:

@@ -9,6 +9,7 @@ import functools
 import os
 import socket
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,9 +25,10 @@ from silo.ipc.messages import TableReply
 from silo.judging.derived import derived_infos
 from silo.link.handover import RunOffer
 from silo.link.messages import RobotState
-from silo.model import Derived, ElementInfo, LoggerOptions, State, Status, Storage, Table
+from silo.model import Control, Derived, ElementInfo, LoggerOptions, Present, State, Status, Storage, Table
 from silo.runtime import runtime_dir, user_name
 
+MOST_CLIENTS = 20
 FAILED_NAMES = 10  # of the status, which goes with every event
 
 _encoder = msgspec.msgpack.Encoder()
@@ -81,7 +83,11 @@ class Mirror:
         self.user = user_name(os.getuid())
         self.measured_hz = 0.0
         self.durable: tuple[str, int] = ("", 0)  # a run, and how many of its ticks; set by the journal thread
+        self.control: Callable[[], tuple[Control | None, bool]] = lambda: (None, False)
         self.recorders = 0  # that are under way; set by the thread that watches them
+        self.alarm: tuple[str, int] = ("", 0)  # the worst limit that is violated, and how many are; set by the judge
+        self.disk: tuple[int, int] = (0, 0)  # bytes that are free where files are saved, and all; by their own thread
+        self.clients: tuple[Present, ...] = ()  # who is connected; set by the publisher
         self._generation = 0
         self._saved: tuple[str, int] = ("", 0)
         self._lock = threading.Lock()
@@ -270,6 +276,7 @@ class Mirror:
         """Return the logger at a glance."""
         now = self.now
         robot, options = now.robot, now.options
+        control, one_operator = self.control()
         with self._lock:
             reader, durable, problem = self._reader, self.durable_ticks(self.run), ""
             try:
@@ -307,7 +314,14 @@ class Mirror:
             recorders=self.recorders,
             derived=len(now.table.derived),
             room_bytes=_room(self.segment, reader.size_bytes if reader else 0),
+            disk_free_bytes=self.disk[0],
+            disk_bytes=self.disk[1],
+            alarm=self.alarm[0],
+            alarms=self.alarm[1],
+            clients=list(self.clients[:MOST_CLIENTS]),
             failed=sum(read.failed.values()),
+            control=control,
+            one_operator=one_operator,
             failed_most=dict(sorted(read.failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
         )
 

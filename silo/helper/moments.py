@@ -15,13 +15,25 @@ from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Group, Picked, RingSource, bounds, pick, unknown_name
 from silo.helper.pinned_rows import PinnedRows
 from silo.helper.samples import unknown
-from silo.ipc.messages import By, FindMoments, FoundIn, MomentsFound, Refused, RefusedWhy
+from silo.ipc.messages import (
+    By,
+    FindMoments,
+    FoundIn,
+    MeasureSpan,
+    MomentsFound,
+    Refused,
+    RefusedWhy,
+    SpanFacts,
+    SpanMeasured,
+)
 from silo.ipc.sampled import SampledEntry
+from silo.judging.between import HELD_PERIODS, Between, Measuring
 from silo.judging.moments import Finder, Looking
 
 MAX_NAMES = 64
 MAX_MOMENTS = 10_000  # of all names together
 MAX_PINS = 16
+NOTHING_HELD = "nothing of that recording is held"
 BLOCK_BYTES = 4 * 2**20
 
 
@@ -95,14 +107,9 @@ def find_moments(
     name = unknown_name(request.names, now)
     if name is not None:
         return unknown(name)
-    run = request.run or (reader.schema.run if reader is not None else "")
-    pins = [pin for pin in pins if pin.schema.run == run]
-    if reader is not None and reader.schema.run == run:
-        # other derived signals have other rings
-        pins = [pin for pin in pins if pin.schema.extras.derived == reader.schema.extras.derived]
-    source = HeldRows(reader if reader is not None and reader.schema.run == run else None, pins)
-    if not pins and (reader is None or reader.schema.run != run):
-        return MomentsFound(run, [FoundIn(name, why="nothing of that recording is held") for name in request.names])
+    run, source = _held(request.run, reader, pins)
+    if source is None:
+        return MomentsFound(run, [FoundIn(name, why=NOTHING_HELD) for name in request.names])
     found = pick(request.names, now, source.schema)
     frequency_hz = source.schema.frequency_hz
     limits = dict(zip(request.names, request.bounds or [(None, None)] * len(request.names), strict=True))
@@ -115,11 +122,68 @@ def find_moments(
         for one in found.names
     }  # fmt: skip
     if any(finder.looking.needs_span for finder in finders.values()):
-        for name, _, values in _blocks(found, source, request):
+        for name, _, values in _blocks(found, source, request.start_ns, request.end_ns):
             finders[name].measure(values)
-    for name, stamps, values in _blocks(found, source, request):
+    for name, stamps, values in _blocks(found, source, request.start_ns, request.end_ns):
         finders[name].feed(stamps, values)
     return MomentsFound(run, [_of(name, finders.get(name), found.missing.get(name, "")) for name in request.names])
+
+
+def check_span(request: MeasureSpan) -> Refused | None:
+    """Why a request can't be answered, None if it can."""
+    problem = None
+    if not request.names or len(request.names) > MAX_NAMES:
+        problem = f"ask for 1 to {MAX_NAMES} names, got {len(request.names)}"
+    elif not all(-(2**62) <= each <= 2**62 for each in (request.a_ns, request.b_ns)):
+        problem = f"from {request.a_ns} to {request.b_ns} is out of range"
+    elif len(request.pins) > MAX_PINS:
+        problem = f"name at most {MAX_PINS} pins, got {len(request.pins)}"
+    return Refused(RefusedWhy.INVALID, f"nothing was measured: {problem}") if problem else None
+
+
+def measure_span(
+    request: MeasureSpan, now: LoggerSnapshot, reader: SegmentReader | None, pins: Sequence[PinnedRows]
+) -> SpanMeasured | Refused:
+    """Return the facts of each name between two moments, in what `pins` and the buffers hold of one run."""
+    name = unknown_name(request.names, now)
+    if name is not None:
+        return unknown(name)
+    run, source = _held(request.run, reader, pins)
+    if source is None:
+        return SpanMeasured(run, [SpanFacts(name, why=NOTHING_HELD) for name in request.names])
+    found = pick(request.names, now, source.schema)
+    begin_ns, end_ns = min(request.a_ns, request.b_ns), max(request.a_ns, request.b_ns)
+    # what held at the earlier one may be some periods older
+    longest = max((one.divider for one in found.names), default=1)
+    before_ns = round(HELD_PERIODS * 1e9 * longest / source.schema.frequency_hz)
+    measured = {one.name: Measuring(request.a_ns, request.b_ns) for one in found.names}
+    for name, stamps, values in _blocks(found, source, begin_ns - before_ns, end_ns):
+        measured[name].feed(stamps, values)
+    return SpanMeasured(
+        run,
+        [
+            _facts(name, measured[name].found) if name in measured else SpanFacts(name, why=found.missing.get(name, ""))
+            for name in request.names
+        ],
+    )
+
+
+def _facts(name: str, found: Between) -> SpanFacts:
+    return SpanFacts(
+        name, found.at_a, found.at_b, found.mean, found.std, found.rms, found.smallest, found.largest, found.samples,
+        found.not_finite,
+    )  # fmt: skip
+
+
+def _held(run: str, reader: SegmentReader | None, pins: Sequence[PinnedRows]) -> tuple[str, HeldRows | None]:
+    """Return which run it is about, and what is held of it: None for nothing."""
+    run = run or (reader.schema.run if reader is not None else "")
+    pins = [pin for pin in pins if pin.schema.run == run]
+    if reader is not None and reader.schema.run == run:
+        # other derived signals have other rings
+        pins = [pin for pin in pins if pin.schema.extras.derived == reader.schema.extras.derived]
+        return run, HeldRows(reader, pins)
+    return run, HeldRows(None, pins) if pins else None
 
 
 def _of(name: str, finder: Finder | None, why: str) -> FoundIn:
@@ -134,18 +198,18 @@ def _of(name: str, finder: Finder | None, why: str) -> FoundIn:
 
 
 def _blocks(
-    found: Picked, source: RingSource, request: FindMoments
+    found: Picked, source: RingSource, start_ns: int, end_ns: int
 ) -> Iterator[tuple[str, NDArray[np.int64], NDArray[np.generic]]]:
     """Return the samples of each name, block by block, oldest first; what is overwritten meanwhile is left out."""
     for number, group in enumerate(found.groups):
         entries = [(one.name, one.entries[0]) for one in found.names if one.group == number]
-        for rows in _rows(source, group, request):
+        for rows in _rows(source, group, start_ns, end_ns):
             for name, entry in entries:
                 yield name, rows.time_ns, _column(rows, entry)
 
 
-def _rows(source: RingSource, group: Group, request: FindMoments) -> Iterator[Rows]:
-    row, end = bounds(source, group, request.start_ns, request.end_ns + 1, By.TIME)
+def _rows(source: RingSource, group: Group, start_ns: int, end_ns: int) -> Iterator[Rows]:
+    row, end = bounds(source, group, start_ns, end_ns + 1, By.TIME)
     most = max(1, BLOCK_BYTES // group.row_bytes)
     while row < end:
         rows = source.rows(group.ring, row, min(most, end - row), group.words)

@@ -26,8 +26,8 @@ from silo.errors import SegmentError, SiloError, StateError
 from silo.files.atomic import sweep_parts
 from silo.helper.events import Events
 from silo.helper.judge import STATE_NAME
+from silo.helper.left_log import RECOVERED
 from silo.helper.mirror import Mirror
-from silo.helper.recovery import RECOVERED
 from silo.helper.saver import describe
 from silo.ipc.published import EventKind
 from silo.model import FileType, SavedFile

@@ -7,7 +7,7 @@ number of clients makes it take more than half a core.
 import logging
 import threading
 import time
-from collections import deque
+from collections import OrderedDict, deque
 
 import zenoh
 
@@ -17,12 +17,13 @@ from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.helper.streams import Streams
+from silo.helper.summary import DiskWatch, SummaryFeed
 from silo.helper.topics import Topics, matching
 from silo.helper.views import LEASE_S, View, check_view, layout_of
 from silo.ipc import keys
 from silo.ipc.messages import OpenView, Refused, RefusedWhy, ViewOpened
 from silo.ipc.published import EventKind
-from silo.model import State
+from silo.model import Present, State
 
 IDLE_S = 0.1
 TOPIC_PERIOD_S = 0.05
@@ -51,6 +52,9 @@ class Publisher:
             root.key("client", "*"), zenoh.handlers.RingChannel(256), history=True
         )
         self._clients: set[str] = set()
+        self._names: OrderedDict[str, Present] = OrderedDict()  # by their ids, as each hello tells
+        self.summary = SummaryFeed(session, root, mirror)
+        self._disk = DiskWatch(mirror)
         self._views: dict[str, View] = {}
         # to be undeclared by the thread that uses them: zenoh raises RuntimeError when two use one at the same time
         self._closed: list[zenoh.Publisher] = []
@@ -72,9 +76,11 @@ class Publisher:
     def start(self) -> None:
         """Start the thread."""
         self._thread.start()
+        self._disk.start()
 
     def stop(self) -> None:
         """End the thread and wait for it."""
+        self._disk.stop()
         self._ending = True
         self._wake.set()
         self._thread.join()
@@ -83,6 +89,21 @@ class Publisher:
     def clients(self) -> int:
         """Clients that are there, by their liveliness tokens."""
         return len(self._clients)
+
+    def name_client(self, client: str, name: str, identity: str = "") -> None:
+        """Remember who a client is, before it comes: what it says of itself, or with an identity what is known."""
+        with self._lock:
+            known = self._names.get(client)
+            if known is None or identity or not known.identity:
+                since_ns = known.since_ns if known is not None else time.time_ns()
+                self._names[client] = Present(name, since_ns, identity)
+            while len(self._names) > MAX_CLIENTS:
+                self._names.popitem(last=False)
+        self._name_clients()
+
+    def _name_clients(self) -> None:
+        with self._lock:
+            self._mirror.clients = tuple(name for client, name in self._names.items() if client in self._clients)
 
     def open_view(self, request: OpenView) -> ViewOpened | Refused:
         """Open, replace or renew a view."""
@@ -167,6 +188,7 @@ class Publisher:
         self._follow_derived()
         self._follow_clients()
         self._measure(now_s)
+        self.summary.send(now_s)
         if now_s >= self._release_due_s and self._reader is not None:
             self._release_due_s = now_s + RELEASE_PERIOD_S
             self._reader.release_pages()
@@ -205,6 +227,7 @@ class Publisher:
         self._watcher, self._watched = (self._mirror.open_watcher() if derived else self._reader), watched
 
     def _follow_clients(self) -> None:
+        before = set(self._clients)
         while (sample := self._presence.try_recv()) is not None:
             client = str(sample.key_expr).rsplit("/", 1)[1]
             if sample.kind == zenoh.SampleKind.PUT:
@@ -214,9 +237,12 @@ class Publisher:
             self._clients.discard(client)
             self.streams.close_all_of(client)
             with self._lock:
+                self._names.pop(client, None)
                 ended = [view for view in [*self._views, *self._failed] if keys.client_of_view(view) == client]
             for view in ended:
                 self.close_view(view)
+        if before != self._clients:
+            self._name_clients()
 
     def _measure(self, now_s: float) -> None:
         reader = self._reader

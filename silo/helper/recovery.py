@@ -3,31 +3,28 @@
 Of a run whose segment is still in memory that is saved, else (after a power cut) what its journal proves.
 """
 
-import dataclasses
-import logging
 import os
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from silo.collecting.damage import damage
-from silo.collecting.holdings import Holdings, recording_holdings
+from silo.collecting.holdings import Holdings
 from silo.collecting.journal import JOURNAL_SUFFIX
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.left_behind import StaleSegment, claimed, discard, find_stale, has_unsaved, mark_saved
 from silo.collecting.left_journals import claimed_journal, find_stale_journals, is_journal, remove_proven
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import StateError
-from silo.files.event_log import read_events
-from silo.model import FileType, LoggedEvent, SavedFile
-from silo.recording import with_events
+from silo.helper.left_log import RECOVERED, save_reader
+from silo.model import FileType, SavedFile
 
-log = logging.getLogger("silo")
+if TYPE_CHECKING:
+    # 1.4 MB that a helper without triggers doesn't need
+    from silo.helper.capture_recovery import RecoveredCaptures
 
-DIED = "program died"  # why its log was saved
-RECOVERED = "program died, recovered later"
-
-__all__ = ["Recovered", "find_all", "find_stale", "recover", "save_reader"]
+__all__ = ["Recovered", "find_all", "find_stale", "recover"]
 
 
 def find_all(folders: Iterable[Path]) -> list[StaleSegment]:
@@ -50,35 +47,19 @@ class Recovered:
     text: str
 
 
-@dataclass(frozen=True)
-class RecoveredCaptures:
-    """Captures that were written, and in words what became of each, and of what could not be."""
-
-    files: list[SavedFile] = field(default_factory=list)
-    texts: list[str] = field(default_factory=list)
-
-
-Captures = Callable[[SegmentReader, str], RecoveredCaptures]  # `silo.helper.capture_recovery.recover_captures`
-
-
-def _no_captures(_reader: SegmentReader, _folder: str) -> RecoveredCaptures:
-    return RecoveredCaptures()
-
-
 def recover(
     path: str | os.PathLike[str],
     folder: str | os.PathLike[str] | None = None,
     types: Sequence[FileType] = (FileType.SILO,),
-    captures: Captures = _no_captures,
 ) -> Recovered:
     """Save a segment or a journal whose writer is gone, in `folder` or its logger's own, then delete it.
-
-    `captures` writes what triggers captured of it, and nobody came to write.
 
     Waits while another process saves it. Raises SegmentError for what isn't one, or is damaged,
     SavedMeanwhileError if another process saved it, StateError while its own process lives, SaveError if it can't be
     saved (it stays).
     """
+    from silo.helper.capture_recovery import recover_captures
+
     path = Path(path)
     if is_journal(path) or path.suffix == JOURNAL_SUFFIX:
         return _recover_journal(path, folder, types)
@@ -87,16 +68,16 @@ def recover(
         if reader.alive():
             raise StateError(f"{path}: process {reader.schema.pid} is still logging into it; nothing was changed")
         with claimed(reader, wait=True):
-            captured = captures(reader, str(folder or reader.schema.folder))
+            captures = recover_captures(reader, str(folder or reader.schema.folder))
             if reader.ticks and not has_unsaved(reader):
                 discard(reader)
-                return _saved_before(reader, "memory was freed", captured)
+                return _saved_before(reader, "memory was freed", captures)
             files, held = save_reader(reader, folder or reader.schema.folder, types, why=RECOVERED)
             mark_saved(reader)
             discard(reader)
             nothing = f"held {held.text}" if held.ticks else "held no tick"
             saved = [f"saved {held.text}", *damage(reader)] if files else [f"{nothing}; its memory was freed"]
-            return Recovered([*files, *captured.files], held, "; ".join([*saved, *captured.texts]))
+            return Recovered([*files, *captures.files], held, "; ".join([*saved, *captures.texts]))
     finally:
         reader.close()
 
@@ -113,46 +94,9 @@ def _recover_journal(path: Path, folder: str | os.PathLike[str] | None, types: S
 
 
 def _saved_before(
-    reader: SegmentReader | JournalReader, freed: str, captured: RecoveredCaptures | None = None
+    reader: SegmentReader | JournalReader, freed: str, captures: "RecoveredCaptures | None" = None
 ) -> Recovered:
     texts = [f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"]
-    files = captured.files if captured else []
-    texts += captured.texts if captured else []
+    files = captures.files if captures else []
+    texts += captures.texts if captures else []
     return Recovered(files, Holdings(reader.ticks, 0, 0, 0.0), "; ".join(texts))
-
-
-def save_reader(
-    reader: SegmentReader | JournalReader,
-    folder: str | os.PathLike[str],
-    types: Sequence[FileType] = (FileType.SILO,),
-    progress: Callable[[float], None] | None = None,
-    why: str = DIED,
-    events: Sequence[LoggedEvent] | None = None,
-) -> tuple[list[SavedFile], Holdings]:
-    """Save all that is held, and tell how much that is; no file if it is nothing. Raises SaveError.
-
-    `events` are what happened in its run; None: what the event log in the logger's folder says.
-    """
-    from silo.files import write
-
-    recording = reader.snapshot()
-    held = recording_holdings(recording)
-    if not held.samples:
-        return [], held
-    recording = dataclasses.replace(recording, warnings=(*missing(reader), *recording.warnings))
-    recording = with_events(recording, _logged(reader) if events is None else events)
-    return write(recording, folder, reader.schema.logger, types, progress=progress, why=why), held
-
-
-def _logged(reader: SegmentReader | JournalReader) -> list[LoggedEvent]:
-    schema = reader.schema
-    try:
-        return read_events(schema.folder, schema.logger, schema.run) if schema.run else []
-    except OSError as error:
-        log.warning("%s: the event log can't be read (%s): the file has the marks alone", schema.folder, error.strerror)
-        return []
-
-
-def missing(reader: SegmentReader | JournalReader) -> tuple[str, ...]:
-    """What is damaged, or lost, in what a dead process left; fit to show."""
-    return damage(reader) if isinstance(reader, SegmentReader) else (reader.proven_text,)

@@ -222,6 +222,10 @@ class SegmentJudge:
             left_s, why, whole=_whole(trigger, tick),
         )  # fmt: skip
 
+    def worst(self) -> tuple[str, int]:
+        """Return the worst limit that is violated now, in letters, and how many are."""
+        return self._limits.worst()
+
     def limits(self) -> list[LimitStatus]:
         """Return how each scalar with limits stands."""
         return self._limits.statuses()

@@ -351,6 +351,7 @@ def _measure(ring: _Ring, now_s: float, frequency_hz: float) -> None:
 class _Asker:
     sums: Sums
     asked_s: float
+    failed: str = ""  # why its statistics begin anew, until it was told
 
 
 class Surveyor:
@@ -384,6 +385,9 @@ class Surveyor:
                 asker = self._askers[request.client] = _Asker(self._tally.sums(), now_s)
             if asker is not None:
                 asker.asked_s = now_s
+                failed, asker.failed = asker.failed, ""
+                if failed:
+                    return Refused(RefusedWhy.FAILED, failed)
             return self._survey(request, asker.sums if asker is not None else None)
 
     def _survey(self, request: GetSurvey, sums: Sums | None) -> Survey:
@@ -430,9 +434,14 @@ class Surveyor:
                     self._round(time.monotonic())
                 except SegmentError:
                     self._tally, self._watched = None, None  # it was replaced; the next round opens the new one
-                except Exception:
+                except Exception as error:
                     log.exception("the statistics failed; they begin anew")
                     self._tally, self._watched = None, None
+                    for asker in self._askers.values():
+                        asker.failed = (
+                            f"the statistics failed and begin anew: {type(error).__name__}: {error}; the helper "
+                            "process has logged where; values and plots go on"
+                        )
                 if not self._askers:
                     self._thread, self._tally, self._watched = None, None, None
                     return

@@ -104,6 +104,7 @@ class Streams:
         self._root = root
         self._mirror = mirror
         self._streams: dict[str, Stream] = {}
+        self._failed: dict[str, tuple[OpenStream, str]] = {}  # streams that could not be fed, until they are closed
         self._closed: list[zenoh.Publisher] = []  # to be undeclared by the thread that uses them
         self._lock = threading.Lock()
 
@@ -116,9 +117,13 @@ class Streams:
         now_s = time.monotonic()
         with self._lock:
             old = self._streams.get(request.stream)
-            if old is not None and (old.request.names, old.request.period_s) == (request.names, request.period_s):
+            if old is not None and _same(old.request, request):
                 old.expires_s = now_s + LEASE_S
                 return old.opened  # of the present generation from the next frame on, which makes clients ask again
+            failed = self._failed.get(request.stream)
+            if failed is not None and _same(failed[0], request):
+                return Refused(RefusedWhy.FAILED, failed[1])
+            self._failed.pop(request.stream, None)
             others = [stream for name, stream in self._streams.items() if name != request.stream]
             refused = _too_many(request, others)
             if refused is not None:
@@ -138,13 +143,14 @@ class Streams:
         """End a stream; one that isn't open is fine."""
         with self._lock:
             closed = self._streams.pop(stream, None)
+            self._failed.pop(stream, None)
             if closed is not None:
                 self._closed.append(closed.publisher)
 
     def close_all_of(self, client: str) -> None:
         """End the streams of a client that is gone."""
         with self._lock:
-            ended = [name for name in self._streams if keys.client_of_view(name) == client]
+            ended = [name for name in (*self._streams, *self._failed) if keys.client_of_view(name) == client]
         for name in ended:
             self.close(name)
 
@@ -176,11 +182,23 @@ class Streams:
                 stream.publisher.put(frame)
         except (zenoh.ZError, SegmentError):
             raise
-        except Exception:
+        except Exception as error:
             log.exception("stream %s failed", name)  # all others go on
-            self.close(name)
+            self._fail(name, stream, error)
             return False
         return more
+
+    def _fail(self, name: str, stream: Stream, error: Exception) -> None:
+        """End a stream that can't be fed; its client is told when it renews it."""
+        text = (
+            f"the stream can't be fed any more: {type(error).__name__}: {error}; the helper process has logged where; "
+            "other streams go on, open one of other elements"
+        )
+        self.close(name)
+        with self._lock:
+            while len(self._failed) >= MAX_STREAMS:
+                self._failed.pop(next(iter(self._failed)))
+            self._failed[name] = (stream.request, text)
 
     def _undeclare_closed(self) -> None:
         with self._lock:
@@ -193,6 +211,10 @@ class Streams:
         for name in list(self._streams):
             self.close(name)
         self._undeclare_closed()
+
+
+def _same(old: OpenStream, new: OpenStream) -> bool:
+    return (old.names, old.period_s) == (new.names, new.period_s)
 
 
 def _check(request: OpenStream, now: LoggerSnapshot) -> Refused | None:

@@ -19,7 +19,7 @@ from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SaveError, SiloError
 from silo.files import PartlySavedError, write
-from silo.helper.recovery import missing
+from silo.helper.left_log import missing
 from silo.model import Extras, FileType, LoggedEvent, SavedFile
 from silo.recording import with_events
 

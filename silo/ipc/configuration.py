@@ -116,6 +116,24 @@ def endpoints_of(settings: zenoh.Config, key: str, mode: str) -> list[str]:
     return list(found)
 
 
+def listened(settings: zenoh.Config) -> list[str]:
+    """Return what a file says to listen on; nothing if it leaves Zenoh's default, which is the whole network."""
+    found = endpoints_of(settings, "listen", "peer")
+    return [endpoint for endpoint in found if endpoint not in ("tcp/[::]:0", "tcp/[::]:7447")]
+
+
+def user_of(settings: zenoh.Config) -> str:
+    """Return the user name of a configuration; empty where it has none."""
+    return json.loads(settings.get_json("transport/auth/usrpwd/user")) or ""
+
+
+def said_of(config: str) -> dict[str, Any]:
+    """Return what a file says to silo alone: `metadata: {silo: {...}}`, where Zenoh takes anything."""
+    metadata = written(config).get("metadata")
+    said = metadata.get("silo") if isinstance(metadata, dict) else None
+    return said if isinstance(said, dict) else {}
+
+
 def reason_of(error: Exception | None) -> str:
     """Return Zenoh's words without the places in its sources."""
     text = str(error).split(" at /", 1)[0].strip()

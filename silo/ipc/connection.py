@@ -22,12 +22,12 @@ import zenoh
 
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
-from silo.ipc.discovery import discover, seen_now
-from silo.ipc.exchange import encoded, exchange, key_of, root_at
+from silo.ipc.asking import Pending
+from silo.ipc.discovery import namesakes, seen_now
+from silo.ipc.exchange import exchange, root_at
 from silo.ipc.found import Found
 from silo.ipc.messages import AnyReply, Hello, HelloReply, Request
 from silo.ipc.published import Event
-from silo.ipc.remotes import LOCAL
 from silo.ipc.session import owner_is_gone
 from silo.ipc.sessions import Borrowed, borrow, give_back, undeclare
 from silo.model import State
@@ -39,6 +39,7 @@ HELLO_TIMEOUT_S = 1.0
 DEAD_SCAN_S = 0.5
 TOKEN_POLL_S = 0.001
 LOOK_S = 1.0
+LEFT_S = 10.0  # a helper process that is there may be kept from answering; a query ends at once where its link has gone
 REACH_S = 2.0  # its thread looks for the way again and again, and is to end soon
 
 log = logging.getLogger("silo.client")
@@ -53,24 +54,6 @@ class Attachable(Protocol):
 
     def detach(self) -> None:
         """The session is about to be closed."""
-
-
-class Pending:
-    """A request whose answer nobody waits for: it is looked at when it has come."""
-
-    def __init__(self, session: zenoh.Session, key: str, request: Request[Any], timeout_s: float) -> None:
-        # not a ring: it loses what it holds when the query ends
-        self._replies = session.get(key, zenoh.handlers.FifoChannel(4), payload=encoded(request), timeout=timeout_s)
-
-    def poll(self) -> tuple[bool, bytes | None]:
-        """Return whether it has come to its end, and with what."""
-        try:
-            reply = self._replies.try_recv()
-        except zenoh.ZError:
-            return True, None
-        if reply is None:
-            return False, None
-        return True, reply.ok.payload.to_bytes() if reply.ok is not None else None
 
 
 class Connection:
@@ -91,6 +74,8 @@ class Connection:
         self._dead = False
         self._lost_s = 0.0
         self._retry_s = 0.0
+        self._looked_s = time.monotonic()
+        self._asked: Pending | None = None  # whether the helper process is there still
         self._problem = ""  # why the helper process that is there now can't be asked
         self.sessions = 0  # counts up with every session: views must be opened anew
         self._known: set[str] = set()  # who was there when we came: other robots, whatever their names
@@ -111,9 +96,10 @@ class Connection:
         attached: list[Attachable] = []
         try:
             root = root_at(borrowed, found, timeout_s)
-            question = Hello(version=VERSION, client=self._who)
-            key = key_of(question, root)
-            reply, root = exchange(session, key, question, timeout_s + borrowed.slack_s, self.label_of(found))
+            # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
+            client_id = secrets.token_hex(8)
+            question = Hello(version=VERSION, client=self._who, id=client_id)
+            reply = exchange(borrowed, root, question, timeout_s, self.label_of(found))
             dead = _state_of(reply) is State.DEAD
             # with history, as the end of a token that was there before goes untold without
             alive = session.liveliness().declare_subscriber(
@@ -122,8 +108,6 @@ class Connection:
             declared.append(alive)
             events = session.declare_subscriber(root.key("event"), zenoh.handlers.RingChannel(256))
             declared.append(events)
-            # an id of its own: the end of the session before may reach the helper late, and ends the views of its id
-            client_id = secrets.token_hex(8)
             declared.append(session.liveliness().declare_token(root.key("client", client_id)))
             with self._lock:
                 attached = list(self._attached)
@@ -153,6 +137,7 @@ class Connection:
             borrowed, self._borrowed = self._borrowed, None
             attached = list(self._attached)
         self._lost_s, self._retry_s = time.monotonic(), 0.0
+        self._asked = None
         for one in attached:
             one.detach()
         if session is not None and borrowed is not None:
@@ -186,12 +171,35 @@ class Connection:
             )
         return session
 
-    def exchange(self, request: Request[Any], timeout_s: float, *, key: str = "") -> AnyReply:
+    def borrowed(self) -> Borrowed:
+        """Return what requests go through. Raises ConnectionLostError while there is no session."""
+        borrowed = self._borrowed
+        if borrowed is None:
+            self.session()  # raises, with the reason
+            raise ConnectionLostError(f"the connection to {self.label_of(self.found)} ends; try again")
+        return borrowed
+
+    @property
+    def user(self) -> str:
+        """The name under which changes go out; empty on this computer."""
+        user = self.borrowed().user
+        return "" if user == keys.LOCAL_SENDER else user
+
+    @property
+    def identity(self) -> str:
+        """By which the logger tells this user from others; empty while there is no session."""
+        borrowed = self._borrowed
+        return borrowed.identity if borrowed is not None else ""
+
+    @property
+    def address(self) -> str:
+        """The logger, as its users type it."""
+        return f"{self.found.host}/{self.found.name}" if self.found.config else self.found.name
+
+    def exchange(self, request: Request[Any], timeout_s: float, *, as_change: bool = False) -> AnyReply:
         """Ask and wait. Raises ConnectionLostError."""
-        session, borrowed = self.session(), self._borrowed
-        slack_s = borrowed.slack_s if borrowed is not None else 0.0
-        target = self.root.key(key) if key else key_of(request, self.root)
-        return exchange(session, target, request, timeout_s + slack_s, self.label_of(self.found))[0]
+        label = self.label_of(self.found)
+        return exchange(self.borrowed(), self.root, request, timeout_s, label, as_change=as_change)
 
     def attach(self, one: Attachable) -> None:
         """Subscribe something now and in every later session."""
@@ -203,6 +211,10 @@ class Connection:
         """The thing was closed."""
         with self._lock:
             self._attached.discard(one)
+
+    def try_now(self) -> None:
+        """Look for the helper process in the next round, where it is gone; nothing waits."""
+        self._retry_s = 0.0
 
     def on_event(self, callback: Callable[[Event], None]) -> None:
         """Call back for every event, in the thread of the connection."""
@@ -223,16 +235,12 @@ class Connection:
     def _watch(self) -> None:
         main = threading.main_thread()
         scanned_s = 0.0
-        looked_s = time.monotonic()
         while not self._stop.wait(POLL_S) and main.is_alive():
             if self._session is None:
                 self._try_again()
                 continue
-            self._hand_out_events()
-            gone = self._is_gone()
-            if not gone and time.monotonic() - looked_s > LOOK_S:
-                looked_s = time.monotonic()
-                gone = self._has_left()
+            gone = self._is_gone() or self._has_left()
+            self._hand_out_events()  # after that look: what was told until the end is heard
             if gone:
                 self._lose()
                 continue
@@ -254,12 +262,16 @@ class Connection:
 
         One whose socket somebody deleted still answers, and tells so.
         """
-        if not self.found.socket or not owner_is_gone(Path(self.found.socket)):
+        if self._asked is not None:
+            ended, answer = self._asked.poll()
+            self._asked = None if ended else self._asked
+            return ended and answer is None
+        if time.monotonic() - self._looked_s < LOOK_S:
             return False
-        try:
-            self.exchange(Hello(version=VERSION, client=self._who), HELLO_TIMEOUT_S)
-        except ConnectionLostError:
-            return True
+        self._looked_s = time.monotonic()
+        if self.found.socket and owner_is_gone(Path(self.found.socket)):
+            question = Hello(version=VERSION, client=self._who)
+            self._asked = Pending(self.borrowed(), self.root, question, LEFT_S)
         return False
 
     def _hand_out_events(self) -> None:
@@ -308,7 +320,7 @@ class Connection:
         """
         mine = self.found
         try:
-            loggers = discover(HELLO_TIMEOUT_S, mine.config or LOCAL).loggers
+            loggers = namesakes(mine, HELLO_TIMEOUT_S)
         except SiloError as error:
             log.debug("can't look for loggers: %s", error)
             return []

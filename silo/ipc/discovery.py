@@ -4,22 +4,29 @@ A name is always resolved here, by who lives, before anything is asked: one that
 address of each.
 """
 
+import functools
 import math
 import re
 import threading
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import zenoh
+
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
-from silo.ipc.configuration import find_file, from_file
-from silo.ipc.exchange import ask_once
+from silo.ipc.access import host_part
+from silo.ipc.addresses import logger_of
+from silo.ipc.asking import Asking
+from silo.ipc.configuration import find_file, from_file, user_of
+from silo.ipc.exchange import ask_once, checked_reply, decode_reply, root_at
 from silo.ipc.folders import ForbiddenFolder, forbidden_folders, usable_folders
 from silo.ipc.found import Found, is_glob, told_apart
-from silo.ipc.messages import Hello
-from silo.ipc.probing import Layer, LayerError, user_of
+from silo.ipc.messages import Hello, HelloReply
+from silo.ipc.probing import Layer, LayerError
 from silo.ipc.remotes import LOCAL, remotes
 from silo.ipc.session import SOCKET_SUFFIX, dead_mark, key_file, owner_is_gone
 from silo.ipc.sessions import borrowed
@@ -62,6 +69,7 @@ class Discovery:
         """Return the only one that is meant. Raises SeveralError with the address of each where several are, else
         ConnectionLostError.
         """
+        wanted = logger_of(wanted)
         if is_glob(wanted):
             raise SeveralError(
                 f"'{wanted}' can mean several loggers, and this is for one: name it; `silo ls '{wanted}'` lists them; "
@@ -82,6 +90,15 @@ class Discovery:
 
 class SeveralError(ConnectionLostError):
     """A name fits several loggers, or can; the message says how to name one."""
+
+
+@dataclass(frozen=True)
+class Near:
+    """The loggers of this computer, the folders that are closed to us, and those that nobody can reach now."""
+
+    loggers: tuple[Found, ...] = ()
+    forbidden: tuple[ForbiddenFolder, ...] = ()
+    down: tuple[Found, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -121,6 +138,14 @@ def _discovered(timeout_s: float, config: str, holding: ExitStack) -> Discovery:
     down = [found for found in _down() if (found.name, found.pid) not in reached]
     loggers.sort(key=lambda found: (found.name, found.pid, found.host, found.id))
     return Discovery(loggers, forbidden_folders(), down, unreachable)
+
+
+def near_loggers() -> Near:
+    """Return what is seen of this computer by a scan of its folders."""
+    loggers = _near()
+    reached = {(found.name, found.pid) for found in loggers}
+    down = (found for found in _down() if (found.name, found.pid) not in reached)
+    return Near(tuple(loggers), tuple(forbidden_folders()), tuple(down))
 
 
 def _near() -> list[Found]:
@@ -220,42 +245,89 @@ def _root_of_socket(path: Path) -> keys.Root | None:
         return None
 
 
-def _remote(config: str, timeout_s: float, holding: ExitStack) -> list[Found]:
+def namesakes(found: Found, timeout_s: float) -> list[Found]:
+    """Return the loggers of that name on computers of that name, itself among them while it lives. Raises SiloError."""
+    if not found.config:
+        return _near()
+    with ExitStack() as holding:  # of a hundred loggers, one token comes and not all
+        _, host, name = str(keys.Root(found.host, found.name)).split("/")
+        alive = f"silo/{host_part(host)}/{name}/alive"
+        return _remote(found.config, timeout_s, holding, alive)
+
+
+def _remote(config: str, timeout_s: float, holding: ExitStack, alive: str = keys.ANY_ALIVE) -> list[Found]:
     mine = holding.enter_context(borrowed("", config))
-    replies = list(mine.session.liveliness().get(keys.ANY_ALIVE, timeout=timeout_s + mine.slack_s))
-    routers = mine.session.info.routers_zid()
+    replies = list(mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s))
     roots = {keys.root_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
     if not roots:
-        user = user_of(from_file(find_file(config)))
-        who = f"user '{user}' is let in" if user else "we are let in without a user name"
-        nobody = "no robot is connected to this router now, or " if routers else ""
-        rules = f"{nobody}the rules (access_control) on the other side give it no role"
-        raise LayerError(Layer.ROLE, f"{config}: {who}, but sees no logger: {rules}")
+        raise LayerError(Layer.ROLE, nobody_there(config, mine.session))
     return [Found(root.logger, 0, "", "", config, root.host, id=root.id) for root in sorted(roots)]
 
 
-def survey(loggers: list[Found], timeout_s: float = 1.0) -> list[Answer]:
-    """Return the status of each logger, asked in parallel; of one that is of another silo, which of both is older.
+def nobody_there(config: str, session: zenoh.Session) -> str:
+    """Return what it means that a session by a configuration sees no logger."""
+    user = user_of(from_file(find_file(config)))
+    who = f"user '{user}' is let in" if user else "we are let in without a user name"
+    nobody = "no robot is connected to this router now, or " if session.info.routers_zid() else ""
+    rules = f"{nobody}the rules (access_control) on the other side give it no role"
+    return f"{config}: {who}, but sees no logger: {rules}"
 
-    One that is frozen costs `timeout_s`, not the sum of them.
+
+def survey(loggers: list[Found], timeout_s: float = 1.0) -> list[Answer]:
+    """Return the status of each logger; of one that is of another silo, which of both is older.
+
+    All are asked at the same time, those of a configuration over its one session: a hundred cost one round trip, and
+    those that are frozen `timeout_s`, not the sum of them.
     """
     answers: dict[int, Answer] = {}
 
-    def ask(place: int, found: Found) -> None:
-        try:
-            reply = ask_once(found, Hello(version=VERSION), timeout_s)
-            answers[place] = Answer(found, reply.status, state=reply.status.state.value)
-        except VersionError as error:
-            answers[place] = Answer(found, None, str(error), "other silo")
-        except SiloError as error:
-            answers[place] = Answer(found, None, str(error), "no answer")
+    def ask_near(place: int, found: Found) -> None:
+        answers[place] = _answer(found, lambda: ask_once(found, Hello(version=VERSION), timeout_s))
 
-    threads = [threading.Thread(target=ask, args=item, name="silo-survey") for item in enumerate(loggers)]
+    def ask_far(config: str, places: list[int]) -> None:
+        question = Hello(version=VERSION)
+        replies: dict[int, bytes | None] = {}
+        lost: SiloError | None = None
+        try:
+            with borrowed("", config) as mine:
+                asking: Asking[int] = Asking(mine, timeout_s)
+                for place in places:
+                    asking.add(place, root_at(mine, loggers[place], timeout_s), question)
+                replies = asking.wait()
+        except SiloError as error:
+            lost = error
+        for place in places:
+            who = f"logger '{loggers[place].label}'"
+            answers[place] = _answer(loggers[place], functools.partial(_hello, replies.get(place), who, lost))
+
+    near = [(place, found) for place, found in enumerate(loggers) if not found.config]
+    far = {config: [place for place, found in enumerate(loggers) if found.config == config]
+           for config in dict.fromkeys(found.config for found in loggers if found.config)}  # fmt: skip
+    threads = [threading.Thread(target=ask_near, args=item, name="silo-survey") for item in near]
+    threads += [threading.Thread(target=ask_far, args=item, name="silo-survey") for item in far.items()]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
     return [answers[place] for place in range(len(loggers))]
+
+
+def _answer(found: Found, ask: Callable[[], HelloReply]) -> Answer:
+    try:
+        status = ask().status
+    except VersionError as error:
+        return Answer(found, None, str(error), "other silo")
+    except SiloError as error:
+        return Answer(found, None, str(error), "no answer")
+    return Answer(found, status, state=status.state.value)
+
+
+def _hello(payload: bytes | None, who: str, lost: SiloError | None) -> HelloReply:
+    if payload is None:
+        raise lost or ConnectionLostError(
+            f"{who} gave no answer: its helper process is frozen, overloaded or gone, or no role lets this user ask"
+        )
+    return checked_reply(Hello(), decode_reply(payload, who))
 
 
 def not_found_text(name: str, discovery: Discovery) -> str:

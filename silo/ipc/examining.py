@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 from silo.errors import ConnectionLostError, VersionError
-from silo.ipc.configuration import find_file, from_file
+from silo.ipc.configuration import find_file, from_file, user_of
 from silo.ipc.discovery import discover
-from silo.ipc.exchange import ask_once, exchange, key_of
+from silo.ipc.exchange import ask_once, exchange
 from silo.ipc.found import Found, told_apart
-from silo.ipc.messages import Hello
-from silo.ipc.probing import Layer, LayerError, reach, tls_problem, user_of
+from silo.ipc.messages import Hello, HelloReply
+from silo.ipc.probing import Layer, LayerError, reach, tls_problem
 from silo.ipc.sessions import borrowed
 from silo.version import VERSION
 
@@ -49,7 +49,11 @@ def _asked(loggers: list[Found], user: str) -> Iterator[tuple[Layer, str]]:
             raise LayerError(Layer.VERSION, str(error)) from error
         except ConnectionLostError as error:
             raise LayerError(Layer.ROLE, str(error)) from error
-        may = "may change it" if _may_change(found) else "may look, not change"
+        may = (
+            "may change it"
+            if _may_change(found)
+            else f"may look, not change{f' ({reply.why_not})' if reply.why_not else ''}"
+        )
         yield Layer.ROLE, f"{address}: {f'user {user!r}' if user else 'this user'} {may}"
         yield Layer.VERSION, f"{address}: silo {reply.version}, protocol {reply.protocol}"
 
@@ -61,7 +65,7 @@ def _may_change(found: Found) -> bool:
     question = Hello(version=VERSION)
     with borrowed(found.socket, found.config) as mine:
         try:
-            exchange(mine.session, root.key("do"), question, TIMEOUT_S + mine.slack_s, key_of(question, root))
+            reply = exchange(mine, root, question, TIMEOUT_S, root.address, as_change=True)
         except ConnectionLostError:
             return False  # access control swallows what isn't allowed
-    return True
+    return isinstance(reply, HelloReply)

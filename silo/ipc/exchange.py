@@ -14,6 +14,7 @@ from silo.ipc import keys
 from silo.ipc.found import Found
 from silo.ipc.messages import (
     AnyReply,
+    Do,
     GoesOn,
     HelloReply,
     Refused,
@@ -71,9 +72,9 @@ def client_name() -> str:
     return f"{user_name(os.getuid())}@{socket.gethostname()} {program} {os.getpid()}"
 
 
-def key_of(request: Request[Any], root: keys.Root) -> str:
-    """Return the key that a request goes to: that of one logger, never one with a wildcard."""
-    return root.key(request.key)
+def key_of(request: Request[Any], root: keys.Root, user: str) -> str:
+    """Return the key that a request of a user goes to: that of one logger, never one with a wildcard."""
+    return root.do(user) if request.key == Do.key else root.key(request.key)
 
 
 def root_at(borrowed: Borrowed, found: Found, timeout_s: float) -> keys.Root:
@@ -94,27 +95,36 @@ def root_at(borrowed: Borrowed, found: Found, timeout_s: float) -> keys.Root:
     raise ConnectionLostError(f"logger '{found.name}' doesn't say who it is: its helper process is ending; try again")
 
 
+class NoAnswerError(ConnectionLostError):
+    """Nobody answers under that key: the helper process has ended, or rules keep the request from it."""
+
+
 def exchange(
-    session: zenoh.Session, key: str, request: Request[Any], timeout_s: float, who: str
-) -> tuple[AnyReply, keys.Root]:
-    """Send a request and wait for its reply, and say who replied.
+    mine: Borrowed, root: keys.Root, request: Request[Any], timeout_s: float, who: str, *, as_change: bool = False
+) -> AnyReply:
+    """Send a request and wait for its reply, longer over a slow link; `as_change` sends one that reads as one that
+    changes something.
 
     Raises ConnectionLostError, and of refusals only that of a request that is too large.
     """
-    payload = encoded(request)
+    payload, timeout_s = encoded(request), timeout_s + mine.slack_s
+    changes = as_change or request.key == Do.key
+    key = root.do(mine.user) if changes else key_of(request, root, mine.user)
     try:
-        replies = list(session.get(key, payload=payload, timeout=timeout_s))
+        replies = list(
+            mine.session.get(key, payload=payload, timeout=timeout_s, attachment=mine.proof if changes else None)
+        )
     except zenoh.ZError as error:
         raise ConnectionLostError(f"lost the connection to {who}: {error}") from error
     for reply in replies:
         if reply.ok is not None:
-            return decode_reply(reply.ok.payload.to_bytes(), who), keys.root_of(str(reply.ok.key_expr))
+            return decode_reply(reply.ok.payload.to_bytes(), who)
     if replies:
         raise ConnectionLostError(
             f"{who} did not answer within {timeout_s:g} s: its helper process is frozen or overloaded; try again"
         )
-    right = "change anything" if key.endswith("/do") else "ask"
-    raise ConnectionLostError(
+    right = "change anything" if changes else "ask"
+    raise NoAnswerError(
         f"{who} gave no answer: its helper process has ended, or its access rules don't let this user {right}"
     )
 
@@ -167,6 +177,5 @@ def checked_reply(request: Request[ReplyT], reply: AnyReply) -> ReplyT:
 def ask_once(found: Found, request: Request[ReplyT], timeout_s: float) -> ReplyT:
     """Open a session, ask, close it. Raises ConnectionLostError, or RequestRefusedError."""
     with borrowed(found.socket, found.config) as mine:
-        key = key_of(request, root_at(mine, found, timeout_s))
-        reply, _ = exchange(mine.session, key, request, timeout_s + mine.slack_s, f"logger '{found.name}'")
+        reply = exchange(mine, root_at(mine, found, timeout_s), request, timeout_s, f"logger '{found.name}'")
     return checked_reply(request, reply)

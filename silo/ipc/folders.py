@@ -72,7 +72,7 @@ def _group_path(uid: int, gid: int) -> Path:
 def share_socket(socket: Path, folder: Path) -> None:
     """Let the group of `folder` use a socket in it, and see from its lock whether the owner lives."""
     gid = folder.stat().st_gid
-    for end, mode in (("", 0o770), (".lock", 0o640), (".secret", 0o640), (".key", 0o640)):
+    for end, mode in (("", 0o770), (".lock", 0o640), (".secret", 0o640), (".group", 0o640), (".key", 0o640)):
         path = Path(f"{socket}{end}")
         if path.exists():
             os.chown(path, -1, gid)

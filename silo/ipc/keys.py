@@ -2,8 +2,11 @@
 
 The id is drawn by the logger and outlives its helper processes: two robots of one host name have keys of their own.
 
-ask, do          queries: those that read, those that change something
+ask              queries that read
+do/<user>        queries that change something, by users of a network: rules admit each to its own key
+do/@local        the same by the logger's Unix socket (no wildcard of a rule fits a part that begins with `@`)
 event            events
+summary          the logger in short
 alive            liveliness token of the helper process
 client/<id>      liveliness token of a client; its views are called `<id>-<number>`
 view/<id>        frames of a view
@@ -20,6 +23,9 @@ _RESERVED = re.compile(r"[%*$?#@\x00-\x20\x7f]")
 VIEW_ID = re.compile(r"[A-Za-z0-9]{1,32}-[0-9]{1,9}")
 
 ANY_ALIVE = "silo/*/*/alive"
+ANY_DO = "silo/*/*/do/*"
+LOCAL_SENDER = "@local"  # in place of a user, by the Unix socket
+ANY_SUMMARY = "silo/*/*/summary"
 
 
 class Root(NamedTuple):
@@ -42,6 +48,10 @@ class Root(NamedTuple):
         """Return a key of this logger: `root.key("view", "x1-2")`."""
         return "/".join((str(self), *parts))
 
+    def do(self, user: str) -> str:
+        """Return where a user's changes go: `LOCAL_SENDER`, or a name that is escaped."""
+        return self.key("do", user if user == LOCAL_SENDER else user_part(user))
+
     def topic(self, element: str) -> str:
         """Return where the samples of an element are published."""
         return f"{self}/topic/{escape(element.strip('/'))}"
@@ -56,6 +66,11 @@ def escape(name: str) -> str:
 def unescape(key: str) -> str:
     """Return the name that `escape` made this of."""
     return "/".join("" if chunk == "%" else unquote(chunk) for chunk in key.split("/"))
+
+
+def user_part(user: str) -> str:
+    """Return a user's name as the last part of a key; without slashes, as it is one part."""
+    return escape(user).replace("/", "%2F")
 
 
 def root_of(key: str) -> Root:

@@ -3,7 +3,8 @@
 import numpy as np
 
 from silo.errors import ConnectionLostError
-from silo.ipc.messages import FoundIn, MomentsFound
+from silo.ipc.messages import FoundIn, MomentsFound, SpanFacts, SpanMeasured
+from silo.judging.between import NAN, Between
 from silo.judging.moments import Found
 
 
@@ -21,3 +22,16 @@ def _found(one: FoundIn) -> Found:
     if len(values) != len(time_ns) or not 0 <= one.before <= one.total - len(time_ns):
         raise ConnectionLostError(f"the helper process tells of moments of {one.name} that make no sense")
     return Found(one.total, one.before, time_ns, values, one.begin_ns, one.end_ns, one.why)
+
+
+def between_of(reply: SpanMeasured, a_ns: int, b_ns: int) -> dict[str, Between]:
+    """Return what was measured by name."""
+    return {one.name: _between(one, (b_ns - a_ns) / 1e9) for one in reply.found}
+
+
+def _between(one: SpanFacts, seconds: float) -> Between:
+    difference = one.at_b - one.at_a
+    return Between(
+        one.at_a, one.at_b, difference, difference / seconds if seconds else NAN, one.mean, one.std, one.rms,
+        one.smallest, one.largest, one.samples, one.not_finite,
+    )  # fmt: skip

@@ -13,10 +13,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import zenoh
-
 from silo.errors import ConnectionLostError
-from silo.ipc.configuration import endpoints_of, from_file, reason_of, written
+from silo.ipc.configuration import endpoints_of, from_file, reason_of, user_of, written
 
 if TYPE_CHECKING:
     import ssl
@@ -158,11 +156,6 @@ def explain(config: str, reached: Reached, error: Exception) -> LayerError:
     else:
         text = f"user '{user}' or its password is refused; both stand in {config}"
     return LayerError(Layer.PASSWORD, f"{where}: {text} (or what listens there isn't silo)")
-
-
-def user_of(settings: zenoh.Config) -> str:
-    """Return the user name of a configuration; empty where it has none."""
-    return json.loads(settings.get_json("transport/auth/usrpwd/user")) or ""
 
 
 def tls_problem(config: str, endpoint: Endpoint, rtt_s: float = 0.0) -> LayerError | None:

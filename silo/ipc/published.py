@@ -9,6 +9,9 @@ import msgspec
 
 from silo.model import SavedFile, State, Status
 
+MOST_NAMES = 8  # of clients, in a summary
+MOST_REASON = 200  # letters
+
 
 class NotLive(str, enum.Enum):
     """Why an element that is enabled isn't shown live. A reason that only a newer silo knows is read as OTHER."""
@@ -73,6 +76,42 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     not_live: dict[int, NotLive] = {}
 
 
+class Summary(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
+    """A logger in a few hundred bytes, for who looks at many: put on `.../summary` while somebody subscribes.
+
+    At most once a second when it says something new, else every ten seconds, as any single one may be dropped. Fields
+    are those of `Status`, sent without their names in this order: new ones come last. `closed` is set in the last one
+    of a program that closed its logger; without it program and helper were killed, or the link is cut.
+    """
+
+    state: State
+    frequency_hz: float = 0.0
+    measured_hz: float = 0.0
+    ticks: int = 0
+    started_ns: int = 0
+    lost: int = 0
+    saved: bool = True
+    disk_free_bytes: int = 0
+    disk_bytes: int = 0
+    alarm: str = ""
+    alarms: int = 0
+    clients: list[str] = []
+    recorders: int = 0
+    pid: int = 0
+    user: str = ""
+    reason: str = ""
+    closed: bool = False
+    control: str = ""  # who alone may change it now; empty where nobody took control
+
+    @classmethod
+    def of(cls, status: Status) -> "Summary":
+        """Return what a status says, in short."""
+        taken = {name: getattr(status, name) for name in cls.__struct_fields__ if name not in ("closed", "control")}
+        taken["clients"] = [one.who for one in status.clients[:MOST_NAMES]]
+        control = status.control.who if status.control is not None else ""
+        return cls(**{**taken, "reason": status.reason[:MOST_REASON], "control": control})
+
+
 class EventKind(str, enum.Enum):
     """What happened. A kind that only a newer silo knows is read as OTHER."""
 
@@ -100,6 +139,7 @@ class EventKind(str, enum.Enum):
     LIMIT = "limit"  # a value went beyond its limits, or is stale
     LIMIT_ENDED = "limit ended"
     CONDITIONS = "conditions"  # somebody changed triggers or limits, or has seen alarms
+    CONTROL = "control"  # somebody took it, gave it away, or lost it
     MARKER = "marker"  # somebody, or the program, marked a tick
     OTHER = "other"
 

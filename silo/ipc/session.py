@@ -18,13 +18,14 @@ from typing import Any
 import zenoh
 
 from silo.errors import ConnectionLostError
+from silo.ipc.admission import keep_changes_out, let_local_in, router_admission
 from silo.ipc.configuration import (
     FORCED,
     LINK,
     SLOW_ACCEPT,
-    endpoints_of,
     from_file,
     insert,
+    listened,
     reason_of,
     scaled,
     written,
@@ -37,7 +38,7 @@ SOCKET_SUFFIX = ".sock"
 MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL
 MAX_MESSAGE_BYTES = 8 * 2**20  # about 60,000 edits; a larger message is dropped before it is put together
 OPEN_TRIES = 5
-_BESIDE = (".lock", ".dead", ".secret", ".users", ".key")  # what may lie beside a socket
+_BESIDE = (".lock", ".dead", ".secret", ".users", ".own", ".group", ".key")  # what may lie beside a socket
 
 
 # µs, in a client: as long as the lease. A request of 8 MB takes more than the queue holds, and where the robot's
@@ -91,6 +92,16 @@ def secret_file(path: Path) -> Path:
 def key_file(path: Path) -> Path:
     """Return where the beginning of a logger's keys stands: its host, the id that it drew, its name."""
     return Path(f"{path}.key")
+
+
+def own_file(path: Path) -> Path:
+    """Return what the robot's own user shows with its changes, where a group shares the socket."""
+    return Path(f"{path}.own")
+
+
+def group_file(path: Path) -> Path:
+    """Return what members of the group show with theirs."""
+    return Path(f"{path}.group")
 
 
 def _users_file(path: Path) -> Path:
@@ -151,11 +162,18 @@ def _remove_socket(path: Path) -> None:
 
 
 def open_server(
-    folder: Path, logger: str, pid: int, config: str | None = None, root: Root | None = None
+    folder: Path,
+    logger: str,
+    pid: int,
+    config: str | None = None,
+    root: Root | None = None,
+    *,
+    grouped: bool = False,
 ) -> tuple[zenoh.Session, Path]:
     """Return a session that listens on a Unix socket in `folder`, and on what the file `config` adds to it.
 
-    `root` is left beside the socket, so that who finds it knows the keys.
+    `root` is left beside the socket, so that who finds it knows the keys; where a group shares it, also by what the
+    robot's own user is told from its members.
 
     Raises ConnectionLostError with the reason. A client that sweeps at this very moment holds the lock for some
     microseconds, or takes away what was just made: hence several tries.
@@ -174,8 +192,11 @@ def open_server(
         try:
             if root is not None:
                 key_file(path).write_text(str(root))
+            if grouped:
+                for file in (own_file(path), group_file(path)):
+                    _write_private(file, secrets.token_hex(16))
             session = zenoh.open(settings)
-            if _is_whole(path, settings, root):
+            if _is_whole(path, settings, root, grouped=grouped):
                 return session, path
             close(session)
         except zenoh.ZError as failure:
@@ -186,11 +207,12 @@ def open_server(
     raise ConnectionLostError(f"can't listen on {path}: {reason_of(error)}{_hint(config)}")
 
 
-def _is_whole(path: Path, settings: zenoh.Config, root: Root | None) -> bool:
+def _is_whole(path: Path, settings: zenoh.Config, root: Root | None, *, grouped: bool) -> bool:
     """Whether a server's files are there, and locked; a sweep beside its start may have taken some."""
     passwords = json.loads(settings.get_json("transport/auth/usrpwd/dictionary_file"))
     needed = [path, Path(f"{path}.lock"), *([secret_file(path), _users_file(path)] if passwords else [])]
     needed += [key_file(path)] if root is not None else []
+    needed += [own_file(path), group_file(path)] if grouped else []
     return all(file.exists() for file in needed) and not owner_is_gone(path)
 
 
@@ -201,7 +223,8 @@ def _server_config(path: Path, config: str | None) -> zenoh.Config:
         insert(settings, LINK)
     else:
         given = written(config)
-        endpoints += _listened(settings)
+        endpoints += listened(settings)
+        let_local_in(settings, config)
         insert(settings, LINK, given)
         insert(settings, SLOW_ACCEPT, given)
     settings.insert_json5("mode", '"peer"')
@@ -223,15 +246,22 @@ def _let_local_clients_in(settings: zenoh.Config, path: Path) -> None:
         raise ConnectionLostError(f"{users}: can't read the users and passwords: {error.strerror}") from error
     secret = f"local:{secrets.token_hex(16)}\n"
     for file, text in ((_users_file(path), f"{lines}{secret}"), (secret_file(path), secret)):
-        with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as opened:
-            opened.write(text)
+        _write_private(file, text)
     settings.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(_users_file(path))))
 
 
+def _write_private(file: Path, text: str) -> None:
+    with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as opened:
+        opened.write(text)
+
+
 def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
-    """Return a session in router mode by the file `config`, and what it listens on. Raises ConnectionLostError."""
+    """Return a session in router mode by the file `config`, and what it listens on. Raises ConnectionLostError.
+
+    Where it lets in whoever comes, it lets nobody change anything; `router_admission` has the words for that.
+    """
     settings, given = from_file(config), written(config)
-    endpoints = _listened(settings)
+    endpoints = listened(settings)
     if not endpoints:
         raise ConnectionLostError(
             f'{config}: names nothing to listen on; add listen: {{ endpoints: ["tls/0.0.0.0:7447"] }}'
@@ -239,18 +269,14 @@ def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
     insert(settings, LINK, given)
     insert(settings, SLOW_ACCEPT, given)
     insert(settings, FORCED)
+    if not router_admission(settings, endpoints, config).changes:
+        keep_changes_out(settings)
     for key, value in {"mode": "router", "listen/endpoints": endpoints, "scouting/delay": 0}.items():
         settings.insert_json5(key, json.dumps(value))
     try:
         return zenoh.open(settings), endpoints
     except zenoh.ZError as error:
         raise ConnectionLostError(f"can't listen on {', '.join(endpoints)}: {reason_of(error)}") from error
-
-
-def _listened(settings: zenoh.Config) -> list[str]:
-    """Return what a file says to listen on; nothing if it leaves Zenoh's default, which is the whole network."""
-    found = endpoints_of(settings, "listen", "peer")
-    return [endpoint for endpoint in found if endpoint not in ("tcp/[::]:0", "tcp/[::]:7447")]
 
 
 def open_client(path: Path | None, config: str | None = None, reached: Reached | None = None) -> zenoh.Session:
@@ -292,7 +318,8 @@ def open_client(path: Path | None, config: str | None = None, reached: Reached |
 
 def forget(path: Path) -> None:
     """Remove what a closed server session leaves beside its socket."""
-    for left in (dead_mark(path), secret_file(path), _users_file(path), key_file(path)):
+    beside = (dead_mark, secret_file, _users_file, own_file, group_file, key_file)
+    for left in (place(path) for place in beside):
         left.unlink(missing_ok=True)
 
 

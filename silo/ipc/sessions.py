@@ -5,6 +5,7 @@ and is closed when the last of its users gives it back.
 """
 
 import logging
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,9 +15,12 @@ from typing import Any
 
 import zenoh
 
-from silo.ipc.configuration import find_file
+from silo.ipc import keys
+from silo.ipc.configuration import find_file, from_file, user_of
 from silo.ipc.probing import REACH_S, reach
-from silo.ipc.session import close, open_client
+from silo.ipc.senders import group_identity, local_identity
+from silo.ipc.session import close, group_file, open_client, own_file
+from silo.runtime import user_name
 
 WAITED_TRIPS = 4  # of an answer, beyond the time that it may take where there is no way
 
@@ -33,11 +37,17 @@ class _Shared:
 
 @dataclass(frozen=True)
 class Borrowed:
-    """A session to talk through, and the round trip time of its link in s, 0 on this computer."""
+    """A session to talk through, and the round trip time of its link in s, 0 on this computer.
+
+    Changes go out under the name `user`; with `proof` where a group shares the socket.
+    """
 
     session: zenoh.Session
     config: str
     rtt_s: float = 0.0
+    user: str = keys.LOCAL_SENDER
+    proof: bytes | None = None
+    identity: str = ""  # by which a logger tells operators apart
 
     @property
     def slack_s(self) -> float:
@@ -55,7 +65,8 @@ def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> Borrowed:
     Raises ConnectionLostError, with the layer that fails where it is a network.
     """
     if socket_path:
-        return Borrowed(open_client(Path(socket_path)), "")
+        session, (proof, identity) = open_client(Path(socket_path)), _shown(Path(socket_path))
+        return Borrowed(session, "", proof=proof, identity=identity)
     path = find_file(config)
     with _guard:
         shared = _shared.setdefault(path, _Shared())
@@ -66,10 +77,27 @@ def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> Borrowed:
                 reached = reach(path, reach_s)
                 shared.session = open_client(None, path, reached)
                 shared.rtt_s = reached.rtt_s
-            return Borrowed(shared.session, path, shared.rtt_s)
+            user = user_at(path)
+            return Borrowed(shared.session, path, shared.rtt_s, user, identity=user)
     except BaseException:
         _leave(path)
         raise
+
+
+def user_at(path: str) -> str:
+    """Return under which name a configuration has changes sent: its own, else that of who runs this program."""
+    return user_of(from_file(path)) or user_name(os.getuid())
+
+
+def _shown(path: Path) -> tuple[bytes | None, str]:
+    """Return what tells the robot's own user from a group that shares its socket (None where none does), and the
+    identity of this user there.
+    """
+    name = user_name(os.getuid())
+    for file, identity in ((own_file(path), local_identity(name)), (group_file(path), group_identity(name))):
+        if os.access(file, os.R_OK):
+            return file.read_bytes(), identity
+    return None, local_identity(name)
 
 
 def give_back(borrowed: Borrowed) -> None:

@@ -22,6 +22,7 @@ from silo.collecting.plan import Element
 from silo.collecting.traits import describe, kind_of, label_map
 from silo.errors import ArgumentError, ElementError, ScriptError, StateError
 from silo.kinds import STRUCT, struct_text
+from silo.logger.elements import Elements
 from silo.logger.keywords import AnyAction, AnyBuffer, ElementKeywords, Labels, Number, OptionKeywords, Switch
 from silo.logger.options import array_layout, edits_given, element_name, new_options, string_room
 from silo.logger.other_names import HidesOtherNames
@@ -103,9 +104,9 @@ class Configuration(metaclass=HidesOtherNames):
         return self._table.problems(edits_given(edits))
 
     @property
-    def elements(self) -> list[ElementInfo]:
-        """The element table, in the order of registration."""
-        return self._table.infos
+    def elements(self) -> Elements:
+        """The element table, in the order of registration; a row is found by its number or its name."""
+        return Elements(self._table.infos)
 
     @property
     def name(self) -> str:

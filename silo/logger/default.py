@@ -10,6 +10,7 @@ from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
 from silo.calls import told
+from silo.collecting.marks import NO_WORDS
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
 from silo.logger.serving import Serving
@@ -88,13 +89,14 @@ def collect() -> None:
     _default.collect()
 
 
-def mark(text: str) -> None:
+def mark(text: str = NO_WORDS, *more: object) -> None:
     """`Logger.mark` of the default logger.
 
     Args:
         text: the words.
+        *more: what follows them, a space between.
     """
-    _default.mark(text)
+    _default.mark(text, *more)
 
 
 @told("silo.get_logger")

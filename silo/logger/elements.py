@@ -1,14 +1,22 @@
 """One element of a logger, as a program looks at it: options, newest value, samples held."""
 
 from dataclasses import dataclass
-from typing import Any
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, NoReturn, SupportsIndex, overload
 
 import numpy as np
 
+from silo.calls import no_attribute
 from silo.collecting.keeping import kept_rows
 from silo.collecting.segment_reader import SegmentReader
+from silo.errors import ArgumentError, UnknownNameError
 from silo.logger.new_values import sample_values
-from silo.model import ElementInfo, ElementOptions
+from silo.model import ElementInfo, ElementOptions, SavedFile
+
+_ALL = "log[{!r}].newest is the newest value, silo.Log(log.snapshot())[{!r}].values are all"
+_NEWEST = "it is .newest"
+_OPTION = "it is .options.{}; log.set({!r}, ...) changes it"
+_INFO = "it is .info.{}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +58,62 @@ class LoggedElement:
         """How it is logged."""
         return self.info.options
 
+    if not TYPE_CHECKING:  # type checkers find it themselves
+
+        def __getattr__(self, name: str) -> NoReturn:
+            mine = self.info.name if "info" in self.__dict__ else ""
+            others = dict.fromkeys(("values", "data", "samples", "history", "array"), _ALL.format(mine, mine))
+            others |= dict.fromkeys(("value", "latest", "last", "current", "now"), _NEWEST)
+            others |= dict.fromkeys(("time", "times", "t", "stamp"), "it is .time_ns")
+            others |= dict.fromkeys(("count", "samples_held", "size"), "it is .held")
+            options = ("divider", "action", "buffer_type", "buffer_size", "enabled")
+            others |= {one: _OPTION.format(one, mine) for one in options}
+            others |= {one: _INFO.format(one) for one in ("kind", "dtype", "description", "entries")}
+            no_attribute("an element", name, type(self), others)
+
     def __repr__(self) -> str:
         unit = "" if self.unit == "-" else f" [{self.unit}]"
         return f"<Element {self.name}{unit} {options_text(self.options)}, {self.held} held, newest {newest_text(self)}>"
+
+
+class Elements(list[ElementInfo]):
+    """The rows of the element table, by number or by name: `log.elements["joints/q"]`."""
+
+    @overload
+    def __getitem__(self, key: SupportsIndex | str) -> ElementInfo: ...
+    @overload
+    def __getitem__(self, key: slice) -> list[ElementInfo]: ...
+    def __getitem__(self, key: SupportsIndex | slice | str) -> ElementInfo | list[ElementInfo]:
+        if not isinstance(key, str):
+            return super().__getitem__(key)
+        exact = [info for info in self if info.name == key]
+        found = exact or [info for info in self if info.name.endswith(f"/{key.lstrip('/')}")]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise UnknownNameError(f"{key!r} may be {', '.join(info.name for info in found)}: write the whole name")
+        near = get_close_matches(key, [end for info in self for end in (info.name, info.name.rpartition("/")[2])], 1)
+        hint = f", did you mean '{near[0]}'?" if near else f"; list(log) has all {len(self)}"
+        raise UnknownNameError(f"no element '{key}'{hint}")
+
+
+class SavedFiles(list[SavedFile]):
+    """The files of one save, in the order of their types; of a single one, `path` and `size_bytes` are its own."""
+
+    @property
+    def path(self) -> str:
+        """Where the file is. Raises `ArgumentError` where it is not one."""
+        return self._only("path").path
+
+    @property
+    def size_bytes(self) -> int:
+        """How much it takes. Raises `ArgumentError` where it is not one file."""
+        return self._only("size_bytes").size_bytes
+
+    def _only(self, what: str) -> SavedFile:
+        if len(self) != 1:
+            raise ArgumentError(f"{len(self)} files were saved: [file.{what} for file in saved] has it of each")
+        return self[0]
 
 
 def options_text(options: ElementOptions) -> str:

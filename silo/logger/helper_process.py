@@ -5,6 +5,7 @@ import select
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,7 +15,8 @@ from silo.link.channel import LinkChannel
 from silo.link.handover import handover_pair
 from silo.link.messages import LinkReply
 
-READY_TIMEOUT_S = 15.0
+READY_TIMEOUT_S = 15.0  # without a sign of life; a start takes 0.7 s of processor time, which may be long in coming
+LONGEST_START_S = 300.0  # a computer that takes this long for it serves nobody
 ENDING_S = 2.0  # how long one may take from closing its channel to its end
 HELPER_ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
@@ -59,15 +61,31 @@ class HelperProcess:
 
     def wait_until_ready(self) -> str:
         """Return the path of its socket once clients can come. Raises ConnectionLostError with its reason."""
-        readable, _, _ = select.select([self.link], [], [], READY_TIMEOUT_S)
-        message = self.channel.receive() if readable else None
+        began_s = time.monotonic()
+        message = self.channel.receive() if self._answers() else None
         reply = message.reply if isinstance(message, LinkReply) and message.number == 0 else None
         if isinstance(reply, Done):
             return reply.text
         self.kill()
         if isinstance(reply, Refused):
             raise ConnectionLostError(reply.text)
-        raise ConnectionLostError(f"no answer within {READY_TIMEOUT_S:.0f} s; see its output above")
+        raise ConnectionLostError(f"no answer within {time.monotonic() - began_s:.0f} s; see its output above")
+
+    def _answers(self) -> bool:
+        """Wait until there is something to read, as long as it works at it; a busy computer lets it work slowly."""
+        began_s = quiet_s = time.monotonic()
+        used = self._used()
+        while time.monotonic() < min(quiet_s + READY_TIMEOUT_S, began_s + LONGEST_START_S):
+            if select.select([self.link], [], [], min(1.0, READY_TIMEOUT_S / 4))[0]:
+                return True
+            if (now := self._used()) > used:
+                used, quiet_s = now, time.monotonic()  # it works
+        return False
+
+    def _used(self) -> int:
+        """Return the processor time that it had until now, in ticks of the kernel."""
+        fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        return int(fields[11]) + int(fields[12])
 
     def let_go(self) -> None:
         """Close both channels, by which it learns that the robot program is done with it."""

@@ -18,6 +18,8 @@ SwitchWord: TypeAlias = Literal["on", "off"]
 FileTypeWord: TypeAlias = Literal["silo", "csv", "bag"]
 StorageWord: TypeAlias = Literal["memory", "disk", "file"]
 ThreadsWord: TypeAlias = Literal["single", "serialized"]
+GroupRoleWord: TypeAlias = Literal["viewer", "operator"]
+ControlWord: TypeAlias = Literal["any", "one"]
 UnsavedWord: TypeAlias = Literal["clear", "save", "refuse"]
 
 Number: TypeAlias = SupportsIndex | str  # a whole number, also NumPy's, or words such as "50Hz", "10s", "10k"

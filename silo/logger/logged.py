@@ -14,12 +14,12 @@ from silo.display import MOST_ROWS, html_table
 from silo.errors import SaveError, StateError
 from silo.logger.conditions import Conditions
 from silo.logger.current_run import CurrentRun
-from silo.logger.elements import LoggedElement, look_at, newest_text
+from silo.logger.elements import LoggedElement, SavedFiles, look_at, newest_text
 from silo.logger.keywords import FileTypes
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_types
 from silo.logger.other_names import listed, not_set, with_other_names
-from silo.model import FileType, LoggerOptions, SavedFile, State
+from silo.model import FileType, LoggerOptions, State
 from silo.recording import Recording
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ class Logged(Conditions):
         types: FileTypes = (FileType.SILO,),
         name: str | None = None,
         folder: str | os.PathLike[str] | None = None,
-    ) -> list[SavedFile]:
+    ) -> SavedFiles:
         """Save what the buffers hold to files; collection goes on and nothing is emptied.
 
         Served loggers save in their helper process.
@@ -185,7 +185,7 @@ class Logged(Conditions):
             folder: where to, instead of the logger's folder (should that be full, or not be there).
 
         Returns:
-            The files, in the order of `types`: path, size in bytes.
+            The files, in the order of `types`: path, size in bytes. Of a single one, `.path` is its path.
 
         Raises:
             SaveError: the system refuses. Nothing stands under the final name, the data is still in memory.
@@ -209,7 +209,7 @@ class Logged(Conditions):
             )
         with self._lock:
             self._present.mark_saved(run, ticks)
-        return saved
+        return SavedFiles(saved)
 
     def record(
         self,

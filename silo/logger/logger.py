@@ -12,15 +12,15 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING
 
-from silo.arguments import whole
+from silo.arguments import whole, word
 from silo.calls import told_class
 from silo.collecting.clocks import nanosecond_clock
-from silo.collecting.marks import Mark, no_mark
+from silo.collecting.marks import NO_WORDS, Mark, no_mark
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
 from silo.errors import StateError
 from silo.logger.current_run import CurrentRun
-from silo.logger.keywords import AnyStorage, AnyThreads, UnsavedWord
+from silo.logger.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord, UnsavedWord
 from silo.logger.logged import Logged
 from silo.logger.new_values import NewValuesReader
 from silo.logger.options import (
@@ -31,7 +31,7 @@ from silo.logger.options import (
 )
 from silo.logger.predecessors import look_back
 from silo.logger.unclosed import drop_journals, end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
-from silo.model import Storage, Threads
+from silo.model import ControlMode, GroupRole, Storage, Threads
 
 if TYPE_CHECKING:
     from silo.logger.serving import Serving
@@ -124,7 +124,7 @@ class Logger(Logged):
         if collect is _idle:
             vars(self).pop("collect", None)
 
-    def mark(self, text: str) -> None:
+    def mark(self, text: str = NO_WORDS, *more: object) -> None:
         """Mark the newest tick with some words: `log.mark("push 3")`. Made for the control loop: 0.3 us, never waits.
 
         Any thread may mark, also after a stop; before the first start there is nothing to mark. The mark is in shared
@@ -133,8 +133,9 @@ class Logger(Logged):
 
         Args:
             text: the words.
+            *more: what follows them, a space between: `log.mark("push", 3)`.
         """
-        self._mark(text)
+        self._mark(text, *more)
 
     def _set_mark(self, mark: Mark) -> None:
         self._mark = vars(self)["mark"] = mark  # in the instance in place of the method, as `collect`: 40 ns less
@@ -250,6 +251,8 @@ class Logger(Logged):
         group: str | None = None,
         config: str | os.PathLike[str] | None = None,
         foxglove: int | None = None,
+        group_role: GroupRoleWord = "operator",
+        control: ControlWord = "any",
     ) -> "Serving":
         """Start the helper process: from now on `silo` and `silo-tui` find this logger.
 
@@ -257,6 +260,9 @@ class Logger(Logged):
 
         Args:
             group: lets the members of a system group in too (off by default).
+            group_role: what they may do: `"operator"` changes things, `"viewer"` only looks.
+            control: `"one"`: nothing is changed but by who has taken control (`silo control take`); `"any"`: by
+                every operator, while nobody took it.
             config: a file with remote access settings of Zenoh (`silo config ls` has examples).
             foxglove: a port of this computer, 8765 usually, on which Foxglove, Lichtblick and PlotJuggler can look, as
                 by `silo foxglove`; 0: one that is free, `serving.foxglove_port`. It needs `silo-logger[foxglove]`.
@@ -266,13 +272,14 @@ class Logger(Logged):
 
         Raises:
             StateError: the logger is served already.
-            ArgumentError: `foxglove` is no port.
+            ArgumentError: `foxglove` is no port, or a word is none of those that there are.
             ConnectionLostError: the helper process didn't start; it says why.
             SiloError: the port of Foxglove is taken, or `websockets` is missing.
         """
         from silo.logger.serving import Serving
 
         group, config = serving_group(group), serving_config(config)
+        role, mode = word("group_role", group_role, GroupRole), word("control", control, ControlMode)
         port = None if foxglove is None else whole("foxglove (a port)", foxglove, 0, 65535)
         with self._lock:
             self._check_open()
@@ -280,7 +287,9 @@ class Logger(Logged):
                 raise StateError(f"logger '{self.options.name}' is served already")
             if not self._updated:
                 self.update()
-            self._serving = Serving(self, group=group, config=config, foxglove=port)
+            self._serving = Serving(
+                self, group=group, config=config, foxglove=port, group_role=role.value, control=mode.value
+            )
             return self._serving
 
     def close(self) -> None:

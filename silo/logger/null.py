@@ -11,14 +11,16 @@ from numpy.typing import DTypeLike, NDArray
 
 from silo.arguments import path as file_path
 from silo.calls import told_class
-from silo.logger.elements import LoggedElement
+from silo.logger.elements import Elements, LoggedElement, SavedFiles
 from silo.logger.keywords import (
     AnyAction,
     AnyBuffer,
     AnyStorage,
     AnyThreads,
+    ControlWord,
     ElementKeywords,
     FileTypes,
+    GroupRoleWord,
     Labels,
     Number,
     OptionKeywords,
@@ -36,7 +38,6 @@ from silo.model import (
     Extras,
     FileType,
     LoggerOptions,
-    SavedFile,
     SignalLimits,
     State,
     Storage,
@@ -100,7 +101,7 @@ class NullLogger(metaclass=HidesOtherNames):
         threads: AnyThreads = Threads.SINGLE,
     ) -> None:
         self.options = LoggerOptions(name=name, frequency_hz=frequency, max_time_s=max_time, prefix=prefix)
-        self.elements: list[ElementInfo] = []
+        self.elements = Elements()
         self.source_failures: dict[str, int] = {}
         self.extras = NO_EXTRAS
 
@@ -191,7 +192,7 @@ class NullLogger(metaclass=HidesOtherNames):
     def collect(self) -> None:
         """Do nothing."""
 
-    def mark(self, text: str) -> None:
+    def mark(self, text: str = "mark", *more: object) -> None:
         """Mark nothing."""
 
     def start(self, *, unsaved: UnsavedWord = "clear") -> None:
@@ -280,9 +281,9 @@ class NullLogger(metaclass=HidesOtherNames):
         types: FileTypes = (FileType.SILO,),
         name: str | None = None,
         folder: str | os.PathLike[str] | None = None,
-    ) -> list[SavedFile]:
+    ) -> SavedFiles:
         """Write nothing; no files."""
-        return []
+        return SavedFiles()
 
     def record(
         self,
@@ -306,6 +307,8 @@ class NullLogger(metaclass=HidesOtherNames):
         group: str | None = None,
         config: str | os.PathLike[str] | None = None,
         foxglove: int | None = None,
+        group_role: GroupRoleWord = "operator",
+        control: ControlWord = "any",
     ) -> NullServing:
         """Start nothing: nobody listens."""
         return NullServing()

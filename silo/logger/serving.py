@@ -47,6 +47,8 @@ class Serving:
         group: str | None,
         config: str | os.PathLike[str] | None,
         foxglove: int | None = None,
+        group_role: str = "operator",
+        control: str = "any",
     ) -> None:
         """Start the helper process and wait until it answers.
 
@@ -55,6 +57,8 @@ class Serving:
             group: a system group whose members are let in.
             config: a file with remote access settings of Zenoh.
             foxglove: a port for other people's viewers.
+            group_role: what members of the group may do.
+            control: whether changes need control.
 
         Raises:
             ConnectionLostError: it didn't start; the message has its reason.
@@ -65,7 +69,9 @@ class Serving:
         self._name = logger.options.name
         self._arguments = ["--name", self._name, "--id", drawn_id()]  # the same for every helper process of it
         if group is not None:
-            self._arguments += ["--group", group]
+            self._arguments += ["--group", group, "--group-role", group_role]
+        if control != "any":
+            self._arguments += ["--control", control]
         if config is not None:
             self._arguments += ["--config", str(Path(config).absolute())]
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)

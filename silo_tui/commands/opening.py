@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo_tui.commands import flows
+from silo_tui.commands.many import Many
 from silo_tui.commands.runner import CommandRunner, view_shown
-from silo_tui.context import Context
+from silo_tui.context import Context, Later
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import Layout
 from silo_tui.screens.loggers import LoggersScreen
@@ -37,6 +38,7 @@ class Opener:
         self._wanted = wanted
         self._view = view  # put on the screen of the first logger that is opened
         self.rate_hz = rate_hz
+        self._many = Many(context, lambda: self._finder)
         self._kept: Layout | None = None
         self._failed: dict[str, str] = {}  # by key, why it could not be opened
         self._again_s: dict[str, float] = {}  # by key, when it is tried again; never, where that can't help
@@ -44,21 +46,26 @@ class Opener:
     @property
     def first_screen(self) -> LoggersScreen:
         """What is shown until a logger is found."""
-        return LoggersScreen(self.choose, "" if self.demo is not None else self._wanted)
+        return self._list("" if self.demo is not None else self._wanted)
+
+    def _list(self, wanted: str = "") -> LoggersScreen:
+        screen = LoggersScreen(self.choose, wanted, lambda what, lines: self._many.begin(what, lines, screen.found))
+        return screen
 
     def search_on(self) -> None:
         """Begin the search, or begin it anew."""
-        self._app.run_worker(self._search(), group="search", exclusive=True)
+        self._app.run_worker(Later(self._search), group="search", exclusive=True)
 
     def try_again(self) -> None:
         """Try again also what could not be opened."""
         self._failed.clear()
+        self._finder.look_again()
         if not self._context.has_session:
             self.search_on()
 
     def list_on(self) -> None:
         """Show the list of loggers; the search ends."""
-        self._app.run_worker(self._show_list(), group="search", exclusive=True)
+        self._app.run_worker(Later(self._show_list), group="search", exclusive=True)
 
     def choose(self, logger: FoundLogger) -> None:
         """Open a logger from the list; ask when edits are pending."""
@@ -94,14 +101,13 @@ class Opener:
             if isinstance(screen, LoggersScreen):
                 problems = [problem, *(self._failed.get(each.key, "") for each in found.loggers)]
                 # of several of one name one is to be chosen; else all are shown
-                screen.show(
-                    self._named(found.loggers) or found.loggers, found.advice, "\n\n".join(filter(None, problems))
-                )
+                meant = [each for each in found.loggers if each.is_meant_by(self._wanted)]
+                screen.show(meant or found.loggers, found.advice, "\n\n".join(filter(None, problems)))
             await asyncio.sleep(DEMO_LOOK_S if self.demo is not None and not problem else LOOK_S)
 
     async def _show_list(self) -> None:
         """List the loggers as long as the list is on the screen."""
-        screen = LoggersScreen(self.choose)
+        screen = self._list()
         await self._app.push_screen(screen)
         while self._app.screen is screen:
             found, problem = await self._look()
@@ -137,6 +143,7 @@ class Opener:
         self._again_s.pop(logger.key, None)
         if not app.screen_stack:
             return True
+        self._finder.rest()
         words = await self._show_view()  # first: the question about edits that were kept stands above it
         context.table_changed()
         context.status_changed()
@@ -218,10 +225,12 @@ class Opener:
         if self.demo is not None:
             return next((each for each in loggers if self.demo.owns(each.pid)), None)
         named = self._named(loggers)
-        only = named[0] if len(named) == 1 else None
+        # who has seen several, and is left with one, chose none of them
+        gone = any(not each.is_there and each.is_meant_by(self._wanted) for each in loggers)
+        only = named[0] if len(named) == 1 and not gone else None
         return only if only is not None and time.monotonic() >= self._again_s.get(only.key, 0.0) else None
 
     def _named(self, loggers: Sequence[FoundLogger]) -> list[FoundLogger]:
         """Return those that are meant by a name or an address; the dead only where none of them lives."""
-        named = [each for each in loggers if each.is_meant_by(self._wanted)]
+        named = [each for each in loggers if each.is_there and each.is_meant_by(self._wanted)]
         return [each for each in named if not each.dead] or named

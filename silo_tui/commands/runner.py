@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from silo.arguments import path as file_path
 from silo.errors import RefusedError, SiloError
@@ -12,16 +13,20 @@ from silo.ipc.messages import RefusedWhy
 from silo.settings.words import Settings, completions, read_settings
 from silo_tui.actions import BY_WORD, FILE_SCOPES, Command, typed_on_file
 from silo_tui.commands import flows
-from silo_tui.context import NOT_EDITED, Context, SiloScreen
+from silo_tui.context import NOT_EDITED, Context, Later, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import Layout, read, write
 from silo_tui.model import command_line, text
+from silo_tui.model.people import people_words
 from silo_tui.screens import recorder
 from silo_tui.screens.dialogs import Choice, Question
 from silo_tui.screens.exporting import picture
 from silo_tui.screens.opened import open_path
 from silo_tui.screens.table import TableScreen
 from silo_tui.sessions.live import why
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
 
 ROBOT = "robot:"  # in front of the name of a view that the robot keeps
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
@@ -48,12 +53,14 @@ class CommandRunner:
             "settings": lambda: completions(begun),
             "sorts": lambda: context.session.rows.sorts,
             "names": lambda: context.session.table.names,
+            "derived": lambda: [one.name for one in context.session.table.elements[context.session.table.own :]],
             "types": lambda: SAVED_NAMES,
             "views": lambda: ["save", *files.names()],
             "logs": lambda: command_line.logs(begun),
+            "control": lambda: ("take", "force", "release", "give"),
             "themes": lambda: sorted(context.app.available_themes),
         }
-        needs = () if context.has_session else ("sorts", "names")
+        needs = () if context.has_session else ("sorts", "names", "derived")
         source = (
             sources.get(command.typed.completes) if command.typed and command.typed.completes not in needs else None
         )
@@ -149,13 +156,18 @@ class CommandRunner:
         context = self._context
         self._context.run_flow(recorder.begin(context, context.session, 0, " ".join(spelled.arguments)))
 
+    def word_derive(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:derive [NAME [EXPRESSION]]`; what isn't typed is asked for."""
+        name, expression = (*spelled.arguments[:1], "")[0], " ".join(spelled.arguments[1:])
+        self._table_screen.command_derive(name, expression.removeprefix("= "))
+
     def word_open(self, spelled: command_line.Spelled) -> None:
         """Carry out `:open FILE`."""
         if not spelled.arguments:
             raise ValueError("open which file? for example `:open logs/run.silo`; F lists what is on the robot")
         if not self._context.has_session:
             raise RefusedError("no logger is open: leave silo-tui, and open the file by `silo-tui FILE`")
-        opening = self._open(" ".join(spelled.arguments))
+        opening = Later(self._open, " ".join(spelled.arguments))
         self._context.app.run_worker(opening, group="opening", exclusive=True)
 
     async def _open(self, path: str) -> None:
@@ -214,6 +226,10 @@ class CommandRunner:
             raise ValueError(f"themes: {', '.join(sorted(self._context.app.available_themes))}")
         self._context.app.theme = spelled.arguments[0]
 
+    def word_control(self, spelled: command_line.Spelled) -> None:
+        """Carry out `:control take|force|release|give NAME`; without words, tell who is there."""
+        self._context.run_flow(control_flow(self._context, spelled.arguments))
+
     def word_view(self, spelled: command_line.Spelled) -> None:
         """Carry out `:view NAME`, `:view save NAME`; without a name, tell those that there are."""
         if spelled.arguments[:1] == ("save",) and len(spelled.arguments) > 1:
@@ -253,6 +269,24 @@ class CommandRunner:
             self._context.fail(f"can't write the picture: {error}")
             return
         self._context.say(f"picture of the screen: {path.absolute()}{note}")
+
+
+async def control_flow(context: Context, words: Sequence[str]) -> None:
+    """Take, release or give away control, or tell who has it. RefusedError where somebody else has it."""
+    session = context.session
+    jobs: dict[str, Callable[[Client], str]] = {
+        "take": lambda client: client.take_control(),
+        "force": lambda client: client.take_control(force=True),
+        "release": lambda client: client.release_control(),
+        "give": lambda client: client.hand_over(words[1]),
+    }
+    if not words:
+        await session.refresh_status()
+        context.say(people_words(session.status, session.identity))
+    elif words[0] not in jobs or len(words) != (2 if words[0] == "give" else 1):
+        raise ValueError("control: take, force (from whoever has it), release, give NAME; alone, who is connected")
+    elif context.may_write("Control"):
+        context.say(await session.control(jobs[words[0]]))
 
 
 async def open_view(context: Context, name: str) -> None:

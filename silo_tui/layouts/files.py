@@ -10,35 +10,40 @@ from pathlib import Path
 
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file
+from silo.ipc.remotes import config_folder
 from silo_tui.layouts.layout import Layout, read, write
 from silo_tui.sessions.kept import lives
-from silo_tui.settings.reading import folder, read_text
+from silo_tui.settings.reading import read_text
 
 ENDING = ".yaml"
 _NAME = re.compile(r"[\w][\w.+ -]{0,79}")
+
+
+def _folder() -> Path:
+    return config_folder() / "views"
 
 
 def place(name: str) -> Path:
     """Return the file of a view. ValueError for what is no name."""
     if not _NAME.fullmatch(name) or name != name.strip():
         raise ValueError(f"{name!r} is no name for a view: letters, digits, - _ . + and blanks, at most 80")
-    return folder() / "views" / (name + ENDING)
+    return _folder() / (name + ENDING)
 
 
 def last_of(logger: str) -> Path:
     """Return the file of what was on the screen of a logger at last."""
-    return folder() / "views" / f".last-{re.sub(r'[^A-Za-z0-9_.-]', '_', logger)[:80]}{ENDING}"
+    return _folder() / f".last-{re.sub(r'[^A-Za-z0-9_.-]', '_', logger)[:80]}{ENDING}"
 
 
 def left_by_us(logger: str) -> Path:
     """Return the file of what is on the screen of a logger now, for the case that this terminal is lost."""
-    return folder() / "views" / f".left-{_plain(logger)}.{os.getpid()}{ENDING}"
+    return _folder() / f".left-{_plain(logger)}.{os.getpid()}{ENDING}"
 
 
 def left_behind(logger: str) -> list[Path]:
     """Return what processes that are no more had on the screen when they ended without being asked to, newest last."""
     found = []
-    for path in (folder() / "views").glob(f".left-{_plain(logger)}.*{ENDING}"):
+    for path in _folder().glob(f".left-{_plain(logger)}.*{ENDING}"):
         pid = path.name.removesuffix(ENDING).rpartition(".")[2]
         if pid.isdecimal() and not lives(int(pid)):
             found.append(path)
@@ -59,7 +64,7 @@ def _plain(logger: str) -> str:
 def names() -> list[str]:
     """Return the views that there are."""
     try:
-        found = [each.name.removesuffix(ENDING) for each in (folder() / "views").iterdir() if each.suffix == ENDING]
+        found = [each.name.removesuffix(ENDING) for each in _folder().iterdir() if each.suffix == ENDING]
     except OSError:
         return []
     return sorted(name for name in found if _NAME.fullmatch(name))

@@ -5,9 +5,10 @@ Pure functions on lines of the event log.
 
 import csv
 import io
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from datetime import datetime, timezone
 
+from silo.ipc.senders import short_words
 from silo.model import LoggedEvent
 from silo_tui.model import text
 from silo_tui.model.lists import Order
@@ -28,10 +29,10 @@ def letter(event: LoggedEvent) -> str:
     return LETTERS.get(event.kind, " ")
 
 
-def words(event: LoggedEvent) -> str:
-    """Return what happened: a mark in quotes, all else as it was told."""
+def words(event: LoggedEvent, shown: Callable[[str], str] = str) -> str:
+    """Return what happened: a mark in quotes, as somebody wrote it; all else with names as they are `shown`."""
     told = text.clean(event.text)
-    return f'"{told}"' if event.kind == "marker" else told
+    return f'"{told}"' if event.kind == "marker" else shown(told)
 
 
 def of_last_run(events: Sequence[LoggedEvent]) -> list[LoggedEvent]:
@@ -82,9 +83,12 @@ def columns_of(events: Sequence[LoggedEvent], end: int, column_ns: int, width: i
     return found
 
 
-def matches(event: LoggedEvent, asked: str) -> bool:
-    """Return whether a line has all the words: `-E` leaves a kind out, `M` is that kind, other words stand in it."""
-    shown = f"{event.kind} {event.text} {event.who}".casefold()
+def matches(event: LoggedEvent, asked: str, told: str) -> bool:
+    """Return whether a line that says `told` has all the words.
+
+    `-E` leaves a kind out, `M` is that kind, other words stand in the line or in what was written.
+    """
+    shown = f"{event.kind} {event.text} {told} {event.who}".casefold()
     for word in asked.split():
         without, name = (True, word[1:]) if word.startswith("-") and len(word) > 1 else (False, word)
         found = letter(event) == name if name in NAMES else name.casefold() in shown
@@ -114,14 +118,13 @@ def csv_text(events: Sequence[LoggedEvent]) -> str:
     return out.getvalue()
 
 
-def line(event: LoggedEvent, width: int, logger: str) -> str:
-    """Return a line of the screen: time, tick, letter, what, who; `who` goes first where there is no room."""
+def line(event: LoggedEvent, told: str, width: int, logger: str) -> str:
+    """Return a line of the screen: time, tick, letter, what was told, who; `who` goes first where there is no room."""
     clock = f"{datetime.fromtimestamp(event.time_ns // 1_000_000 / 1000):%H:%M:%S.%f}"[:-3]
     tick = f"{event.tick:,}".replace(",", " ") if event.tick >= 0 else "-"
     head = f"  {clock}  {tick:>10} {letter(event)} "
-    who = text.clean(event.who.split(" ", 1)[0] or logger)[: max(0, min(20, width // 4))]
+    who = text.clean(short_words(event.who) or logger)[: max(0, min(20, width // 4))]
     room = width - len(head) - len(who) - 4
-    told = words(event)
     shown = told if len(told) <= room else told[: max(1, room - 1)] + "…"
     return f"{head}{shown:<{max(1, room)}}  {who}"[:width]
 

@@ -6,73 +6,24 @@ buffers have it; only what these have lost as well is gone. Whatever becomes of 
 
 import asyncio
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 
-from silo.amounts import duration
 from silo.columns import ColumnStore, HistoryColumns
 from silo.errors import RefusedError, SiloError
+from silo.judging.between import Between
 from silo.judging.moments import Found, Looking
-from silo.model import ElementInfo, LoggedEvent, Sought
-from silo.values import newest_values
+from silo.model import ElementInfo, LoggedEvent
+from silo_tui.model.buffers import Buffers, PinHandle
 from silo_tui.model.live import Reading
-from silo_tui.model.pinned import PinnedSource, PinReader
+from silo_tui.model.pinned import PinnedSource
 from silo_tui.model.plots import Plotted
-from silo_tui.model.searching import found_in
+from silo_tui.model.searching import find_here, joined, measure_here, reading_of
 from silo_tui.model.source import PlotSource, Samples
 
 MOST_PIECES = 12  # a helper process has 64 pins for all its clients
 NAMES_AT_ONCE = 64  # that a helper process looks through
-HELD_PERIODS = 100  # a slow loop is late by many
-
-
-class PinHandle(PinReader, Protocol):
-    """A pin that is open in a helper process."""
-
-    @property
-    def run(self) -> str:
-        """Whose rows it has; empty where it has none."""
-
-    @property
-    def begin_ns(self) -> int:
-        """The oldest time stamp in it."""
-
-    @property
-    def end_ns(self) -> int:
-        """The newest one."""
-
-    @property
-    def oldest_ns(self) -> int:
-        """The oldest one that the buffers had; 0 where that isn't known."""
-
-    @property
-    def text(self) -> str:
-        """What could not be had, and why."""
-
-    @property
-    def refused(self) -> str:
-        """Why it is no more; empty while it is."""
-
-    def close(self) -> None:
-        """Let go of it."""
-
-
-class Buffers(Protocol):
-    """The buffers of a logger; what can't be had of them raises a SiloError."""
-
-    @property
-    def reachable(self) -> bool:
-        """Whether somebody answers."""
-
-    async def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> PinHandle:
-        """Pin what they hold from one time to another."""
-
-    async def find(
-        self, looking: Mapping[str, Looking], around_ns: int, most: int, end_ns: int, pins: Sequence[PinHandle]
-    ) -> dict[str, Found]:
-        """Look for moments in them and in these pins, all of one run."""
 
 
 @dataclass(frozen=True)
@@ -312,7 +263,7 @@ class HeldSource:
         ]
         gaps = self._buffered(start_ns, end_ns)
         parts += [(gap.begin_ns, await self._buffered_samples(name, gap)) for gap in gaps]
-        return _joined([some for _, some in sorted(parts, key=lambda part: part[0])])
+        return joined([some for _, some in sorted(parts, key=lambda part: part[0])])
 
     def _buffered(self, start_ns: int, end_ns: int) -> list[_Stretch]:
         """What of a stretch the buffers have alone."""
@@ -332,7 +283,7 @@ class HeldSource:
 
     def held(self, name: str, start_ns: int, end_ns: int) -> Samples:
         """The samples of an entry from `start_ns` to `end_ns`, both included, that are here."""
-        return _joined([piece.held(name, start_ns, end_ns) for piece in self._pieces])
+        return joined([piece.held(name, start_ns, end_ns) for piece in self._pieces])
 
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Columns of a stretch of time: of the pins, and of the buffers where these have it alone."""
@@ -377,18 +328,22 @@ class HeldSource:
     # ------------------------------------------------------------------------------------------------------ searching
 
     @property
+    def _of_one_run(self) -> tuple[str, list[PinHandle]]:
+        """The run that was held, and the pins of it."""
+        run = next((pin.run for pin in self._pins if pin.run), "")
+        return run, [pin for pin in self._pins if pin.run == run]
+
+    @property
     def _all_here(self) -> bool:
         return all(piece.complete for piece in self._pieces) and not self._gaps(self.begin_ns, self.end_ns)
 
     async def find(self, looking: Mapping[str, Looking], around_ns: int, most: int) -> tuple[dict[str, Found], str]:
         """Look for moments in all that is held of entries, and return why some of it could not be looked through."""
         if self._all_here or not self._in_buffers:
-            gone = not self._pins and self._buffers is not None and self._buffers.reachable and self.main.problem
-            why = "" if self._all_here else "nothing is pinned" if gone else "no link"
-            return await self._find_here(looking, around_ns, most, why)
+            why = "" if self._all_here else self._out_of_reach
+            return await find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
         assert self._buffers is not None
-        run = next((pin.run for pin in self._pins if pin.run), "")
-        pins = [pin for pin in self._pins if pin.run == run]
+        _, pins = self._of_one_run
         names = list(looking)
         found: dict[str, Found] = {}
         try:
@@ -397,54 +352,41 @@ class HeldSource:
                 found.update(await self._buffers.find(some, around_ns, most, self.end_ns, pins))
         except SiloError as error:
             why = str(error) if isinstance(error, RefusedError) else "no link"
-            return await self._find_here(looking, around_ns, most, why)
+            return await find_here(self._pieces, looking, around_ns, most, why, pinned=self.pinned)
         return found, ""
 
-    async def _find_here(
-        self, looking: Mapping[str, Looking], around_ns: int, most: int, why: str = ""
-    ) -> tuple[dict[str, Found], str]:
-        """Look through what is here: samples, and columns for those that can't come."""
-        for piece in self._pieces:
-            await piece.fetch(piece.begin_ns, piece.end_ns)
-        found, widest_ns = {}, 0
-        for name, one in looking.items():
-            if one.what is Sought.EDGE:  # a step from sample to sample: columns have none
-                parts = [(self.held(name, self.begin_ns, self.end_ns), 0)]
+    async def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> tuple[dict[str, Between], str]:
+        """Measure entries between two moments, and return of what the facts are where these aren't all samples.
+
+        What isn't fetched is added up in the helper process; where that can't be asked, columns have what they have.
+        """
+        begin_ns, end_ns = min(a_ns, b_ns), max(a_ns, b_ns)
+        if not self._has(begin_ns, end_ns) and self._in_buffers and self._buffers is not None:
+            run, pins = self._of_one_run
+            found: dict[str, Between] = {}
+            try:
+                for at in range(0, len(names), NAMES_AT_ONCE):
+                    some = names[at : at + NAMES_AT_ONCE]
+                    found.update(await self._buffers.measure(some, a_ns, b_ns, pins, run))
+            except SiloError as error:
+                why = str(error) if isinstance(error, RefusedError) else "no link"
             else:
-                parts = [piece.with_columns(name) for piece in self._pieces]
-            wide_ns = max(wide for _, wide in parts)
-            here = _joined([some for some, _ in parts])
-            sought = replace(one, period_ns=max(one.period_ns, wide_ns))
-            found[name] = await asyncio.to_thread(found_in, sought, here, around_ns, most)
-            widest_ns = max(widest_ns, wide_ns)
-        if not widest_ns:
-            return found, why
-        return found, f"{'columns' if self._pins else 'picture'} only, to {duration(float(f'{widest_ns / 1e9:.2g}'))}"
+                return found, ""
+        else:
+            why = "" if self._has(begin_ns, end_ns) else self._out_of_reach
+        return await measure_here(self._pieces, names, a_ns, b_ns, why, pinned=self.pinned)
 
+    @property
+    def _out_of_reach(self) -> str:
+        """Why nothing but what is here can be had."""
+        reached = self._buffers is not None and self._buffers.reachable
+        return "nothing is pinned" if not self._pins and reached and self.main.problem else "no link"
 
-async def reading_of(source: "PlotSource | PinnedSource", element: ElementInfo, time_ns: int) -> Reading:
-    """Return what held at a time: the newest sample up to then. Raises a SiloError where a logger doesn't answer."""
-    newest = np.full(len(element.entries), np.nan)
-    texts: dict[int, str] = {}
-    held = 0
-    begin_ns = time_ns - HELD_PERIODS * source.period_ns(element.name)
-    for position, entry in enumerate(element.entries):
-        stamps, values = await source.samples(element.name + entry.suffix, begin_ns, time_ns)
-        held = max(held, len(stamps))
-        if len(stamps):
-            floats, words = newest_values(values[-1:])
-            newest[position] = floats[0]
-            texts.update((position, word) for word in words.values())
-    return Reading(newest, texts, held, 0, time_ns)
-
-
-def _joined(parts: Sequence[Samples]) -> Samples:
-    parts = [part for part in parts if len(part[0])] or list(parts[:1])
-    if not parts:
-        return np.zeros(0, np.int64), np.zeros(0)
-    if len(parts) == 1:
-        return parts[0]
-    return np.concatenate([time_ns for time_ns, _ in parts]), np.concatenate([values for _, values in parts])
+    def _has(self, start_ns: int, end_ns: int) -> bool:
+        """Whether all samples of a stretch are here."""
+        inside = [piece for piece in self._pieces if piece.begin_ns <= end_ns and start_ns <= piece.end_ns]
+        fetched = all(piece.has(max(start_ns, piece.begin_ns), min(end_ns, piece.end_ns)) for piece in inside)
+        return fetched and not self._gaps(start_ns, end_ns)
 
 
 def _room(names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> ColumnStore:

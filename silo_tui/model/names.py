@@ -5,9 +5,10 @@ them has (`/legs/LF` → `/l…/LF`), then the longest level loses its middle (`
 once per table and width, so that scrolling changes nothing.
 """
 
+import re
 import unicodedata
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Container, Iterable, Sequence
 
 from silo_tui.model.text import clean
 
@@ -23,6 +24,22 @@ def cells(words: str) -> int:
     return sum(
         0 if unicodedata.combining(char) else 2 if unicodedata.east_asian_width(char) in "WF" else 1 for char in words
     )
+
+
+def first_levels(names: Iterable[str], prefix: str) -> frozenset[str]:
+    """Return what stands first behind the prefix that all names share: `legs` of `/log/legs/LF/contact`."""
+    return frozenset(name[len(prefix) + 1 :].partition("/")[0] for name in names if name.startswith(prefix + "/"))
+
+
+def without_prefix(words: str, prefix: str, levels: Container[str]) -> str:
+    """Return words in which signals have the names that tables give them: `/legs/LF` for `/log/legs/LF`.
+
+    Only what goes on with one of `levels` is a signal: a file below a folder of that name keeps its path.
+    """
+    if not prefix or prefix not in words:
+        return words
+    signal = re.compile(rf"(?<![\w/.~-]){re.escape(prefix)}(?=/([\w*?-]+))")
+    return signal.sub(lambda found: "" if found[1] in levels or set(found[1]) & set("*?") else found[0], words)
 
 
 def fitting_names(names: Sequence[str], width: int) -> list[str]:

@@ -190,7 +190,8 @@ class PinnedSource:
             self._slices[number] = found
             return True
 
-    def _has(self, start_ns: int, end_ns: int) -> bool:
+    def has(self, start_ns: int, end_ns: int) -> bool:
+        """Return whether all samples of a stretch inside of it are here."""
         return all(number in self._slices for number in self._numbers(start_ns, end_ns))
 
     # -------------------------------------------------------------------------------------------------- what it shows
@@ -235,7 +236,7 @@ class PinnedSource:
     async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
         """Columns of a stretch of time: of the samples that are here, else asked for, else of wider columns."""
         inside = max(start_ns, self.begin_ns), min(end_ns, self.end_ns)
-        if not self._has(*inside) and self._reader is not None and not self.problem:
+        if not self.has(*inside) and self._reader is not None and not self.problem:
             try:
                 return await self._reader.columns(names, start_ns, end_ns, column_ns)
             except SiloError as error:
@@ -247,7 +248,7 @@ class PinnedSource:
         stop = end_ns // column_ns + 1
         first = max(start_ns // column_ns, stop - MAX_COLUMNS)
         grid = ColumnGrid(len(names), first, stop - first)
-        whole = self._has(max(start_ns, self.begin_ns), min(end_ns, self.end_ns))
+        whole = self.has(max(start_ns, self.begin_ns), min(end_ns, self.end_ns))
         for row, name in enumerate(names):
             if not whole:
                 for wide in (self._coarse, self._shown):

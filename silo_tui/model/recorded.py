@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.columns import Bins, ColumnGrid, HistoryColumns, Hole, grid_of
+from silo.judging.between import Between, between
 from silo.judging.moments import Found, Looking
 from silo.model import Action, ElementInfo, ElementOptions, LoggedEvent
 from silo.recording import RecordedElement, Recording
@@ -302,6 +303,14 @@ class RecordingSource:
         for name, wanted in looking.items():
             samples = await self.samples(name, int(self._times[0]), self.end_ns)
             found[name] = await asyncio.to_thread(found_in, wanted, samples, around_ns, most)
+        return found, ""
+
+    async def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> tuple[dict[str, Between], str]:
+        """Measure entries between two moments."""
+        found = {}
+        for name in names:
+            time_ns, values = await self.samples(name, int(self._times[0]), max(a_ns, b_ns))
+            found[name] = await asyncio.to_thread(between, time_ns, values, a_ns, b_ns)
         return found, ""
 
 

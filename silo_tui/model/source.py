@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.columns import HistoryColumns
+from silo.judging.between import Between
 from silo.judging.moments import Found, Looking
 from silo.model import ElementInfo, LoggedEvent
 
@@ -59,3 +60,6 @@ class HeldRows(PlotSource, Protocol):
         self, looking: Mapping[str, Looking], around_ns: int, most: int
     ) -> Awaitable[tuple[dict[str, Found], str]]:
         """Look for moments in all samples of entries, and return why some could not be looked through."""
+
+    def measure(self, names: Sequence[str], a_ns: int, b_ns: int) -> Awaitable[tuple[dict[str, Between], str]]:
+        """Measure entries between two moments, and return of what the facts are where these aren't all samples."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from silo.model import Edit, ElementInfo, Table
 from silo_tui.model.facts import LIMIT_BITS, NOTHING
 from silo_tui.model.fields import Field, Ints, options_of, phrase_for, rows_of
+from silo_tui.model.names import first_levels, without_prefix
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
@@ -67,6 +68,7 @@ class TableState:
         self.elements: list[ElementInfo] = []
         self.names: list[str] = []
         self.folded: list[str] = []
+        self._levels: tuple[list[str], str, frozenset[str]] = ([], "", frozenset())  # of which names and prefix
         self.prefix = ""  # that all names share, without a slash at its end; not shown
         self.facts = NOTHING  # the newest survey
         self._beyond: dict[str, str] = {}  # the worst word of each element that is beyond its limits
@@ -121,6 +123,14 @@ class TableState:
     def row(self, name: str) -> int | None:
         """Return the row of an element, None when there is none of that name."""
         return self._row_of.get(name)
+
+    def shown(self, words: str) -> str:
+        """Return words of the logger with the names of signals as they are shown: without what all names share."""
+        names, prefix = self.names, self.prefix
+        if self._levels[0] is not names or self._levels[1] != prefix:
+            entries = (element.name + entry.suffix for element in self.elements for entry in element.entries)
+            self._levels = names, prefix, first_levels([*names, *entries], prefix)
+        return without_prefix(words, prefix, self._levels[2])
 
     def entry_names(self, row: int) -> list[str]:
         """Return full names of the entries of an element."""

@@ -18,7 +18,7 @@ from silo_tui.model.lists import Order
 from silo_tui.screens.conditions import ConditionsScreen
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.screens.monitor import MonitorScreen
-from silo_tui.sessions.live import LiveSource
+from silo_tui.sessions.live_source import LiveSource
 from silo_tui.widgets.bars import color
 
 if TYPE_CHECKING:

@@ -11,10 +11,11 @@ from textual.app import ComposeResult
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
-from silo_tui.context import SiloScreen
+from silo_tui.context import Later, SiloScreen
 from silo_tui.model.lists import Marks, Order, arranged, passes
 from silo_tui.screens.order import OrderDialog
-from silo_tui.sessions.live import LiveSource, Session
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.live_source import LiveSource
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.inputs import Fleeting, Line
 
@@ -68,7 +69,7 @@ class ConditionsScreen(SiloScreen, Generic[Status]):
 
     def ask(self) -> None:
         """Ask how they stand."""
-        self.run_worker(self._ask(), group="conditions", exclusive=True)
+        self.run_worker(Later(self._ask), group="conditions", exclusive=True)
 
     async def _ask(self) -> None:
         if self.session.connected:

@@ -20,6 +20,7 @@ from silo.amounts import duration
 from silo.errors import SiloError
 from silo.values import as_floats
 from silo_tui.actions import bindings_for
+from silo_tui.context import Later
 from silo_tui.model import big_plot, text
 from silo_tui.model.big_plot import BigPlot
 from silo_tui.model.columns import Floats
@@ -152,7 +153,7 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         return text.span(self.span_s) + (f"  ends {text.span(back)} before the newest" if back > 0.5 else "")
 
     def _begin(self) -> None:
-        self.run_worker(self._draw(), group="draw", exclusive=True)
+        self.run_worker(Later(self._draw), group="draw", exclusive=True)
 
     async def _draw(self) -> None:
         ways = {"spectrum": self._spectrum, "x-y": self._pair, "histogram": self._histogram}
@@ -343,6 +344,8 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         self.request_view()
 
     def command_detail_refresh(self) -> None:
+        if not self.session.connected:
+            self.context.try_link()
         self.request_view()
 
     def command_back(self) -> None:

@@ -56,8 +56,8 @@ class ListDialog(Dialog[str | None]):
 
     def action_scroll(self, pages: int) -> None:
         """Move a long body."""
-        body = self.query_one(".dialog-body", VerticalScroll)
-        body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
+        for body in self.query(".dialog-body").results(VerticalScroll):
+            body.scroll_relative(y=pages * max(1, body.size.height - 1), animate=False)
 
     def action_next(self) -> None:
         """Go to the next choice."""
@@ -83,8 +83,9 @@ class Question(ListDialog):
         """Yield title, body, choices."""
         with Vertical(classes="dialog"):
             yield Static(self._title, classes="dialog-title", markup=False)
-            with VerticalScroll(classes="dialog-body", can_focus=False):
-                yield Static(self._body, markup=False)
+            if self._body:
+                with VerticalScroll(classes="dialog-body", can_focus=False):
+                    yield Static(self._body, markup=False)
             yield Choices(*(Option(self._line(choice), id=choice.value) for choice in self._choices))
 
     def _line(self, choice: Choice) -> Text:
@@ -100,8 +101,11 @@ class Question(ListDialog):
 
     def on_resize(self, event: events.Resize) -> None:
         """Let a long body scroll: the choices are always on the screen."""
-        room = event.size.height * 9 // 10 - len(self._choices) - BORDER_AND_TITLE_ROWS
-        self.query_one(".dialog-body").styles.max_height = max(3, room)
+        room = event.size.height * 9 // 10 - BORDER_AND_TITLE_ROWS
+        body = self.query(".dialog-body")
+        for each in body:
+            each.styles.max_height = max(3, room - len(self._choices))
+        self.query_one(OptionList).styles.max_height = max(3, min(len(self._choices), room - (3 if body else 0)))
 
     def on_key(self, event: events.Key) -> None:
         """Take a choice by its key; the screen below must not get it too."""

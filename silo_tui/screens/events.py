@@ -18,16 +18,18 @@ from silo.errors import SiloError
 from silo.files.atomic import atomic_file
 from silo.model import LoggedEvent
 from silo_tui.actions import bindings_for
-from silo_tui.context import SiloScreen
+from silo_tui.context import Later, SiloScreen
 from silo_tui.model import text
-from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches
+from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches, words
 from silo_tui.model.lists import arranged
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.screens.order import OrderDialog
 from silo_tui.screens.searching import Searching
 from silo_tui.sessions.live import Session
-from silo_tui.widgets.bars import KeyBar
+from silo_tui.sessions.recorded import FileSession
+from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.inputs import Fleeting, Line
+from silo_tui.widgets.recorded import FileBanner, FileBar
 
 HEAD = "  time                tick   what"
 FILTER_KEYS = "Enter keeps it  Esc shows all again"
@@ -49,9 +51,16 @@ class EventsScreen(SiloScreen):
         self._all: Sequence[LoggedEvent] = ()
         self._said = ""
         self._order, self._turned = ORDERS[0], False
+        self._bar, self._banner = self.bars()
+
+    def bars(self) -> tuple[StatusBar, Banner]:
+        """Return the lines above."""
+        return StatusBar(self.session, read_only=False), Banner(self.session)
 
     def compose(self) -> ComposeResult:
-        """Yield head, lines, message, the line of the filter, keys."""
+        """Yield status, banner, head, lines, message, the line of the filter, keys."""
+        yield self._bar
+        yield self._banner
         yield Static(Text(f"{HEAD}", no_wrap=True), id="events-head", markup=False)
         yield OptionList(id="events-list", markup=False)
         yield Static("", id="events-said", markup=False)
@@ -60,6 +69,7 @@ class EventsScreen(SiloScreen):
 
     def on_mount(self) -> None:
         """Show what is here."""
+        self._banner.update()
         self._list.focus()
         self._show()
 
@@ -77,9 +87,15 @@ class EventsScreen(SiloScreen):
         self._tell()
 
     def status_changed(self) -> None:
-        """Take in what happened since."""
+        """Follow state and link, and take in what happened since."""
+        self.second_passed()
         if self.session.happened is not self._all:
             self._show()
+
+    def second_passed(self) -> None:
+        """Paint the times again."""
+        self._bar.update()
+        self._banner.update()
 
     def _show(self) -> None:
         if not self.is_there:
@@ -87,7 +103,7 @@ class EventsScreen(SiloScreen):
         lines, width = self._list, self.size.width
         kept = self._event
         self._all = self.session.happened
-        passing = (event for event in self._all if matches(event, self._asked))
+        passing = (event for event in self._all if matches(event, self._asked, self._told(event)))
         self._shown = arranged(passing, self._order, turned=self._turned)
         lines.clear_options()
         lines.add_options(Option(self._line(event, width)) for event in self._shown)
@@ -97,23 +113,27 @@ class EventsScreen(SiloScreen):
         self._tell()
 
     def _line(self, event: LoggedEvent, width: int) -> Text:
-        shown = Text(line(event, width - 2, self.session.status.logger), no_wrap=True, overflow="ellipsis")
+        told = line(event, self._told(event), width - 2, self.session.status.logger)
+        shown = Text(told, no_wrap=True, overflow="ellipsis")
         if letter(event) in "MTX":
             shown.stylize("bold")
         return shown
+
+    def _told(self, event: LoggedEvent) -> str:
+        return words(event, self.session.table.shown)
 
     def _tell(self) -> None:
         if not self.is_there:
             return
         count = text.plural(len(self._all), "event")
-        words = [f"{count}, {'follows' if self._following else 'g follows'}" if self._all else "nothing happened yet"]
+        parts = [f"{count}, {'follows' if self._following else 'g follows'}" if self._all else "nothing happened yet"]
         if self._order is not ORDERS[0] or self._turned:
-            words.append(f"by {self._order.name}{', turned round' if self._turned else ''}")
+            parts.append(f"by {self._order.name}{', turned round' if self._turned else ''}")
         if self._asked:
-            words.append(f"/{self._asked}: {len(self._shown)} of {len(self._all)}")
+            parts.append(f"/{self._asked}: {len(self._shown)} of {len(self._all)}")
         if self._said:
-            words.append(self._said)
-        self.query_one("#events-said", Static).update(Text(" " + " │ ".join(words), no_wrap=True, overflow="ellipsis"))
+            parts.append(self._said)
+        self.query_one("#events-said", Static).update(Text(" " + " │ ".join(parts), no_wrap=True, overflow="ellipsis"))
 
     @property
     def _event(self) -> LoggedEvent | None:
@@ -152,9 +172,9 @@ class EventsScreen(SiloScreen):
 
     def command_order_events(self) -> None:
         letters = {order.name: order.letter for order in ORDERS}
-        words = {order.name: order.words for order in ORDERS}
+        named = {order.name: order.words for order in ORDERS}
         arrow = "↓" if self._order.backwards != self._turned else "↑"
-        self.app.push_screen(OrderDialog(list(letters), self._order.name, arrow, letters, words), self._by)
+        self.app.push_screen(OrderDialog(list(letters), self._order.name, arrow, letters, named), self._by)
 
     def _by(self, name: str | None) -> None:
         if name is not None:
@@ -164,7 +184,7 @@ class EventsScreen(SiloScreen):
             self._show()
 
     def command_read_events(self) -> None:
-        self.run_worker(self._read_again(), group="events", exclusive=True)
+        self.run_worker(Later(self._read_again), group="events", exclusive=True)
 
     async def _read_again(self) -> None:
         await self.context.quietly(self.session.learn_events())
@@ -180,7 +200,7 @@ class EventsScreen(SiloScreen):
 
     def _write(self, given: str | None) -> None:
         if given:
-            self.run_worker(self._written(Path(os.path.expanduser(given)), list(self._shown)))  # noqa: PTH111
+            self.run_worker(Later(self._written, Path(os.path.expanduser(given)), list(self._shown)))  # noqa: PTH111
 
     async def _written(self, path: Path, shown: Sequence[LoggedEvent]) -> None:
         path = path if path.suffix else path.with_suffix(".csv")
@@ -254,5 +274,10 @@ def _write_csv(path: Path, shown: Sequence[LoggedEvent]) -> None:
 class FileEventsScreen(EventsScreen, inherit_bindings=False):
     """The same of a file."""
 
+    session: FileSession
     scope = "file_events"
     BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = bindings_for("file_events")
+
+    def bars(self) -> tuple[StatusBar, Banner]:
+        """Return facts of the file, and what is wrong with it."""
+        return FileBar(self.session), FileBanner(self.session)

@@ -16,7 +16,7 @@ from textual.app import App
 from silo.errors import SiloError
 from silo.files.atomic import atomic_file
 from silo.values import as_floats, text_of
-from silo_tui.context import SiloScreen
+from silo_tui.context import Later, SiloScreen
 from silo_tui.model.panels import Panel, has_curves, sides
 from silo_tui.model.plots import SECOND_NS, Plotted
 from silo_tui.model.source import PlotSource, Samples
@@ -33,7 +33,7 @@ def ask_export(
     def write(given: str | None) -> None:
         if given:
             # after the prompt is gone: it is no part of the picture
-            screen.call_after_refresh(lambda: screen.run_worker(_export_to(Path(os.path.expanduser(given)))))  # noqa: PTH111
+            screen.call_after_refresh(lambda: screen.run_worker(Later(_export_to, Path(os.path.expanduser(given)))))  # noqa: PTH111
 
     async def _export_to(path: Path) -> None:
         try:

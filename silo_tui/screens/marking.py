@@ -1,6 +1,6 @@
 """Marking a moment: its tick is that of the key press, however long one types its words."""
 
-from silo_tui.context import Context
+from silo_tui.context import Context, Later
 from silo_tui.screens.dialogs import Prompt
 
 
@@ -9,12 +9,15 @@ def ask_mark(context: Context, at_ns: int) -> None:
 
     def carry_out(words: str | None) -> None:
         if words is not None:
-            context.app.run_worker(context.quietly(_mark(context, words.strip() or "marker", at_ns)), group="mark")
+            context.app.run_worker(Later(_mark, context, words.strip() or "marker", at_ns), group="mark")
 
     body = "Its tick is taken; words may follow."
     context.app.push_screen(Prompt("Mark this moment", body, "", "marker"), carry_out)
 
 
 async def _mark(context: Context, words: str, at_ns: int) -> None:
-    event = await context.session.mark(words, at_ns)
-    context.say(f'marked tick {event.tick}: "{event.text}"')
+    async def mark() -> None:
+        event = await context.session.mark(words, at_ns)
+        context.say(f'marked tick {event.tick}: "{event.text}"')
+
+    await context.quietly(mark())

@@ -15,22 +15,20 @@ from textual.binding import Binding
 from textual.message import Message
 from textual.timer import Timer
 
-from silo.errors import RefusedError, SiloError
+from silo.errors import SiloError
 from silo.ipc.frames import Frame
 from silo.model import TriggerOptions
 from silo_tui.actions import bindings_for
+from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.find import Search, What, places_of
-from silo_tui.model.held import reading_of
-from silo_tui.model.live import Reading
 from silo_tui.model.overlay import SIGN
-from silo_tui.model.plots import SECOND_NS, SPANS_S, Plotted, PlotWindow, plots_of
-from silo_tui.model.recorded import SHORT_SPANS_S
+from silo_tui.model.plots import SECOND_NS, PlotWindow, plots_of
 from silo_tui.model.scope import Scope, fitting_span, halfway
-from silo_tui.model.source import HeldRows, PlotSource
-from silo_tui.screens.arranging import Arranging
+from silo_tui.model.source import PlotSource
 from silo_tui.screens.finding import value_words
+from silo_tui.screens.pausing import Pausing
 from silo_tui.screens.standing import value_here
 from silo_tui.sessions.link import ViewRequest
 from silo_tui.sessions.live import Session
@@ -42,7 +40,7 @@ from silo_tui.widgets.plot_stack import PlotStack
 DEBOUNCE_S = 0.1
 
 
-class MonitorScreen(Arranging):
+class MonitorScreen(Pausing):
     """Plots of the elements that were marked when it was opened."""
 
     class OpenLeft(Message):
@@ -73,6 +71,7 @@ class MonitorScreen(Arranging):
         self._said = ""
         self._asked = self.stack.store  # where the live columns should go
         self._mending = False
+        self._happened = session.happened
         self._timer: Timer | None = None
         self._live = source
         self.between = BetweenTable()
@@ -152,13 +151,13 @@ class MonitorScreen(Arranging):
         if self.window.paused:
             self.session.columns = ColumnStore((), 1, 1)
             if self.pause.source is not None:
-                self.run_worker(self._look(), group="look", exclusive=True)
+                self.run_worker(Later(self._look), group="look", exclusive=True)
         else:
             store.adopt(self.stack.store)
             elements = dict.fromkeys(plotted.element.name for plotted in self.stack.on_screen())
             self.session.columns = self._asked = store
             self.session.watch(ViewRequest(tuple(elements), tuple(names), store.column_ns))
-        self.run_worker(self._fill(store, names), group="history", exclusive=True)
+        self.run_worker(Later(self._fill, store, names), group="history", exclusive=True)
 
     async def _fill(self, store: ColumnStore, names: list[str]) -> None:
         start, end = self._shown_ns
@@ -180,29 +179,6 @@ class MonitorScreen(Arranging):
         self.stack.store = store
         await self._fill_texts(end)
         self._show_moment()
-
-    async def _look(self) -> None:
-        """Pin and fetch what is on the screen; where its rows are gone by now, show the oldest that there are."""
-        start_ns, end_ns = self._shown_ns
-        await self.pause.look(start_ns, end_ns, self._column_ns)
-        source, at_ns = self.pause.source, self._at_ns
-        if source is None:
-            return
-        if at_ns is not None and at_ns < source.begin_ns:
-            self._at_ns = source.begin_ns
-        if start_ns + self._column_ns < source.begin_ns and end_ns - source.begin_ns < self.window.span_ns // 2:
-            self._show(end_ns)
-
-    @property
-    def held(self) -> HeldRows:
-        """What the pause holds, and the logger's buffers behind it."""
-        if self.pause.source is None:
-            raise RefusedError("nothing is held: space holds the picture")
-        return self.pause.source
-
-    async def bring(self, time_ns: int) -> bool:
-        """Have a moment pinned, with a window around it."""
-        return await self.pause.bring(time_ns, self.window.span_ns)
 
     async def _fill_ghost(self, store: ColumnStore) -> None:
         """Read what a saved run had in this window, and in the next one: the live one goes on."""
@@ -243,37 +219,10 @@ class MonitorScreen(Arranging):
                 self.stack.store.advance_to(frame.time_ns // self.stack.store.column_ns + 1)
             self.stack.advance()
             if self.stack.ghost is not None and self.stack.ghost.end < self.stack.store.end:
-                self.run_worker(self._fill_ghost(self.stack.store), group="ghost", exclusive=True)
+                self.run_worker(Later(self._fill_ghost, self.stack.store), group="ghost", exclusive=True)
             if self.session.columns is self._asked and self._asked.gapped and not self._mending:
                 self._mending = True  # frames got lost on their way: the logger still has what was in them
-                self.run_worker(self._fill(self._asked, list(self._asked.names)), group="history")
-
-    def _moment_shown(self) -> None:
-        """Read the values of what stands still: those at the cursor, or at the right end."""
-        if self.window.paused and self._live.live:
-            self.run_worker(self._read_moment(), group="moment", exclusive=True)
-
-    async def _read_moment(self) -> None:
-        readings = await self._readings_here()
-        if self.window.paused:
-            self.stack.readings = readings
-            self.stack.bounds = self.session.bounds
-            self.stack.redraw()
-
-    async def _readings_here(self) -> dict[str, Reading]:
-        """Return what held at the cursor, or at the right end of the window; nothing of what can't be had."""
-        if not self.window.paused:
-            return self.session.live.readings
-        await self.pause.settled()
-        at_ns = self._at_ns if self._at_ns is not None and self.window.cursor is not None else self._end_ns
-        plots = (*self.stack.on_screen(), *self.stack.plots[self.stack.chosen : self.stack.chosen + 1])
-        shown = {plotted.element.name: plotted.element for plotted in plots}
-        try:
-            if self.pause.source is not None:
-                return await self.pause.source.readings(list(shown), at_ns)
-            return {name: await reading_of(self._live, element, at_ns) for name, element in shown.items()}
-        except SiloError:
-            return {}
+                self.run_worker(Later(self._fill, self._asked, list(self._asked.names)), group="history")
 
     def _take_texts(self, frame: Frame) -> None:
         """Note texts that changed."""
@@ -300,6 +249,9 @@ class MonitorScreen(Arranging):
         self.line.refresh()  # it says whether they are live
         if (self.stack.fresh, self.stack.ended) != (self.session.fresh, self.session.dead):
             self.stack.fresh, self.stack.ended = self.session.fresh, self.session.dead
+            self.stack.redraw()
+        if self.session.happened is not self._happened:  # its letter stands on the axis, also while nothing moves
+            self._happened = self.session.happened
             self.stack.redraw()
         if not self.window.paused and self.session.columns is not self._asked:
             self.fill_soon()  # it was started again
@@ -376,70 +328,12 @@ class MonitorScreen(Arranging):
     def command_plot_bottom(self) -> None:
         self._choose(len(self.stack.plots) - 1)
 
-    @property
-    def _held_ns(self) -> tuple[int, int]:
-        """The oldest and the newest moment that one can look at."""
-        return self.pause.held_ns(self.stack.plots)
-
     def _state(self) -> str:
         if self.pause.source is not None or not self._live.live:
             return "PAUSED"
         if self.window.paused_end_ns is None:
             return "DEAD" if self.session.dead else "live" if self.session.connected else "no link"
         return f"-{text.span(max(0, self.source.end_ns - self.window.paused_end_ns) / SECOND_NS)}, End: now"
-
-    @property
-    def live_source(self) -> PlotSource:
-        """What it shows when nothing is held."""
-        return self._live
-
-    @property
-    def pinned_plots(self) -> Sequence[Plotted]:
-        """What a pause holds."""
-        return self.stack.plots
-
-    def take_back(self) -> None:
-        """Show what the pause holds by now, or what comes: another screen used it meanwhile."""
-        self.pause.tell(self._more_is_here)
-        self.source = self.stack.source = self.pause.source or self._live
-        if self.is_mounted:
-            self._more_is_here()
-            self._show_moment()
-            self.request_view()
-
-    def _more_is_here(self) -> None:
-        self.status_bar.mode = self.pause.head
-        self.status_bar.update()
-        self.line.refresh()
-
-    def command_pause(self) -> None:
-        """Hold what is on the screen, with as much before it; or go on."""
-        if not self.pause.possible:
-            return
-        if self.pause.source is not None:
-            self._go_on()
-            return
-        newest_ns = self._live.end_ns if self.window.paused else 0  # looking back, time goes on
-        self._stand_still()
-        store, end = self.stack.store, self._end_ns
-        held = self.pause.hold(self.pinned_plots, end, self.window.span_ns, store, newest_ns)
-        self.source = self.stack.source = held
-        self.window.spans = (*SHORT_SPANS_S, *SPANS_S)
-        self.run_worker(self.pause.fetch(store.column_ns, self.window.span_ns), group="pause", exclusive=True)
-        self._more_is_here()
-        self.request_view()
-
-    def _go_on(self) -> None:
-        """Show what comes again."""
-        self.pause.release()
-        self.source = self.stack.source = self._live
-        self.window.paused_end_ns = self.window.cursor = self.window.at_ns = self.window.other_ns = None
-        self.window.spans = SPANS_S
-        self.window.span_s = max(SPANS_S[0], self.window.span_s)
-        self._found = None
-        self._show_between()
-        self._more_is_here()
-        self.request_view()
 
     def on_plot_stack_pointed(self, event: PlotStack.Pointed) -> None:
         """Choose the plot that was clicked, and put the cursor there."""
@@ -476,26 +370,15 @@ class MonitorScreen(Arranging):
         self.context.run_flow(self._ask_trigger())
 
     async def _ask_trigger(self) -> None:
-        from silo_tui.screens.trigger_editor import TriggerEditor
+        from silo_tui.screens.trigger_editor import ask_trigger
 
         name = self._short(self.stack.chosen_plot.name).lstrip("/")
         level = value_here(self.stack.chosen_plot, await self._readings_here()) or "0"
         made = TriggerOptions(name.rpartition("/")[2], f"{name} > {level}", 1.0, 1.0)
-        self.app.push_screen(TriggerEditor(self.session, made, is_new=True), self._take_trigger)
-
-    def _take_trigger(self, made: TriggerOptions | None) -> None:
-        if made is not None:
-            self.context.run_flow(self._set_trigger(made))
-
-    async def _set_trigger(self, made: TriggerOptions) -> None:
-        said = await self.context.link.call(lambda client: client.set_trigger(made))
-        try:
-            await self.session.refresh_conditions()
-        finally:
-            self.context.say(said)
+        await ask_trigger(self.context, made)
 
     def command_zero(self) -> None:
-        self.run_worker(self._zero(), group="zero")
+        self.run_worker(Later(self._zero), group="zero")
 
     async def _zero(self) -> None:
         try:

@@ -17,7 +17,7 @@ from silo.errors import SiloError
 from silo.ipc.frames import Frame
 from silo.ipc.messages import Recordings, SavedRecording
 from silo_tui.actions import bindings_for
-from silo_tui.context import SiloScreen
+from silo_tui.context import Later, SiloScreen
 from silo_tui.model import recorders, text
 from silo_tui.model import recordings as rows
 from silo_tui.model.lists import Marks
@@ -84,7 +84,7 @@ class RecordingsScreen(SiloScreen):
     def read_again(self) -> None:
         """Ask what there is."""
         if self.is_running and self.app.is_running:
-            self.run_worker(self._read(), group="recordings", exclusive=True)
+            self.run_worker(Later(self._read), group="recordings", exclusive=True)
 
     async def _read(self) -> None:
         while True:
@@ -104,7 +104,7 @@ class RecordingsScreen(SiloScreen):
     def _look(self) -> None:
         """Ask how endless recordings stand."""
         if self.session.connected and self.context.upper_screen is self:
-            self.run_worker(self._look_at_recorders(), group="recorders", exclusive=True)
+            self.run_worker(Later(self._look_at_recorders), group="recorders", exclusive=True)
 
     async def _look_at_recorders(self) -> None:
         await self.context.quietly(self.session.refresh_recorders())
@@ -341,7 +341,7 @@ class RecordingsScreen(SiloScreen):
             return
         self._said = ""
         self.run_worker(
-            open_recording(self.context, self.session, self.found.folder, rows.best_file(one)),
+            Later(open_recording, self.context, self.session, self.found.folder, rows.best_file(one)),
             group="opening", exclusive=True,
         )  # fmt: skip
 
@@ -356,7 +356,7 @@ class RecordingsScreen(SiloScreen):
             self.say(f"{name} is lifted off the plots")
             return
         self.run_worker(
-            overlay_recording(self.context, self.session, self.found.folder, rows.best_file(one), name),
+            Later(overlay_recording, self.context, self.session, self.found.folder, rows.best_file(one), name),
             group="opening", exclusive=True,
         )  # fmt: skip
 
@@ -381,7 +381,7 @@ class RecordingsScreen(SiloScreen):
 
     def _fetch_to(self, targets: list[SavedRecording], folder: str | None) -> None:
         if folder:
-            self.run_worker(self._fetch(targets, Path(folder).expanduser()), group="fetching")
+            self.run_worker(Later(self._fetch, targets, Path(folder).expanduser()), group="fetching")
 
     async def _fetch(self, targets: list[SavedRecording], folder: Path) -> None:
         for name in [file.name for one in targets for file in one.files]:
@@ -443,7 +443,7 @@ class RecordingsScreen(SiloScreen):
 
     def _delete(self, targets: list[SavedRecording], answer: str | None) -> None:
         if answer == "yes":
-            self.run_worker(self._deleted(targets), group="deleting")
+            self.run_worker(Later(self._deleted, targets), group="deleting")
 
     async def _deleted(self, targets: list[SavedRecording]) -> None:
         self.say("deleting …")

@@ -13,7 +13,7 @@ from silo.errors import SiloError
 from silo.files.formats import SAVED, SAVED_NAMES
 from silo.ipc.published import Event, EventKind
 from silo.model import FileType, SavedFile
-from silo_tui.context import Context
+from silo_tui.context import Context, Later
 from silo_tui.modal import Dialog
 from silo_tui.model import text
 from silo_tui.widgets.check_line import CheckLine
@@ -105,7 +105,7 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
             self.dismiss(files)
             self.app.call_after_refresh(
                 lambda: self.app.run_worker(
-                    open_saved(context, context.session, files), group="opening", exclusive=True
+                    Later(open_saved, context, context.session, files), group="opening", exclusive=True
                 )
             )
 
@@ -129,7 +129,7 @@ class SaveDialog(Dialog[list[SavedFile] | None]):
         self.query_one(ProgressBar).update(progress=0.0)
         self._result("Saving …")
         # of the app: a worker of this dialog would end with it, and with it the word of how the save went
-        self.app.run_worker(self._save(types, self.query_one("#save-name", Input).value.strip()), group="saving")
+        self.app.run_worker(Later(self._save, types, self.query_one("#save-name", Input).value.strip()), group="saving")
 
     async def _save(self, types: list[FileType], name: str) -> None:
         context, session = self.context, self.context.session

@@ -19,8 +19,9 @@ from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
 from silo.model import LoggedEvent, TriggerOptions
 from silo_tui.actions import bindings_for
-from silo_tui.context import SiloScreen
+from silo_tui.context import Later, SiloScreen
 from silo_tui.model import text
+from silo_tui.model.plot_facts import extremes
 from silo_tui.model.plots import Picture, Plotted, PlotWindow
 from silo_tui.model.scope import (
     AUTO_S,
@@ -82,7 +83,7 @@ class ScopeStack(PlotStack):
             return super()._facts(at, plotted)
         if np.isnan(picture.smallest):
             return ""
-        smallest, largest = self._extremes(plotted, picture)
+        smallest, largest = extremes(plotted, picture)
         return f"min {smallest}  max {largest}"
 
     def _short_fact(self, at: int, place: int) -> str:
@@ -143,7 +144,7 @@ class ScopeScreen(SiloScreen):
 
     def _look_again(self) -> None:
         if (self.waits or self._forced) and not self._looking.locked() and self.session.connected:
-            self.run_worker(self._look(), group="scope")
+            self.run_worker(Later(self._look), group="scope")
 
     async def _look(self) -> None:
         async with self._looking:
@@ -340,21 +341,13 @@ class ScopeScreen(SiloScreen):
         self.stack.redraw()
 
     def command_plot_trigger(self) -> None:
-        from silo_tui.screens.trigger_editor import TriggerEditor
+        from silo_tui.screens.trigger_editor import ask_trigger
 
         name = self.session.short_name(self.stack.plots[0].name).lstrip("/")
         when = f"{name} {'>' if self.settings.direction > 0 else '<'} {self.settings.level:.6g}"
         around_s = self.settings.pre_ns / 1e9, self.settings.post_ns / 1e9
         made = TriggerOptions(name.rpartition("/")[2], when, *around_s)
-        self.app.push_screen(TriggerEditor(self.session, made, is_new=True), self._take_trigger)
-
-    def _take_trigger(self, made: TriggerOptions | None) -> None:
-        if made is not None:
-            self.context.run_flow(self._set_trigger(made))
-
-    async def _set_trigger(self, made: TriggerOptions) -> None:
-        self.say(await self.context.link.call(lambda client: client.set_trigger(made)))
-        await self.session.refresh_conditions()
+        self.context.run_flow(ask_trigger(self.context, made))
 
     def command_back(self) -> None:
         """Leave the cursor, then the scope."""

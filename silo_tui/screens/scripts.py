@@ -12,6 +12,7 @@ from silo.errors import SiloError
 from silo.ipc.messages import ScriptDiff, Scripts
 from silo.model import FieldChange
 from silo.settings.extras_diff import NONE
+from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.screens.dialogs import ListDialog, groups_text
 from silo_tui.sessions.link import Link
@@ -54,7 +55,7 @@ class ScriptsDialog(ListDialog):
     def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
         """Preview it."""
         if event.option.id is not None:
-            self.run_worker(self._preview(event.option.id), exclusive=True)
+            self.run_worker(Later(self._preview, event.option.id), exclusive=True)
 
     async def _preview(self, name: str) -> None:
         preview = self.query_one("#preview", Static)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from silo.errors import SiloError
 from silo.model import LoggedEvent
+from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.model.find import Search, What
 from silo_tui.model.happened import gone_words, words
@@ -31,7 +32,7 @@ class Searching(StandingStill):
         name = self._short(self.stack.chosen_plot.name)
         dialog = FindDialog(name, len(self.stack.plots), "")
         self.app.push_screen(dialog, self._find)
-        self.run_worker(self._offer_level(dialog), group="offer", exclusive=True)
+        self.run_worker(Later(self._offer_level, dialog), group="offer", exclusive=True)
 
     async def _offer_level(self, dialog: "FindDialog") -> None:
         """Offer the value at the cursor as the level: the dialog doesn't wait for it."""
@@ -41,7 +42,7 @@ class Searching(StandingStill):
 
     def _find(self, search: Search | None) -> None:
         if search is not None:
-            self.run_worker(self._search(search, 0), group="find", exclusive=True)
+            self.run_worker(Later(self._search, search, 0), group="find", exclusive=True)
 
     def command_next_found(self) -> None:
         self._find_on(1)
@@ -53,11 +54,13 @@ class Searching(StandingStill):
         """Go on with the search; without one to the highest and lowest number, or the change next to here."""
         self._pause_here()
         if self._found is not None:
-            self.run_worker(self._search(self._found.search, step), group="find", exclusive=True)
+            self.run_worker(Later(self._search, self._found.search, step), group="find", exclusive=True)
             return
         curve = kind_of(self.stack.chosen_plot) is Kind.CURVE
         what = (What.HIGHEST if step > 0 else What.LOWEST) if curve else What.CHANGE
-        self.run_worker(self._search(Search(what), 0 if curve else step, keep=False), group="find", exclusive=True)
+        self.run_worker(
+            Later(self._search, Search(what), 0 if curve else step, keep=False), group="find", exclusive=True
+        )
 
     async def _search(self, search: Search, step: int, *, keep: bool = True) -> None:
         await self.pause.settled()
@@ -88,7 +91,8 @@ class Searching(StandingStill):
             return
         at = f"{found.before + place + 1} of {found.total}"
         partly = f" ({found.partly})" if found.partly else ""
-        told = f", {at}: {moment.said} at {self.moment_words(moment.time_ns)}{partly}"
+        said = self.session.table.shown(moment.said)
+        told = f", {at}: {said} at {self.moment_words(moment.time_ns)}{partly}"
         room = self.line.content_size.width - len(f"{words} in {told}")  # value and time are what was asked for
         name = text.shorten_left(self._short(moment.name), max(8, room))
         self.say(f"{words} in {name}{told}" if len(self.stack.plots) > 1 and moment.name else f"{words}{told}")
@@ -102,16 +106,19 @@ class Searching(StandingStill):
     def jump_to_event(self, event: LoggedEvent) -> None:
         """Stand still where something happened; say so where its rows are gone."""
         self._pause_here()
-        self.run_worker(self._jump_to_event(event), group="find", exclusive=True)
+        self.run_worker(Later(self._jump_to_event, event), group="find", exclusive=True)
 
     async def _jump_to_event(self, event: LoggedEvent) -> None:
         await self.pause.settled()
         if not await self.bring(event.at_ns):
             gone = gone_words(event, self.session.happened)
-            self.say(f"{words(event)}: gone, oldest held {self.moment_words(self._oldest_ns)}; {gone}")
+            self.say(f"{self._told(event)}: gone, oldest held {self.moment_words(self._oldest_ns)}; {gone}")
             return
         await self._jump_to(event.at_ns)
-        self.say(f"{words(event)} at {self.moment_words(event.at_ns)}")
+        self.say(f"{self._told(event)} at {self.moment_words(event.at_ns)}")
+
+    def _told(self, event: LoggedEvent) -> str:
+        return words(event, self.session.table.shown)
 
     def command_next_event(self) -> None:
         self._event(1)
@@ -121,7 +128,7 @@ class Searching(StandingStill):
 
     def _event(self, step: int) -> None:
         self._pause_here()
-        self.run_worker(self._go_to_event(step), group="find", exclusive=True)
+        self.run_worker(Later(self._go_to_event, step), group="find", exclusive=True)
 
     async def _go_to_event(self, step: int) -> None:
         await self.pause.settled()

@@ -11,8 +11,8 @@ from datetime import datetime
 import numpy as np
 
 from silo.errors import SiloError
-from silo_tui.context import SiloScreen
-from silo_tui.model.between import Between, between
+from silo.judging.between import Between
+from silo_tui.context import Later, SiloScreen
 from silo_tui.model.live import Reading
 from silo_tui.model.plots import SECOND_NS, Plotted, PlotWindow
 from silo_tui.model.source import HeldRows, PlotSource
@@ -26,7 +26,6 @@ from silo_tui.widgets.plot_stack import PlotStack
 
 FAR = 10
 STEP_PERIODS = 64  # as far as the next sample is looked for at first
-HELD_PERIODS = 100  # a slow loop is late by many
 EPOCH_FROM_NS = 946_684_800_000_000_000  # 2000: a smaller time stamp is none of the system's clock
 
 
@@ -200,7 +199,7 @@ class StandingStill(SiloScreen):
     def show_moment_of(self, time_ns: int) -> None:
         """Stand still at a moment: it has the cursor, in the middle of the window."""
         self._pause_here()
-        self.run_worker(self._jump_to(time_ns), group="find", exclusive=True)
+        self.run_worker(Later(self._jump_to, time_ns), group="find", exclusive=True)
 
     def command_closer(self) -> None:
         self._zoom(closer=True)
@@ -317,7 +316,7 @@ class StandingStill(SiloScreen):
 
     def _step(self, step: int) -> None:
         self._pause_here()
-        self.run_worker(self._step_by(step), group="find")
+        self.run_worker(Later(self._step_by, step), group="find")
 
     async def _step_by(self, step: int) -> None:
         await self.pause.settled()
@@ -367,25 +366,25 @@ class StandingStill(SiloScreen):
         if not self.window.paused or a_ns is None or b_ns is None:
             self.between.hide()
         else:
-            self.run_worker(self._compute_between(a_ns, b_ns), group="between", exclusive=True)
+            self.run_worker(Later(self._compute_between, a_ns, b_ns), group="between", exclusive=True)
 
     async def _compute_between(self, a_ns: int, b_ns: int) -> None:
         await self.pause.settled()
-        facts: list[tuple[str, str, Between]] = []
-        for plotted in self.stack.plots:
-            # what held at the earlier cursor may be some periods older
-            before = HELD_PERIODS * self.source.period_ns(plotted.element.name)
-            try:
-                time_ns, values = await self.source.samples(plotted.name, min(a_ns, b_ns) - before, max(a_ns, b_ns))
-            except SiloError as error:
-                self.say(f"nothing between the cursors: {error}")
-                return
-            found = await asyncio.to_thread(between, time_ns, values, a_ns, b_ns)
-            facts.append((self.stack.letter(plotted), self._short(plotted.name), found))
+        names = list(dict.fromkeys(plotted.name for plotted in self.stack.plots))
+        try:
+            found, partly = await self.held.measure(names, a_ns, b_ns)
+        except SiloError as error:
+            self.say(f"nothing between the cursors: {error}")
+            return
+        facts = [
+            (self.stack.letter(plotted), self._short(plotted.name), found.get(plotted.name, Between()))
+            for plotted in self.stack.plots
+        ]
         seconds = (b_ns - a_ns) / SECOND_NS
         times = f"A {self.moment_words(a_ns)}   B {self.moment_words(b_ns)}   B-A {seconds:.6g} s"
         hertz = f"  {abs(1 / seconds):.4g} Hz" if seconds else ""
-        self.between.show(times + (hertz if len(times + hertz) + 2 <= self.size.width else ""), facts)
+        times += hertz if len(times + hertz) + 2 <= self.size.width else ""
+        self.between.show(times, facts, partly)
 
     def command_export_plots(self) -> None:
         self._pause_here()

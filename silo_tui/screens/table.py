@@ -1,7 +1,6 @@
 # ruff: noqa: D102 - what a command does stands in actions.py, once
 """The table of a logger: its elements with their live columns, and everything that edits them."""
 
-import math
 import time
 from collections.abc import Callable
 from typing import ClassVar
@@ -12,18 +11,18 @@ from textual.timer import Timer
 
 from silo.errors import RefusedError, SiloError
 from silo.ipc.frames import Frame
-from silo.model import TriggerOptions
-from silo.settings.words import examples
 from silo_tui.actions import bindings_for
+from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.model.columns import ColumnStore
-from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
-from silo_tui.model.orders import STEADY, TREE
+from silo_tui.model.fields import Field
+from silo_tui.model.orders import TREE
 from silo_tui.model.table_columns import LIVE_COLUMNS
-from silo_tui.screens.dialogs import Choice, Question
-from silo_tui.screens.elements import WIDE, ElementsScreen
+from silo_tui.screens.editing import Editing
+from silo_tui.screens.elements import WIDE
 from silo_tui.sessions.link import ViewRequest
-from silo_tui.sessions.live import LiveSource, Session
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.live_source import LiveSource
 from silo_tui.terminal import pace_of
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
 from silo_tui.widgets.element_table import FLAGS, ElementTable
@@ -40,14 +39,10 @@ QUIET_S = 3.0  # so long after a key no row moves by itself
 WIDE_SET = 150  # cells from which settings and statistics stand side by side
 NAME_ROOM = 20  # a trend is shown only where names keep this
 TABLE_WIDTH = FLAGS + sum(1 + column.width for column in LIVE_COLUMNS)
-FIELD_KEYS = {
-    Field.DIVIDER: "d", Field.BUFFER_SIZE: "s", Field.BUFFER_TYPE: "b", Field.ACTION: "p", Field.ENABLED: "t",
-}  # fmt: skip
-EDITOR_KEYS = "Enter sets it  Esc leaves it as it was"
 COMMAND_KEYS = "Enter does it  Tab completes  Esc leaves"
 
 
-class TableScreen(ElementsScreen):
+class TableScreen(Editing):
     """Elements, their options, their newest values."""
 
     scope = "table"
@@ -69,7 +64,6 @@ class TableScreen(ElementsScreen):
         self._offered = False
         self._kept_version = -1
         self._keep_timer: Timer | None = None
-        self._field_chosen = False  # by ← →: until then `e` asks which, for a toggle is no harmless guess
         self._surveying = False
         self._reset_wanted = False
         self._survey_s = 0.0
@@ -119,7 +113,7 @@ class TableScreen(ElementsScreen):
         if self._surveying or not due or self.context.upper_screen is not self or not session.connected:
             return
         self._survey_s, self._surveying = now_s, True
-        self.run_worker(self._survey(), group="survey")
+        self.run_worker(Later(self._survey), group="survey")
 
     def _thin_s(self) -> float:
         """Return how long a thin link has to be spared; 0 where it isn't one."""
@@ -230,7 +224,7 @@ class TableScreen(ElementsScreen):
         store = self.session.columns
         if store.gapped and store.names:
             store.past_until_ns = None
-            self.run_worker(self._fill(store, list(store.names)), group="history", exclusive=True)
+            self.run_worker(Later(self._fill, store, list(store.names)), group="history", exclusive=True)
 
     # ------------------------------------------------------------------------------------------------ the view
 
@@ -263,7 +257,7 @@ class TableScreen(ElementsScreen):
         known = set(old.names) if old.column_ns == COLUMN_NS else set()
         missing = [name for name in plots if name not in known]
         if missing and self.session.connected:
-            self.run_worker(self._fill(store, missing), group="history", exclusive=True)
+            self.run_worker(Later(self._fill, store, missing), group="history", exclusive=True)
 
     async def _fill(self, store: ColumnStore, names: list[str]) -> None:
         end = self.source.end_ns
@@ -275,191 +269,11 @@ class TableScreen(ElementsScreen):
         self.pane.live_changed()
         self.inspector.refresh()
 
-    def command_left(self) -> None:
-        self._field_chosen = True
-        self._choose_field(self.table.field_beside(-1))
-
-    def command_right(self) -> None:
-        self._field_chosen = True
-        self._choose_field(self.table.field_beside(1))
-
-    def _choose_field(self, field: Field) -> None:
-        self.table.field = field
-        self.table.redraw_cursor()
-        self.table_head.refresh()
-
-    # ------------------------------------------------------------------------------------------------- editing
-
-    def command_edit(self) -> None:
-        if self._field_chosen:
-            self.edit_field(self.table.field)
-        elif self._targets_known():
-            count = len(self.session.rows.targets())
-            choices = [Choice(str(int(field)), field.label, key) for field, key in FIELD_KEYS.items()]
-            self.app.push_screen(
-                Question(f"Edit what of {text.plural(count, 'element')}?", "", choices), self._edit_chosen
-            )
-
-    def command_new_of_row(self) -> None:
-        row = self.session.rows.row
-        if row is None or not self.session.table.elements[row].entries:
-            self.say("a trigger or limits are of one element: go to its line")
-            return
-        entry = self.session.rows.entry or 0
-        name = self.session.table.entry_names(row)[entry]
-        short = self.session.short_name(name).lstrip("/")
-        reading = self.session.live.readings.get(self.session.table.names[row])
-        value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
-        level = f"{value:.6g}" if math.isfinite(value) else "0"
-        made = TriggerOptions(short.rpartition("/")[2], f"{short} > {level}", 1.0, 1.0)
-        choices = [Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l")]
-        self.app.push_screen(Question(f"New for {short}?", "", choices), lambda answer: self._make(answer, made, name))
-
-    def _make(self, answer: str | None, made: TriggerOptions, name: str) -> None:
-        """Go to the editor of a trigger, or of limits."""
-        from silo_tui.screens.alarms import AlarmsScreen
-        from silo_tui.screens.triggers import TriggersScreen
-
-        if answer == "trigger":
-            triggers = TriggersScreen(self.session)
-            self.app.push_screen(triggers)
-            triggers.call_after_refresh(triggers.edit, made, is_new=True)
-        elif answer == "limits":
-            alarms = AlarmsScreen(self.session)
-            self.app.push_screen(alarms)
-            alarms.call_after_refresh(alarms.ask_limits, self.session.short_name(name).lstrip("/"), name)
-
     def _open_left(self) -> None:
         from silo_tui.screens.opened import open_saved
 
         self.run_worker(
-            open_saved(self.context, self.session, self.session.left_files), group="opening", exclusive=True
-        )
-
-    def _edit_chosen(self, answer: str | None) -> None:
-        if answer is not None:
-            self.edit_field(Field(int(answer)))
-
-    def _targets_known(self) -> bool:
-        if len(self.session.rows.targets()) and not (why := self.session.why_fixed()):
-            return True
-        self.say(why if len(self.session.rows.targets()) else "nothing to edit here")
-        return False
-
-    def on_element_table_picked(self, event: ElementTable.Picked) -> None:
-        """Edit the cell under the cursor when it is clicked."""
-        self._field_chosen = self._field_chosen or event.field is not None
-        self.action_command("edit")
-
-    def edit_field(self, field: Field) -> None:
-        """Turn logging on or off, let one of a few values be chosen, or open the editor over the cell."""
-        if self._targets_known():
-            self.sure_of_hidden(lambda: self._edit_field(field))
-
-    def sure_of_hidden(self, then: Callable[[], None]) -> None:
-        """Ask first where what is marked is hidden: nobody sees what would be changed."""
-        rows = self.session.rows
-        hidden, count = rows.hidden_targets, len(rows.targets())
-        if not hidden:
-            then()
-            return
-        names = [self.session.short_name(rows.table.names[row]) for row in rows.targets() if row not in set(rows.shown)]
-        body = "Hidden by the filter:\n" + "\n".join(names[:8]) + (f"\nand {hidden - 8} more" if hidden > 8 else "")
-        title = f"{hidden} of the {text.plural(count, 'marked element')} are hidden. Change all {count}?"
-        choices = [Choice("no", "No"), Choice("all", f"All {count}", "y")]
-        if count > hidden:
-            choices.append(
-                Choice("shown", f"Only the {count - hidden} that are shown; the others lose their marks", "s")
-            )
-
-        def answered(answer: str | None) -> None:
-            if answer == "shown":
-                hide = rows.marked.copy()
-                hide[rows.shown] = False
-                rows.marked &= ~hide
-                self._marks_changed()
-            if answer in {"all", "shown"}:
-                then()
-
-        self.app.push_screen(Question(title, body, choices), answered)
-
-    def _edit_field(self, field: Field) -> None:
-        self._choose_field(field)
-        targets = self.session.rows.targets()
-        # of what is edited, not of the cursor's row, which needn't be marked
-        value = int(self.session.table.values[field, targets[0]])
-        if field is Field.ENABLED:
-            self._set(field, next_value(field, value))
-        elif field.cycles:
-            self._choose_value(field, value)
-        else:
-            self._open_editor(str(value), select=True)
-
-    def _choose_value(self, field: Field, value: int) -> None:
-        """Let one of a few values be chosen from a list."""
-        count = len(self.session.rows.targets())
-        words = field.option.words
-        choices = [Choice(str(int(each.value)), phrase_for(field, int(each.value)), each.cell[0]) for each in words]
-
-        def answered(answer: str | None) -> None:
-            if answer is not None:
-                self._set(field, int(answer))
-
-        title = f"{field.label} of {text.plural(count, 'element')}"
-        self.app.push_screen(Question(title, f"now {phrase_for(field, value)}", choices, str(value)), answered)
-
-    def _open_editor(self, value: str, *, select: bool) -> None:
-        field, count = self.table.field, len(self.session.rows.targets())
-        self.query_one(CellEditor).open(field, self.table.cell_region(), value, select=select)
-        hidden = "" if field in self.table.field_spans() else " (its column is not shown: C)"
-        self.info.ask(f"{field.label} of {text.plural(count, 'element')}{hidden}: {examples(field.option)}")
-        self.query_one(KeyBar).show_instead(EDITOR_KEYS)
-
-    def command_toggle(self) -> None:
-        self.edit_field(Field.ENABLED)
-
-    def command_edit_divider(self) -> None:
-        self.edit_field(Field.DIVIDER)
-
-    def command_edit_size(self) -> None:
-        self.edit_field(Field.BUFFER_SIZE)
-
-    def command_next_buffer(self) -> None:
-        self.edit_field(Field.BUFFER_TYPE)
-
-    def command_next_action(self) -> None:
-        self.edit_field(Field.ACTION)
-
-    def command_edit_all(self) -> None:
-        if self._targets_known():
-            self.sure_of_hidden(lambda: self._open_editor("=", select=False))
-
-    def _set(self, field: Field, value: int) -> None:
-        targets = self.session.rows.targets()
-        changed = self.session.table.edit(targets, field, value)
-        self._edited(f"{field.label} {phrase_for(field, value)}: {changed} changed" if changed else "nothing to change")
-
-    def _edited(self, words: str) -> None:
-        if self.session.rows.filter.text or self.session.rows.sort not in STEADY:
-            self.session.rows.refresh()
-        self.say(words)
-        self.table_changed()
-
-    def command_undo(self) -> None:
-        label = self.session.table.undo()
-        self._edited(f"undone: {label}" if label else "nothing to undo")
-
-    def command_redo(self) -> None:
-        label = self.session.table.redo()
-        self._edited(f"done again: {label}" if label else "nothing to do again")
-
-    def command_discard(self) -> None:
-        self.sure_of_hidden(self._discard)
-
-    def _discard(self) -> None:
-        count = self.session.table.discard(self.session.rows.targets())
-        self._edited(
-            f"{text.plural(count, 'edit')} discarded; u brings them back" if count else "nothing is pending here"
+            Later(open_saved, self.context, self.session, self.session.left_files), group="opening", exclusive=True
         )
 
     def command_monitor(self) -> None:
@@ -485,14 +299,3 @@ class TableScreen(ElementsScreen):
         """Carry out what was entered in the command line."""
         if event.line.id == "command-line" and event.value.strip(": "):
             self._run_command(event.value)
-
-    def _take_cell(self, value: str) -> bool:
-        """Edit as typed; False, with the reason, when that can't be."""
-        field = self.query_one(CellEditor).field
-        try:
-            changed = self.session.change(parse_change(field, value))
-        except ValueError as error:
-            self.info.ask(f"? {str(error).removesuffix('; nothing was changed')}")  # which the open editor says
-            return False
-        self._edited(f"{field.label}: {changed} changed" if changed else "nothing to change")
-        return True

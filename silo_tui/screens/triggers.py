@@ -13,6 +13,7 @@ from silo.files.formats import kind_of
 from silo.ipc.conditions import TriggerStatus, TriggerWord
 from silo.model import SavedFile, TriggerOptions
 from silo_tui.actions import bindings_for
+from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.model.conditions import CAUTION, LOUD, named_in, times_head, trigger_row
 from silo_tui.model.lists import Order
@@ -144,7 +145,7 @@ class TriggersScreen(ConditionsScreen[TriggerStatus]):
             return
         files = [SavedFile(path, kind, 0) for path in one.files if (kind := kind_of(path)) is not None]
         self.run_worker(
-            open_saved(self.context, self.session, files, lambda file: self._plotted(file, one)),
+            Later(open_saved, self.context, self.session, files, lambda file: self._plotted(file, one)),
             group="opening", exclusive=True,
         )  # fmt: skip
 

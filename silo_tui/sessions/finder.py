@@ -3,15 +3,19 @@
 Zenoh is loaded when the first look around is made, in a thread.
 """
 
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from silo.ipc.member import Member
+
 if TYPE_CHECKING:
     from silo.ipc import found
+    from silo.ipc.bulk import Job, Outcome
     from silo.ipc.client import Client
+    from silo.ipc.fleet import Fleet
 
-LOOK_TIMEOUT_S = 1.0
+FIRST_LOOK_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,19 @@ class FoundLogger:
     host: str = ""  # where it runs, as far as that is known
     addresses: tuple[str, ...] = ()  # all words that mean it
     alike: bool = False  # another one that was found has its name, on a computer of the same name
+    member: Member | None = None  # how it stands
+
+    @property
+    def address(self) -> str:
+        """What to call it in a list: host and name, or what tells it from another one of these."""
+        if self.alike and self.addresses:
+            return self.addresses[1] if self.pid and len(self.addresses) > 1 else self.addresses[-1]
+        return f"{self.host}/{self.name}" if self.host else self.name
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it lives, as far as is known."""
+        return self.member is None or self.member.here
 
     @property
     def where(self) -> str:
@@ -46,13 +63,16 @@ class Found:
 
 
 class ClientFinder:
-    """Finds loggers and connects to them. Calls block and are made in a thread."""
+    """Follows loggers and connects to them. Calls block and are made in a thread.
 
-    def __init__(self, config: str = "") -> None:
-        self._config = config
+    While nobody looks at the list, `rest` has only their coming and going followed.
+    """
+
+    def __init__(self, config: str = "", *, read_only: bool = False) -> None:
+        self._config, self._read_only = config, read_only
         self._seen: dict[str, found.Found] = {}
         self._own_name = ""
-        self._held = ExitStack()  # the sessions of the look before, so that the next is quick
+        self._fleet: Fleet | None = None
 
     @property
     def own_name(self) -> str:
@@ -60,37 +80,60 @@ class ClientFinder:
         return self._own_name
 
     def find(self) -> Found:
-        """Return the loggers that run now, and advice for those that are closed to us."""
-        from silo.ipc.discovery import discover, down_text
+        """Return the loggers that are known now, and advice for those that are closed to us.
+
+        The first time it waits until all ways were tried: one that comes at once needn't be the only one.
+        """
+        from silo.ipc.discovery import down_text
         from silo.ipc.exchange import client_name
+        from silo.ipc.fleet import Fleet
 
         self._own_name = client_name()
-        held = ExitStack()
-        try:
-            there = discover(LOOK_TIMEOUT_S, self._config, held)
-        finally:
-            self._held.close()
-            self._held = held
+        if self._fleet is None:
+            self._fleet = Fleet(self._config)
+            there = self._fleet.wait_ready(FIRST_LOOK_S)
+        else:
+            self._fleet.attend(attentive=True)
+            there = self._fleet.now()
         loggers = []
-        for each in there.loggers:
-            key = each.socket or str(each.root)
-            self._seen[key] = each
-            alike = sum((one.host, one.name) == (each.host, each.name) for one in there.loggers) > 1
+        for one in there.members:
+            each = one.found
+            self._seen[one.key] = each
+            alike = sum((other.found.host, other.found.name) == (each.host, each.name) for other in there.members) > 1
             user = each.user or each.host
-            loggers.append(FoundLogger(each.name, each.pid, user, key, each.dead, each.host, each.addresses, alike))
+            loggers.append(
+                FoundLogger(each.name, each.pid, user, one.key, one.dead, each.host, each.addresses, alike, one)
+            )
         advice = [
             f"{folder.owner} runs {', '.join(folder.loggers) or 'a logger'}, closed to you: {folder.advice}"
-            for folder in there.forbidden
-        ] + [down_text(each) for each in there.down]
+            for folder in there.near.forbidden
+        ] + [down_text(each) for each in there.near.down]
         advice += [f"remote '{remote}': {why}" for remote, why in there.unreachable.items()]
         return Found(tuple(loggers), tuple(advice))
 
+    def rest(self) -> None:
+        """Follow no more than who comes and goes, until somebody looks again."""
+        if self._fleet is not None:
+            self._fleet.attend(attentive=False)
+
+    def look_again(self) -> None:
+        """Forget those that are gone, and try at once what could not be reached."""
+        if self._fleet is not None:
+            self._fleet.look_again()
+
+    def ask_many(self, loggers: "Sequence[FoundLogger]", job: "Job") -> "Iterator[Outcome]":
+        """Ask all of them the same; yields an outcome for each as it comes."""
+        from silo.ipc.bulk import outcomes
+
+        return outcomes([self._seen[logger.key] for logger in loggers], job, read_only=self._read_only)
+
     def close(self) -> None:
-        """Close the sessions to remotes."""
-        self._held.close()
+        """End what follows them, and its sessions."""
+        if self._fleet is not None:
+            self._fleet.close()
 
     def connect(self, logger: FoundLogger) -> "Client":
         """Connect to a logger that was found. ConnectionLostError says what to do when it doesn't answer."""
         from silo.ipc.client import Client
 
-        return Client.connect(self._seen[logger.key])
+        return Client.connect(self._seen[logger.key], read_only=self._read_only)

@@ -82,6 +82,11 @@ class Link:
         """Whether the helper process answers."""
         return self._client.connected
 
+    @property
+    def identity(self) -> str:
+        """By which the logger tells us from other operators."""
+        return self._client.identity
+
     async def call(self, job: "Callable[[Client], Result]") -> Result:
         """Run a call that may change something, one after the other."""
         return await self._run(self._control, job)
@@ -121,6 +126,10 @@ class Link:
         """Return the newest frame of what was requested last; None when nothing new came."""
         view = self._view
         return view.frame() if view is not None else None
+
+    def try_now(self) -> None:
+        """Look for the helper process at once."""
+        self._client.try_now()
 
     def close(self) -> None:
         """Close the connection without waiting for calls that are under way."""

@@ -3,33 +3,29 @@
 Screens read its parts and call its coroutines; it draws nothing and asks nothing. Errors of the logger are raised.
 """
 
-import functools
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from silo.columns import MAX_COLUMNS, HistoryColumns
 from silo.errors import RefusedError
 from silo.ipc.conditions import LimitStatus, TriggerStatus
 from silo.ipc.frames import Frame
 from silo.ipc.messages import RecorderInfo, Recordings, RefusedWhy, Unsaved
 from silo.ipc.published import Event, EventKind
-from silo.model import ElementInfo, LoggedEvent, SavedFile, State, Status
+from silo.model import LoggedEvent, SavedFile, State, Status
 from silo.settings.words import Settings, apply_settings
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.facts import Facts
 from silo_tui.model.fields import options_of, rows_of
-from silo_tui.model.happened import newest, of_last_run
+from silo_tui.model.happened import newest
 from silo_tui.model.limits import Bounds4
 from silo_tui.model.live import LiveValues
 from silo_tui.model.overlay import Overlay
 from silo_tui.model.recorders import Pace
 from silo_tui.model.rows import RowList
-from silo_tui.model.source import Samples
 from silo_tui.model.table import TableState
 from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn
 from silo_tui.sessions.link import Link, ViewRequest
@@ -40,8 +36,6 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-MAX_HISTORY_NAMES = 64
-AHEAD_NS = 2_000_000_000
 FIRST_EVENTS = 300  # lines of the event log at first, 30 kB on a thin link
 NO_STATUS = Status(
     logger="", host="", user="", pid=0, helper_pid=0, state=State.STOPPED, revision=-1, frequency_hz=0.0,
@@ -65,6 +59,8 @@ class Session:
         self.link: Link | None = None
         self.status = NO_STATUS
         self.may_edit = True
+        self.why_not = ""  # in words of `silo.ipc.senders`
+        self.identity = ""  # ours, as the logger knows it
         self.table = TableState()
         self.rows = RowList(self.table, columns)
         self.live = LiveValues()
@@ -107,6 +103,16 @@ class Session:
         return self.link is not None and self.lost_since is None
 
     @property
+    def lost_s(self) -> float | None:
+        """For how long there has been no link; None where there is one."""
+        return None if self.lost_since is None else time.monotonic() - self.lost_since
+
+    def try_now(self) -> None:
+        """Look for the logger at once, where the link is lost."""
+        if self.link is not None:
+            self.link.try_now()
+
+    @property
     def fresh(self) -> bool:
         """Whether the values on the screen are of now."""
         return self.connected and not self.dead
@@ -128,7 +134,8 @@ class Session:
         """Take a new connection and reads everything once."""
         self.link = link
         hello = await link.call(lambda client: client.hello())
-        self.may_edit = hello.may_edit
+        self.may_edit, self.why_not = hello.may_edit, hello.why_not
+        self.identity = self._link.identity
         self.take_status(hello.status)
         await self.reload()
         await self.learn_events()
@@ -247,19 +254,6 @@ class Session:
         """Stop and starts the logger."""
         self.take_status(await self._link.call(lambda client: client.restart(unsaved)))
 
-    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
-        """Return past columns of some entries, asked for in pieces as large as a logger answers."""
-
-        def ask(client: "Client", some: Sequence[str]) -> HistoryColumns:
-            return client.history(some, start_ns, end_ns, column_ns)
-
-        return await in_pieces(self._link, names, column_ns, ask)
-
-    async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
-        """Return the raw samples of an entry that the logger holds from `start_ns` to `end_ns`, both included."""
-        found = await self._link.read(lambda client: client.samples([name], start_ns, end_ns + 1))
-        return found[name].time_ns, found[name].values
-
     async def survey(self, details: Sequence[str], quantities: Sequence[str], *, reset: bool = False) -> None:
         """Measure anew: what filter and order need of all elements, `quantities` of elements and entries `details`."""
         wanted = sorted(self.rows.wanted())
@@ -300,7 +294,7 @@ class Session:
         one = self.table.elements[rows[0]]
         others = f" and {len(rows) - 1} more are" if len(rows) > 1 else " is"
         name = self.short_name(one.name).lstrip("/")
-        return f"{name}{others} derived: divider, buffer and action are those of its signals"
+        return f"{name}{others} derived: divider, buffer and action are those of its signals; e edits what it is"
 
     def watch(self, request: ViewRequest) -> None:
         """Say what the screen shows from now on."""
@@ -357,6 +351,8 @@ class Session:
             self.take_status(event.status)
         elif event.kind not in {EventKind.SAVING, EventKind.SCRIPT_SAVED, EventKind.SAVE_FAILED}:
             await self.refresh_status()
+        if event.kind is EventKind.CONTROL and self._was_given(event):
+            await self._link.call(lambda client: client.take_control())  # to renew it from now on
         if event.kind in {EventKind.EDITED, EventKind.SCRIPT_LOADED} or self.status.revision != self.table.revision:
             await self.reload()
         if event.kind in {EventKind.STARTED, EventKind.STOPPED, EventKind.EDITED, EventKind.SCRIPT_LOADED}:
@@ -377,6 +373,21 @@ class Session:
             )
             self.happened = newest([*self.happened, told])
 
+    @property
+    def has_control(self) -> bool:
+        """Whether we alone may change the logger."""
+        return self.status.control is not None and self.status.control.identity == self.identity
+
+    def _was_given(self, event: Event) -> bool:
+        """Whether somebody else handed control over to us."""
+        return self.has_control and self.status.control is not None and event.by != self.status.control.who
+
+    async def control(self, job: "Callable[[Client], str]") -> str:
+        """Take, release or hand over control; return what was done, in words."""
+        words = await self._link.call(job)
+        await self.refresh_status()
+        return words
+
     def lose(self) -> None:
         """Note that the link is lost; everything stays as it was."""
         if self.lost_since is None:
@@ -391,7 +402,8 @@ class Session:
         self.conditions_due = True
         self.saves.clear()  # another helper process counts from 1 again
         hello = await self._link.call(lambda client: client.hello())
-        self.may_edit = hello.may_edit
+        self.may_edit, self.why_not = hello.may_edit, hello.why_not
+        self.identity = self._link.identity
         self.take_status(hello.status)
         await self.reload()
         await self.learn_events()
@@ -399,7 +411,7 @@ class Session:
         self._link.watch_again()
         if before.pid == self.status.pid:
             return "the link is back"
-        return f"the robot program was started again; of the one before: {before.reason or 'nothing is known'}"
+        return f"started again; before, {before.reason or 'nothing is known of how it ended'}"
 
     def close(self) -> None:
         """Let the connection go."""
@@ -413,88 +425,6 @@ class Session:
         if self.link is None:
             raise RefusedError(f"not connected to {self.name} yet")
         return self.link
-
-
-async def in_pieces(
-    link: Link, names: Sequence[str], column_ns: int, ask: Callable[["Client", Sequence[str]], HistoryColumns]
-) -> HistoryColumns:
-    """Return columns of any number of entries, asked for in pieces as large as a logger answers."""
-    store: ColumnStore | None = None
-    until: int | None = None
-    for begin in range(0, len(names), MAX_HISTORY_NAMES):
-        some = list(names[begin : begin + MAX_HISTORY_NAMES])
-        past = await link.read(functools.partial(_called, ask, some))
-        if store is None:
-            store = ColumnStore(names, max(1, past.low.shape[1]), column_ns)
-            until = past.until_ns
-        store.take(past)
-    if store is None:
-        empty = np.zeros((0, 0))
-        return HistoryColumns((), 0, column_ns, empty, empty)
-    return store.stretch(until)
-
-
-def _called(
-    ask: Callable[["Client", Sequence[str]], HistoryColumns], names: Sequence[str], client: "Client"
-) -> HistoryColumns:
-    return ask(client, names)
-
-
-class LiveSource:
-    """A live logger as a source of plots."""
-
-    live = True
-    begin_ns = 0
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-
-    @property
-    def happened(self) -> Sequence[LoggedEvent]:
-        """What happened in the newest run."""
-        return of_last_run(self._session.happened)
-
-    @property
-    def end_ns(self) -> int:
-        """The time of the newest frame, or of the last tick."""
-        status = self._session.status
-        running = self._session.running and self._session.frame_time_ns
-        return self._session.frame_time_ns if running else (status.last_tick_ns or self._session.frame_time_ns)
-
-    def element(self, name: str) -> ElementInfo | None:
-        """Return the element of that name."""
-        row = self._session.table.row(name)
-        return self._session.table.elements[row] if row is not None else None
-
-    def period_ns(self, element: str) -> int:
-        """Return the time between two samples."""
-        row = self._session.table.row(element)
-        divider = int(self._session.table.server[1, row]) if row is not None else 1
-        return int(1e9 * divider / (self._session.status.frequency_hz or 1.0))
-
-    def is_live(self, element: str) -> bool:
-        """Return whether the element is on."""
-        row = self._session.table.row(element)
-        return row is not None and self._session.table.is_live(row)
-
-    async def history(self, names: Sequence[str], start_ns: int, end_ns: int, column_ns: int) -> HistoryColumns:
-        """Return columns straight from the logger's buffers.
-
-        What came after `end_ns` until the logger answers is in it too: frames that a new view brings go on from there.
-        """
-        if end_ns <= start_ns:
-            names = ()
-        ahead = min(AHEAD_NS, (MAX_COLUMNS - 2) * column_ns - (end_ns - start_ns))
-        asked = end_ns + max(0, ahead) if end_ns >= self.end_ns else end_ns
-        past = await self._session.history(names, start_ns, asked, column_ns)
-        newest = end_ns if past.until_ns is None else max(end_ns, min(asked, past.until_ns))
-        count = max(0, newest // column_ns + 1 - past.first)
-        marks = None if past.marks is None else past.marks[:, :count]
-        return replace(past, low=past.low[:, :count], high=past.high[:, :count], marks=marks)
-
-    async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
-        """Return raw samples straight from the logger's buffers."""
-        return await self._session.samples(name, start_ns, end_ns)
 
 
 def why(error: RefusedError) -> RefusedWhy | None:

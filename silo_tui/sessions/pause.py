@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING
 
 from silo.columns import ColumnStore, HistoryColumns
 from silo.errors import RefusedError, SiloError
+from silo.judging.between import Between
 from silo.judging.moments import Found, Looking
 from silo.model import BufferType
 from silo_tui.model import text
-from silo_tui.model.held import HeldSource, PinHandle
+from silo_tui.model.buffers import PinHandle
+from silo_tui.model.held import HeldSource
 from silo_tui.model.plots import Plotted
 from silo_tui.model.source import PlotSource, Samples
 from silo_tui.sessions.link import Link
-from silo_tui.sessions.live import Session, in_pieces
+from silo_tui.sessions.live import Session
+from silo_tui.sessions.live_source import in_pieces
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
@@ -95,6 +98,13 @@ class _LinkBuffers:
                 run=held[0].run if held else "",
             )
         )  # fmt: skip
+
+    async def measure(
+        self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[PinHandle], run: str
+    ) -> dict[str, Between]:
+        """Measure entries between two moments in them and in these pins."""
+        held = [each.pin for each in pins if isinstance(each, _LinkPin)]
+        return await self._link.read(lambda client: client.measure(names, a_ns, b_ns, held, run))
 
 
 def _let_go(pinned: "asyncio.Future[Pin]") -> None:

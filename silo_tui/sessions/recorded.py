@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from silo.analysis import reports
-from silo.analysis.log import Log, LogWarning, open_log
+from silo.analysis.log import Log, LogWarning
+from silo.analysis.opening import open_log
 from silo.errors import ElementError, FileFormatError
 from silo.judging.extras import bind_limits, scalar_names, table_catalogue
 from silo.model import ElementInfo, State, Status, Table
-from silo.recording import Recording
+from silo.recording import Recording, has_own_stamps
 from silo_tui.model.facts import Facts
 from silo_tui.model.file_facts import FileFacts
 from silo_tui.model.limits import Bounds4
@@ -134,4 +135,9 @@ def open_file(which: str | os.PathLike[str] | int) -> FileSession:
         what = "time stamps" if len(log) else "signals"
         told = f" ({'; '.join(log.warnings)})" if log.warnings else ""
         raise FileFormatError(f"{log.path}: the log is empty, it holds no {what}{told}")
+    if has_own_stamps(log.recording):
+        raise FileFormatError(
+            f"'{log.path}' is a bag of others, each topic with time stamps of its own, and the screen has one time for "
+            f"all: `silo convert --rate 100 {log.path} run.silo`, then `silo-tui run.silo`; or `silo plot`, as it is"
+        )
     return FileSession(log)

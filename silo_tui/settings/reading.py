@@ -1,6 +1,5 @@
 """Reads `tui.yaml`. A mistake costs its own line and no other, and is told with its number and a suggestion."""
 
-import os
 import re
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
@@ -10,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from silo.ipc.remotes import config_folder
 from silo.settings.yaml_nodes import compose, describe, explain, is_null, line_of
 from silo_tui.actions import BY_ID, key_text
 from silo_tui.settings.keys import clashes, label, read_key
@@ -43,15 +43,9 @@ class _MistakeError(Exception):
     """One line can't be taken."""
 
 
-def folder() -> Path:
-    """Return `~/.config/silo`, or as `XDG_CONFIG_HOME` says (an absolute path, as its standard has it)."""
-    base = Path(os.environ.get("XDG_CONFIG_HOME", ""))
-    return (base if base.is_absolute() else Path("~/.config").expanduser()) / "silo"
-
-
 def path() -> Path:
     """Return where the settings are."""
-    return folder() / NAME
+    return config_folder() / NAME
 
 
 def read_file() -> tuple[Settings, list[Problem]]:

@@ -1,6 +1,5 @@
 """The lines around the table: status on top, banner, information, keys at the bottom."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, cast
@@ -11,10 +10,11 @@ from textual.widget import Widget
 
 from silo.ipc.surveys import SLOW_SHARE
 from silo.model import State
-from silo_tui.actions import BY_ID, Command, footer_for, with_keys
+from silo_tui.actions import BY_ID, Command, commands_for, footer_for, with_keys
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
 from silo_tui.model.orders import STEADY
+from silo_tui.model.people import head_words as people_head
 from silo_tui.model.plots import PlotWindow
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import thin_head
@@ -57,8 +57,10 @@ class StatusBar(Widget):
     def _line(self) -> Text:
         """As much as there is room for: what is as always gives way first, an alarm and a loss never."""
         parts, mode = self._parts(), self.mode
+        thinly = len(thin_head(self.app, 0))
+        room = self.size.width - (thinly + 2 if thinly else 0)
         for rank in range(1, LAST_RANK + 1):
-            if sum(part.cell_len for _, part in parts) <= self.size.width:
+            if sum(part.cell_len for _, part in parts) <= room:
                 break
             if rank == MODE_RANK:
                 short = [
@@ -71,7 +73,7 @@ class StatusBar(Widget):
                 ]
                 for mode in short:
                     parts = [(at, _mode_words(mode) if at == MODE_RANK else part) for at, part in parts]
-                    if sum(part.cell_len for _, part in parts) <= self.size.width:
+                    if sum(part.cell_len for _, part in parts) <= room:
                         break
             else:
                 parts = [(at, part) for at, part in parts if at != rank]
@@ -95,17 +97,52 @@ class StatusBar(Widget):
         if not session.link or status.helper_pid == 0:
             add(0, "connecting …")
             return parts
-        name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
-        sign = STATE_SIGNS[status.state] if session.connected else "○ NO LINK"
-        add(0, sign, f"bold {color(variables, name if session.connected else 'error')}")
-        if status.started_ns and session.connected:
-            add(6, f" {text.duration(session.run_seconds)}")
+        if not session.connected:  # what it was; how it stands now nobody knows
+            add(0, f"~ NO LINK {since_words(session.lost_s)}", f"bold {color(variables, 'error')}")
+            add(5, f", was {status.state.name}")
+        else:
+            name = {State.RUNNING: "success", State.STOPPED: "warning", State.DEAD: "error"}[status.state]
+            add(0, STATE_SIGNS[status.state], f"bold {color(variables, name)}")
+            add(6, f" {text.duration(session.run_seconds)}" if status.started_ns else "")
         if self.mode:
             parts.append((MODE_RANK, _mode_words(self.mode)))
+        if session.connected:
+            self._add_pace(add, wide=wide)
+        if lost := session.lost_total:
+            add(0, f"  lost {text.count(lost)}", f"bold {color(variables, 'error')}")
+        elif session.connected:
+            add(4, "  lost 0")
+        alarm, is_red, watching = head_words(session.triggers, session.limits)
+        if alarm:
+            add(0, f"  {alarm}", f"bold {color(variables, 'error' if is_red else 'warning')}")
+        if watching:
+            add(9, f"  {watching}")
+        return parts + self._beside()
+
+    def _beside(self) -> list[tuple[int, Text]]:
+        """What records, how much is durable, who may change something, and who is there."""
+        session, status, variables = self.session, self.session.status, self.app.theme_variables
+        caution, parts = color(variables, "warning"), []
+        if status.recorders:
+            parts.append((0, Text(f"  REC {status.recorders}", style=f"bold {color(variables, 'error')}")))
+        if status.durable_ticks >= 0:  # storage="disk"
+            parts.append((1, Text(f"  durable to tick {text.count(status.durable_ticks)}")))
+        if not session.may_edit or self._read_only:
+            parts.append((0, Text("  read-only", style=caution)))
+        controlling, others = people_head(session.status, session.identity)
+        if controlling:
+            parts.append((0, Text(f"  {controlling}", style="" if session.has_control else caution)))
+        if others:
+            parts.append((7, Text(f"  {others}")))
+        return parts
+
+    def _add_pace(self, add: Callable[[int, str, str], None], *, wide: bool) -> None:
+        """Add how much is logged how fast."""
+        session, status, variables = self.session, self.session.status, self.app.theme_variables
         if not (self.mode or status.recorders) or wide:  # what isn't normal needs the room
-            add(3, f"  {status.enabled}/{status.elements}" + (" elements" if wide else ""))
+            add(3, f"  {status.enabled}/{status.elements}" + (" elements" if wide else ""), "")
         rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz
-        slow = session.running and session.connected and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
+        slow = session.running and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
         if slow:
             caution = f"bold {color(variables, 'warning')}"
             jittery = session.jitter_s and wide
@@ -113,23 +150,9 @@ class StatusBar(Widget):
             add(0, f"  {rate:.4g} Hz <<", caution)
             add(2, f" of {status.frequency_hz:.4g}{jitter}", caution)
         else:
-            add(5, f"  {rate:.4g} Hz")
+            add(5, f"  {rate:.4g} Hz", "")
         if wide:
-            add(1, f"  {text.count(session.ticks)} ticks")
-        lost = session.lost_total
-        add(0 if lost else 4, f"  lost {text.count(lost)}", f"bold {color(variables, 'error')}" if lost else "")
-        alarm, is_red, watching = head_words(session.triggers, session.limits)
-        if alarm:
-            add(0, f"  {alarm}", f"bold {color(variables, 'error' if is_red else 'warning')}")
-        if watching:
-            add(9, f"  {watching}")
-        if status.recorders:
-            add(0, f"  REC {status.recorders}", f"bold {color(variables, 'error')}")
-        if not session.may_edit or self._read_only:
-            add(0, "  read-only", color(variables, "warning"))
-        if status.durable_ticks >= 0:  # storage="disk"
-            add(1, f"  durable to tick {text.count(status.durable_ticks)}")
-        return parts
+            add(1, f"  {text.count(session.ticks)} ticks", "")
 
 
 def _mode_words(mode: str) -> Text:
@@ -139,6 +162,14 @@ def _mode_words(mode: str) -> Text:
 def color(variables: dict[str, str], name: str) -> str:
     """Return a colour of the theme as Rich writes it (`ansi_red` is `red` there)."""
     return variables.get(name, "").removeprefix("ansi_").replace("default", "") or "none"
+
+
+def since_words(seconds: float | None) -> str:
+    """Return for how long something has been so, in whole units: `14 s`, `5 min`; `…` where that isn't known."""
+    if seconds is None:
+        return "…"
+    whole = 1 if seconds < 120 else 60 if seconds < 7200 else 3600
+    return text.span(float(seconds // whole * whole))
 
 
 def left_a_file(session: Session) -> bool:
@@ -173,10 +204,9 @@ class Banner(Widget):
         session = self.session
         if session.link is None:
             return ""
-        if session.lost_since is not None:
-            age = text.duration(time.monotonic() - session.lost_since)
-            kept = " Pending edits are kept." if session.table.pending_count[0] else ""
-            return f"No link to {session.name} for {age}. Values are {age} old; trying again by itself.{kept}"
+        if session.lost_s is not None:
+            kept = ", pending edits are kept" if session.table.pending_count[0] else ""
+            return f"No link to {session.name}. Values are {since_words(session.lost_s)} old{kept}. r tries now."
         if session.dead:
             reason = session.status.reason
             opens = OPENS.get(getattr(self.screen, "scope", ""), OPENS[""]) if left_a_file(session) else ""
@@ -308,6 +338,9 @@ class KeyBar(Widget):
         app, screen = cast(Any, self.app), cast(Any, self.screen)
         keys = app.context.settings.keys
         in_mode = [replace(with_keys(keys, BY_ID[each]), label=label) for each, label in screen.mode_keys()]
+        if getattr(screen, "session", None) is not None and screen.session.lost_s is not None:
+            tries = [command for command in commands_for(self._scope, keys) if command.retries]
+            in_mode = [*(replace(command, label="Try now") for command in tries), *in_mode]
         known = {command.id for command in in_mode}
         shown = footer_for(self._scope, read_only=self._read_only, keys=keys)
         return [*in_mode, *(command for command in shown if command.id not in known)]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from rich.text import Text
 from textual.widgets import Static
 
+from silo.judging.between import Between
 from silo_tui.model import text
-from silo_tui.model.between import Between
 
 MOST_LINES = 8
 _TITLES = ("at A", "B-A", "slope/s", "mean", "std", "rms", "min", "max")
@@ -18,8 +18,8 @@ class BetweenTable(Static):
 
     DEFAULT_CSS = "BetweenTable { height: auto; display: none; }"
 
-    def show(self, times: str, facts: Sequence[tuple[str, str, Between]]) -> None:
-        """Show the times of both cursors, and of each signal its letter, name and facts."""
+    def show(self, times: str, facts: Sequence[tuple[str, str, Between]], partly: str = "") -> None:
+        """Show the times of both cursors, and of each signal its letter, name and facts; `partly`: of what they are."""
         column = 8 if self.app.size.width < 100 else 10
         name_width = min(40, max(10, self.app.size.width - 2 - column * len(_TITLES)))
         lines = Text(no_wrap=True, overflow="ellipsis")
@@ -31,6 +31,8 @@ class BetweenTable(Static):
             lines.append("".join(f"{word:>{column}}" for word in words_of(found, column)))
         if len(facts) > MOST_LINES:
             lines.append(f"\n {len(facts) - MOST_LINES} more signals: I isolates one, x takes one away")
+        if partly:
+            lines.append(f"\n {partly}")
         self.update(lines)
         self.display = True
 

@@ -15,7 +15,8 @@ from textual.widget import Widget
 
 from silo_tui.model.big_plot import BigPlot
 from silo_tui.model.dots import BLANK
-from silo_tui.widgets.plot_stack import AXIS, CURSOR_A
+from silo_tui.model.panel_picture import AXIS
+from silo_tui.widgets.plot_stack import CURSOR_A
 from silo_tui.widgets.series import series_style
 
 WIDE, SIDE = 140, 42  # from how many columns on the notes stand at the right, and how much they take

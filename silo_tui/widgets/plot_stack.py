@@ -3,7 +3,6 @@
 Measured: 5 - 8 ms for a screen full; twenty of Textual's Sparkline widgets at 10 Hz cost a quarter of a core.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -17,14 +16,15 @@ from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
-from silo.columns import HOLE_TEXTS, Hole
-from silo_tui.model import braille, dots, lanes, text
+from silo.columns import Hole
+from silo_tui.model import braille, lanes, text
 from silo_tui.model.columns import ColumnStore, Piece
 from silo_tui.model.dots import BLANK
-from silo_tui.model.happened import EVENT_LINE, RANK, columns_of, in_plots
-from silo_tui.model.limits import NO_BOUNDS, Bounds4, level_line, lines_of
-from silo_tui.model.live import Reading, entry_text, offset_text
-from silo_tui.model.overlay import SIGN, ghost_piece
+from silo_tui.model.happened import EVENT_LINE, columns_of, in_plots
+from silo_tui.model.limits import Bounds4
+from silo_tui.model.live import Reading, offset_text
+from silo_tui.model.overlay import ghost_piece
+from silo_tui.model.panel_picture import AXIS, LIMIT, RED, YELLOW, Drawn, PanelSource, drawn
 from silo_tui.model.panels import (
     LETTERS,
     MAX_SERIES,
@@ -39,39 +39,14 @@ from silo_tui.model.panels import (
     stacked,
     title_lines,
 )
-from silo_tui.model.plots import (
-    HOLE,
-    NOBODY,
-    SECOND_NS,
-    Owners,
-    Picture,
-    Plotted,
-    PlotWindow,
-    draw_panel,
-    pieces_of,
-    together,
-)
+from silo_tui.model.plot_facts import PlotFacts, missing
+from silo_tui.model.plots import HOLE, NOBODY, Plotted, PlotWindow, pieces_of
 from silo_tui.model.source import PlotSource
+from silo_tui.model.time_axis import axis_line, axis_word
 from silo_tui.widgets.series import most_series, series_style
 
-LIMIT = "╌"
-YELLOW, RED = -3, -4
-AXIS = 10  # cells for the numbers on the left
-NO_BREAK = "\u00a0"
 CURSOR_A, CURSOR_B = "│", "┊"
 GHOST = Style(dim=True)
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """A panel as cells: the characters, whose colour each has, and what stands at both sides of each line."""
-
-    pictures: list[Picture]
-    lines: list[str]
-    owners: Owners
-    left: dict[int, str]
-    right: dict[int, tuple[str, int]]  # text and whose colour
-    origins: tuple[str, str] = ("", "")
 
 
 class PlotStack(Widget):
@@ -319,59 +294,11 @@ class PlotStack(Widget):
         return self._drawn_panels[at]
 
     def _draw_panel(self, at: int, height: int) -> Drawn:
-        panel, right = self.panels[at], sides(self.panels[at])
-        period_of = self.source.period_ns
-        ghosts = self._ghosts(panel)
-        pictures = draw_panel(self.store, self.window, panel, right, self.plot_width, height, period_of, ghosts)
-        front = panel.index(self.chosen_plot) if self.chosen_plot in panel else 0
-        cells, owners = together(pictures, front, len(ghosts))
-        limits = self._draw_limits(panel, pictures, cells, owners)
-        left, origin = self._axis(panel[0], pictures[0], height)
-        marks: dict[int, tuple[str, int]] = {}
-        other = ""
-        if any(right):
-            words, other = self._axis(panel[right.index(True)], pictures[right.index(True)], height)
-            marks = {line: (word, right.index(True)) for line, word in words.items()}
-        elif len(panel) > 1 or ghosts:
-            for ghost, place in enumerate(ghosts, len(panel)):
-                if (line := pictures[ghost].newest) is not None:
-                    marks[line // 4] = f"{self.letter(panel[place])}{SIGN}", ghost
-            for place, picture in enumerate(pictures[: len(panel)]):
-                if picture.newest is not None:
-                    line = picture.newest // 4
-                    marks[line] = marks.get(line, ("", place))[0] + self.letter(panel[place]), place
-        if len(panel) > 1:
-            for place in range(len(panel)):
-                spot = _letter_spot(owners, place, len(panel))
-                if spot is not None:
-                    cells[spot] = ord(self.letter(panel[place]) or BLANK)
-        for line, (word, owner) in limits.items():
-            known = marks.get(line, ("", owner))
-            marks[line] = f"{known[0]} {word}".strip(), known[1]
-        return Drawn(pictures, dots.lines_of(cells), owners, left, marks, (origin, other))
-
-    def _draw_limits(
-        self, panel: Panel, pictures: Sequence[Picture], cells: dots.Cells, owners: Owners
-    ) -> dict[int, tuple[str, int]]:
-        """Draw the limits of a panel behind its curves; return what stands at the right of which line, and its colour.
-
-        One that lies outside of the scale has no line: an arrow at that border tells of it.
-        """
-        found: dict[int, tuple[str, int]] = {}
-        for place, plotted in enumerate(panel):
-            lines = lines_of(self.bounds.get(plotted.name, NO_BOUNDS), pictures[place].axis, len(cells))
-            if self.level is not None and place == 0:
-                lines += level_line(self.level, pictures[0].axis, len(cells))
-            for limit in lines:
-                owner = RED if limit.red else YELLOW
-                words = f"{self.letter(plotted) if len(panel) > 1 else ''}{limit.mark}"
-                known = found.get(limit.line)
-                found[limit.line] = (words, owner) if known is None else (f"{known[0]} {words}", min(known[1], owner))
-                free = owners[limit.line] == NOBODY
-                if not limit.beyond:
-                    free[1::2] = False  # dashed: a curve is not
-                    cells[limit.line][free], owners[limit.line][free] = ord(LIMIT), owner
-        return found
+        panel = self.panels[at]
+        source = PanelSource(
+            self.store, self.window, self.source.period_ns, self.letter, self.bounds, self.level
+        )  # fmt: skip
+        return drawn(source, panel, self.chosen_plot, self._ghosts(panel), self.plot_width, height)
 
     def scale_of_first(self) -> tuple[float, float]:
         """The ends of the axis of the first signal, as values."""
@@ -404,15 +331,6 @@ class PlotStack(Widget):
         line = self._style("plot--line")
         return line if len(panel) == 1 else line + series_style(self.app, place)
 
-    def _axis(self, plotted: Plotted, picture: Picture, height: int) -> tuple[dict[int, str], str]:
-        """What stands on which line of an axis, and what these numbers count from."""
-        ends = picture.scale
-        if picture.axis.log is None and plotted.entry.dtype[1:2] == "M" and not math.isnan(ends[0]):
-            words = [offset_text(plotted.entry, end, picture.base, 30) for end in ends]
-            if words[0][: AXIS - 2] != words[1][: AXIS - 2]:
-                return {height - 1: words[0][: AXIS - 2], 0: words[1][: AXIS - 2]}, ""
-        return picture.axis.words(height, AXIS - 1)
-
     # --------------------------------------------------------------------------------------------------- titles
 
     def _title(self, at: int, line: int) -> list[Segment]:
@@ -441,13 +359,14 @@ class PlotStack(Widget):
             found.append(Segment(" " * max(1, rest), self._style("plot--quiet")))
         return found
 
+    @property
+    def facts(self) -> PlotFacts:
+        """What is told of signals."""
+        return PlotFacts(self.window, self.readings, self.ended)
+
     def _short_fact(self, at: int, place: int) -> str:
-        """What stands beside the name of one of several signals: its value at the cursor, or the newest one."""
-        plotted, picture = self.panels[at][place], self._panel(at).pictures[place]
-        if picture.at_cursor is not None:
-            low, high = (offset_text(plotted.entry, end, picture.base, 9) for end in picture.at_cursor)
-            return low if low == high else self._sample(plotted) or f"{low}…{high}"
-        return picture.cursor_signs or self._now(plotted)
+        """What stands beside the name of one of several signals."""
+        return self.facts.brief(self.panels[at][place], self._panel(at).pictures[place])
 
     def _short(self, plotted: Plotted) -> str:
         name = plotted.name
@@ -473,56 +392,9 @@ class PlotStack(Widget):
 
     def _facts(self, at: int, plotted: Plotted) -> str:
         """The numbers at the right end of a title."""
-        if kind_of(plotted) is not Kind.CURVE:
-            return self._lane_facts(plotted)
-        picture = self._panel(at).pictures[0]
-        if picture.at_cursor is not None:
-            low, high = (offset_text(plotted.entry, end, picture.base, 12) for end in picture.at_cursor)
-            highest = f" … {high}" if high != low else ""
-            if highest and (sample := self._sample(plotted)):  # the column has more of them
-                return f"at cursor {sample} ({low}{highest})"
-            return f"at cursor {low}{highest}" + (f" {picture.cursor_signs}" if picture.cursor_signs else "")
-        if picture.cursor_signs:
-            return f"at cursor {picture.cursor_signs}"
-        words = [picture.signs] if picture.signs else []
-        if not math.isnan(picture.smallest):
-            smallest, largest = self._extremes(plotted, picture)
-            words += [f"min {smallest}", f"max {largest}"]
-        return "  ".join([*words, f"{self._when} {self._now(plotted)}"]) if words else ""
-
-    def _sample(self, plotted: Plotted) -> str:
-        """The sample that held at cursor A; empty where it isn't known."""
-        reading = self.readings.get(plotted.element.name)
-        known = self.window.paused and reading is not None and reading.held and reading.time_ns == self.window.at_ns
-        return self._now(plotted) if known else ""
-
-    @property
-    def _when(self) -> str:
-        """Of when the readings are: of now, or while it stands still of the cursor, or of the right end."""
-        if not self.window.paused:
-            return "last" if self.ended else "now"
-        return "at cursor" if self.window.cursor is not None else "at end"
-
-    def _lane_facts(self, plotted: Plotted) -> str:
-        if self.window.cursor is None:
-            return f"{self._when} {self._now(plotted)}"
-        if self.window.paused and plotted.element.name in self.readings:  # the sample that held then
-            return f"at cursor {self._now(plotted)}"
-        piece = self._piece(plotted)
-        last = self.columns - 1 - self.window.cursor
-        found = braille.value_range(piece.low[max(0, last - 1) : last + 1], piece.high[max(0, last - 1) : last + 1])
-        if found is None:
-            return ""
-        words = dict.fromkeys(offset_text(plotted.entry, end, piece.base, 12) for end in found)
-        return "at cursor " + " … ".join(words)
-
-    def _extremes(self, plotted: Plotted, picture: Picture) -> tuple[str, str]:
-        if picture.base or plotted.entry.dtype[1:2] == "M":
-            smallest, largest = (
-                offset_text(plotted.entry, end, picture.base, 12) for end in (picture.smallest, picture.largest)
-            )
-            return smallest, largest
-        return text.told_apart(picture.smallest, picture.largest)
+        if kind_of(plotted) is Kind.CURVE:
+            return self.facts.of_curve(plotted, self._panel(at).pictures[0])
+        return self.facts.of_lane(plotted, self._piece(plotted), self.columns)
 
     def span_of(self, plotted: Plotted) -> tuple[float, float]:
         """The smallest and the largest value that is shown of a signal; 0 and 0 where none is."""
@@ -534,24 +406,10 @@ class PlotStack(Widget):
         """What the chosen plot has no samples of, and why."""
         if not self.plots or not self.chosen_plot.numeric or self.store.empty:
             return ""
-        piece = self._piece(self.chosen_plot)
-        cell_s = 2 * self.store.column_ns / 1e9
-        seconds: dict[Hole, float] = {}
-        for hole in braille.holes(piece.low, piece.marks, self.plot_width):
-            seconds[hole.why] = seconds.get(hole.why, 0.0) + (hole.stop - hole.start) * cell_s
-        return ", ".join(f"{text.span(float(f'{some:.2g}'))} {HOLE_TEXTS[why]}" for why, some in seconds.items())
+        return missing(self._piece(self.chosen_plot), self.store, self.plot_width)
 
     def _piece(self, plotted: Plotted) -> Piece:
         return pieces_of(self.store, [plotted], self.columns, self.source.period_ns)[0]
-
-    def _now(self, plotted: Plotted) -> str:
-        reading = self.readings.get(plotted.element.name)
-        if reading is None or plotted.position >= len(reading.newest) or not reading.held:
-            return "-"
-        word = reading.texts.get(plotted.position)
-        # a number has all its digits, however many
-        width = max(12, len(word)) if word is not None and plotted.entry.dtype[1:2] in "iu" else 12
-        return entry_text(plotted.entry, float(reading.newest[plotted.position]), word, width)
 
     # ------------------------------------------------------------------------------------------- curves and lanes
 
@@ -579,11 +437,11 @@ class PlotStack(Widget):
         kind, width = kind_of(plotted), self.plot_width
         piece = self._piece(plotted)
         if kind is Kind.LANE:
-            line, word = lanes.bool_lane(piece, width), self._now(plotted)
+            line, word = lanes.bool_lane(piece, width), self.facts.now(plotted)
         elif kind is Kind.BAND:
             entry = plotted.entry
             line = lanes.band(piece, lambda value: offset_text(entry, value, piece.base, 40), width)
-            word = self._now(plotted)
+            word = self.facts.now(plotted)
         else:
             reading = self.readings.get(plotted.element.name)
             word = reading.texts.get(plotted.position, "") if reading is not None else ""
@@ -642,53 +500,13 @@ class PlotStack(Widget):
         return column if 0 <= column < self.columns else None
 
     def _time_axis(self) -> list[Segment]:
-        width = self.plot_width
-        line = [" "] * width
-        for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-            word = self._axis_word(share)
-            start = min(width - len(word), max(0, round(share * width) - (len(word) // 2 if 0 < share < 1 else 0)))
-            if all(char == " " for char in line[max(0, start - 1) : start + len(word) + 1]):
-                line[start : start + len(word)] = word.replace(" ", NO_BREAK)  # no letter goes in between
-        letters = list(self._event_cells(self.on_screen()).items())
-        if self.window.other_ns is not None:
-            cursors = ((self.window.cursor, "A"), (self.other_cursor, "B"))
-            marks = [(max(0, width - 1 - cursor // 2), sign) for cursor, sign in cursors if cursor is not None]
-        else:
-            marks = []
-        marks += sorted(letters, key=lambda letter: RANK.index(letter[1]))
-        for cell, sign in marks:
-            if (free := _free_cell(line, cell, 0 if sign == "H" else AXIS)) is not None:
-                line[free] = sign
-        return [Segment(" " * (AXIS + 1) + "".join(line).replace(NO_BREAK, " "), self._style("plot--quiet"))]
+        cursors = ((self.window.cursor, "A"), (self.other_cursor, "B")) if self.window.other_ns is not None else ()
+        marks = [(max(0, self.plot_width - 1 - cursor // 2), sign) for cursor, sign in cursors if cursor is not None]
+        line = axis_line(self.plot_width, self._axis_word, marks, self._event_cells(self.on_screen()))
+        return [Segment(" " * (AXIS + 1) + line, self._style("plot--quiet"))]
 
     def _axis_word(self, share: float) -> str:
         """What stands under a place of the time axis, 0 ... 1 from left to right."""
         if share == 1.0 and self.source.live and not self.window.paused:
             return "end" if self.ended else "now"
-        before_s = self.window.span_s * (1 - share)
-        end_ns = self.window.paused_end_ns
-        # counted from where the cursor's time is: the newest moment, which an earlier window doesn't end with
-        back_s = 0.0 if end_ns is None else max(0, self.source.end_ns - end_ns) / SECOND_NS
-        if back_s < self.window.span_s / self.columns:
-            return "0" if share == 1.0 else f"-{text.span(before_s)}"
-        decimals = max(0, min(9, 1 - math.floor(math.log10(self.window.span_s / 4))))
-        return f"-{back_s + before_s:.{decimals}f} s"
-
-
-def _free_cell(line: Sequence[str], cell: int, reach: int) -> int | None:
-    """The empty cell next to one, itself first, not farther than `reach`; None where there is none."""
-    near = (at for step in range(reach + 1) for at in dict.fromkeys((cell + step, cell - step)))
-    return next((at for at in near if 0 <= at < len(line) and line[at] == " "), None)
-
-
-def _letter_spot(owners: Owners, place: int, count: int) -> tuple[int, int] | None:
-    """Where on its curve the letter of a signal stands: about the same place, so that it doesn't run."""
-    width = owners.shape[1]
-    wanted = (place + 1) * width // (count + 1)
-    for step in range(width):
-        for cell in (wanted - step, wanted + step):
-            if 0 <= cell < width:
-                lines = (owners[:, cell] == place).nonzero()[0]
-                if len(lines):
-                    return int(lines[len(lines) // 2]), cell
-    return None
+        return axis_word(share, self.window, self.source.end_ns, self.columns)

@@ -187,7 +187,7 @@ class RecordedStack(PlotStack):
     def _facts(self, at: int, plotted: Plotted) -> str:
         store = self.store
         facts = self._file.source.facts(plotted.name, store.end - self.columns, store.end, store.column_ns)
-        words = f"= {self._now(plotted)}"
+        words = f"= {self.facts.now(plotted)}"
         report = self._file.rows_of[plotted.element.name]
         if not facts.samples and report.start_s is not None and self._file.seconds < report.start_s:
             return f"{words}  begins at {report.start_s:.6g} s"

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from silo.analysis.log import open_log
+from silo.analysis.opening import open_log
 from silo.files import csv_file
 from silo.files.csv_file import read_csv, write_csv
 from silo.files.silo_reader import read_silo

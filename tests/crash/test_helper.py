@@ -39,8 +39,9 @@ class Watcher:
         self.topic = self.client.topic("/log/q")
 
     def sees(self) -> bool:
-        """Whether new values came since the last call."""
-        return self.view.frame() is not None
+        """Whether a frame with values came since the last call: the helper may not have taken over the run yet."""
+        frame = self.view.frame()
+        return frame is not None and frame.held.any()
 
     def heard(self, kind: EventKind) -> Event | None:
         return next((event for event in self.events if event.kind is kind), None)
@@ -57,7 +58,7 @@ def watcher(robot, until) -> Iterator[Watcher]:
 def test_killed_helper_is_replaced_and_everything_goes_on(robot, watcher, until) -> None:
     ticks = watcher.client.status().ticks
     os.kill(robot.helper_pid, signal.SIGKILL)
-    until(lambda: watcher.links == [False, True])
+    until(lambda: watcher.links[-1:] == [True])
     status = watcher.client.status()
     assert status.helper_pid != robot.helper_pid
     assert status.ticks >= ticks
@@ -72,13 +73,13 @@ def test_loss_of_the_helper_is_noticed_sooner_than_its_silence(robot, watcher, u
     os.kill(robot.pid, signal.SIGSTOP)  # so that it starts no other
     began = time.monotonic()
     os.kill(robot.helper_pid, signal.SIGSTOP)
-    until(lambda: watcher.links == [False])
+    until(lambda: watcher.links[-1:] == [False])
     silence_s = time.monotonic() - began
     os.kill(robot.helper_pid, signal.SIGCONT)
-    until(lambda: watcher.links == [False, True])
+    until(lambda: watcher.links[-1:] == [True])
     began = time.monotonic()
     os.kill(robot.helper_pid, signal.SIGKILL)
-    until(lambda: watcher.links == [False, True, False])
+    until(lambda: watcher.links[-1:] == [False])
     assert time.monotonic() - began < silence_s
     with pytest.raises(ConnectionLostError, match="connecting again by itself"):
         watcher.client.status()
@@ -88,9 +89,9 @@ def test_frozen_helper_is_told_and_comes_back(robot, watcher, until) -> None:
     os.kill(robot.helper_pid, signal.SIGSTOP)
     with pytest.raises(ConnectionLostError):
         watcher.client.status()
-    until(lambda: watcher.links == [False])
+    until(lambda: watcher.links[-1:] == [False])
     os.kill(robot.helper_pid, signal.SIGCONT)
-    until(lambda: watcher.links == [False, True])
+    until(lambda: watcher.links[-1:] == [True])
     watcher.view.frame()
     until(watcher.sees)
 

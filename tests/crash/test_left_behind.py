@@ -423,7 +423,7 @@ def test_who_waited_for_a_segment_that_another_saved_is_told_so(tmp_path, capsys
 
 def test_a_recording_that_was_deleted_but_not_saved_is_not_told_as_saved(tmp_path):
     from silo.collecting.left_behind import claimed
-    from silo.helper.recovery import save_reader
+    from silo.helper.left_log import save_reader
 
     path = die(tmp_path)
     with closing(SegmentReader(path)) as reader:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import silo
-from silo.analysis.log import Log, open_log
+from silo.analysis.log import Log
+from silo.analysis.opening import open_log
 from silo.files.formats import FORMATS, Keeps, read_recording, writer_for
 
 NESTED = np.dtype(

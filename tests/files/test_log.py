@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import silo
-from silo.analysis.log import Log, LogWarning, UnknownSignalError, open_log
+from silo.analysis.log import Log, LogWarning, UnknownSignalError
+from silo.analysis.opening import open_log
 from silo.analysis.signals import Signal
 from silo.errors import ElementError, LogNotFoundError
 from silo.files import write

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from silo.analysis.log import open_log
+from silo.analysis.opening import open_log
 from silo.files import silo_format as form
 from silo.files import silo_reader
 from silo.files.silo_reader import read_silo

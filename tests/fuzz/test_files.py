@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from silo.analysis.log import open_log
+from silo.analysis.opening import open_log
 from silo.errors import SiloError
 from silo.files.formats import FORMATS, writer_for
 from silo.kinds import struct_text

@@ -24,6 +24,7 @@ from silo.helper.event_log import EventLog
 from silo.helper.events import Events
 from silo.helper.judge import Judge
 from silo.helper.mirror import Mirror
+from silo.helper.operators import Operators
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.requests import decode_ask, decode_do
@@ -52,9 +53,11 @@ from silo.ipc.messages import (
     GetPiece,
     GetSamples,
     GetStatus,
+    GetSummary,
     GetSurvey,
     GetTable,
     GetTriggers,
+    GiveControl,
     Hello,
     HelloReply,
     KeepPin,
@@ -64,6 +67,7 @@ from silo.ipc.messages import (
     ListRecordings,
     ListScripts,
     LoadScript,
+    MeasureSpan,
     OpenPin,
     OpenStream,
     OpenView,
@@ -71,6 +75,7 @@ from silo.ipc.messages import (
     ReadScript,
     Refused,
     RefusedWhy,
+    ReleaseControl,
     RemoveDerived,
     RemoveLimits,
     RemoveTrigger,
@@ -87,6 +92,7 @@ from silo.ipc.messages import (
     Stop,
     StopRecorder,
     TableReply,
+    TakeControl,
     TryTrigger,
     Unsaved,
     ViewOpened,
@@ -123,8 +129,8 @@ RAW = re.compile(r"\b[A-Z]\w*(Error|Exception|Exit|Interrupt): ")
 STEM = 1_700_000_000_000_000_000
 
 GOOD: list[Request[Any]] = [
-    Hello(version="0.1.0"), GetStatus(), GetTable(), ListScripts(), ReadScript(path="none.yaml"), ReadScript(),
-    DiffScript(path="good.yaml"),
+    Hello(version="0.1.0"), GetStatus(), GetSummary(), GetTable(), ListScripts(), ReadScript(path="none.yaml"),
+    ReadScript(), DiffScript(path="good.yaml"),
     GetHistory(names=["/log/x", "/log/q_1"], start_ns=STEM, end_ns=STEM + 10**9, column_ns=10**7),
     OpenView(view="abc-1", values=["/log/x", "/log/q"], plots=["/log/x", "/log/q_2"], rate_hz=30.0, column_ns=10**7),
     OpenView(view="abc-2", values=["/log/q"], plots=[], rate_hz=30.0), CloseView(view="abc-1"),
@@ -134,6 +140,7 @@ GOOD: list[Request[Any]] = [
     CloseStream(stream="abc-1"), OpenPin(pin="abc-1", names=["/log/q"], start_ns=STEM, end_ns=STEM + 10**9),
     FindMoments(names=["/log/x", "/log/q_1"], what=Sought.HIGHEST), FindMoments(names=["/log/x"], what=Sought.CROSSING,
     level=0.5, direction=1, around_ns=STEM, most=3, pins=["abc-1"], bounds=[(None, 2.0)]),
+    MeasureSpan(names=["/log/x", "/log/q_1"], a_ns=STEM, b_ns=STEM + 10**9, pins=["abc-1"]),
     KeepPin(pin="abc-1"), ClosePin(pin="abc-2"),
     ApplyEdits(revision=-1, edits=[Edit("/log/x", ElementOptions(divider=2)), Edit("/log/q", ElementOptions())]),
     ListKeptViews(), KeepView(name="walk", text="sort: div", overwrite=True), ReadKeptView(name="walk"),
@@ -151,7 +158,8 @@ GOOD: list[Request[Any]] = [
     TryTrigger(trigger=TriggerOptions(name="fuzz", when="abs(q_1) > 2 or x > 1")), ForceTrigger(name="fuzz"),
     SetDerived(derived=Derived("fuzz", "2 * x", "V")), RemoveDerived(name="fuzz"),
     RemoveTrigger(name="fuzz"), SetLimits(limits=SignalLimits(name="/log/x", bounds=(-2.0, -1.0, 1.0, 2.0))),
-    RemoveLimits(name="/log/x"),
+    RemoveLimits(name="/log/x"), TakeControl(), TakeControl(force=True, lease_s=2.0), GiveControl(to="ann"),
+    ReleaseControl(),
 ]  # fmt: skip
 
 
@@ -219,7 +227,16 @@ class Bench:
         self.saver = Saver(self.mirror, events, self.robot)
         self.recording = Recording(self.mirror, events)
         judge = Judge(self.mirror, events)
-        self.answers = Answers(self.mirror, events, self.publisher, self.saver, self.robot, judge, self.recording)
+        self.answers = Answers(
+            self.mirror,
+            events,
+            self.publisher,
+            self.saver,
+            self.robot,
+            judge,
+            self.recording,
+            Operators(events, self.mirror, "fuzz"),
+        )
         self.frames = self.session.declare_subscriber(root.key("view", "*"), lambda _: None)
         self.publisher.start()
         self.saver.start()

@@ -248,7 +248,8 @@ def test_a_remote_is_looked_at_beside_this_computer_and_a_robot_that_both_show_i
 
 
 @pytest.mark.slow
-def test_a_client_waits_for_its_robot_and_never_goes_over_to_another_of_its_name(fleet) -> None:
+def test_a_client_waits_for_its_robot_and_never_goes_over_to_another_of_its_name(fleet, monkeypatch) -> None:
+    monkeypatch.setenv("SILO_RUNTIME_DIR", str(Path(fleet.servings[0].socket_path).parent))  # served there again
     mine, other = fleet.loggers
     (found,) = [one for one in fleet.found() if fleet.logger_of(one) is mine]
     with Client.connect(found) as client:

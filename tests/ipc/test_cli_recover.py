@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from silo.analysis.log import open_log
+from silo.analysis.opening import open_log
 from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, run
 from tests.waiting import DEADLINE_S
 

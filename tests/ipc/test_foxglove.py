@@ -1,8 +1,12 @@
 """The Foxglove bridge: every sample of what is subscribed to, for everybody, and nothing for strangers."""
 
 import asyncio
+import fcntl
+import functools
+import http.server
 import importlib.util
 import json
+import os
 import shutil
 import signal
 import socket
@@ -11,6 +15,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from urllib.parse import urlencode
 
 import pytest
 
@@ -20,6 +25,7 @@ from silo.bridges.listening import bound
 from silo.bridges.services import services
 from silo.ipc.client import Client
 from silo.model import Edit, ElementOptions, State
+from tests import chromium
 from tests.ipc.conftest import Bench
 from tests.waiting import DEADLINE_S, wait_until
 
@@ -32,8 +38,12 @@ if importlib.util.find_spec("websockets"):
     from silo.bridges.foxglove.server import Server, Terms
     from tests.stand_ins.foxglove_viewer import WEBSOCKET, Viewer
 
-NODE_CLIENT = Path(__file__).with_name("foxglove_client.mjs")
-NODE_PACKAGES = ("@foxglove/ws-protocol@0.8.0", "@foxglove/rosmsg@5.0.5", "@foxglove/rosmsg2-serialization@3.1.0")
+SCRIPTS = {"foxglove_client.mjs": "node", "foxglove_page.mjs": "browser"}
+NODE_PACKAGES = (
+    "@foxglove/ws-protocol@0.8.0", "@foxglove/rosmsg@5.0.5", "@foxglove/rosmsg2-serialization@3.1.0", "ws@8.23.0",
+    "esbuild@0.28.2",
+)  # fmt: skip
+ALL_TOPICS = [f"/log/{name}" for name in ("x", "q", "matrix", "gait", "word", "mixed", "kept")]
 
 DAMAGED = [
     "{", "[]", '"op"', "{}", '{"op": "subscribe"}', '{"op": "subscribe", "subscriptions": [{"id": "x"}]}',
@@ -339,30 +349,78 @@ class TestPrograms:
 
 
 @pytest.fixture(scope="module")
-def node_packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Foxglove's own client and decoders, from npm."""
+def bundles(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with Foxglove's own client and decoders from npm, as a program for node and a page for browsers."""
     if shutil.which("npm") is None:
         pytest.skip("needs node and npm")
-    folder = tmp_path_factory.mktemp("node")
-    shutil.copy(NODE_CLIENT, folder)
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "foxglove"  # one for all workers of a run
+    folder.mkdir(exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "page.html").exists():
+            bundle(folder)
+    return folder
+
+
+def bundle(folder: Path) -> None:
+    for script in Path(__file__).parent.glob("foxglove_*.mjs"):
+        shutil.copy(script, folder)
     options = ["--silent", "--no-audit", "--no-fund", "--prefer-offline", "--fetch-retries", "0"]
-    command = ["npm", "install", *options, "ws@8.23.0", *NODE_PACKAGES]
+    command = ["npm", "install", *options, *NODE_PACKAGES]
     if subprocess.run(command, cwd=folder, capture_output=True, check=False).returncode:
         pytest.skip("npm can't install Foxglove's client")
-    return folder
+    for script, platform in SCRIPTS.items():
+        command = ["npx", "esbuild", script, "--bundle", f"--platform={platform}", f"--outfile={script}.js"]
+        subprocess.run(command, cwd=folder, capture_output=True, check=True)
+    page = '<!doctype html><link rel="icon" href="data:,"><script src="foxglove_page.mjs.js"></script>'
+    (folder / "page.html").write_text(page)
+
+
+def tick_once_read(bench: Bench, client: Client, one: Bridge) -> None:
+    """Give a viewer that subscribes to all topics 3,000 ticks, as fast as they are read."""
+    one.reads(*ALL_TOPICS)
+    client.start()
+    for _ in range(10):
+        bench.ticks(300)
+        one.has_read(bench.now_ns - bench.tick_ns)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("subprotocol", ["foxglove.sdk.v1", "foxglove.websocket.v1"])
-def test_foxgloves_own_client_decodes_every_message(bench, client, bridge, node_packages, subprotocol):
+def test_foxgloves_own_client_decodes_every_message(bench, client, bridge, bundles, subprotocol):
     one = bridge()
-    topics = [f"/log/{name}" for name in ("x", "q", "matrix", "gait", "word", "mixed", "kept")]
-    command = ["node", NODE_CLIENT.name, one.url, subprotocol, "20000", *topics]
-    with subprocess.Popen(command, cwd=node_packages, stdout=subprocess.PIPE, text=True) as program:
-        one.reads(*topics)
-        client.start()
-        for _ in range(10):
-            bench.ticks(300)
-            one.has_read(bench.now_ns - bench.tick_ns)
+    command = ["node", "foxglove_client.mjs.js", one.url, subprotocol, "20000", *ALL_TOPICS]
+    with subprocess.Popen(command, cwd=bundles, stdout=subprocess.PIPE, text=True) as program:
+        tick_once_read(bench, client, one)
         got = json.loads(program.stdout.readline())
-    assert got == {"total": 20_000, "wrong": 0, "topics": len(topics)}
+    assert got == {"total": 20_000, "wrong": 0, "topics": len(ALL_TOPICS)}
+
+
+@pytest.fixture
+def site(bundles: Path) -> Iterator[str]:
+    """Where a browser finds the page."""
+    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=bundles)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever).start()
+        yield f"http://localhost:{server.server_port}"
+        server.shutdown()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(chromium.PROGRAM is None, reason="needs Chromium (apt install chromium)")
+@pytest.mark.skipif(importlib.util.find_spec("aiohttp") is None, reason="needs silo-logger[web]")
+def test_it_does_so_in_a_browser(bench, client, bridge, site):
+    one = bridge()
+    facts = {"url": one.url, "subprotocol": "foxglove.sdk.v1", "count": 20_000, "topic": ALL_TOPICS}
+
+    async def counted() -> object:
+        async with chromium.opened(f"{site}/page.html?{urlencode(facts, doseq=True)}") as page:
+            await asyncio.to_thread(tick_once_read, bench, client, one)
+            while (found := await page.value("window.counted")) is None:
+                await asyncio.sleep(0.05)
+            assert not page.complaints
+            return found
+
+    got = asyncio.run(asyncio.wait_for(counted(), DEADLINE_S))
+    assert got == {"total": 20_000, "wrong": 0, "topics": len(ALL_TOPICS)}

@@ -7,11 +7,12 @@ import pytest
 
 from silo.cli.main import EXIT_NO_LOGGER, run
 from silo.errors import ConnectionLostError
+from silo.helper.streams import Stream
 from silo.helper.views import View
 from silo.ipc.client import Client
 from silo.ipc.discovery import Discovery, Found, discover
-from silo.ipc.messages import OpenView, Refused, ViewOpened
-from silo.logger import serving
+from silo.ipc.messages import OpenStream, OpenView, Refused, StreamOpened, ViewOpened
+from silo.logger import helper_process, serving
 from silo.logger.down import DownMark
 from silo.runtime import down_mark, down_marks, sweep_unfinished
 from tests.fuzz.test_wire import Bench as Parts
@@ -56,6 +57,23 @@ def test_the_row_is_gone_when_a_helper_is_there_again(bench, monkeypatch, runtim
     assert discover().down == []
     assert [found.name for found in discover().loggers] == ["bot"]
     assert list(runtime.glob("*.down")) == []
+
+
+@pytest.mark.slow
+def test_a_helper_process_that_is_slow_to_start_is_waited_for_while_it_works(new_logger, monkeypatch, tmp_path) -> None:
+    (tmp_path / "sitecustomize.py").write_text("import time\nwhile time.process_time() < 1.5: pass\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(helper_process, "READY_TIMEOUT_S", 1.0)
+    assert new_logger("bot").serve().is_up
+
+
+@pytest.mark.slow
+def test_a_helper_process_that_does_nothing_is_given_up(new_logger, monkeypatch, tmp_path) -> None:
+    (tmp_path / "sitecustomize.py").write_text("import signal\nsignal.pause()\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr(helper_process, "READY_TIMEOUT_S", 1.0)
+    with pytest.raises(ConnectionLostError, match=r"didn't start: no answer within \d+ s"):
+        new_logger("bot").serve()
 
 
 def test_a_closed_logger_is_not_down(down, runtime) -> None:
@@ -124,5 +142,32 @@ def test_a_view_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monkey
         assert parts.alive()
         parts.publisher.close_view("bad-1")
         assert isinstance(parts.publisher.open_view(wrong), ViewOpened)
+    finally:
+        parts.end()
+
+
+@pytest.mark.slow
+def test_a_stream_that_fails_ends_with_words_and_the_others_go_on(tmp_path, monkeypatch, caplog) -> None:
+    adopt = Stream.adopt
+
+    def failing(stream, *words):
+        if stream.request.stream == "bad-1" and words[1] is None:
+            raise ValueError("shapes (1,) and (2,)")
+        return adopt(stream, *words)
+
+    parts = Parts(tmp_path)
+    streams = parts.publisher.streams
+    try:
+        wrong, right = (OpenStream(stream=name, names=["/log/x"]) for name in ("bad-1", "good-1"))
+        assert isinstance(streams.open(wrong), StreamOpened)
+        streams.open(right)
+        monkeypatch.setattr(Stream, "adopt", failing)
+        refused = wait_until(lambda: isinstance(answer := streams.open(wrong), Refused) and answer)
+        assert "can't be fed any more: ValueError: shapes (1,) and (2,)" in refused.text
+        assert isinstance(streams.open(right), StreamOpened)
+        assert "stream bad-1 failed" in caplog.text
+        monkeypatch.undo()
+        streams.close("bad-1")
+        assert isinstance(streams.open(wrong), StreamOpened)
     finally:
         parts.end()

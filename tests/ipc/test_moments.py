@@ -70,27 +70,24 @@ def test_a_pin_of_a_run_before_is_looked_through_alone(bench, client):
     spiked(bench, 30, 50)
     with client.pin(["/log/q_x"], 0, 2**61) as pin:
         client.restart("discard")
-        spiked(bench, -1, 50)
-        found = client.find(["/log/q_x"], "highest", pins=[pin], run=pin.opened.run)["/log/q_x"]
-    assert (found.total, found.values.tolist()) == (1, [40])
+        spiked(bench, -1, 400)
+        begin, end = bench.begin_ns + 20 * bench.tick_ns, bench.begin_ns + 450 * bench.tick_ns
+        found = client.measure(["/log/q_x"], end, begin, [pin], pin.opened.run)["/log/q_x"]
+        alone = client.measure(["/log/q_x"], end, begin)["/log/q_x"]
+        assert (alone.largest, found.largest) == (6, 40)
+        assert found.samples == alone.samples + 80
+        inside = np.array([40 if tick == 60 else tick % 7 for tick in range(20, 100)], float)
+        held = client.measure(["/log/q_x"], begin, bench.begin_ns + 99 * bench.tick_ns, [pin], pin.opened.run)[
+            "/log/q_x"
+        ]
+        assert (held.at_a, held.at_b, held.samples) == (20 % 7, 99 % 7, 80)
+        assert np.allclose([held.mean, held.std, held.rms], [inside.mean(), inside.std(), np.sqrt((inside**2).mean())])
 
 
-def test_a_pin_says_how_far_back_the_buffers_reach(bench, client):
+def test_a_span_of_what_nobody_has_is_refused_or_empty(bench, client):
+    with pytest.raises(RefusedError, match="nope"):
+        client.measure(["/log/nope"], 0, 1)
     client.start()
-    bench.ticks(80)
-    begin, end = bench.begin_ns + 50 * bench.tick_ns, bench.begin_ns + 60 * bench.tick_ns
-    with client.pin(["/log/x"], begin, end) as pin:
-        assert (pin.opened.begin_ns, pin.opened.oldest_ns) == (begin, bench.begin_ns)
-
-
-@pytest.mark.parametrize(
-    ("how", "says"),
-    [({"what": "hottest"}, "highest"), ({"most": 0}, "most must be"), ({"direction": 3}, "direction"),
-     ({"names": ["/log/nobody"]}, "is called"), ({"bounds": [(0, 1), (0, 1)]}, "bounds"),
-     ({"level": float("nan")}, "level")],
-)  # fmt: skip
-def test_what_makes_no_sense_is_refused(bench, client, how, says):
-    client.start()
-    bench.ticks(3)
-    with pytest.raises(RefusedError, match=says):
-        client.find(**{"names": ["/log/x"], "what": "highest", **how})
+    assert client.measure(["/log/q_x"], 0, 1)["/log/q_x"].samples == 0
+    with pytest.raises(RefusedError, match="out of range"):
+        client.measure(["/log/q_x"], 0, 2**63 - 1)

@@ -114,7 +114,7 @@ def test_of_a_killed_robot_program_everything_is_recorded(robots, tmp_path) -> N
         robot.kill()
     (path,) = wait_until(lambda: parts(tmp_path / "logs" / "walks"))
     (log,) = wait_until(lambda: list((tmp_path / "logs").glob("*.silo")))
-    from silo.analysis.log import open_log
+    from silo.analysis.opening import open_log
 
     assert span(path)[1] == wait_until(lambda: open_log(log).recording.offset)
     (text,) = happened([path])

@@ -5,6 +5,7 @@ import shutil
 import socket
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,14 @@ import pytest
 
 import silo
 from silo.cli.authority import Made, make_network
-from silo.errors import ConnectionLostError
+from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.client import Client
 from silo.ipc.discovery import discover
+from silo.ipc.exchange import exchange
+from silo.ipc.messages import Hello
 from silo.ipc.session import close, open_router
+from silo.ipc.sessions import borrowed
+from silo.version import VERSION
 from tests.waiting import wait_until
 
 pytestmark = [
@@ -73,9 +78,31 @@ def test_roles_hold_at_the_router(site) -> None:
             operator.start()
             site.logger.collect()
             wait_until(view.frame)
-            with pytest.raises(ConnectionLostError, match="access rules don't let this user change"):
+            with pytest.raises(RefusedError, match=r"may look at .*, not change it"):
                 viewer.stop()
             operator.stop()
+
+
+def test_a_user_is_admitted_to_its_own_name_alone_and_so_events_say_proven(site) -> None:
+    question = Hello(version=VERSION, client="alice@desk silo 1")
+    with borrowed("", site.config("alice")) as mine:
+        (found,) = discover(config=site.config("alice")).loggers
+        for name in ("bob", "carol", "robots", "@local", "*"):
+            with pytest.raises(ConnectionLostError, match="gave no answer"):
+                exchange(replace(mine, user=name), found.root, question, 1.0, "walker", as_change=True)
+        exchange(mine, found.root, question, 1.0, "walker", as_change=True)
+    with silo.connect("walker", config=site.config("alice")) as operator:
+        operator.start("discard")
+        operator.stop()
+        told = wait_until(lambda: [one for one in operator.events() if one.kind == "stopped"])
+    assert told[-1].who.startswith(f"alice (proven) from {socket.gethostname()}, ")
+
+
+def test_the_status_says_who_of_the_network_is_there(site) -> None:
+    with silo.connect("walker", config=site.config("alice")) as operator:
+        operator.hello()
+        found = wait_until(lambda: [one for one in operator.status().clients if one.identity])
+        assert found[0].who.startswith("alice (proven) from ")
 
 
 def test_a_robot_asks_nobody(site) -> None:

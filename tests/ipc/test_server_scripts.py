@@ -1,6 +1,8 @@
 """Scripts on the robot's side, and nothing but scripts."""
 
 import os
+import select
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -66,6 +68,17 @@ def test_loading_is_refused_while_running(bench, client) -> None:
     (bench.script.parent / "a.yaml").write_text(SCRIPT)
     client.start()
     assert refused(client.load_script, "a.yaml") is RefusedWhy.RUNNING
+
+
+def test_a_table_that_changes_while_a_script_is_loaded_is_compared_anew(bench, client) -> None:
+    (bench.script.parent / "a.yaml").write_text(SCRIPT)
+    with ThreadPoolExecutor() as pool:
+        with bench.logger.lock:  # so that the helper process learns of it only after it sent its edits
+            bench.logger.set("q", divider=3)
+            loaded = pool.submit(client.load_script, "a.yaml")
+            select.select([bench.serving._helper.link], [], [])
+        assert loaded.result().changed == 1
+    assert [info.options.divider for info in bench.logger.elements[:2]] == [7, 3]
 
 
 def test_loading_on_an_old_revision_conflicts(bench, client) -> None:

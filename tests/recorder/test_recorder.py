@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from silo.analysis.log import open_log
+from silo.analysis.opening import open_log
 from silo.files.bag_read import read_bag
 from silo.files.part_facts import PART_ENDING
 from silo.model import RecorderState

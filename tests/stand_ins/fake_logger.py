@@ -4,7 +4,8 @@ What it has in common with a real helper process is held by `tests/contract`, wh
 """
 
 import math
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,14 @@ import numpy as np
 
 from silo.amounts import read_keep, read_split
 from silo.columns import ColumnGrid, HistoryColumns, bins_of
-from silo.errors import ConnectionLostError, ScriptError
+from silo.errors import ConnectionLostError, ElementError, ScriptError, SiloError
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
+from silo.ipc.bulk import Outcome
 from silo.ipc.conditions import LimitStatus, TriggerStatus, TriggerWord
 from silo.ipc.exchange import RequestRefusedError
 from silo.ipc.fetching import Fetch
 from silo.ipc.frames import Frame
+from silo.ipc.member import Member
 from silo.ipc.messages import (
     Alarms,
     EditsApplied,
@@ -42,14 +45,18 @@ from silo.ipc.messages import (
 )
 from silo.ipc.published import Event, EventKind, NotLive
 from silo.ipc.samples import Samples
+from silo.ipc.senders import viewer_words
 from silo.ipc.surveys import QUANTITIES
 from silo.ipc.versions import PROTOCOL
+from silo.judging.between import Between, between
 from silo.judging.derived import derived_infos
+from silo.judging.extras import with_derived, without_derived
 from silo.judging.moments import Finder, Looking
 from silo.judging.moments import Found as FoundMoments
 from silo.model import (
     Action,
     BufferType,
+    Control,
     Derived,
     Edit,
     ElementInfo,
@@ -58,6 +65,7 @@ from silo.model import (
     Extras,
     FileType,
     LoggedEvent,
+    Present,
     Problem,
     RecorderState,
     SavedFile,
@@ -67,6 +75,7 @@ from silo.model import (
     Status,
     Table,
     TriggerOptions,
+    join_name,
 )
 from silo.settings.extras_diff import diff_extras
 from silo.settings.rules import edit_problems, refusal
@@ -219,6 +228,7 @@ class FakeClient:
     """One logger. `calls` holds what was asked to change it; `advance` moves its clock."""
 
     kinds = EventKind
+    identity = "@local me"
 
     def __init__(self, elements: list[ElementInfo] | None = None, name: str = "robot") -> None:
         self.elements = robot_elements() if elements is None else elements
@@ -238,7 +248,10 @@ class FakeClient:
         self.limit_statuses: list[LimitStatus] = []
         self.views_kept: dict[str, str] = {}
         self.recorder_infos: list[RecorderInfo] = []
+        self.controlled: Control | None = None
+        self.clients: list[Present] = []
         self.derived: tuple[Derived, ...] = ()
+        self.refuse_derived = ""  # why nothing is derived
         self.limit_options: tuple[SignalLimits, ...] = ()
         self.since_ns = 0  # of the statistics
         self.facts: dict[str, dict[str, float]] = {}  # measured values that a test sets, by quantity and name
@@ -361,7 +374,33 @@ class FakeClient:
 
     def hello(self) -> HelloReply:
         self._ask()
-        return HelloReply(protocol=PROTOCOL, version=VERSION, user="ann", may_edit=self.may_edit, status=self.status())
+        why_not = "" if self.may_edit else viewer_words("bob", f"anymal/{self.name}")
+        return HelloReply(protocol=PROTOCOL, version=VERSION, user="ann", may_edit=self.may_edit,
+            status=self.status(), why_not=why_not)  # fmt: skip
+
+    def take_control(self, *, force: bool = False) -> str:
+        self._ask()
+        self.calls.append(("take_control", force))
+        self._controlled_by("me@here silo-tui 1", "@local me")
+        return f"you have control of {self.name}"
+
+    def release_control(self) -> str:
+        self._ask()
+        self.controlled = None
+        return f"control of {self.name} is released"
+
+    def hand_over(self, to: str) -> str:
+        self._ask()
+        self._controlled_by(f"{to} (proven) from desk2, silo-tui 2", to)
+        return f"{to} has control of {self.name}"
+
+    def _controlled_by(self, who: str, identity: str) -> None:
+        self.controlled = Control(who, identity, time.time_ns(), time.time_ns() + 10**10)
+
+    def somebody_takes_control(self, name: str) -> None:
+        """Another operator takes control."""
+        self._controlled_by(f"{name} (proven) from desk2, silo-tui 2", name)
+        self.publish(EventKind.CONTROL, "control taken", by=self.controlled.who)
 
     def status(self) -> Status:
         self._ask()
@@ -373,7 +412,8 @@ class FakeClient:
             entries=sum(len(info.entries) for info in self.elements), max_time_s=10.0, prefix="/log",
             folder="/home/ann/logs", script=f"{FOLDER}/robot.yaml", reason=self.reason, saved=self.saved,
             durable_ticks=self.durable_ticks, held_samples=sum(self._kept()), held_s=max(self._kept(), default=0) / HZ,
-            recorders=sum(not one.state.over for one in self.recorder_infos),
+            recorders=sum(not one.state.over for one in self.recorder_infos), control=self.controlled,
+            clients=list(self.clients),
         )  # fmt: skip
 
     def table(self) -> Table:
@@ -641,21 +681,31 @@ class FakeClient:
         found = {}
         for place, name in enumerate(names):
             held = self._held_samples(name)
-            parts = [self._of_pin(pin, name) for pin in pins]
-            if not run or run == f"run-{self.started_ns}":
-                parts.append(held)
-            stamps = np.concatenate([some.time_ns for some in parts])
-            values = np.concatenate([some.values for some in parts])
-            stamps, at = np.unique(stamps, return_index=True)
+            stamps, values = self._all_of(name, pins, run)
             wanted = (stamps >= start_ns) & (stamps <= end_ns)
             limits = bounds[place] if bounds else (None, None)
             looking = Looking(Sought(what), level, direction, limits, round(1e9 * max(1, held.divider) / HZ))
             finder = Finder(looking, around_ns, most)
-            finder.measure(values[at][wanted])
-            finder.feed(stamps[wanted], values[at][wanted])
+            finder.measure(values[wanted])
+            finder.feed(stamps[wanted], values[wanted])
             found[name] = finder.found
         self.calls.append(("find", tuple(names), Sought(what).value))
         return found
+
+    def measure(
+        self, names: Sequence[str], a_ns: int, b_ns: int, pins: Sequence[FakePin] = (), run: str = ""
+    ) -> dict[str, Between]:
+        self._ask()
+        self.calls.append(("measure", tuple(names)))
+        return {name: between(*self._all_of(name, pins, run), a_ns, b_ns) for name in names}
+
+    def _all_of(self, name: str, pins: Sequence[FakePin], run: str) -> tuple[np.ndarray, np.ndarray]:
+        """Every sample of an entry in pins and buffers, once."""
+        parts = [self._of_pin(pin, name) for pin in pins]
+        if not run or run == f"run-{self.started_ns}":
+            parts.append(self._held_samples(name))
+        stamps, at = np.unique(np.concatenate([some.time_ns for some in parts]), return_index=True)
+        return stamps, np.concatenate([some.values for some in parts])[at]
 
     def _of_pin(self, pin: FakePin, name: str) -> Samples:
         if pin not in self.pins:
@@ -770,6 +820,29 @@ class FakeClient:
         self.calls.append(("set_limits", limits))
         return f"limits of '{limits.name}' are set"
 
+    def derive(self, name: str, expression: str, unit: str = "") -> str:
+        self._ask()
+        self.calls.append(("derive", name, expression, unit))
+        if self.refuse_derived:
+            raise refused(RefusedWhy.INVALID, self.refuse_derived)
+        whole = Derived(join_name("/log", "", name), expression, unit)
+        try:
+            self.derived = with_derived(self.extras, whole, self.elements, "/log").derived
+        except ElementError as error:
+            raise refused(RefusedWhy.INVALID, str(error)) from error
+        self.revision += 1
+        return f"'{whole.name}' is derived: {expression}"
+
+    def remove_derived(self, name: str) -> str:
+        self._ask()
+        self.calls.append(("remove_derived", name))
+        try:
+            self.derived = without_derived(self.extras, name, self.elements, "/log").derived
+        except ElementError as error:
+            raise refused(RefusedWhy.INVALID, str(error)) from error
+        self.revision += 1
+        return f"'{name}' is derived no more"
+
     def survey(
         self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False, derived: bool = False
     ) -> Survey:
@@ -822,6 +895,9 @@ class FakeClient:
     def on_link(self, callback: Callable[[bool], None]) -> None:
         self._link = callback
 
+    def try_now(self) -> None:
+        self.calls.append(("try_now",))
+
     def close(self) -> None:
         self.connected = False
 
@@ -832,14 +908,33 @@ class FakeFinder:
     def __init__(self, *clients: FakeClient) -> None:
         self.clients = list(clients)
         self.advice: tuple[str, ...] = ()
+        self.members: dict[str, Member] = {}  # how they stand, by their names
+        self.attentive = True
 
     def find(self) -> Found:
         return Found(
             tuple(
-                FoundLogger(client.name, client.pid, "ann", f"{client.name}.{client.pid}") for client in self.clients
+                FoundLogger(
+                    client.name, client.pid, "ann", f"{client.name}.{client.pid}", member=self.members.get(client.name)
+                )
+                for client in self.clients
             ),
             self.advice,
         )
+
+    def rest(self) -> None:
+        self.attentive = False
+
+    def look_again(self) -> None:
+        self.members = {name: one for name, one in self.members.items() if one.here}
+
+    def ask_many(self, loggers: Sequence[FoundLogger], job: Any) -> Iterator[Outcome]:
+        for place, logger in enumerate(loggers):
+            try:
+                text, files = job(self.connect(logger))
+                yield Outcome(place, True, text, files)
+            except SiloError as error:  # noqa: PERF203
+                yield Outcome(place, False, str(error))
 
     def connect(self, logger: FoundLogger) -> FakeClient:
         return next(client for client in self.clients if client.pid == logger.pid and client.name == logger.name)

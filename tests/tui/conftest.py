@@ -18,6 +18,8 @@ from textual.screen import ModalScreen
 from silo.model import Action, ElementInfo
 from silo_tui.app import SiloApp
 from silo_tui.model.fields import Field, phrase_for
+from silo_tui.screens.file_table import FileTableScreen
+from silo_tui.sessions.recorded import open_file
 from tests.stand_ins.fake_logger import FakeClient, FakeFinder, robot_elements, scalar
 from tests.waiting import DEADLINE_S
 
@@ -183,6 +185,20 @@ def opened() -> Callable[..., Any]:
             if ready:
                 await screen.until(lambda: app.context.has_session and len(app.context.session.table) > 0, "the table")
                 await screen.pilot.pause()
+            yield screen
+
+    return open_app
+
+
+@pytest.fixture
+def on_file() -> Callable[..., Any]:
+    """`async with on_file(path, size=(80, 24)) as screen:` opens a saved log and waits for its table."""
+
+    @asynccontextmanager
+    async def open_app(path: Path, size: tuple[int, int] = (80, 24)) -> AsyncIterator[Screen]:
+        async with _screen_of(SiloApp(FakeFinder(), file=open_file(path)), size) as screen:
+            await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the table")
+            await screen.pilot.pause()
             yield screen
 
     return open_app

@@ -58,6 +58,9 @@ class Far:
     def find(self) -> Found:
         return Found(self.loggers)
 
+    def rest(self) -> None:
+        pass
+
     def connect(self, _):
         return self.fake
 

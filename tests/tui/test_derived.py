@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from silo.errors import ElementError
 from silo.judging.derived import derived_infos
 from silo.model import Derived, Table
+from silo_tui.model import derived
 from silo_tui.model import filter as filters
 from silo_tui.model.fields import Field
 from silo_tui.model.table import TableState
@@ -15,6 +17,7 @@ POWER = Derived("/log/power", "2 * imu/acceleration", "W")
 @pytest.fixture
 def table(robot):
     made = TableState()
+    made.prefix = "/log"
     made.load(Table(1, robot, derived_infos(robot, "/log", [POWER])))
     return made
 
@@ -62,3 +65,67 @@ class TestScreens:
             await screen.press("m")
             await screen.shows("power")
             await screen.until(lambda: screen.app.screen.__class__.__name__ == "MonitorScreen")
+
+
+def test_what_is_typed_is_told_as_it_would_be(table):
+    assert derived.words_of(Derived("rms", "sqrt(imu/temperature)"), table)[0].startswith("one number")
+    assert derived.words_of(Derived("double", "2 * imu/acceleration"), table) == ["3 numbers, in m/s2, every tick"]
+    with pytest.raises(ElementError, match="name it before Enter"):
+        derived.words_of(Derived("", "imu/temperature"), table)
+    with pytest.raises(ElementError, match="is an element already"):
+        derived.words_of(Derived("imu/temperature", "base/position_x"), table)
+
+
+def test_a_unit_that_follows_is_not_typed_again(table):
+    assert derived.present(table) == (POWER,)
+    table.load(Table(2, table.elements[: table.own], derived_infos(table.elements[: table.own], "/log",
+               [Derived("/log/double", "2 * imu/acceleration")])))  # fmt: skip
+    assert derived.present(table) == (Derived("/log/double", "2 * imu/acceleration"),)
+    assert derived.named(table, "double").expression == "2 * imu/acceleration"
+    assert derived.named(table, "new") == Derived("new", "")
+
+
+async def test_a_signal_is_derived_changed_and_forgotten_without_leaving_the_table(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press("colon", *"derive", "enter")
+        await screen.shows("Derive a signal on robot")
+        await screen.type("power")
+        await screen.press("tab", "tab")
+        await screen.type("2 * imu/acelaration")
+        await screen.shows("did you mean imu/acceleration")
+        lines = screen.text.splitlines()
+        at = next(place for place, line in enumerate(lines) if "imu/acelaration" in line)
+        carets = next(line for line in lines[at:] if "^" in line)
+        assert carets.index("^") == lines[at].index("imu/acelaration")
+        await screen.press("enter")
+        assert screen.app.screen.is_modal
+        await screen.press(*["backspace"] * len("acelaration"))
+        await screen.type("acceleration")
+        await screen.shows("3 numbers, in m/s2, every tick")
+        await screen.press("enter")
+        await screen.shows("'/power' is derived: 2 * imu/acceleration")
+        assert fake.calls[-1] == ("derive", "power", "2 * imu/acceleration", "")
+        await screen.press("e")  # the cursor is on it
+        await screen.shows("Derived signal power on robot")
+        await screen.press("home", "delete", "3", "enter")
+        await screen.until(lambda: fake.derived == (Derived("/log/power", "3 * imu/acceleration"),))
+        await screen.shows("is derived: 3 *")
+        await screen.press("x")
+        await screen.shows("Forget power of robot?")
+        await screen.press("y")
+        await screen.until(lambda: not fake.derived and len(screen.session.table) == len(fake.elements))
+
+
+async def test_what_the_robot_refuses_is_said_and_nothing_typed_is_lost(fake, opened):
+    fake.run()
+    async with opened(fake) as screen:
+        fake.refuse_derived = "at most 100 signals are derived; nothing was changed"
+        await screen.press("colon", *"derive hot imu/temperature > 3", "enter")
+        await screen.shows("one number")
+        await screen.press("enter")
+        await screen.shows("at most 100 signals")
+        assert "imu/temperature > 3" in screen.text
+        fake.refuse_derived = ""
+        await screen.press("enter")
+        await screen.until(lambda: len(fake.derived) == 1)

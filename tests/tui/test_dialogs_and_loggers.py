@@ -278,7 +278,7 @@ async def test_a_file_of_this_machine_is_opened_over_the_logger_by_a_word_that_t
 
 async def test_a_file_that_is_no_log_is_told_and_the_table_stays(fake, opened, tmp_path):
     (tmp_path / "walk.silo").write_text("not a log")
-    async with opened(fake) as screen:
+    async with opened(fake, size=(160, 50)) as screen:
         await screen.type(f":open {tmp_path}/walk.silo")
         await screen.press("enter")
         await screen.shows("can't be opened")
@@ -426,3 +426,15 @@ async def test_what_was_said_last_is_read_whole_on_a_small_screen(fake, opened):
     async with opened(fake, size=(80, 24)) as screen:
         await screen.press("*", "d", "5", "enter", "d", "0", "enter")
         await screen.shows("2147483647")
+
+
+@pytest.mark.parametrize(("key", "choices"), [("e", ("divider", "size", "buffer type", "action")),
+                                              ("N", ("A trigger", "Limits", "A signal derived from it"))])  # fmt: skip
+async def test_every_choice_is_on_the_screen_however_few_words_stand_above(fake, opened, key, choices):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press(key)
+        await screen.until(lambda: screen.app.screen.is_modal)
+        await screen.press("pagedown")
+        for choice in choices:
+            assert choice in screen.text

@@ -7,7 +7,7 @@ from silo.files.silo_writer import write_silo
 from silo.model import BufferType, Entry, LoggedEvent
 from silo.recording import RecordedElement, RecordedEntry, Recording, stamped
 from silo_tui.app import SiloApp
-from silo_tui.model.happened import MOST, columns_of, gone_words, in_plots, line, matches, newest, of_last_run
+from silo_tui.model.happened import MOST, columns_of, gone_words, in_plots, line, matches, newest, of_last_run, words
 from silo_tui.sessions.recorded import open_file
 
 SECOND = 10**9
@@ -23,18 +23,19 @@ def event(kind="marker", text="push 3", at_ns=SECOND, **more):
      ("-push", False), ("marker", True), ("nothing", False), ("-", True)],
 )  # fmt: skip
 def test_a_filter_takes_words_and_letters_and_leaves_out(asked, found):
-    assert matches(event(), asked) == found
+    assert matches(event(), asked, '"push 3"') == found
 
 
 def test_a_line_is_never_wider_than_the_screen():
     for width in (30, 80, 160):
-        assert len(line(event(text="x" * 300), width, "bot")) <= width
-    assert line(event(), 80, "bot").endswith("me@desk")
-    assert line(event(who=""), 80, "bot").endswith("bot")
+        assert len(line(event(), "x" * 300, width, "bot")) <= width
+    assert line(event(), '"push 3"', 80, "bot").endswith("me@desk")
+    assert line(event(who=""), "push", 80, "bot").endswith("bot")
 
 
 def test_control_characters_stay_off_the_screen():
-    assert "\x1b" not in line(event(text="\x1b[2J", who="\x1b[31m"), 80, "bot")
+    wild = event(text="\x1b[2J", who="\x1b[31m")
+    assert "\x1b" not in line(wild, words(wild), 80, "bot")
 
 
 def test_an_event_has_the_cell_of_its_column():
@@ -87,12 +88,23 @@ async def test_the_events_screen_shows_newest_first_and_follows(running, opened)
     async with opened(running) as screen:
         await screen.press("E")
         await screen.shows("3 events, follows")
-        lines = [each for each in screen.text.splitlines() if ":" in each]
+        lines = [each for each in screen.text.splitlines()[1:] if ":" in each]
         assert "E 3 elements changed" in lines[0]
         assert 'M "push 3"' in lines[1]
         running.happen("lost", "12 rows lost", running.now_ns)
         await screen.shows("X 12 rows lost")
         await screen.shows("4 events, follows")
+
+
+async def test_signals_have_one_name_in_events_messages_and_plots(running, opened):
+    running.happen("limit", "/log/legs/LF/HAA/torque H 12 Nm at tick 3, limit 10", running.now_ns)
+    async with opened(running) as screen:
+        running.publish(running.kinds.BLIND, "fall sees nothing: /log/legs/LF/HAA/torque is off")
+        await screen.shows("fall sees nothing: /legs/LF/HAA/torque is off")
+        await screen.press("E")
+        await screen.shows("H /legs/LF/HAA/torque H 12 Nm")
+        await screen.press("/", *"/log/legs", "enter")
+        await screen.shows("1 of 4")
 
 
 async def test_a_filter_leaves_lines_out_and_esc_brings_them_back(running, opened):
@@ -198,3 +210,29 @@ async def test_a_file_has_its_events_too(tmp_path, screen_of, new_finder):
         await screen.shows('M "push 3"')
         await screen.press("enter")
         await screen.shows('"push 3" at 2.5')
+
+
+async def test_letters_stand_beside_the_times_of_the_axis_never_over_them(flickering, opened):
+    fake = flickering
+    async with opened(fake) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        name = screen.app.screen.stack.on_screen()[0].name
+        for step in range(200):
+            fake.happen("limit", f"{name} H 3 Nm at tick 1, limit 2", fake.now_ns - step * SECOND // 20)
+        await screen.until(lambda: "H" in screen.text.splitlines()[-3], "limits under the plots")
+        axis = screen.text.splitlines()[-3]
+        assert [word in axis for word in ("-10 s", "-7.5 s", "-5 s", "-2.5 s", "now", "M")] == [True] * 6
+
+
+async def test_both_cursors_have_their_letter_where_they_stand_on_one_another(running, opened):
+    async with opened(running) as screen:
+        await screen.press("m")
+        await screen.until(lambda: not screen.app.screen.stack.store.empty)
+        await screen.press("space", "B")
+
+        def axis():
+            return next((line for line in screen.text.splitlines() if "-7.5 s" in line), "")
+
+        await screen.until(lambda: "A" in axis() and "B" in axis(), "both letters")
+        assert "-5 s" in axis()

@@ -1,7 +1,5 @@
 """What filters, orders and columns of a file's table show: reckoned from its samples."""
 
-from contextlib import asynccontextmanager
-
 import numpy as np
 import pytest
 
@@ -9,11 +7,8 @@ from silo.files.silo_writer import write_silo
 from silo.ipc.surveys import FROZEN, LOST, NOT_FINITE, SLOW
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
-from silo_tui.app import SiloApp
 from silo_tui.model import file_facts
 from silo_tui.model.file_facts import FileFacts
-from silo_tui.screens.file_table import FileTableScreen
-from silo_tui.sessions.recorded import open_file
 
 STEP_NS = 10_000_000
 TICKS = 1000
@@ -146,20 +141,6 @@ def path(tmp_path):
     )  # fmt: skip
     write_silo(recording(*elements), found)
     return found
-
-
-@pytest.fixture
-def on_file(new_finder, screen_of):
-    """`async with on_file(path, size) as screen:` waits until the table is there."""
-
-    @asynccontextmanager
-    async def open_app(path, size=(80, 24)):
-        async with screen_of(SiloApp(new_finder(), file=open_file(path)), size) as screen:
-            await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the table")
-            await screen.pilot.pause()
-            yield screen
-
-    return open_app
 
 
 def order(screen):

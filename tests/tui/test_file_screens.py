@@ -1,6 +1,5 @@
 """A saved log on the screen, driven by keys."""
 
-from contextlib import asynccontextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +14,7 @@ from silo_tui.app import SiloApp
 from silo_tui.model.fields import Field
 from silo_tui.screens.file_detail import FileDetailScreen
 from silo_tui.screens.file_table import FileTableScreen
-from silo_tui.sessions.recorded import FileSession, open_file
+from silo_tui.sessions.recorded import FileSession
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -60,20 +59,6 @@ def path(tmp_path):
     found = tmp_path / "robot_20260921_14-00-00_00007.silo"
     write_silo(recording(), found)
     return found
-
-
-@pytest.fixture
-def on_file(new_finder, screen_of):
-    """`async with on_file(path, size) as screen:` waits until the table is there."""
-
-    @asynccontextmanager
-    async def open_app(path, size=(80, 24)):
-        async with screen_of(SiloApp(new_finder(), file=open_file(path)), size) as screen:
-            await screen.until(lambda: isinstance(screen.app.screen, FileTableScreen), "the table")
-            await screen.pilot.pause()
-            yield screen
-
-    return open_app
 
 
 def monitor(screen):

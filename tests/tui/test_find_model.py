@@ -1,13 +1,14 @@
 """Find the moment, and what lies between two cursors: exact to the sample, as a naive loop has it."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo_tui.model.between import between
+from silo.judging.between import Measuring, between
 from silo_tui.model.find import Search, What, neighbour, parse_crossing, places_of
 
 PERIOD = 10
@@ -128,3 +129,23 @@ def test_rms_of_very_small_and_very_large_numbers_is_one(size):
 def test_what_is_no_number_is_counted_and_left_out():
     facts = between(np.arange(4, dtype=np.int64), np.array([1.0, math.nan, 3.0, math.inf]), 0, 3)
     assert (facts.mean, facts.not_finite, facts.samples) == (2.0, 2, 4)
+
+
+@settings(max_examples=50)
+@given(
+    st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=30),
+    st.lists(st.integers(0, 30), max_size=3),
+    st.integers(-1, 31),
+    st.integers(-1, 31),
+)
+def test_facts_added_up_block_by_block_are_those_of_all_samples(samples, cuts, a_ns, b_ns):
+    values, times = np.array(samples), np.arange(len(samples), dtype=np.int64)
+    measuring = Measuring(a_ns, b_ns)
+    for begin, end in pairwise([0, *sorted(cuts), len(samples) + 31]):
+        measuring.feed(times[begin:end], values[begin:end])
+    whole, found = between(times, values, a_ns, b_ns), measuring.found
+    assert (found.samples, found.not_finite) == (whole.samples, whole.not_finite)
+    size = max((abs(one) for one in samples if math.isfinite(one)), default=0.0)
+    for name in ("at_a", "at_b", "mean", "std", "rms", "smallest", "largest"):
+        one, other = getattr(found, name), getattr(whole, name)
+        assert one == other or abs(one - other) <= 1e-6 * size or (math.isnan(one) and math.isnan(other)), name

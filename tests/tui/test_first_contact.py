@@ -176,8 +176,24 @@ async def test_without_a_link_no_dialog_opens(fake, opened, key):
         fake.cut()
         await screen.shows("NO LINK")
         await screen.press(key)
-        await screen.shows("no link to robot; it is tried again by itself")
+        await screen.shows("no link to robot; r tries now")
         assert not screen.app.screen.is_modal
+
+
+@pytest.mark.parametrize("to", ["", "m", "E", "A", "T", "F"])
+async def test_r_tries_the_link_now_and_the_head_says_since_when_and_what_it_was(fake, opened, to):
+    fake.run()
+    async with opened(fake) as screen:
+        await screen.press(*to)
+        fake.cut()
+        await screen.shows("~ NO LINK")
+        screen.session.lost_since -= 3 * 3600
+        await screen.shows("~ NO LINK 3 h, was RUNNING")
+        await screen.shows("r tries now")
+        await screen.shows(" r Try now")
+        await screen.press("r")
+        await screen.shows("trying now")
+        assert fake.calls[-1] == ("try_now",)
 
 
 async def test_after_an_apply_fill_counts_against_the_buffers_of_the_recording(fake, opened):

@@ -1,9 +1,13 @@
 """What may import what: the model stays plain, and heavy libraries wait until they are used."""
 
+import ast
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+import silo_tui
 
 pytestmark = pytest.mark.slow
 
@@ -29,3 +33,16 @@ def test_the_app_is_there_without_plotext_and_zenoh():
 
 def test_help_needs_no_textual():
     assert "textual" not in modules_after("import silo_tui.cli")
+
+
+def test_no_coroutine_is_handed_to_a_worker_that_may_be_cancelled_before_it_runs():
+    handed = []
+    for path in sorted(Path(silo_tui.__file__).parent.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith(".run_worker"):
+                work = node.args[0]
+                made = ast.unparse(work.func) if isinstance(work, ast.Call) else "Later"
+                handed.append((f"{path.name}:{node.lineno}", made))
+    assert len(handed) > 40
+    # a flow is a coroutine already, and nothing cancels its group
+    assert {made for _, made in handed} == {"Later", "self._guarded"}, handed

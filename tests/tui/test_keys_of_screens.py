@@ -108,7 +108,7 @@ LEFT_OUT = {
     ),
     "events": (("C", "one set of columns"), ("E", "here already")),
     "loggers": (
-        ("slash o C z space asterisk V S R L W w", "the loggers of one host: a short list, nothing done to several"),
+        ("C", "one set of columns"), ("z", "no branches"), ("W", "the table of one logger: there"),
         ("T A F E", "of a logger: Enter opens one"),
     ),
     "settings": (("tab", "one view"),),

@@ -1,7 +1,9 @@
 """Screens that go while something for them is under way: no work wakes up without widgets, no word is lost."""
 
 import asyncio
+import gc
 import threading
+import warnings
 
 import pytest
 from textual import events
@@ -111,3 +113,15 @@ async def test_behind_a_dialog_one_sees_the_screen_that_it_is_about(opened, fake
         await screen.press("t", "q")
         await screen.shows("Quit without applying?")
         await screen.shows("/base/position")
+
+
+async def test_work_that_is_overtaken_before_it_began_leaves_no_warning(fake, opened):
+    async with opened(fake) as screen:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            screen.app.context.script_names = ()
+            screen.app.context.learn_scripts()
+            screen.app.context.learn_scripts()
+            await screen.until(lambda: screen.app.context.script_names, "the second one's answer")
+            gc.collect()
+        assert [str(one.message) for one in told if "never awaited" in str(one.message)] == []

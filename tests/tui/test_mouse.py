@@ -3,8 +3,8 @@
 import pytest
 
 from silo_tui import terminal
+from silo_tui.model.panel_picture import AXIS
 from silo_tui.screens.monitor import MonitorScreen
-from silo_tui.widgets.plot_stack import AXIS
 
 
 async def test_a_click_on_a_row_puts_the_cursor_there(fake, opened):

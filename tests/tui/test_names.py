@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo_tui.model.names import cells, fitting_names
+from silo_tui.model.names import cells, first_levels, fitting_names, without_prefix
 
 # cells for names in a table of 80, 120 and 160 columns with the columns of settings or of statistics
 WIDTHS = [20, 29, 52]
@@ -61,3 +61,13 @@ def test_ten_thousand_names_look_different():
         f"/robot/limb{each // 100:03}/measured_temperature_of_winding_{each % 100:02}/raw" for each in range(10_000)
     ]
     assert len(set(fitting_names(names, 24))) == len(names)
+
+
+def test_words_have_the_names_of_signals_as_tables_give_them():
+    names = ["/log/legs/LF/contact", "/log/tau"]
+    levels = first_levels([*names, "/log/tau_x"], "/log")
+    assert levels == {"legs", "tau", "tau_x"}
+    told = "12 x /log/legs/*/contact, /log/tau_x: divider 1 -> 5; saved /log/run_7.silo, robot/log/tau"
+    shown = "12 x /legs/*/contact, /tau_x: divider 1 -> 5; saved /log/run_7.silo, robot/log/tau"
+    assert without_prefix(told, "/log", levels) == shown
+    assert without_prefix(told, "", levels) == told

@@ -447,3 +447,37 @@ async def test_the_title_tells_the_sample_that_was_found_before_those_of_its_col
         await screen.press("f", "h")
         await screen.shows("of 3: 40")
         await screen.until(lambda: re.search(r"at cursor 40(\.0*)? \(-?[\d.]+ … 40", screen.text), "the sample")
+
+
+async def test_two_cursors_over_the_picture_alone_tell_what_its_columns_tell(fake, opened):
+    fake.run(61)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.until(lambda: filled(screen), "the whole picture")
+        fake.cut()
+        await screen.press("space")
+        await screen.shows("ago, only the picture held")
+        await screen.press("B", *["shift+left"] * 3)
+        await screen.shows("picture only, to ")
+        line = [line for line in screen.text.splitlines() if "torque" in line][-1]
+        at_a, _, _, smallest, largest = (float(word) for word in line.split()[1:])
+        assert smallest <= at_a <= largest
+
+
+async def test_what_lies_between_is_added_up_in_the_helper_where_it_is_not_here(deep, opened, monkeypatch):
+    monkeypatch.setattr("silo_tui.model.pinned.QUICK_S", 0.0)
+    fake = deep
+    fake.run(60)
+    async with opened(fake) as screen:
+        await open_torque(screen)
+        await screen.press("space")
+        await screen.shows("11 s of 20 s here")
+        held = monitor(screen).pause.source
+        asked = len(fake.calls)
+        facts, partly = await held.measure([TORQUE], held.begin_ns, held.end_ns)
+        assert fake.calls[asked:] == [("measure", (TORQUE,))]
+        assert (partly, facts[TORQUE].samples) == ("", 1 + (held.end_ns - held.begin_ns) * HZ // 10**9)
+        here = held.end_ns - 10**9
+        facts, _ = await held.measure([TORQUE], here, held.end_ns)
+        assert len(fake.calls) == asked + 1
+        assert facts[TORQUE].samples == 1 + HZ

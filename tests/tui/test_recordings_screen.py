@@ -527,7 +527,7 @@ async def test_who_may_only_look_may_not_delete(opened, fake, logs):
     async with opened(fake) as screen:
         await at_recordings(screen)
         await screen.press("x")
-        await screen.shows("lets you watch this logger, not change it")
+        await screen.shows("user 'bob' may look at anymal/robot, not change it")
     assert len(list(logs.glob("*.silo"))) == 3
 
 

@@ -4,15 +4,23 @@ import time
 from types import SimpleNamespace
 
 import msgspec
+import numpy as np
 import pytest
 
+from silo.files.silo_writer import write_silo
 from silo.ipc.conditions import LimitStatus, LimitWord, TriggerStatus, TriggerWord
+from silo.ipc.found import Found
+from silo.ipc.member import Member
 from silo.ipc.messages import RecorderInfo, RecordingFile, Recordings, SavedRecording
+from silo.ipc.published import Summary
 from silo.ipc.surveys import FROZEN, NOT_FINITE
-from silo.model import FileType, RecorderState, TriggerOptions
+from silo.model import BufferType, Entry, FileType, RecorderState, State, TriggerOptions
+from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.app import SiloApp
 from silo_tui.layouts import files
 from silo_tui.layouts.layout import Layout
+from silo_tui.sessions.recorded import open_file
+from silo_tui.settings.options import Settings
 from tests.stand_ins.fake_logger import START_NS
 from tests.waiting import DEADLINE_S
 
@@ -161,6 +169,33 @@ def test_alarms(fake, new_finder, snap_compare, still):
     assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
 
 
+def test_the_fleet(new_fake, new_finder, snap_compare, still, monkeypatch):
+    clock = SimpleNamespace(time=lambda: still / 1e9, time_ns=lambda: still, monotonic=lambda: 1000.0)
+    for module in ("model.fleet", "screens.loggers"):
+        monkeypatch.setattr(f"silo_tui.{module}.time", clock)
+    fine = Summary(
+        state=State.RUNNING, frequency_hz=400.0, measured_hz=400.0, ticks=118_024, started_ns=still - 330 * 10**9,
+        disk_free_bytes=40 * 10**9, disk_bytes=256 * 10**9, clients=["ann@desk silo-tui 7"],
+    )  # fmt: skip
+    told = (
+        ("anymal", {"alarm": "HH", "alarms": 3, "lost": 12, "control": "ann@desk silo-tui 7"}), ("arm", {}),
+        ("dog", {"state": State.DEAD, "reason": "the robot program (process 7) ended without close(); saved 9.8 MB"}),
+        ("legs", {"measured_hz": 301.0}), ("spot", {"disk_free_bytes": 4 * 10**9, "state": State.STOPPED}),
+    )  # fmt: skip
+    finder = new_finder(*(new_fake(name=name) for name in ("gone", *(name for name, _ in told))))
+    lost = Member(Found("gone", 1, "", "ann", host="rob5"), fine, here=False, since_s=1000.0 - 14)
+    finder.members = {"gone": lost} | {
+        name: Member(Found(name, 1, "", "ann"), msgspec.structs.replace(fine, **more)) for name, more in told
+    }
+
+    async def steps(pilot):
+        await settle(pilot, lambda app: any("SILENT" in line for line in text_of(app)))
+        await pilot.press("j", "space", "space")
+        await settle(pilot, lambda app: any("2 marked" in line for line in text_of(app)))
+
+    assert snap_compare(SiloApp(finder), terminal_size=(80, 24), run_before=steps)
+
+
 def test_events(fake, new_finder, snap_compare, still):
     fake.run()
     for seconds, kind, text in ((1, "started", "started"), (4, "marker", "push 3"), (6, "triggered", "fall fired")):
@@ -192,3 +227,74 @@ def test_a_view_of_folded_branches_with_their_signs(fake, new_finder, snap_compa
     files.save(files.place("walk"), Layout("tree", set="statistics", folded=("/legs/RF", "/legs/LH", "/legs/LF/HFE")))
     steps = by_keys("HH 1 of 16")
     assert snap_compare(SiloApp(new_finder(fake), view="walk"), terminal_size=(80, 24), run_before=steps)
+
+
+TORQUE = ["slash", *"HAA", "space", *"torque", "enter", "m"]
+
+
+def plotted(app):
+    return not app.screen.stack.store.empty
+
+
+async def to_plots(pilot, *keys):
+    await settle(pilot, readings_are_there)
+    await pilot.press(*TORQUE)
+    await settle(pilot, plotted)
+    await pilot.press(*keys)
+
+
+@pytest.mark.parametrize(
+    ("keys", "ready"),
+    [
+        (("enter",), "Tab"),  # large
+        (("space", "f"), "highest"),
+        (("c", "exclamation_mark"), "SCOPE"),
+        (("f2",), "theme"),
+        (("question_mark",), "Enter"),
+    ],
+    ids=["large", "find", "scope", "settings", "help"],
+)
+def test_what_opens_over_plots(fake, new_finder, snap_compare, still, monkeypatch, keys, ready):
+    fake.run(20)
+    for module in ("sessions.pause", "screens.scope"):  # how long it stands still, or waits
+        monkeypatch.setattr(f"silo_tui.{module}.time", SimpleNamespace(monotonic=lambda: 0.0))
+
+    async def steps(pilot):
+        await to_plots(pilot, *keys)
+        await settle(pilot, lambda app: any(ready in line for line in text_of(app)))
+
+    assert snap_compare(SiloApp(new_finder(fake)), terminal_size=(80, 24), run_before=steps)
+
+
+@pytest.mark.parametrize("theme", ["light", "16"])
+def test_plots_in_other_colours(fake, new_finder, snap_compare, theme):
+    fake.run(20)
+    settings = Settings(theme=theme)
+
+    async def steps(pilot):
+        await to_plots(pilot)
+        await settle(pilot)
+
+    assert snap_compare(SiloApp(new_finder(fake), settings=settings), terminal_size=(80, 24), run_before=steps)
+
+
+def test_a_saved_log(tmp_path, new_finder, snap_compare):
+    seconds = np.arange(4000) / 400
+    signals = {"legs/LF/torque": 30 * np.sin(seconds), "legs/LF/contact": np.sin(9 * seconds) > 0, "base/roll": seconds}
+    elements = tuple(
+        RecordedElement(
+            f"/log/{name}", "Nm" if "torque" in name else "-", "scalar", (), 1, BufferType.LOOPING, 0,
+            (RecordedEntry(f"/log/{name}", Entry("", values.dtype.str), values),),
+        )
+        for name, values in signals.items()
+    )  # fmt: skip
+    times = START_NS + 2_500_000 * np.arange(4000, dtype=np.int64)
+    path = tmp_path / "robot_00007.silo"
+    write_silo(Recording("robot", times, 4000, elements, frequency_hz=400.0, started_ns=START_NS), path)
+
+    async def steps(pilot):
+        await settle(pilot)
+        await pilot.press("j", "space")
+        await settle(pilot)
+
+    assert snap_compare(SiloApp(new_finder(), file=open_file(path)), terminal_size=(80, 24), run_before=steps)

@@ -200,7 +200,7 @@ async def test_pending_edits_survive_a_lost_link_and_are_rebased(fake, opened):
         await screen.press("d", "5", "enter")
         fake.cut()
         await screen.shows("No link to robot")
-        await screen.shows("Pending edits are kept")
+        await screen.shows("pending edits are kept")
         fake.somebody_edits("/log/base/position", divider=7)
         fake.mend()
         await screen.until(lambda: "No link" not in screen.text)
@@ -251,7 +251,7 @@ async def test_a_logger_that_lets_us_only_watch_says_so(fake, opened):
     fake.may_edit = False
     async with opened(fake) as screen:
         await screen.press("t")
-        await screen.shows("not change it")
+        await screen.shows("user 'bob' may look at anymal/robot, not change it: the role is viewer")
 
 
 async def test_escape_backs_out_of_range_filter_and_marks_but_keeps_edits(fake, opened):

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from tests.tui import chromium
+from tests import chromium
 from tests.waiting import DEADLINE_S, wait_until
 
 pytestmark = [

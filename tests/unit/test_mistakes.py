@@ -95,6 +95,7 @@ CALLS = {
     "the original's bufferType": (lambda log: log.add(Z, "z", bufferType=1), "did you mean 'buffer_type'?"),
     "a word of set": (lambda log: log.add(Z, "z", size=9), "did you mean 'buffer_size'?"),
     "another word of set": (lambda log: log.add(Z, "z", buffer="looping"), "did you mean 'buffer_type'?"),
+    "a decimation": (lambda log: log.add(Z, "z", decimation=5), "did you mean 'divider'?: write divider=2"),
     "a rate": (lambda log: log.add(Z, "z", rate=50), 'write divider=2 (every second tick) or divider="50Hz"'),
     "units": (lambda log: log.add(Z, "z", units="m"), "did you mean 'unit'?"),
     "a type": (lambda log: log.add(Z, "z", type="pose"), "did you mean 'kind'?"),
@@ -210,6 +211,11 @@ TABLE = {
     "update with a number": (lambda log: log.update(read_script=5), "read_script must be True or False"),
 }
 DATA = {
+    "a row that there isn't": (lambda log: log.elements["zz"], "no element 'zz', did you mean 'z'?"),
+    "the values of an element": (lambda log: log["z"].values, "silo.Log(log.snapshot())['/log/z'].values are all"),
+    "the value of an element": (lambda log: log["z"].value, "an element has no 'value': it is .newest"),
+    "the divider of an element": (lambda log: log["z"].divider, "it is .options.divider; log.set('/log/z', ...)"),
+    "the items of a logger": (lambda log: log.items(), "[(name, log[name]) for name in log]"),
     "save a number": (lambda log: log.save(5), "unknown file type 5; there are"),
     "save None": (lambda log: log.save(None), "unknown file type None"),
     "save a wrong word": (lambda log: log.save(["cvs"]), "did you mean 'csv'?"),
@@ -232,6 +238,7 @@ DATA = {
     "serve by a folder": (lambda log: log.serve(config="."), "config must be a file"),
 }
 MADE = {
+    "the time step": (lambda: silo.Logger("a", dt=0.002), "did you mean 'frequency'?: write frequency=500 (ticks per"),
     "a short word for frequency": (
         lambda: silo.Logger("a", freq=500),
         "silo.Logger() has no argument 'freq', did you mean 'frequency'?",
@@ -321,6 +328,12 @@ SIGNALS = {
     "power of text": (lambda log, x, z: x ** "a", "take a signal, a number"),
     "rotate by a number": (lambda log, x, z: z.rotate(5), "a quaternion must be a signal"),
     "an order of a number": (lambda log, x, z: z.quaternion(5), "order of Euler angles must be a text"),
+    "a signal as an attribute": (lambda log, x, z: log.z, "a log has no 'z': the signal is log['z']"),
+    "several names": (lambda log, x, z: log[["x", "z"]], "[log[name] for name in ['x', 'z']] are several"),
+    "a pattern for a name": (lambda log, x, z: log["*"], "log.glob('*') are all signals that match"),
+    "the mean of a log": (lambda log, x, z: log.mean(), "log['/log/x'].mean()"),
+    "the head of a log": (lambda log, x, z: log.head(), "log.to_pandas().head()"),
+    "a rate by name": (lambda log, x, z: x.resample(hz=10), "no argument 'hz', did you mean 'times'?"),
     "counted from text": (lambda log, x, z: x.counted_from("a"), "start (in nanoseconds"),
 }
 
@@ -574,3 +587,23 @@ def test_a_way_out_of_the_program_passes_through_a_source_and_the_tick_is_not_lo
     log.collect()
     (element,) = log.snapshot().elements
     assert element.entries[0].values.tolist() == [1.0, 2.0]
+
+
+def test_a_mark_needs_no_words_and_takes_several(logged):
+    logged.start()
+    logged.collect()
+    logged.mark()
+    logged.mark("push", 3)
+    marks = [event.text for event in logged.snapshot().events if event.kind == "marker"]
+    assert marks == ["mark", "push 3"]
+    NullLogger().mark()
+
+
+def test_the_path_of_one_file_and_the_row_of_one_name_are_asked_for_as_one_would_say(logged):
+    saved = logged.save("csv")
+    assert saved.path == saved[0].path
+    assert saved.size_bytes == saved[0].size_bytes
+    told(lambda: logged.save(["csv", "silo"]).path, "2 files were saved: [file.path for file in saved] has it of each")
+    assert logged.elements["z"] is logged.elements["/log/z"]
+    assert logged.elements["z"].name == "/log/z"
+    assert [info.name for info in logged.elements[:1]] == ["/log/z"]

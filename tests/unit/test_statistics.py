@@ -5,8 +5,12 @@ import pytest
 
 import silo
 from silo.collecting.segment_reader import SegmentReader
-from silo.helper.statistics import Sums, Tally
+from silo.helper.mirror import Mirror
+from silo.helper.statistics import Sums, Surveyor, Tally
+from silo.ipc.messages import GetSurvey, Refused, Survey
 from silo.ipc.surveys import FROZEN, LOST, NOT_FINITE, SLOW, signs_of
+from silo.logger.answers import robot_state
+from tests.waiting import wait_until
 
 
 class Robot:
@@ -162,3 +166,25 @@ def test_signs_leave_out_what_is_not_known():
     assert signs_of(no, np.array([9.0]), np.array([0.01]), yes, np.array([0.5]), np.array([3]))[0] == (
         NOT_FINITE | FROZEN | SLOW | LOST
     )
+
+
+def test_who_asks_for_statistics_is_told_once_that_they_failed_and_begin_anew(robot, monkeypatch):
+    advance, fails = Tally.advance, []
+
+    def failing(*words):
+        if fails:
+            raise ValueError(fails.pop())
+        advance(*words)
+
+    mirror = Mirror(robot_state(robot.log, "", -1))
+    monkeypatch.setattr(mirror, "open_watcher", lambda: SegmentReader(robot.log.segment_path))
+    monkeypatch.setattr(Tally, "advance", failing)
+    surveyor, asked = Surveyor(mirror), GetSurvey(quantities=["mean"], client="me")
+    try:
+        assert isinstance(surveyor.answer(asked), Survey)
+        fails.append("shapes (1,) and (2,)")
+        refused = wait_until(lambda: isinstance(answer := surveyor.answer(asked), Refused) and answer)
+        assert "the statistics failed and begin anew: ValueError: shapes" in refused.text
+        assert isinstance(surveyor.answer(asked), Survey)
+    finally:
+        surveyor.stop()

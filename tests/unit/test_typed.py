@@ -1,5 +1,6 @@
-"""What is written wrong is found before it runs: mypy reads a file of mistakes, and of what is right."""
+"""What is written wrong is found before it runs: mypy and pyright read a file of mistakes, and of what is right."""
 
+import json
 import shutil
 import subprocess
 import sys
@@ -39,9 +40,23 @@ def test_mypy_finds_each_mistake_and_nothing_else(tmp_path):
         command, cwd=tmp_path, env={"MYPYPATH": str(ROOT)}, check=False, capture_output=True, text=True
     )
     told = {int(line.split(":")[1]) for line in done.stdout.splitlines() if ": error:" in line}
+    assert told == wrong_lines(), done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("pyright") is None, reason="needs pyright, which npm brings: pip install pyright")
+def test_pyright_finds_each_mistake_and_nothing_else(tmp_path):
+    shutil.copy(MISTAKES, tmp_path / "program.py")
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps({"extraPaths": [str(ROOT)], "pythonVersion": "3.10"}))
+    command = ["pyright", "--outputjson", "--pythonpath", sys.executable, "program.py"]
+    done = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True)
+    errors = [one for one in json.loads(done.stdout)["generalDiagnostics"] if one["severity"] == "error"]
+    assert {one["range"]["start"]["line"] + 1 for one in errors} == wrong_lines(), done.stdout
+
+
+def wrong_lines():
     lines = MISTAKES.read_text().splitlines()
-    wrong = {number for number, line in enumerate(lines, 1) if line.endswith("# wrong")}
-    assert told == wrong, done.stdout + done.stderr
+    return {number for number, line in enumerate(lines, 1) if line.endswith("# wrong")}
 
 
 def test_the_words_of_the_types_are_those_of_the_rules():

@@ -64,6 +64,13 @@ silo.ElementOptions(divider="50Hz")  # wrong
 silo.Edit("/log/q", silo.ElementOptions(buffer_size=100))
 silo.Edit("/log/q", divider=2)  # wrong
 log.snapshot().elements
+log.save("csv").path
+log.elements["q"].unit
+log.mark()
+log.mark("push", 3)
+silo.open_log("bag", stamps="header")
+silo.open_log("bag", stamps="publish")  # wrong
+silo.compare("a", "b", signal="q").plot()
 log.snapshot().elemnts  # wrong
 log.freq  # wrong
 log.trigger("fall", "q_0 > 1", pre="5s")

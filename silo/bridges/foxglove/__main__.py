@@ -22,7 +22,13 @@ def main() -> None:
     terms = Terms(arguments.logger.rpartition(".")[0])
     listening = socket.socket(fileno=arguments.fd)
     if os.read(sys.stdin.fileno(), 1):  # the logger can be reached now; empty where it never came so far
-        run(terms, lambda: Client.connect(arguments.logger), listening, log.warning, ends_with=sys.stdin.fileno())
+        run(
+            terms,
+            lambda: Client.connect(arguments.logger, read_only=True),
+            listening,
+            log.warning,
+            ends_with=sys.stdin.fileno(),
+        )
 
 
 if __name__ == "__main__":

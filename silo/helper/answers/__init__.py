@@ -6,6 +6,7 @@ Pure routing: what is checked and who does it; the work is done in the modules t
 
 from silo.helper.answers import (
     conditions,
+    control,
     derived,
     elements,
     events,

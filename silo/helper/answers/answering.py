@@ -10,6 +10,7 @@ from silo.helper.answers.table import HANDLERS, Parts
 from silo.helper.events import Events
 from silo.helper.judge import Judge
 from silo.helper.mirror import Mirror
+from silo.helper.operators import Operators
 from silo.helper.pins import Pins
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
@@ -34,9 +35,20 @@ class Answers:
         robot: Robot,
         judge: Judge,
         recording: Recording,
+        operators: Operators,
     ) -> None:
         self._parts = Parts(
-            mirror, events, publisher, saver, robot, judge, recording, Pins(), RecordingFolder(), Surveyor(mirror)
+            mirror,
+            events,
+            publisher,
+            saver,
+            robot,
+            judge,
+            recording,
+            Pins(),
+            RecordingFolder(),
+            Surveyor(mirror),
+            operators,
         )
 
     def stop(self) -> None:

@@ -17,6 +17,7 @@ from silo.ipc.messages import (
     LoadScript,
     ReadScript,
     Refused,
+    RefusedWhy,
     SaveScript,
     ScriptDiff,
     Scripts,
@@ -24,6 +25,8 @@ from silo.ipc.messages import (
 )
 from silo.ipc.published import EventKind
 from silo.model import Edit
+
+TRIES = 10  # each is in vain only if the robot program changed its table within the milliseconds of that try
 
 
 @answers_to(ListScripts)
@@ -60,8 +63,15 @@ def _diff_script(parts: Parts, request: DiffScript) -> ScriptDiff:
 
 @answers_to(LoadScript)
 def _load_script(parts: Parts, request: LoadScript) -> EditsApplied | GoesOn | Refused:
-    now = parts.mirror.now
-    return must_live(now) or must_stop(now) or _load(parts, request, now)
+    for _ in range(TRIES):
+        now = parts.mirror.now
+        reply = must_live(now) or must_stop(now) or _load(parts, request, now)
+        overtaken = isinstance(reply, Refused) and reply.why is RefusedWhy.CONFLICT
+        if request.revision != -1 or not overtaken:
+            break
+        # The robot program changed its table on the way, and whoever asks means whatever table there is. The robot
+        # process pushes its table before it answers, so the mirror has it by now: compare the script anew.
+    return reply
 
 
 def _load(parts: Parts, request: LoadScript, now: LoggerSnapshot) -> EditsApplied | GoesOn | Refused:

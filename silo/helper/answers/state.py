@@ -1,20 +1,42 @@
 """Who is there, the state of the logger, and starting and stopping it."""
 
 from silo.helper.answers.table import Parts, answers_to, must_live, signed
-from silo.ipc.messages import Done, GetStatus, GoesOn, Hello, HelloReply, Refused, Restart, Start, StatusReply, Stop
+from silo.helper.events import plain
+from silo.ipc.messages import (
+    Done,
+    GetStatus,
+    GetSummary,
+    GoesOn,
+    Hello,
+    HelloReply,
+    Refused,
+    Restart,
+    Start,
+    StatusReply,
+    Stop,
+    SummaryReply,
+)
 from silo.ipc.versions import OLDEST, PROTOCOL
 from silo.version import VERSION
 
 
 @answers_to(Hello)
-def _hello(parts: Parts, _: Hello) -> HelloReply:
+def _hello(parts: Parts, request: Hello) -> HelloReply:
+    if request.id:
+        parts.publisher.name_client(plain(request.id), plain(request.client))
     # a client that gets this from the key `do` too may edit
-    return HelloReply(PROTOCOL, VERSION, parts.mirror.user, True, parts.mirror.status(), OLDEST)
+    status, closed = parts.mirror.status(), parts.operators.closed()
+    return HelloReply(PROTOCOL, VERSION, parts.mirror.user, True, status, OLDEST, closed)
 
 
 @answers_to(GetStatus)
 def _status(parts: Parts, _: GetStatus) -> StatusReply:
     return StatusReply(parts.mirror.status())
+
+
+@answers_to(GetSummary)
+def _summary(parts: Parts, _: GetSummary) -> SummaryReply:
+    return SummaryReply(parts.publisher.summary.now())
 
 
 @answers_to(Start, Stop, Restart)

@@ -9,6 +9,7 @@ import msgspec
 from silo.helper.events import Events, plain
 from silo.helper.judge import Judge
 from silo.helper.mirror import LoggerSnapshot, Mirror
+from silo.helper.operators import Operators
 from silo.helper.pins import Pins
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
@@ -37,6 +38,7 @@ class Parts:
     pins: Pins
     recordings: RecordingFolder
     surveyor: Surveyor
+    operators: Operators
 
 
 Handler = Callable[[Parts, Any], Any]

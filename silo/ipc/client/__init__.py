@@ -7,15 +7,19 @@ topic or a history is asked for.
 The calls stand in a module per topic, `Client` is made of them.
 """
 
+import contextlib
 from collections.abc import Callable
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
-from silo.arguments import real, shown, text
+from silo.arguments import real, shown, switch, text
 from silo.calls import told, told_class
 from silo.display import html_table
-from silo.errors import ElementError
+from silo.errors import ElementError, SiloError
+from silo.ipc.addresses import parse_url
 from silo.ipc.client.calling import LONGEST_S
 from silo.ipc.client.conditions import ConditionCalls
+from silo.ipc.client.control import ControlCalls
 from silo.ipc.client.derived import DerivedCalls
 from silo.ipc.client.events import EventCalls
 from silo.ipc.client.files import FileCalls
@@ -33,7 +37,10 @@ from silo.ipc.found import Found
 from silo.ipc.messages import Ask
 from silo.ipc.published import Event
 
-__all__ = ["Client", "Discovery", "Found", "connect", "discover"]
+if TYPE_CHECKING:
+    from silo.ipc.topic import Topic
+
+__all__ = ["Client", "Discovery", "Found", "connect", "discover", "topic"]
 
 
 @told_class("client", make="Client")
@@ -45,17 +52,19 @@ class Client(
     FileCalls,
     RecorderCalls,
     ConditionCalls,
+    ControlCalls,
     DerivedCalls,
     KeptViewCalls,
 ):
     """A connection to one logger. A context manager."""
 
-    def __init__(self, found: Found, timeout_s: float = Ask.timeout_s) -> None:
+    def __init__(self, found: Found, timeout_s: float = Ask.timeout_s, *, read_only: bool = False) -> None:
         """Connect to a logger that was found; `connect` looks for it.
 
         Args:
             found: which logger.
             timeout_s: how long to wait for an answer, at least.
+            read_only: send nothing that changes something.
 
         Raises:
             ConnectionLostError: nobody answers.
@@ -64,6 +73,7 @@ class Client(
         if not isinstance(found, Found):
             raise ElementError(f"a client is made by silo.connect('robot'), got {shown(found)}")
         self._timeout_s = timeout_s
+        self.read_only = read_only
         self._name = client_name()
         self._saves = Saves()
         self._connection = Connection(found, timeout_s, self._name, self._renew)
@@ -73,7 +83,14 @@ class Client(
         self._connection.watch()
 
     @classmethod
-    def connect(cls, logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> "Client":
+    def connect(
+        cls,
+        logger: "str | Found" = "",
+        timeout_s: float = Ask.timeout_s,
+        config: str = "",
+        *,
+        read_only: bool = False,
+    ) -> "Client":
         """Connect to a logger.
 
         Args:
@@ -81,6 +98,7 @@ class Client(
                 of several on this computer, `host~id/name` of several hosts of one name), or empty for the only one.
             timeout_s: how long to wait for an answer, at least.
             config: a remote or a Zenoh configuration, to look there alone; `local` for this computer alone.
+            read_only: send nothing that changes something, whatever the role; calls that would raise RefusedError.
 
         Returns:
             A client; close it, or use it as a context manager.
@@ -88,13 +106,14 @@ class Client(
         Raises:
             ConnectionLostError: there is none, or several could be meant; the message says what to do.
         """
+        switch("read_only", read_only)
         timeout_s = real("timeout_s", timeout_s, 0, LONGEST_S, "s", include_low=False)
         if isinstance(logger, Found):
-            return cls(logger, timeout_s)
+            return cls(logger, timeout_s, read_only=read_only)
         text("logger", logger, 'Client.connect("robot")')
         text("config", config, 'Client.connect("robot", config="client.json5")')
         with ExitStack() as holding:
-            return cls(discover(timeout_s, config, holding).one(logger), timeout_s)
+            return cls(discover(timeout_s, config, holding).one(logger), timeout_s, read_only=read_only)
 
     def __repr__(self) -> str:
         found = self.found
@@ -112,6 +131,11 @@ class Client(
     def found(self) -> Found:
         """Which logger this is; changes when the robot program was started anew."""
         return self._connection.found
+
+    @property
+    def identity(self) -> str:
+        """By which the logger tells this user from other operators: its name over a network; empty without a link."""
+        return self._connection.identity
 
     @property
     def connected(self) -> bool:
@@ -134,8 +158,18 @@ class Client(
         """
         self._connection.on_link(callback)
 
+    def try_now(self) -> None:
+        """Look for the helper process at once, where the link is lost.
+
+        It is looked for by itself five times a second. This returns before it is found: `connected` and `on_link` tell.
+        """
+        self._connection.try_now()
+
     def close(self) -> None:
-        """End views and connection; closing twice is fine."""
+        """End views and connection, and release control; closing twice is fine."""
+        if self._held is not None and self.connected:
+            with contextlib.suppress(SiloError):  # else its lease ends it
+                self.release_control()
         self._connection.close()
         self._saves.wake()
 
@@ -150,7 +184,9 @@ class Client(
 
 
 @told("silo.connect")
-def connect(logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "") -> Client:
+def connect(
+    logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config: str = "", *, read_only: bool = False
+) -> Client:
     """Connect to a running logger.
 
     Args:
@@ -158,6 +194,7 @@ def connect(logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config
             computer, `host~id/name` of several hosts of one name), or empty for the only one.
         timeout_s: how long to wait for an answer, at least.
         config: a remote or a Zenoh configuration, to look there alone; `local` for this computer alone.
+        read_only: send nothing that changes something, whatever the role; calls that would raise RefusedError.
 
     Returns:
         A client; close it, or use it as a context manager.
@@ -165,4 +202,33 @@ def connect(logger: "str | Found" = "", timeout_s: float = Ask.timeout_s, config
     Raises:
         ConnectionLostError: there is none, or several could be meant; the message says what to do.
     """
-    return Client.connect(logger, timeout_s, config)
+    return Client.connect(logger, timeout_s, config, read_only=read_only)
+
+
+@told("silo.topic")
+def topic(url: str, timeout_s: float = Ask.timeout_s, config: str = "") -> "Topic":
+    """Subscribe to every sample of a published element by its address alone: `for batch in silo.topic(URL)`.
+
+    Args:
+        url: `silo://robot3/anymal/log/joints/q`, or `silo:///anymal/log/joints/q` without a host; `silo address` prints
+            it.
+        timeout_s: how long to wait for an answer, at least.
+        config: a remote or a Zenoh configuration, to look there alone; `local` for this computer alone.
+
+    Returns:
+        The subscription, with a connection of its own; close it, or use it as a context manager.
+
+    Raises:
+        ConnectionLostError: that is no address, there is no such logger, or several could be meant.
+        ElementError: the address names no element, or one that isn't there.
+    """
+    text("url", url, 'silo.topic("silo://robot3/anymal/log/joints/q")')
+    address = parse_url(url)
+    if not address.element:
+        raise ElementError(f"{url}: names no element: write {url.rstrip('/')}/joints/q; nothing was asked")
+    client = Client.connect(address.logger, timeout_s, config)
+    try:
+        return client._topic(address.element, lambda _topic: client.close())
+    except BaseException:
+        client.close()
+        raise

@@ -4,8 +4,10 @@ from silo.errors import ElementError
 from silo.ipc.client.leases import Leases
 from silo.ipc.client.saves import Saves
 from silo.ipc.connection import Connection
-from silo.ipc.exchange import checked_reply
-from silo.ipc.messages import ReplyT, Request
+from silo.ipc.exchange import NoAnswerError, RequestRefusedError, checked_reply
+from silo.ipc.messages import Do, Hello, Refused, RefusedWhy, ReplyT, Request
+from silo.ipc.senders import read_only_words, viewer_words
+from silo.version import VERSION
 
 LONGEST_S = 1e6  # that anybody waits
 
@@ -18,10 +20,28 @@ class Calls:
     _timeout_s: float
     _leases: Leases
     _saves: Saves
+    read_only: bool
 
     def _call(self, request: Request[ReplyT]) -> ReplyT:
+        changes = request.key == Do.key
+        if changes and self.read_only:
+            raise _forbidden(read_only_words(type(request).__name__))
         try:
             reply = self._connection.exchange(request, max(request.timeout_s, self._timeout_s))
+        except NoAnswerError:
+            if not changes:
+                raise
+            raise _forbidden(self._why_not()) from None
         except (OverflowError, UnicodeEncodeError) as error:
             raise ElementError(f"{type(request).__name__} can't be sent: {error}; nothing was asked") from None
         return checked_reply(request, reply)
+
+    def _why_not(self) -> str:
+        """Return why this user's changes get no answer, from a logger that answers what reads; raises if it doesn't."""
+        question = Hello(version=VERSION, client=self._name)
+        reply = checked_reply(question, self._connection.exchange(question, self._timeout_s))
+        return reply.why_not or viewer_words(self._connection.user, self._connection.address)
+
+
+def _forbidden(text: str) -> RequestRefusedError:
+    return RequestRefusedError(Refused(RefusedWhy.FORBIDDEN, text))

@@ -6,8 +6,9 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeAlias
 
-from silo.ipc.connection import Connection, Pending
-from silo.ipc.exchange import decode_reply, key_of
+from silo.ipc.asking import Pending
+from silo.ipc.connection import Connection
+from silo.ipc.exchange import decode_reply
 from silo.ipc.messages import (
     ClosePin,
     CloseStream,
@@ -18,14 +19,16 @@ from silo.ipc.messages import (
     Refused,
     Request,
     StreamOpened,
+    TakeControl,
     ViewOpened,
 )
 
 if TYPE_CHECKING:
+    from silo.ipc.client.holding import Held
     from silo.ipc.samples import Pin, Stream
     from silo.ipc.view import View
 
-Leased: TypeAlias = "View | Stream | Pin"
+Leased: TypeAlias = "View | Stream | Pin | Held"
 
 RENEW_S = 2.0  # a third of a view's lease
 
@@ -47,7 +50,13 @@ class Leases:
         with self._lock:
             self._due_s[view] = time.monotonic() + RENEW_S
 
-    def forget(self, view: Leased) -> None:
+    def drop(self, held: "Held") -> None:
+        """Renew a lease no more, and leave it to others to say so."""
+        with self._lock:
+            self._due_s.pop(held, None)
+            self._renewals.pop(held, None)
+
+    def forget(self, view: "View | Stream | Pin") -> None:
         """Let a lease end, and say so to the helper process."""
         self._connection.forget(view)
         with self._lock:
@@ -56,9 +65,9 @@ class Leases:
         if known is not None and self._connection.connected:
             # nobody waits for the answer: if it gets lost, the lease ends the view
             request = self._closing(view)
-            Pending(self._connection.session(), key_of(request, self._connection.root), request, 1.0)
+            Pending(self._connection.borrowed(), self._connection.root, request, 1.0)
 
-    def _closing(self, leased: Leased) -> Request[Done]:
+    def _closing(self, leased: "View | Stream | Pin") -> Request[Done]:
         renewal = leased.renewal
         if isinstance(renewal, OpenView):
             return CloseView(view=renewal.view, client=self._name)
@@ -90,8 +99,7 @@ class Leases:
                 self._take_renewal(view, payload)
         for view in due:
             request = view.renewal
-            key = key_of(request, self._connection.root)
-            pending = Pending(self._connection.session(), key, request, request.timeout_s)
+            pending = Pending(self._connection.borrowed(), self._connection.root, request, request.timeout_s)
             with self._lock:
                 if view in self._due_s:
                     self._renewals[view] = pending
@@ -108,3 +116,5 @@ class Leases:
                 accept(reply)
         elif isinstance(reply, Refused):
             view.refuse(reply.text)
+            if isinstance(view.renewal, TakeControl):
+                self.drop(view)  # somebody else has it, and asking again and again helps nobody

@@ -1,6 +1,6 @@
 """What comes from now on: views, topics, streams."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from silo.arguments import text, texts
@@ -77,11 +77,14 @@ class LiveCalls(StateCalls, ElementCalls):
         Raises:
             ElementError: there is no such element.
         """
+        return self._topic(element, self._connection.forget)
+
+    def _topic(self, element: str, on_close: Callable[["Topic"], None]) -> "Topic":
         from silo.ipc.topic import Topic
 
         text("element", element, "client.topic('/log/joints/q')")
         name = full_name(element, self.status(), self.table())
-        topic = Topic(name, self._connection.forget, lambda: why_silent(name, self.status(), self.table()))
+        topic = Topic(name, on_close, lambda: why_silent(name, self.status(), self.table()))
         self._connection.attach(topic)
         return topic
 

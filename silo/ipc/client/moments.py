@@ -7,11 +7,12 @@ from silo.arguments import texts
 from silo.calls import told_class
 from silo.errors import RefusedError
 from silo.ipc.client.calling import Calls
-from silo.ipc.messages import FindMoments
+from silo.ipc.messages import FindMoments, MeasureSpan
 from silo.model import Sought
 
 if TYPE_CHECKING:
     from silo.ipc.samples import Pin
+    from silo.judging.between import Between
     from silo.judging.moments import Found as FoundMoments
 
 
@@ -69,3 +70,31 @@ class MomentCalls(Calls):
             pins=[pin.id for pin in pins], run=run, client=self._name,
         )  # fmt: skip
         return found_of(self._call(request))
+
+    def measure(
+        self, names: Sequence[str], a_ns: int, b_ns: int, pins: "Sequence[Pin]" = (), run: str = ""
+    ) -> "dict[str, Between]":
+        """Measure signals between two moments in every sample that is held; the helper process adds up.
+
+        Args:
+            names: 1 to 64 entries.
+            a_ns: a time stamp.
+            b_ns: another one, later or earlier.
+            pins: what is added up beside the buffers, where it has what these have no more.
+            run: the run that it is about, as pins name it; the newest where it is empty.
+
+        Returns:
+            By name: what held at A and at B, difference and slope per second, mean, standard deviation, root mean
+            square, smallest and largest of the finite samples between, both ends included, and how many there are.
+
+        Raises:
+            RefusedError: a name is unknown, a number out of range, or a pin is no more.
+            ElementError: the names are no list of texts; nothing was asked.
+        """
+        from silo.ipc.moments import between_of
+
+        request = MeasureSpan(
+            names=texts("names", names, "['/log/joints/q_0']"), a_ns=a_ns, b_ns=b_ns, pins=[pin.id for pin in pins],
+            run=run, client=self._name,
+        )  # fmt: skip
+        return between_of(self._call(request), a_ns, b_ns)

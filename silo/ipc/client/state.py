@@ -3,9 +3,21 @@
 from collections.abc import Callable
 
 from silo.calls import told_class
-from silo.errors import ConnectionLostError
 from silo.ipc.client.calling import Calls
-from silo.ipc.messages import GetStatus, Hello, HelloReply, Restart, Start, StatusReply, Stop, Unsaved, unsaved_of
+from silo.ipc.exchange import NoAnswerError
+from silo.ipc.messages import (
+    GetStatus,
+    Hello,
+    HelloReply,
+    Refused,
+    Restart,
+    Start,
+    StatusReply,
+    Stop,
+    Unsaved,
+    unsaved_of,
+)
+from silo.ipc.senders import READ_ONLY
 from silo.model import Status
 from silo.version import VERSION
 
@@ -15,17 +27,25 @@ class StateCalls(Calls):
     """Who is there, and the state of the logger."""
 
     def hello(self) -> HelloReply:
-        """Return who is there, and whether this user may change anything."""
+        """Return who is there, whether this user may change anything, and why not."""
         question = Hello(version=VERSION, client=self._name)
         reply = self._call(question)
-        try:
-            self._connection.exchange(question, self._timeout_s, key="do")
-        except ConnectionLostError:
-            # access control swallows what isn't allowed: no answer on this key is the answer
-            import msgspec
+        why_not = self._why_no_changes()
+        if not why_not:
+            return reply
+        import msgspec
 
-            return msgspec.structs.replace(reply, may_edit=False)
-        return reply
+        return msgspec.structs.replace(reply, may_edit=False, why_not=why_not)
+
+    def _why_no_changes(self) -> str:
+        if self.read_only:
+            return READ_ONLY
+        question = Hello(version=VERSION, client=self._name, id=self._connection.client_id)
+        try:
+            reply = self._connection.exchange(question, self._timeout_s, as_change=True)
+        except NoAnswerError:
+            return self._why_not()  # access control swallows what isn't allowed: no answer on this key is the answer
+        return reply.text if isinstance(reply, Refused) else ""
 
     def status(self) -> Status:
         """Return the logger at a glance."""

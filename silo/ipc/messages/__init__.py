@@ -30,12 +30,14 @@ from silo.ipc.messages.base import (
 )
 from silo.ipc.messages.state import (
     GetStatus as GetStatus,
+    GetSummary as GetSummary,
     Hello as Hello,
     HelloReply as HelloReply,
     Restart as Restart,
     Start as Start,
     StatusReply as StatusReply,
     Stop as Stop,
+    SummaryReply as SummaryReply,
     Unsaved as Unsaved,
     unsaved_of as unsaved_of,
 )
@@ -86,7 +88,10 @@ from silo.ipc.messages.samples import (
 from silo.ipc.messages.moments import (
     FindMoments as FindMoments,
     FoundIn as FoundIn,
+    MeasureSpan as MeasureSpan,
     MomentsFound as MomentsFound,
+    SpanFacts as SpanFacts,
+    SpanMeasured as SpanMeasured,
 )
 from silo.ipc.messages.views import (
     CloseView as CloseView,
@@ -131,6 +136,11 @@ from silo.ipc.messages.conditions import (
     TriggerTried as TriggerTried,
     Triggers as Triggers,
     TryTrigger as TryTrigger,
+)
+from silo.ipc.messages.control import (
+    GiveControl as GiveControl,
+    ReleaseControl as ReleaseControl,
+    TakeControl as TakeControl,
 )
 from silo.ipc.messages.derived import (
     RemoveDerived as RemoveDerived,

@@ -39,6 +39,7 @@ class RefusedWhy(str, enum.Enum):
     DEAD = "dead"
     FAILED = "failed"
     UNSAVED = "unsaved"  # save or discard
+    CONTROL = "control"  # somebody else has control
 
     @classmethod
     def _missing_(cls, _: object) -> "RefusedWhy":
@@ -84,9 +85,10 @@ class SlowAsk(Ask[ReplyT], Generic[ReplyT], frozen=True):
 
 
 class Do(Request[ReplyT], Generic[ReplyT], frozen=True):
-    """Base of the requests that change something."""
+    """Base of the requests that change something. Where somebody has control, `needs_control` keeps out all others."""
 
     key: ClassVar[str] = "do"
+    needs_control: ClassVar[bool] = True
     timeout_s: ClassVar[float] = 8.0  # the helper itself waits 5 s for the robot process
     max_bytes: ClassVar[int] = 8 * 2**20 - 4096  # with Zenoh's own bytes within MAX_MESSAGE_BYTES
 

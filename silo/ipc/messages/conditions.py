@@ -1,5 +1,7 @@
 """Triggers, limits and their alarms."""
 
+from typing import ClassVar
+
 from silo.ipc.conditions import LimitStatus, TriggerStatus
 from silo.ipc.messages.base import Ask, Do, Done, Reply, RobotRequest, SlowAsk
 from silo.model import SignalLimits, TriggerOptions
@@ -99,6 +101,8 @@ class ForceTrigger(Do[Done], frozen=True):
 
 class Acknowledge(Do[Done], frozen=True):
     """I have seen the alarms of these scalars, of all without `names`. `who` is shown, the client if it is empty."""
+
+    needs_control: ClassVar[bool] = False
 
     names: list[str] = []
     who: str = ""

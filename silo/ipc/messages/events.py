@@ -33,6 +33,7 @@ class AddMark(Do[Marked], frozen=True):
     """
 
     timeout_s: ClassVar[float] = 2.0
+    needs_control: ClassVar[bool] = False
 
     text: str
     tick: int = -1

@@ -33,6 +33,7 @@ class KeepView(Do[Done], frozen=True):
     """Keep a view under a plain name; refused if there is one and it may not be written over."""
 
     timeout_s: ClassVar[float] = 15.0
+    needs_control: ClassVar[bool] = False
 
     name: str
     text: str

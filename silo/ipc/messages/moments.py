@@ -1,5 +1,7 @@
 """Moments that one looks for in all that is held of some signals."""
 
+import math
+
 import msgspec
 
 from silo.ipc.messages.base import Reply, SlowAsk
@@ -48,5 +50,41 @@ class FindMoments(SlowAsk[MomentsFound], frozen=True):
     end_ns: int = 2**62
     around_ns: int = 0
     most: int = 100
+    pins: list[str] = []
+    run: str = ""
+
+
+class SpanFacts(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Facts of one name from A to B, as `silo.judging.between` has them; `why` says why there are none."""
+
+    name: str
+    at_a: float = math.nan
+    at_b: float = math.nan
+    mean: float = math.nan
+    std: float = math.nan
+    rms: float = math.nan
+    smallest: float = math.nan
+    largest: float = math.nan
+    samples: int = 0
+    not_finite: int = 0
+    why: str = ""
+
+
+class SpanMeasured(Reply, frozen=True):
+    """What was measured, in the order of the names that were asked for."""
+
+    run: str
+    found: list[SpanFacts]
+
+
+class MeasureSpan(SlowAsk[SpanMeasured], frozen=True):
+    """Measure 1 to 64 entries from time stamp `a_ns` to `b_ns`, both included, whichever is earlier.
+
+    In all samples that buffers and `pins` hold of `run` (empty: the newest).
+    """
+
+    names: list[str]
+    a_ns: int
+    b_ns: int
     pins: list[str] = []
     run: str = ""

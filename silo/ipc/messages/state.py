@@ -4,11 +4,15 @@ import enum
 
 from silo.errors import RefusedError
 from silo.ipc.messages.base import Ask, Reply, RobotRequest
+from silo.ipc.published import Summary
 from silo.model import Status
 
 
 class HelloReply(Reply, frozen=True):
-    """`may_edit` tells whether `do` requests of this client get through. `oldest` to `protocol` are understood."""
+    """`may_edit` tells whether `do` requests of this client get through, `why_not` why they don't.
+
+    `oldest` to `protocol` are understood.
+    """
 
     protocol: int
     version: str
@@ -16,6 +20,7 @@ class HelloReply(Reply, frozen=True):
     may_edit: bool
     status: Status
     oldest: int = 1
+    why_not: str = ""
 
 
 class StatusReply(Reply, frozen=True):
@@ -28,14 +33,26 @@ class StatusReply(Reply, frozen=True):
 class Hello(Ask[HelloReply], frozen=True):
     """Who am I and what may I do? Answered whatever protocol and `version` the client has.
 
-    May be asked on the key `do` too: only who may change something gets an answer.
+    May be asked on the key `do` too: only who may change something gets an answer. `id` is that of the client's token,
+    by which it is shown among those who are connected.
     """
 
     version: str = ""
+    id: str = ""
 
 
 class GetStatus(Ask[StatusReply], frozen=True):
     """What is the logger's state?"""
+
+
+class SummaryReply(Reply, frozen=True):
+    """Carries a `Summary`."""
+
+    summary: Summary
+
+
+class GetSummary(Ask[SummaryReply], frozen=True):
+    """What is published for those who look at many loggers, for who has just come."""
 
 
 class Unsaved(str, enum.Enum):

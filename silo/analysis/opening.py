@@ -1,0 +1,93 @@
+"""`open_log` and `open_logs`: from what somebody calls a log to a `Log`.
+
+    log = silo.open_log("anymal_2026", folder="logs")     # the newest whose name starts so; a path; or a run number
+    bag = silo.open_log("rosbag2_2026_11_22")             # bags of others, by the stamps of the recorder or the headers
+
+Nothing but the header is read before a signal is asked for.
+"""
+
+import numbers
+import os
+import warnings
+from typing import Literal
+
+from silo.analysis.log import Log
+from silo.arguments import path as file_path
+from silo.arguments import shown, whole
+from silo.calls import told
+from silo.errors import ElementError, LogWarning
+from silo.files.formats import read_recording
+from silo.files.naming import find_log, find_logs
+from silo.recording import has_own_stamps
+
+MOST_RUNS = 10**9
+
+__all__ = ["open_log", "open_logs"]
+
+
+@told("silo.open_log")
+def open_log(
+    which: str | os.PathLike[str] | int,
+    folder: str | os.PathLike[str] = ".",
+    *,
+    stamps: Literal["log", "header"] = "log",
+) -> Log:
+    """Open a saved log.
+
+    Every format that silo reads (`silo.files.formats`); of a file with another ending, the first bytes tell. What a
+    damaged file lacks is told by a `LogWarning` and in `log.warnings`.
+
+    Bags that silo did not write (MCAP files, rosbag2 folders with MCAP or SQLite) are read topic by topic, and each
+    topic has time stamps of its own: `log["/imu/angular_velocity/x"]`. Needs `pip install "silo-logger[bags]"`.
+
+    Args:
+        which: a path, the start of a file name (the newest such is meant), or a run number. A folder or a glob
+            (`logs/*.silo`) means the newest log there; `open_logs` opens all.
+        folder: where names and run numbers are looked for.
+        stamps: of bags of others, `"log"`: when a message was recorded, which rises and is of one clock; or `"header"`:
+            the stamp in its header, when it was measured, where it has one. Logs of silo have those of their ticks.
+
+    Returns:
+        The log; what is large in it is read when it is asked for.
+
+    Raises:
+        LogNotFoundError: there is none.
+        FileFormatError: it is no log, or damaged beyond reading.
+        ElementError: `which` or `stamps` is something else.
+    """
+    if stamps not in ("log", "header"):
+        raise ElementError(f"unknown stamps {stamps!r}: choose 'log' (when recorded) or 'header' (when measured)")
+    if not isinstance(which, str | bytes | os.PathLike):
+        if not isinstance(which, numbers.Integral):
+            raise ElementError(
+                f"which log must be a path, the start of a file name or a run number, got {shown(which)}; write "
+                "silo.open_log('logs/robot_2026')"
+            )
+        which = whole("a run number", which, 0, MOST_RUNS)
+    path = find_log(which if isinstance(which, int) else file_path("which log", which), file_path("folder", folder))
+    recording = read_recording(path)
+    if stamps == "header" and has_own_stamps(recording):
+        from silo.files.others.recording import stamped_by_header
+
+        recording = stamped_by_header(recording)
+    for warning in recording.warnings:
+        warnings.warn(f"{path}: {warning}", LogWarning, stacklevel=3)
+    return Log(recording, os.fspath(path))
+
+
+@told("silo.open_logs")
+def open_logs(which: str | os.PathLike[str], folder: str | os.PathLike[str] = ".") -> list[Log]:
+    """Open several logs. Of one save in several formats the one that keeps most is taken.
+
+    Args:
+        which: a folder, a glob (`logs/run_*.silo`), or the start of a file name.
+        folder: where names are looked for.
+
+    Returns:
+        The logs, oldest first.
+
+    Raises:
+        LogNotFoundError: there is none.
+    """
+    paths = find_logs(file_path("which logs", which), file_path("folder", folder))
+    return [open_log(path) for path in paths]

@@ -1,0 +1,46 @@
+"""`silo address`: how a program in any language reaches a logger or a topic."""
+
+import json
+
+import click
+
+from silo.cli.common import complete_words, connect, discovered, json_option, show_json, split_logger
+
+
+@click.command()
+@click.argument("words", nargs=-1, metavar="[LOGGER] [ELEMENT]", shell_complete=complete_words)
+@click.option("--zenoh", is_flag=True, help="Only the configuration for Zenoh, for a file.")
+@json_option
+def address(words: tuple[str, ...], zenoh: bool, as_json: bool) -> None:
+    """Print the address of a logger or of one element, and what other languages need to read it.
+
+    The URL is for silo's own commands and for Python (`silo.topic(URL)`); the key and the configuration are for Zenoh
+    in any language. The configuration holds the password, where one is asked for, and on this computer it is that of
+    this start of the robot program.
+
+    \b
+    Examples:
+      silo address demo joints/torque
+      silo address demo --zenoh > demo.json5        (Rust: Config::from_file, C: zc_config_from_file)
+      silo watch silo://robot3/demo/log/joints/torque
+    """
+    from silo.ipc.addresses import url_of, zenoh_settings
+    from silo.ipc.words import full_name
+
+    logger, rest = split_logger(words)
+    if len(rest) > 1:
+        raise click.UsageError(f"an address is that of one element, not of {len(rest)}: {' '.join(rest)}")
+    with connect(logger) as client:
+        found, element = client.found, full_name(rest[0], client.status(), client.table()) if rest else ""
+    settings = zenoh_settings(found)
+    if zenoh:
+        click.echo(json.dumps(settings, indent=2))
+        return
+    assert found.root is not None  # known since it was connected to
+    taken = {word for one in discovered().loggers if one.root != found.root for word in one.addresses}
+    url = url_of(next(word for word in found.addresses if "/" in word and word not in taken), element)
+    key = found.root.topic(element) if element else found.root.key("topic", "**")
+    if as_json:
+        show_json({"url": url, "key": key, "zenoh": settings})
+    else:
+        click.echo(f"url    {url}\nkey    {key}\nzenoh  {json.dumps(settings)}")

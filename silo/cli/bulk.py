@@ -1,0 +1,79 @@
+"""One command for many loggers, where that is said so: `--all`, or a glob that is affirmed. One answer per logger."""
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from silo.cli.common import discovered, many, read_only, show_json, tell_unreachable
+from silo.errors import ConnectionLostError, SiloError
+
+if TYPE_CHECKING:
+    from silo.ipc.bulk import Job
+    from silo.ipc.found import Found
+
+
+def everyone_option(command: "Callable[..., object]") -> "Callable[..., object]":
+    """Return the option `--all`, to be read by `many_meant`."""
+    words = "All that LOGGER means: a glob like 'robot*/anymal', or every logger."
+    return click.option("--all", "everyone", is_flag=True, help=words)(command)
+
+
+def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[Found] | None":
+    """Return the loggers that a glob or `--all` means; None where one is meant, as ever.
+
+    A glob without `--all` names them and asks on a terminal. Raises UsageError where nobody can be asked, Abort for no,
+    ConnectionLostError where there is none.
+    """
+    from silo.ipc.discovery import not_found_text
+    from silo.ipc.found import is_glob, told_apart
+
+    pattern = logger or ""
+    if not everyone and not is_glob(pattern):
+        return None
+    discovery = discovered()
+    found = discovery.matching(pattern)
+    if not found:
+        raise ConnectionLostError(not_found_text(pattern, discovery))
+    if not everyone:
+        named = f"'{pattern}' means {many(len(found), 'logger')}: {', '.join(told_apart(found))}"
+        if not (sys.stdin is not None and sys.stdin.isatty()):
+            raise click.UsageError(
+                f"{named}; say --all to {verb} {'it' if len(found) == 1 else 'all of them'}; nothing was asked"
+            )
+        click.echo(named)
+        click.confirm(f"{verb} {'it' if len(found) == 1 else 'all of them'}?", abort=True)
+    return found
+
+
+def carry_out(verb: str, found: "Sequence[Found]", job: "Job", *, as_json: bool = False) -> None:
+    """Ask all of them, and print an answer for each as it comes.
+
+    Raises SiloError where one of them did not, or where a remote wasn't reached that may have more.
+    """
+    from silo.ipc.bulk import outcomes
+    from silo.ipc.found import told_apart
+
+    names = told_apart(found)
+    width = max(map(len, names))
+    failed, shown = [], []
+    for outcome in outcomes(found, job, read_only=read_only()):
+        name = names[outcome.place]
+        if not outcome.done:
+            failed.append(name)
+        if as_json:
+            shown.append({"logger": name, "done": outcome.done, "text": outcome.text, "files": outcome.files})
+        else:
+            sign = " " if outcome.done else "!"
+            click.echo(f"{sign} {name:<{width}}  {outcome.text}")
+    if as_json:
+        show_json(sorted(shown, key=lambda one: str(one["logger"])))
+    discovery = discovered()
+    tell_unreachable(discovery)
+    if failed:
+        raise SiloError(
+            f"{verb}: {len(found) - len(failed)} of {many(len(found), 'logger')} did, {', '.join(failed)} not"
+        )
+    if discovery.unreachable:
+        raise SiloError(f"{verb}: all that were seen did; not reached: {', '.join(discovery.unreachable)}")

@@ -1,0 +1,171 @@
+"""`silo info`: a logger, its elements, or a saved file."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from silo.amounts import duration
+from silo.cli.common import (
+    complete_words,
+    configuration,
+    connect,
+    json_option,
+    logged_for,
+    many,
+    show_json,
+    show_rows,
+    split_logger,
+    type_of,
+)
+from silo.errors import ConnectionLostError
+from silo.files.formats import LOG_ENDINGS, OPEN_PART_ENDING, SQLITE_ENDING, is_bag_folder
+
+if TYPE_CHECKING:
+    from silo.model import ElementInfo, Status
+
+
+def _is_log(word: str) -> bool:
+    """Whether a word means a file or a bag folder, not a logger."""
+    endings = (*LOG_ENDINGS, OPEN_PART_ENDING, SQLITE_ENDING)
+    return word.lower().endswith(endings) or word.isdecimal() or is_bag_folder(Path(word))
+
+
+@click.command()
+@click.argument("words", nargs=-1, metavar="[LOGGER] [PATTERN]...", shell_complete=complete_words)
+@click.option("-e", "--elements", "all_elements", is_flag=True, help="List all elements.")
+@json_option
+def info(words: tuple[str, ...], all_elements: bool, as_json: bool) -> None:
+    """Show a logger, the elements that match, or what is in a saved file.
+
+    \b
+    Examples:
+      silo info                              (the only logger)
+      silo info demo '*/torque' /log/base    (elements: glob or namespace)
+      silo info demo_20260102_10-00-00_00001.silo
+    """
+    if len(words) == 1 and _is_log(words[0]):
+        from silo.cli.files import print_file_info
+
+        print_file_info(Path(words[0]), as_json)
+        return
+    logger, patterns = split_logger(words)
+    with _telling_what_was_left(logger), connect(logger) as client:
+        status = client.status()
+        table = client.table() if patterns or all_elements or as_json else None
+        elements = [*table.elements, *table.derived] if table is not None else []
+    if patterns:
+        from silo.cli.edits import select
+
+        elements = [elements[place] for place in select([e.name for e in elements], patterns)]
+    if as_json:
+        show_json({"status": status, "elements": elements})
+        return
+    if not patterns:
+        _show_status(status)
+    if elements:
+        _show_elements(elements)
+
+
+@contextmanager
+def _telling_what_was_left(logger: str | None) -> Iterator[None]:
+    """Where no logger is found, say which recordings dead ones left in memory, and how they are saved."""
+    try:
+        yield
+    except ConnectionLostError as error:
+        from silo.runtime import orphaned_segments
+
+        if configuration() or not orphaned_segments():
+            raise
+        from silo.collecting.left_behind import find_stale
+
+        left = [
+            f"logger '{one.schema.logger}' died: {one.reason}; it held {one.holdings.text}: `silo recover` saves it"
+            for one in find_stale()
+            if one.schema and one.holdings and logger in (None, one.schema.logger)
+        ]
+        raise ConnectionLostError("\n".join([str(error), *left])) from error
+
+
+def _show_status(status: "Status") -> None:
+    limit = f"{status.max_time_s:g} s" if status.max_time_s else "none"
+    unsaved = "" if status.saved or not status.ticks else f", not saved ({_held(status)})"
+    rows = [
+        ("logger", f"{status.logger} on {status.host}, user {status.user}"),
+        ("state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}"),
+        *_recording(status),
+        ("frequency", f"{status.frequency_hz:g} Hz, measured {status.measured_hz:.4g} Hz"),
+        ("logged", f"{status.ticks} ticks{f' in {logged_for(status)}' if logged_for(status) != '-' else ''}{unsaved}"),
+        ("lost", f"{status.lost} samples"),
+        *_failed(status),
+        *_durable(status),
+        ("elements", f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"),
+        *([("derived", f"{many(status.derived, 'signal')}: `silo derive ls`")] if status.derived else []),
+        *_endless(status),
+        ("time limit", limit),
+        ("memory", f"{status.segment_bytes / 1e6:.1f} MB"),
+        ("folder", status.folder),
+        ("script", status.script),
+        ("process", f"{status.pid}, helper {status.helper_pid}"),
+        ("revision", str(status.revision)),
+    ]
+    show_rows(rows)
+
+
+def _recording(status: "Status") -> list[tuple[str, str]]:
+    """A line of a dead logger: where its recording is."""
+    if status.state.value != "dead":
+        return []
+    if not status.ticks:
+        return [("recording", "none: it had logged nothing, or what it logged can't be read")]
+    if status.saved:
+        return [("recording", f"all {many(status.ticks, 'tick')} stand in files in {status.folder}")]
+    return [("recording", f"{_held(status)}, and not all of it is in a file: `silo recover` saves it")]
+
+
+def _held(status: "Status") -> str:
+    return f"the buffers hold {many(status.held_samples, 'sample')} over {duration(status.held_s)}"
+
+
+def _failed(status: "Status") -> list[tuple[str, str]]:
+    """A line where attributes or functions could not be read."""
+    if not status.failed:
+        return []
+    names = ", ".join(f"{name} at {many(count, 'tick')}" for name, count in status.failed_most.items())
+    return [("failed", f"{many(status.failed, 'sample')} could not be read: {names}")]
+
+
+def _endless(status: "Status") -> list[tuple[str, str]]:
+    """A line where something is recorded without end."""
+    if not status.recorders:
+        return []
+    return [("recorded", f"{many(status.recorders, 'recording')} under way: `silo record {status.logger} --ls`")]
+
+
+def _durable(status: "Status") -> list[tuple[str, str]]:
+    """A line where there is a journal."""
+    if status.durable_ticks < 0:
+        return []
+    later = max(0, status.ticks - status.durable_ticks)
+    return [("durable", f"to tick {status.durable_ticks}; a power cut now would lose {many(later, 'tick')} after it")]
+
+
+def _show_elements(elements: "list[ElementInfo]") -> None:
+    header = ("ELEMENT", "UNIT", "TYPE", "LOG", "DIV", "ACTION", "BUFFER", "SIZE", "DESCRIPTION")
+    rows = [
+        (
+            one.name,
+            one.unit,
+            type_of(one),
+            "on" if one.options.enabled else "off",
+            str(one.options.divider),
+            one.options.action.name.lower() if not one.expression else "derived",
+            one.options.buffer_type.name.lower() if not one.expression else "-",
+            str(one.options.buffer_size) if not one.expression else "-",
+            one.description,
+        )
+        for one in elements
+    ]
+    show_rows([header, *rows], right=(4, 7))

@@ -1,0 +1,218 @@
+"""`silo ls`: the loggers that run, once, or followed (`silo.cli.follow`)."""
+
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from silo.cli.common import (
+    complete_logger,
+    configuration,
+    discovered,
+    json_option,
+    logged_for,
+    many,
+    show_duration,
+    show_json,
+    show_rows,
+    tell_unreachable,
+)
+from silo.errors import ConnectionLostError
+from silo.ipc.remotes import LOCAL
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from silo.ipc.discovery import Answer
+    from silo.ipc.found import Found
+
+
+@click.command()
+@click.argument("pattern", required=False, default="", metavar="[HOST/NAME]", shell_complete=complete_logger)
+@click.option("-f", "--follow", is_flag=True, help="Go on: lines change in place; in a pipe one line per change.")
+@json_option
+def ls(pattern: str, follow: bool, as_json: bool) -> None:
+    """List the loggers that run on this host and on remotes, and remove what dead ones left that holds no data.
+
+    A glob means many: of hosts, of names, of both. HOST/NAME is what all commands take; where two are alike, ADDRESS
+    tells them apart.
+
+    \b
+    Examples:
+      silo ls
+      silo ls 'robot*/*'
+      silo ls --json | jq '.[].logger'
+      silo ls --follow                       (state, rate, losses, disk, alarms, who is there, until Ctrl-C)
+    """
+    if follow:
+        from silo.cli.follow import follow_fleet
+
+        follow_fleet(pattern, as_json=as_json)
+        return
+    from silo.ipc.discovery import Answer, down_text, not_found_text, survey
+
+    if configuration() in ("", LOCAL):
+        _sweep()
+    discovery = discovered()
+    chosen = discovery.matching(pattern)
+    answers = survey(chosen)
+    answers += [
+        Answer(found, None, down_text(found), "helper down")
+        for found in discovery.down
+        if found.is_meant_by(pattern) or found.matches(pattern)
+    ]
+    if configuration() in ("", LOCAL):
+        _sweep_parts(_log_folders(answers))
+    if as_json:
+        show_json([answer.status or _no_status(answer) for answer in answers])
+        return
+    if not answers:
+        _tell_orphans(answers)
+        raise ConnectionLostError(not_found_text(pattern, discovery))
+    _show_table(answers)
+    tell_unreachable(discovery)
+    for answer in answers:
+        if answer.error:
+            click.echo(f"{answer.found.label}: {answer.error}", err=True)
+        elif answer.status and answer.status.reason and answer.status.state.value != "running":
+            click.echo(f"{answer.found.label}: {answer.status.reason}", err=True)
+    for folder in discovery.forbidden:
+        names = ", ".join(folder.loggers) or "unknown loggers"
+        click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
+    _tell_orphans(answers)
+    if all(answer.state in ("no answer", "other silo") for answer in answers):
+        raise ConnectionLostError("none of them can be asked, see above")
+
+
+def _show_table(answers: "list[Answer]") -> None:
+    header = ("LOGGER", "HOST", "STATE", "SINCE", "HZ", "TICKS", "LOST", "ELEMENTS", "PID", "USER")
+    rows = [header, *map(_ls_row, answers)]
+    durable = [answer.status.durable_ticks if answer.status else -1 for answer in answers]
+    if max(durable) >= 0:  # somebody asked for it
+        last = ("DURABLE TO TICK", *(str(tick) if tick >= 0 else "-" for tick in durable))
+        rows = [(*row, end) for row, end in zip(rows, last, strict=True)]
+    recorders = [answer.status.recorders if answer.status else 0 for answer in answers]
+    if any(recorders):
+        rows = [(*row, end) for row, end in zip(rows, ("REC", *map(str, recorders)), strict=True)]
+    right = (3, 4, 5, 6, 7, 8, *range(10, len(rows[0])))
+    for title, texts in (("FREE", _free(answers)), ("ALARM", _alarms(answers)), ("WHO", _people(answers))):
+        if any(texts):
+            rows = [(*row, end) for row, end in zip(rows, (title, *(text or "-" for text in texts)), strict=True)]
+            right = (*right, len(rows[0]) - 1) if title == "FREE" else right
+    apart = _addresses([answer.found for answer in answers])
+    if any(apart):
+        rows = [(*row, end) for row, end in zip(rows, ("ADDRESS", *apart), strict=True)]
+    show_rows(rows, right=right)
+
+
+def _free(answers: "list[Answer]") -> list[str]:
+    """How much room is left where each saves."""
+    from silo.ipc.member import size
+
+    known = [answer.status for answer in answers]
+    return [size(one.disk_free_bytes) if one is not None and one.disk_bytes else "" for one in known]
+
+
+def _alarms(answers: "list[Answer]") -> list[str]:
+    known = [answer.status for answer in answers]
+    return [f"{one.alarm} {one.alarms}" if one is not None and one.alarms else "" for one in known]
+
+
+def _people(answers: "list[Answer]") -> list[str]:
+    """Who is connected to each, without the programs that they use."""
+    known = [answer.status.clients if answer.status is not None else [] for answer in answers]
+    return [" ".join(dict.fromkeys(one.who.split(" ", 1)[0] for one in people)) for people in known]
+
+
+def _addresses(found: "Sequence[Found]") -> list[str]:
+    """What to type for each logger whose host and name another one has as well; empty for the others."""
+    from silo.ipc.found import told_apart
+
+    names = [(one.host, one.name) for one in found]
+    return [word if names.count(name) > 1 else "" for word, name in zip(told_apart(found), names, strict=True)]
+
+
+def _no_status(answer: "Answer") -> dict[str, str]:
+    return {"logger": answer.found.label, "state": answer.state, "error": answer.error}
+
+
+def _sweep() -> None:
+    """Sockets of helpers that died, and segments without an unsaved tick."""
+    from silo.ipc.folders import own_folders
+    from silo.ipc.session import sweep
+    from silo.runtime import orphaned_segments, runtime_dir, sweep_unfinished
+
+    for folder in own_folders():
+        sweep(folder)
+    sweep_unfinished(runtime_dir())
+    if orphaned_segments():
+        from silo.collecting.left_behind import find_stale, sweep_segments  # need NumPy, without which `ls` is quicker
+
+        _sweep_parts(one.schema.folder for one in find_stale() if one.schema)  # of programs that nobody served, too
+        sweep_segments()
+
+
+def _log_folders(answers: "list[Answer]") -> list[str]:
+    """Where loggers save, or kept journals, as far as it is known; and this folder."""
+    from silo.collecting.journal_folders import remembered_folders
+
+    served = [answer.status.folder for answer in answers if answer.status]
+    return list(dict.fromkeys([str(Path.cwd()), *served, *map(str, remembered_folders())]))
+
+
+def _sweep_parts(folders: Iterable[str]) -> None:
+    """What killed saves left."""
+    for folder in dict.fromkeys(folders):
+        if any(Path(folder).glob(".silo-*.part")):
+            from silo.files.atomic import sweep_parts  # needs NumPy, which `ls` does without as a rule
+
+            sweep_parts(folder)
+
+
+def _tell_orphans(answers: "list[Answer]") -> None:
+    """What programs left behind that nobody would find without being told."""
+    from silo.runtime import orphaned_segments
+
+    count = len(orphaned_segments())
+    if count:
+        click.echo(
+            f"{many(count, 'recording')} of programs that died may be in no file: `silo recover --list`", err=True
+        )
+    for folder in _log_folders(answers):
+        if any(Path(folder).glob(".*.journal")):
+            _tell_journals(folder)
+
+
+def _tell_journals(folder: str) -> None:
+    from silo.collecting.left_journals import orphaned_journals, sweep_journals  # needs NumPy, as a rule none is there
+
+    sweep_journals(folder)
+    count = len(orphaned_journals(folder))
+    if count:
+        click.echo(
+            f"{many(count, 'journal')} in {folder} may hold what a power cut took from memory: "
+            f"`silo recover --list {folder}`",
+            err=True,
+        )
+
+
+def _ls_row(answer: "Answer") -> tuple[str, ...]:
+    found, status = answer.found, answer.status
+    if status is None:
+        down = show_duration(time.time() - found.since) if answer.state == "helper down" else "-"
+        who = found.label if found.pid else found.name
+        return (who, found.host or "-", answer.state, down, *["-"] * 4, str(found.pid or "-"), found.user or "-")
+    return (
+        found.name,
+        found.host or status.host,
+        status.state.value,
+        logged_for(status),
+        f"{status.measured_hz or status.frequency_hz:.4g}" if status.state.value == "running" else "-",
+        str(status.ticks),
+        str(status.lost),
+        f"{status.enabled}/{status.elements}",
+        str(status.pid),
+        status.user,
+    )

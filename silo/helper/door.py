@@ -1,0 +1,96 @@
+"""Who sends a change, by the key it comes under and by what it shows: a sender with words for it, or a refusal.
+
+Keys with wildcards are refused: who means one robot never reaches another.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import zenoh
+
+from silo.ipc import keys
+from silo.ipc.admission import NO_NETWORK, Admission, admission_of
+from silo.ipc.configuration import from_file
+from silo.ipc.keys import Root
+from silo.ipc.messages import Refused, RefusedWhy
+from silo.ipc.senders import (
+    claim_of,
+    closed_words,
+    group_identity,
+    group_viewer_words,
+    group_words,
+    local_identity,
+    local_words,
+    network_words,
+)
+from silo.ipc.session import group_file, own_file
+
+
+@dataclass(frozen=True)
+class Sender:
+    """Who sends a change: `identity` tells operators apart, `words` are shown."""
+
+    identity: str
+    words: str
+
+
+class Door:
+    """Knows who may come in."""
+
+    def __init__(self, root: Root, admission: Admission = NO_NETWORK) -> None:
+        self._root = root
+        self.admission = admission
+        self._own = self._groups = b""
+        self._group, self._group_may_change = "", True
+
+    @classmethod
+    def of(cls, root: Root, config: str | None) -> "Door":
+        """Return the door to a logger that is served by a configuration; for None, by its Unix socket alone."""
+        return cls(root) if config is None else cls(root, admission_of(from_file(config), config))
+
+    def share(self, path: Path, group: str, *, may_change: bool) -> None:
+        """Let members of a group come by the Unix socket: they show another word than the robot's own user."""
+        self._own, self._groups = own_file(path).read_bytes(), group_file(path).read_bytes()
+        self._group, self._group_may_change = group, may_change
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys under which changes are taken."""
+        network = (self._root.key("do", "*"),) if self.admission.changes else ()
+        return (self._root.do(keys.LOCAL_SENDER), *network)
+
+    @property
+    def closed(self) -> str:
+        """What clients of a network are told where no changes are taken from it; empty where they are."""
+        why = self.admission.why_now
+        return closed_words(self._root.address, why) if why else ""
+
+    def sender(self, key: str, attachment: bytes, client: str) -> Sender | Refused:
+        """Return who sent a request under a key; `client` is what it says of itself."""
+        begin = self._root.key("do", "")
+        user = key.removeprefix(begin)
+        if not key.startswith(begin) or not user or any(sign in user for sign in "*$/"):
+            text = f"a change must name the one logger that is meant and its sender, got '{key}'; nothing was changed"
+            return Refused(RefusedWhy.INVALID, text)
+        if user != keys.LOCAL_SENDER:
+            if closed := self.closed:
+                return Refused(RefusedWhy.FORBIDDEN, closed)
+            name = keys.unescape(user)
+            return Sender(name, network_words(name, client, proven=self.admission.proven))
+        return self._local(attachment, client)
+
+    def _local(self, attachment: bytes, client: str) -> Sender | Refused:
+        claim = claim_of(client)
+        if not self._group or attachment == self._own:
+            return Sender(local_identity(claim.user), local_words(client))
+        if attachment != self._groups:
+            text = "it comes neither from the robot's user nor from the group that shares its socket"
+            return Refused(RefusedWhy.FORBIDDEN, f"{text}; nothing was changed")
+        if not self._group_may_change:
+            return Refused(RefusedWhy.FORBIDDEN, group_viewer_words(self._group, self._root.logger))
+        return Sender(group_identity(claim.user), group_words(self._group, client))
+
+
+def attachment_of(query: zenoh.Query) -> bytes:
+    """Return what a request shows beside its words."""
+    return query.attachment.to_bytes() if query.attachment is not None else b""

@@ -1,0 +1,208 @@
+"""Many loggers at a glance: who comes and goes, and a summary of each, without asking again and again.
+
+One session per configuration, whatever the number of robots behind it (`silo.ipc.fleet_way`); one to the socket of each
+logger of this computer. Each way has a thread, so that one that is silent holds up no other; `Fleet.now` never waits.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+from silo.ipc.discovery import Near, near_loggers
+from silo.ipc.fleet_way import Change, Way
+from silo.ipc.found import Found
+from silo.ipc.member import Member
+from silo.ipc.remotes import LOCAL, remotes
+
+SCAN_S = 1.0  # how often is looked for sockets and remotes
+
+log = logging.getLogger("silo.client")
+
+
+@dataclass(frozen=True)
+class FleetNow:
+    """All loggers, by host and name; `number` counts changes. `unreachable` says of remotes why they aren't reached."""
+
+    number: int = 0
+    members: tuple[Member, ...] = ()
+    near: Near = field(default_factory=Near)
+    unreachable: dict[str, str] = field(default_factory=dict)
+    ready: bool = False  # every way has been tried
+
+
+class Fleet:
+    """Follows all loggers that a user can reach, until it is closed. A context manager."""
+
+    def __init__(self, config: str = "") -> None:
+        """`config` is a remote or a configuration, to look there alone; `local` for this computer alone."""
+        self._config = config
+        self._changed = threading.Condition()
+        self._now = FleetNow()
+        self._ways: dict[str, Way] = {}
+        self._tried: set[str] = set()
+        self._members: dict[str, Member] = {}
+        self._unreachable: dict[str, str] = {}
+        self._near = Near()
+        self._stop = threading.Event()
+        self._again = threading.Event()
+        self.attentive = True
+        self._thread = threading.Thread(target=self._scan, name="silo-fleet")
+        self._thread.start()
+
+    def now(self) -> FleetNow:
+        """Return what is known."""
+        return self._now
+
+    def wait(self, number: int, timeout_s: float) -> FleetNow:
+        """Return what is known as soon as it is newer than change `number`, or after the timeout."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._now.number != number or self._stop.is_set(), timeout_s)
+            return self._now
+
+    def wait_ready(self, timeout_s: float, answers_s: float = 0.5) -> FleetNow:
+        """Return what is known once every way was tried, or after the timeout.
+
+        Those that are there have `answers_s` more to say how they stand.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._now.ready or self._stop.is_set(), timeout_s)
+            self._changed.wait_for(lambda: all(one.told for one in self._now.members), answers_s)
+            return self._now
+
+    def attend(self, *, attentive: bool) -> None:
+        """Have summaries come, or only who comes and goes while nobody looks: over a thin link each byte counts."""
+        if attentive != self.attentive:
+            self.attentive = attentive
+            for way in list(self._ways.values()):
+                way.again.set()
+        if attentive:
+            self._again.set()
+
+    def look_again(self) -> None:
+        """Forget those that are gone, and try at once what could not be reached."""
+        with self._changed:
+            for key in [key for key, one in self._members.items() if not one.here]:
+                del self._members[key]
+            self._tell()
+        self._again.set()
+        for way in list(self._ways.values()):
+            way.again.set()
+
+    def close(self) -> None:
+        """End the threads and the sessions; closing twice is fine."""
+        self._stop.set()
+        self._again.set()
+        with self._changed:
+            self._changed.notify_all()
+        self._thread.join()
+
+    def __enter__(self) -> "Fleet":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # --------------------------------------------------------------------------------------------- the ways there are
+
+    def _scan(self) -> None:
+        """Look for sockets and remotes, and have a thread for each."""
+        main = threading.main_thread()
+        while not self._stop.is_set() and main.is_alive():
+            self._again.clear()
+            try:
+                self._look()
+            except OSError:
+                log.exception("can't look for loggers")
+            self._again.wait(SCAN_S)
+        self._stop.set()
+        for way in self._ways.values():
+            way.end()
+        for way in self._ways.values():
+            way.thread.join()
+
+    def _look(self) -> None:
+        wanted: dict[str, Found | None] = {}  # by socket a logger of this computer, else a configuration
+        near = Near()
+        if self._config in ("", LOCAL):
+            near = near_loggers()
+            wanted |= {found.socket: found for found in near.loggers}
+        if self._config == "":
+            wanted |= dict.fromkeys(remotes())
+        elif self._config != LOCAL:
+            wanted[self._config] = None
+        for name, way in list(self._ways.items()):
+            if name not in wanted:
+                way.end()
+            if not way.thread.is_alive():
+                del self._ways[name]
+        for name, found in wanted.items():
+            if name not in self._ways:
+                self._ways[name] = Way(name, found, self)
+        now_s = time.monotonic()
+        with self._changed:
+            self._near = near
+            for found in near.loggers:  # those that don't answer are seen all the same
+                known = self._members.get(found.socket)
+                if known is None or (known.found.dead, known.found.host) != (found.dead, found.host):
+                    self._put(replace(known, found=found) if known is not None else Member(found, since_s=now_s))
+            for key, one in list(self._members.items()):
+                if one.found.socket and one.here and key not in wanted:
+                    self._members[key] = replace(one, here=False, since_s=now_s)
+            gone = {name for name in self._unreachable if name not in wanted}
+            self._unreachable = {name: why for name, why in self._unreachable.items() if name not in gone}
+            self._tried |= {""}
+            self._tell()
+
+    # ------------------------------------------------------------------------------------------- what the ways report
+
+    def reached(self, name: str, why: str) -> None:
+        """Note that a way was tried, and why it isn't there."""
+        with self._changed:
+            self._tried.add(name)
+            if why:
+                self._unreachable[name] = why
+            else:
+                self._unreachable.pop(name, None)
+            self._tell()
+
+    def change(self, changes: "Iterable[tuple[str, Change]]") -> None:
+        """Replace what is known of loggers, by their keys."""
+        with self._changed:
+            for key, change in changes:
+                made = change(self._members.get(key))
+                if made is not None:
+                    self._put(made)
+            self._tell()
+
+    def _put(self, one: Member) -> None:
+        self._members[one.key] = one
+        if one.here:  # one that is gone and came back under another key is this one
+            for key, other in list(self._members.items()):
+                if not other.here and key != one.key and _follows(one.found, other.found):
+                    del self._members[key]
+
+    def _tell(self) -> None:
+        """Make what is known from now on; with the lock."""
+        # a logger of this computer that is seen through a router too is one, and the short way is taken
+        near = {one.found.root for one in self._members.values() if one.found.socket and one.found.id}
+        members = sorted(
+            (one for one in self._members.values() if one.found.socket or one.found.root not in near),
+            key=lambda one: (one.found.host, one.found.name, one.found.pid, one.found.id),
+        )
+        ready = self._tried >= {"", *self._ways} and bool(self._tried)
+        told = replace(
+            self._now, members=tuple(members), near=self._near, ready=ready,
+            unreachable=dict(sorted(self._unreachable.items())),
+        )  # fmt: skip
+        if told != self._now:
+            self._now = replace(told, number=self._now.number + 1)
+            self._changed.notify_all()
+
+
+def _follows(one: Found, other: Found) -> bool:
+    """Return whether this is the same robot, started again."""
+    if one.socket or other.socket:
+        return bool(one.socket and other.socket) and (one.name, one.user) == (other.name, other.user)
+    return (one.name, one.host, one.machine) == (other.name, other.host, other.machine)

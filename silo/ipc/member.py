@@ -1,0 +1,151 @@
+"""A logger of a fleet, as far as it is known: how it stands, in words, and what of it wants to be looked at first."""
+
+import enum
+import functools
+from dataclasses import dataclass
+
+from silo.ipc.found import Found
+from silo.ipc.published import Summary
+from silo.model import State
+
+SLOW_SHARE = 0.95  # of the nominal rate, as in surveys (which need NumPy)
+FULL_SHARE = 0.95  # of a disk
+RED = ("HH", "LL")
+
+
+class Stands(enum.IntEnum):
+    """How a logger stands, the worst first."""
+
+    DEAD = 0
+    SILENT = 1  # it went without a word, or the link is cut
+    MUTE = 2  # it is there, and tells nothing of itself
+    RED = 3  # a limit
+    FULL = 4  # its disk, nearly
+    YELLOW = 5
+    SLOW = 6
+    LOST = 7  # samples
+    FINE = 8
+    CLOSED = 9
+
+
+@dataclass(frozen=True)
+class Member:
+    """A logger of the fleet. `here`: its helper process lives, and so does the link to it.
+
+    `summary` is the newest, from before it was lost as well; None where it gave none, and `problem` says why.
+    `seen_s` is when it gave its last sign of life, `since_s` since when it is here or not (of `time.monotonic`).
+    """
+
+    found: Found
+    summary: Summary | None = None
+    here: bool = True
+    problem: str = ""
+    seen_s: float = 0.0
+    since_s: float = 0.0
+
+    @property
+    def key(self) -> str:
+        """What tells it from all others."""
+        return self.found.socket or str(self.found.root)
+
+    @property
+    def state(self) -> State | None:
+        """The state that it told last."""
+        return self.summary.state if self.summary is not None else None
+
+    @property
+    def told(self) -> bool:
+        """Whether there is anything to show of it."""
+        return self.summary is not None or bool(self.problem)
+
+    @property
+    def dead(self) -> bool:
+        """Whether its program is dead."""
+        return self.found.dead if self.summary is None else self.summary.state is State.DEAD
+
+    @property
+    def closed(self) -> bool:
+        """Whether its program closed it: that it is gone is as it should be."""
+        return self.summary is not None and self.summary.closed
+
+    @property
+    def lost(self) -> bool:
+        """Whether it went without a word: killed, or the link is cut."""
+        return not self.here and not self.closed and not self.dead
+
+    @property
+    def word(self) -> str:
+        """Its state in a word, as people read it."""
+        if self.lost:
+            return "silent"
+        if self.dead or self.closed:
+            return "dead" if self.dead else "closed"
+        if self.summary is None:
+            return "no answer" if self.problem else "..."
+        return self.summary.state.value
+
+    @property
+    def running(self) -> bool:
+        """Whether it logs now, as far as is known."""
+        return self.here and self.state is State.RUNNING
+
+    @property
+    def slow(self) -> bool:
+        """Whether it ticks more slowly than it is to."""
+        one = self.summary
+        return one is not None and self.running and 0 < one.measured_hz < SLOW_SHARE * one.frequency_hz
+
+    @property
+    def disk_share(self) -> float | None:
+        """How full its disk is, 0 ... 1; None where nobody tells."""
+        one = self.summary
+        return 1 - one.disk_free_bytes / one.disk_bytes if one is not None and one.disk_bytes else None
+
+    @functools.cached_property
+    def stands(self) -> Stands:
+        """How it stands: the worst that there is to say."""
+        one, full = self.summary, self.disk_share
+        if self.dead or self.lost or self.closed:
+            return Stands.DEAD if self.dead else Stands.SILENT if self.lost else Stands.CLOSED
+        if one is None:
+            return Stands.MUTE if self.problem else Stands.FINE
+        alarms = (Stands.RED if one.alarm in RED else Stands.YELLOW) if one.alarms else Stands.FINE
+        disk = Stands.FULL if full is not None and full >= FULL_SHARE else Stands.FINE
+        rate = Stands.SLOW if self.slow else Stands.FINE
+        return min(alarms, disk, rate, Stands.LOST if one.lost else Stands.FINE)
+
+    @property
+    def sign(self) -> str:
+        """The worst in two letters, as lists show it; empty for nothing."""
+        signs = {Stands.SLOW: "<<", Stands.LOST: "XX", Stands.FULL: "##", Stands.SILENT: "~~", Stands.MUTE: "~~"}
+        if self.stands in (Stands.RED, Stands.YELLOW) and self.summary is not None:
+            return self.summary.alarm
+        return signs.get(self.stands, "")
+
+    def run_s(self, now_ns: int) -> float | None:
+        """Return for how long it has run; None where it doesn't."""
+        one = self.summary
+        return (now_ns - one.started_ns) / 1e9 if self.running and one is not None and one.started_ns else None
+
+    def unseen_s(self, now_s: float) -> float:
+        """Return for how long it is not here; 0 while it is."""
+        return 0.0 if self.here else now_s - self.since_s
+
+    @property
+    def people(self) -> list[str]:
+        """Who is connected, who has control first, without the programs that they use."""
+        one = self.summary
+        if one is None or not self.here:
+            return []
+        names = list(dict.fromkeys(name.split(" ", 1)[0] for name in one.clients))
+        control = one.control.split(" ", 1)[0]
+        return [f"{control}*", *(name for name in names if name != control)] if control else names
+
+
+def size(size_bytes: float) -> str:
+    """Return `812 MB`, `40 GB`: room on a disk."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if size_bytes < 999.5:
+            return f"{size_bytes:.3g} {unit}"
+        size_bytes /= 1000
+    return f"{size_bytes:.3g} TB"

@@ -1,0 +1,109 @@
+"""What lies between two moments: a signal at both, its difference and slope, and the statistics of its samples.
+
+Added up block by block, wherever the rows are: of what a viewer has fetched, of a file, or in the helper process.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.values import as_floats
+
+NAN = math.nan
+HELD_PERIODS = 100  # a slow loop is late by many: so far back the sample is looked for that held at a moment
+
+
+@dataclass(frozen=True)
+class Between:
+    """Facts of a signal from A to B; NaN where there is none. `samples` are those between, both ends included."""
+
+    at_a: float = NAN
+    at_b: float = NAN
+    difference: float = NAN
+    slope: float = NAN  # per second
+    mean: float = NAN
+    std: float = NAN
+    rms: float = NAN
+    smallest: float = NAN
+    largest: float = NAN
+    samples: int = 0
+    not_finite: int = 0
+
+
+class Measuring:
+    """Adds up a signal from A to B, whichever is earlier; of texts only how many there are.
+
+    At a cursor counts the sample that held then; what is no finite number is counted and left out.
+    """
+
+    def __init__(self, a_ns: int, b_ns: int) -> None:
+        self._a_ns, self._b_ns = a_ns, b_ns
+        self._at_a = self._at_b = NAN
+        self._samples = self._not_finite = self._finite = 0
+        self._smallest, self._largest = math.inf, -math.inf
+        # as shares of the largest one: neither 1e300 nor 1e-300 squared is a float
+        self._size = self._mean = self._squares = self._spread = 0.0
+        self._numbers = True
+
+    def feed(self, time_ns: NDArray[np.int64], values: NDArray[Any]) -> None:
+        """Add the next samples, oldest first, from before the earlier moment on; both arrays of shape `(n,)`."""
+        first = int(np.searchsorted(time_ns, min(self._a_ns, self._b_ns), "left"))
+        last = int(np.searchsorted(time_ns, max(self._a_ns, self._b_ns), "right"))
+        self._samples += last - first
+        if values.dtype.kind in "SUVMm":
+            self._numbers = False
+            return
+        floats = as_floats(values)
+        self._at_a = _held(time_ns, floats, self._a_ns, self._at_a)
+        self._at_b = _held(time_ns, floats, self._b_ns, self._at_b)
+        inside = floats[first:last]
+        finite = inside[np.isfinite(inside)]
+        self._not_finite += len(inside) - len(finite)
+        if len(finite):
+            self._add(finite)
+
+    def _add(self, finite: NDArray[np.float64]) -> None:
+        self._smallest = min(self._smallest, float(finite.min()))
+        self._largest = max(self._largest, float(finite.max()))
+        size = max(self._size, float(np.abs(finite).max())) or 1.0
+        self._rescale(self._size / size)
+        self._size = size
+        shares = finite / size
+        count, mean = len(shares), float(shares.mean())
+        spread, before = float(np.sum((shares - mean) ** 2)), self._finite
+        self._finite += count
+        step = mean - self._mean
+        self._spread += spread + step * step * before * count / self._finite
+        self._mean += step * count / self._finite
+        self._squares += float(np.sum(shares**2))
+
+    def _rescale(self, share: float) -> None:
+        self._mean, self._squares, self._spread = self._mean * share, self._squares * share**2, self._spread * share**2
+
+    @property
+    def found(self) -> Between:
+        """The facts of what was added."""
+        if not self._numbers:
+            return Between(samples=self._samples)
+        seconds, difference = (self._b_ns - self._a_ns) / 1e9, self._at_b - self._at_a
+        ends = (self._at_a, self._at_b, difference, difference / seconds if seconds else NAN)
+        if not self._finite:
+            return Between(*ends, samples=self._samples, not_finite=self._not_finite)
+        std, rms = (math.sqrt(some / self._finite) * self._size for some in (self._spread, self._squares))
+        mean = self._mean * self._size
+        return Between(*ends, mean, std, rms, self._smallest, self._largest, self._samples, self._not_finite)
+
+
+def between(time_ns: NDArray[np.int64], values: NDArray[Any], a_ns: int, b_ns: int) -> Between:
+    """Return the facts from A to B of samples that begin before the earlier one."""
+    measuring = Measuring(a_ns, b_ns)
+    measuring.feed(time_ns, values)
+    return measuring.found
+
+
+def _held(time_ns: NDArray[np.int64], floats: NDArray[np.float64], at_ns: int, before: float) -> float:
+    at = int(np.searchsorted(time_ns, at_ns, "right")) - 1
+    return float(floats[at]) if at >= 0 else before

@@ -1,0 +1,148 @@
+"""What is asked of many loggers at once: a question that names them all, then one answer from each.
+
+The answers come into their lines as they are given; who is silent holds up no other. One such command at a time.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.text import Text
+
+from silo_tui.context import Context
+from silo_tui.model import fleet, text
+from silo_tui.screens.dialogs import Choice, Prompt, Question
+from silo_tui.screens.loggers import LoggersScreen
+from silo_tui.sessions.finder import ClientFinder, FoundLogger
+
+if TYPE_CHECKING:
+    from silo.ipc.bulk import Job, Outcome
+
+NO = Choice("no", "No")
+
+
+class Many:
+    """Asks what is to become of loggers, and them."""
+
+    def __init__(self, context: Context, finder: "Callable[[], ClientFinder]") -> None:
+        self._context, self._finder = context, finder
+        self._answers: dict[str, str] = {}
+        self._counts: list[int] = [0, 0, 0]  # did, did not, are waited for
+        self._verb = ""
+
+    def begin(self, what: str, targets: Sequence[fleet.Line], found: Sequence[FoundLogger]) -> None:
+        """Ask about them; what is said yes to is asked of each."""
+        if self._counts[2]:
+            self._context.say(f"{self._verb}: {self._counts[2]} have not answered yet")
+            return
+        by_key = {one.key: one for one in found}
+        self._context.app.run_worker(self._ask(what, targets, by_key), group="many")
+
+    async def _ask(self, what: str, targets: Sequence[fleet.Line], found: dict[str, FoundLogger]) -> None:
+        now_ns = time.time_ns()
+        body = Text("\n".join(fleet.asked_line(one, now_ns) for one in targets) + "\n")
+        able = [one for one in targets if one.can_be_asked]
+        if not able:
+            self._context.say("none of them is there: r looks again")
+            return
+        asks: dict[str, Callable[[Sequence[fleet.Line], Text], Any]] = {
+            "start_stop": self._start_or_stop, "restart": self._restart, "save": self._save, "load": self._load,
+        }  # fmt: skip
+        answer = await asks[what](able, body)
+        if answer is None:
+            return
+        verb, chosen, job = answer
+        self._carry_out(verb, [found[one.key] for one in chosen], job)
+
+    async def _put(self, title: str, body: Text, choices: Sequence[Choice]) -> str | None:
+        answer: str | None = await self._context.app.push_screen_wait(Question(title, body, [NO, *choices]))
+        return answer if answer != "no" else None
+
+    async def _start_or_stop(
+        self, able: Sequence[fleet.Line], body: Text
+    ) -> "tuple[str, Sequence[fleet.Line], Job] | None":
+        from silo.ipc.bulk import starting, stopping, stopping_and_saving
+
+        running = [one for one in able if one.member.running]
+        stopped = [one for one in able if not one.member.running]
+        choices = []
+        if running:
+            count = text.plural(len(running), "logger")
+            choices += [Choice("stop", f"Stop {count}", "y"), Choice("stop save", f"Stop and save {count}", "s")]
+        if stopped:
+            count, unsaved = text.plural(len(stopped), "logger"), any(map(fleet.is_unsaved, stopped))
+            key = "y" if not running else "t"
+            if unsaved:
+                choices += [Choice("save", f"Save what isn't, and start {count}", "v" if running else "s"),
+                            Choice("discard", f"Drop what isn't saved: start {count}", "d")]  # fmt: skip
+            else:
+                choices.append(Choice("refuse", f"Start {count}", key))
+        verb = "Stop" if not stopped else "Start" if not running else "Start or stop"
+        answer = await self._put(f"{verb} {text.plural(len(able), 'logger')}?", body, choices)
+        if answer in ("stop", "stop save"):
+            return "stop", running, stopping() if answer == "stop" else stopping_and_saving()
+        return ("start", stopped, starting(answer)) if answer else None
+
+    async def _restart(self, able: Sequence[fleet.Line], body: Text) -> "tuple[str, Sequence[fleet.Line], Job] | None":
+        from silo.ipc.bulk import restarting
+
+        count = text.plural(len(able), "logger")
+        choices = [Choice("save", f"Save, and restart {count}", "s"),
+                   Choice("discard", f"Drop what isn't saved: restart {count}", "d")]  # fmt: skip
+        if not any(map(fleet.is_unsaved, able)):
+            choices = [Choice("refuse", f"Restart {count}", "y")]
+        answer = await self._put(f"Restart {count}?", body, choices)
+        return ("restart", able, restarting(answer)) if answer else None
+
+    async def _save(self, able: Sequence[fleet.Line], body: Text) -> "tuple[str, Sequence[fleet.Line], Job] | None":
+        from silo.ipc.bulk import saving
+        from silo.model import FileType
+
+        choices = [Choice("silo", "Save as .silo, each in its own folder", "y"),
+                   Choice("all", "Save as .silo, CSV and bag", "a")]  # fmt: skip
+        answer = await self._put(f"Save {text.plural(len(able), 'logger')}?", body, choices)
+        types = [FileType.SILO] if answer == "silo" else [FileType.SILO, FileType.CSV, FileType.BAG]
+        return ("save", able, saving(types)) if answer else None
+
+    async def _load(self, able: Sequence[fleet.Line], body: Text) -> "tuple[str, Sequence[fleet.Line], Job] | None":
+        from silo.ipc.bulk import loading
+
+        title = f"Load a script into {text.plural(len(able), 'logger')}"
+        words = f"{body.plain}The script of that name in each one's own folder; those that run refuse."
+        name = await self._context.app.push_screen_wait(Prompt(title, words, "", "walk.yaml"))
+        if not name:
+            return None
+        name = name if name.endswith((".yaml", ".yml")) else f"{name}.yaml"
+        return "load", able, loading(name)
+
+    # ---------------------------------------------------------------------------------------------------- the answers
+
+    def _carry_out(self, verb: str, chosen: Sequence[FoundLogger], job: "Job") -> None:
+        self._verb, self._counts = verb, [0, 0, len(chosen)]
+        self._answers = {one.key: "waiting for its answer" for one in chosen}
+        self._show()
+        loop = asyncio.get_running_loop()
+        finder = self._finder()
+
+        def collect() -> None:
+            for outcome in finder.ask_many(chosen, job):
+                loop.call_soon_threadsafe(self._take, chosen[outcome.place].key, outcome)
+
+        self._context.app.run_worker(asyncio.to_thread(collect), group="many answers")
+
+    def _take(self, key: str, outcome: "Outcome") -> None:
+        self._answers[key] = outcome.text if outcome.done else f"! {outcome.text}"
+        self._counts[0 if outcome.done else 1] += 1
+        self._counts[2] -= 1
+        self._show()
+
+    def _show(self) -> None:
+        done, failed, waiting = self._counts
+        words = f"{self._verb}: {done} did, {failed} did not, {waiting} waiting"
+        screen = self._context.upper_screen
+        if isinstance(screen, LoggersScreen):
+            screen.answers = self._answers
+            screen.draw()
+        if isinstance(screen, LoggersScreen) or not waiting:
+            self._context.say(words)

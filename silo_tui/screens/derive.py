@@ -1,0 +1,129 @@
+"""Derived signals from the terminal: the lines that make or change one, and the question before one is forgotten."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from textual.widgets import Input
+
+from silo.errors import ElementError, RefusedError
+from silo.judging.tokens import ExpressionError
+from silo.model import Derived
+from silo_tui.context import Context
+from silo_tui.model import derived, text
+from silo_tui.screens.dialogs import Choice, Question
+from silo_tui.screens.form import Form
+from silo_tui.sessions.live import Session
+
+if TYPE_CHECKING:
+    from silo.ipc.client import Client
+
+LINES = (("name", "unit"), ("is",))
+HINTS = {"name": "power", "unit": "else as it follows", "is": "joints/torque * joints/velocity"}
+HELP = "signals, numbers with units, + - * ** and a / with blanks, abs sqrt sin prev diff rate mean min max any all"
+
+
+class DeriveDialog(Form[Derived]):
+    """Answers with the derived signal on Enter."""
+
+    KEYS_HERE = "Enter Derives it  Tab Next field  Esc Back"
+    AFTER_S = 0.2
+
+    def __init__(self, session: Session, one: Derived, *, is_new: bool, problem: str = "") -> None:
+        """`problem` is why it was refused a moment ago."""
+        name = session.short_name(one.name).lstrip("/")
+        title = f"Derive a signal on {session.name}" if is_new else f"Derived signal {name} on {session.name}"
+        super().__init__(title, LINES, {"name": name, "unit": one.unit, "is": one.expression}, HINTS)
+        self._session = session
+        self._start = "is" if name else "name"
+        self._problem = problem
+
+    def on_mount(self) -> None:
+        """Begin with the name where there is none yet."""
+        self.begin_at(self._start)
+        self.tell(self._problem)
+
+    @property
+    def made(self) -> Derived:
+        """What is typed."""
+        fields = {name: typed.strip() for name, typed in self.fields.items()}
+        return Derived(fields["name"], fields["is"], fields["unit"])
+
+    async def look(self) -> None:
+        """Say what it would be; why it was refused stands until a key is pressed."""
+        problem, self._problem = self._problem, ""
+        if problem:
+            self.tell(problem)
+        elif self.made.expression:
+            self._told(self.made)
+        else:
+            self.tell(HELP)
+
+    def _told(self, made: Derived) -> bool:
+        """Say what it would be, or why it can't be; return whether it can."""
+        try:
+            self.tell("\n".join(derived.words_of(made, self._session.table)))
+        except ExpressionError as error:
+            # under the line that is typed in, which begins at the same cell
+            self.tell(f"{self._caret(error.at, error.end)}\n{error.reason}")
+        except ElementError as error:
+            self.tell(str(error))
+        else:
+            return True
+        return False
+
+    def _caret(self, at: int, end: int) -> str:
+        """Return carets under the mistake, where the line shows all of it."""
+        line = self.field("is")
+        blank = line.region.x - self.query_one("#form-told").content_region.x
+        first = len(line.value) - len(line.value.lstrip()) - int(line.scroll_offset.x)
+        return " " * max(0, blank + first + at) + "^" * (end - at)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Answer with it; what can't be derived is said, and the dialog stays."""
+        made = self.made
+        if not made.expression:
+            self.tell(HELP)
+            self.field("is").focus()
+        elif self._told(made):
+            self.dismiss(made)
+
+
+async def derive(context: Context, session: Session, one: Derived) -> None:
+    """Ask what is to be derived, have it derived, and go to its row."""
+    is_new = not any(known.name == one.name for known in derived.present(session.table))
+    made, problem, said = one, "", ""
+    while not said:
+        answer = await context.app.push_screen_wait(DeriveDialog(session, made, is_new=is_new, problem=problem))
+        if answer is None:
+            return
+        made = answer
+        try:
+            said = await context.link.call(_deriving(made))
+        except RefusedError as error:
+            problem = str(error)
+    await session.reload()
+    row = session.table.row(derived.named(session.table, made.name).name)
+    if row is not None and not session.rows.move_to_row(row):
+        said += "; the filter hides it"
+    context.say(session.table.shown(said))
+
+
+def _deriving(made: Derived) -> "Callable[[Client], str]":
+    return lambda client: client.derive(made.name, made.expression, made.unit)
+
+
+async def forget(context: Context, session: Session, rows: Sequence[int]) -> None:
+    """Ask, and forget derived signals."""
+    names = [session.table.names[row] for row in rows]
+    shown = [session.short_name(name).lstrip("/") for name in names]
+    one = len(names) == 1
+    what = shown[0] if one else text.plural(len(names), "derived signal")
+    lines = [f"{name} {session.table.elements[row].description}" for name, row in zip(shown, rows, strict=True)]
+    lines += ["Its signals stay as they are." if one else "Their signals stay as they are."]
+    choices = [Choice("no", f"Keep {'it' if one else 'them'}"), Choice("yes", "Forget", "y")]
+    question = Question(f"Forget {what} of {session.name}?", "\n".join(lines), choices)
+    if await context.app.push_screen_wait(question) != "yes":
+        return
+    said = await context.link.call(lambda client: "; ".join([client.remove_derived(name) for name in names[::-1]]))
+    await session.reload()
+    context.say(session.table.shown(said))

@@ -1,0 +1,246 @@
+# ruff: noqa: D102 - what a command does stands in actions.py, once
+"""Edits of a table: of the field under the cursor, of derived signals, of what is marked; all wait to be applied."""
+
+import math
+from collections.abc import Callable
+
+import msgspec
+
+from silo.model import TriggerOptions
+from silo.settings.words import examples
+from silo_tui.actions import BY_ID
+from silo_tui.model import derived, text
+from silo_tui.model.fields import Field, next_value, parse_change, phrase_for
+from silo_tui.model.orders import STEADY
+from silo_tui.screens.derive import derive, forget
+from silo_tui.screens.dialogs import Choice, Question
+from silo_tui.screens.elements import ElementsScreen
+from silo_tui.widgets.bars import KeyBar
+from silo_tui.widgets.element_table import ElementTable
+from silo_tui.widgets.inputs import CellEditor
+
+FIELD_KEYS = {
+    Field.DIVIDER: "d", Field.BUFFER_SIZE: "s", Field.BUFFER_TYPE: "b", Field.ACTION: "p", Field.ENABLED: "t",
+}  # fmt: skip
+EDITOR_KEYS = "Enter sets it  Esc leaves it as it was"
+
+
+class Editing(ElementsScreen):
+    """The commands of a logger's table that change it."""
+
+    _field_chosen = False  # by ← →: until then `e` asks which, for a toggle is no harmless guess
+
+    def command_left(self) -> None:
+        self._field_chosen = True
+        self._choose_field(self.table.field_beside(-1))
+
+    def command_right(self) -> None:
+        self._field_chosen = True
+        self._choose_field(self.table.field_beside(1))
+
+    def _choose_field(self, field: Field) -> None:
+        self.table.field = field
+        self.table.redraw_cursor()
+        self.table_head.refresh()
+
+    # ------------------------------------------------------------------------------------------------- editing
+
+    def command_edit(self) -> None:
+        if (row := self._derived_row) is not None:
+            self.command_derive(self.session.table.names[row])
+        elif self._field_chosen:
+            self.edit_field(self.table.field)
+        elif self._targets_known():
+            count = len(self.session.rows.targets())
+            choices = [Choice(str(int(field)), field.label, key) for field, key in FIELD_KEYS.items()]
+            self.app.push_screen(
+                Question(f"Edit what of {text.plural(count, 'element')}?", "", choices), self._edit_chosen
+            )
+
+    @property
+    def _derived_row(self) -> int | None:
+        """The derived signal that a key is about, where it is about one alone."""
+        targets = self.session.rows.targets()
+        return int(targets[0]) if len(targets) == 1 and self.session.table.derived[targets[0]] else None
+
+    def command_derive(self, name: str = "", expression: str = "") -> None:
+        """Make a derived signal, or change the one of that name."""
+        one = derived.named(self.session.table, name)
+        one = msgspec.structs.replace(one, expression=expression) if expression else one
+        self.context.run_flow(derive(self.context, self.session, one))
+
+    def command_new_of_row(self) -> None:
+        row = self.session.rows.row
+        if row is None or not self.session.table.elements[row].entries:
+            self.say("a trigger or limits are of one element: go to its line")
+            return
+        entry = self.session.rows.entry or 0
+        name = self.session.table.entry_names(row)[entry]
+        short = self.session.short_name(name).lstrip("/")
+        reading = self.session.live.readings.get(self.session.table.names[row])
+        value = reading.newest[entry] if reading is not None and entry < len(reading.newest) else 0.0
+        level = f"{value:.6g}" if math.isfinite(value) else "0"
+        made = TriggerOptions(short.rpartition("/")[2], f"{short} > {level}", 1.0, 1.0)
+        choices = [
+            Choice("trigger", f"A trigger: {made.when}", "t"), Choice("limits", "Limits", "l"),
+            Choice("derived", "A signal derived from it", "d"),
+        ]  # fmt: skip
+        self.app.push_screen(Question(f"New for {short}?", "", choices), lambda answer: self._make(answer, made, name))
+
+    def _make(self, answer: str | None, made: TriggerOptions, name: str) -> None:
+        """Go to the editor of a trigger, or of limits."""
+        from silo_tui.screens.alarms import AlarmsScreen
+        from silo_tui.screens.triggers import TriggersScreen
+
+        if answer == "trigger":
+            triggers = TriggersScreen(self.session)
+            self.app.push_screen(triggers)
+            triggers.call_after_refresh(triggers.edit, made, is_new=True)
+        elif answer == "derived":
+            self.command_derive("", self.session.short_name(name).lstrip("/"))
+        elif answer == "limits":
+            alarms = AlarmsScreen(self.session)
+            self.app.push_screen(alarms)
+            alarms.call_after_refresh(alarms.ask_limits, self.session.short_name(name).lstrip("/"), name)
+
+    def _edit_chosen(self, answer: str | None) -> None:
+        if answer is not None:
+            self.edit_field(Field(int(answer)))
+
+    def _targets_known(self) -> bool:
+        if len(self.session.rows.targets()) and not (why := self.session.why_fixed()):
+            return True
+        self.say(why if len(self.session.rows.targets()) else "nothing to edit here")
+        return False
+
+    def on_element_table_picked(self, event: ElementTable.Picked) -> None:
+        """Edit the cell under the cursor when it is clicked."""
+        self._field_chosen = self._field_chosen or event.field is not None
+        self.action_command("edit")
+
+    def edit_field(self, field: Field) -> None:
+        """Turn logging on or off, let one of a few values be chosen, or open the editor over the cell."""
+        if self._targets_known():
+            self.sure_of_hidden(lambda: self._edit_field(field))
+
+    def sure_of_hidden(self, then: Callable[[], None]) -> None:
+        """Ask first where what is marked is hidden: nobody sees what would be changed."""
+        rows = self.session.rows
+        hidden, count = rows.hidden_targets, len(rows.targets())
+        if not hidden:
+            then()
+            return
+        names = [self.session.short_name(rows.table.names[row]) for row in rows.targets() if row not in set(rows.shown)]
+        body = "Hidden by the filter:\n" + "\n".join(names[:8]) + (f"\nand {hidden - 8} more" if hidden > 8 else "")
+        title = f"{hidden} of the {text.plural(count, 'marked element')} are hidden. Change all {count}?"
+        choices = [Choice("no", "No"), Choice("all", f"All {count}", "y")]
+        if count > hidden:
+            choices.append(
+                Choice("shown", f"Only the {count - hidden} that are shown; the others lose their marks", "s")
+            )
+
+        def answered(answer: str | None) -> None:
+            if answer == "shown":
+                hide = rows.marked.copy()
+                hide[rows.shown] = False
+                rows.marked &= ~hide
+                self._marks_changed()
+            if answer in {"all", "shown"}:
+                then()
+
+        self.app.push_screen(Question(title, body, choices), answered)
+
+    def _edit_field(self, field: Field) -> None:
+        self._choose_field(field)
+        targets = self.session.rows.targets()
+        # of what is edited, not of the cursor's row, which needn't be marked
+        value = int(self.session.table.values[field, targets[0]])
+        if field is Field.ENABLED:
+            self._set(field, next_value(field, value))
+        elif field.cycles:
+            self._choose_value(field, value)
+        else:
+            self._open_editor(str(value), select=True)
+
+    def _choose_value(self, field: Field, value: int) -> None:
+        """Let one of a few values be chosen from a list."""
+        count = len(self.session.rows.targets())
+        words = field.option.words
+        choices = [Choice(str(int(each.value)), phrase_for(field, int(each.value)), each.cell[0]) for each in words]
+
+        def answered(answer: str | None) -> None:
+            if answer is not None:
+                self._set(field, int(answer))
+
+        title = f"{field.label} of {text.plural(count, 'element')}"
+        self.app.push_screen(Question(title, f"now {phrase_for(field, value)}", choices, str(value)), answered)
+
+    def _open_editor(self, value: str, *, select: bool) -> None:
+        field, count = self.table.field, len(self.session.rows.targets())
+        self.query_one(CellEditor).open(field, self.table.cell_region(), value, select=select)
+        hidden = "" if field in self.table.field_spans() else " (its column is not shown: C)"
+        self.info.ask(f"{field.label} of {text.plural(count, 'element')}{hidden}: {examples(field.option)}")
+        self.query_one(KeyBar).show_instead(EDITOR_KEYS)
+
+    def command_toggle(self) -> None:
+        self.edit_field(Field.ENABLED)
+
+    def command_edit_divider(self) -> None:
+        self.edit_field(Field.DIVIDER)
+
+    def command_edit_size(self) -> None:
+        self.edit_field(Field.BUFFER_SIZE)
+
+    def command_next_buffer(self) -> None:
+        self.edit_field(Field.BUFFER_TYPE)
+
+    def command_next_action(self) -> None:
+        self.edit_field(Field.ACTION)
+
+    def command_edit_all(self) -> None:
+        if self._targets_known():
+            self.sure_of_hidden(lambda: self._open_editor("=", select=False))
+
+    def _set(self, field: Field, value: int) -> None:
+        targets = self.session.rows.targets()
+        changed = self.session.table.edit(targets, field, value)
+        self._edited(f"{field.label} {phrase_for(field, value)}: {changed} changed" if changed else "nothing to change")
+
+    def _edited(self, words: str) -> None:
+        if self.session.rows.filter.text or self.session.rows.sort not in STEADY:
+            self.session.rows.refresh()
+        self.say(words)
+        self.table_changed()
+
+    def command_undo(self) -> None:
+        label = self.session.table.undo()
+        self._edited(f"undone: {label}" if label else "nothing to undo")
+
+    def command_redo(self) -> None:
+        label = self.session.table.redo()
+        self._edited(f"done again: {label}" if label else "nothing to do again")
+
+    def command_discard(self) -> None:
+        targets = self.session.rows.targets()
+        if len(targets) and self.session.table.derived[targets].all():
+            if self.context.allows(BY_ID["derive"]):
+                self.context.run_flow(forget(self.context, self.session, targets.tolist()))
+            return
+        self.sure_of_hidden(self._discard)
+
+    def _discard(self) -> None:
+        count = self.session.table.discard(self.session.rows.targets())
+        self._edited(
+            f"{text.plural(count, 'edit')} discarded; u brings them back" if count else "nothing is pending here"
+        )
+
+    def _take_cell(self, value: str) -> bool:
+        """Edit as typed; False, with the reason, when that can't be."""
+        field = self.query_one(CellEditor).field
+        try:
+            changed = self.session.change(parse_change(field, value))
+        except ValueError as error:
+            self.info.ask(f"? {str(error).removesuffix('; nothing was changed')}")  # which the open editor says
+            return False
+        self._edited(f"{field.label}: {changed} changed" if changed else "nothing to change")
+        return True

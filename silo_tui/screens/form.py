@@ -1,0 +1,93 @@
+"""A dialog of labelled lines, with what it says of them below: Tab goes to the next, Enter answers, Esc leaves."""
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, TypeVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding
+from textual.containers import Horizontal, Vertical
+from textual.timer import Timer
+from textual.widgets import Input, Static
+
+from silo_tui.context import Later
+from silo_tui.modal import Dialog
+
+ResultT = TypeVar("ResultT")
+
+
+class Form(Dialog[ResultT | None]):
+    """Answers None on Esc; what Enter does is the dialog's own."""
+
+    AFTER_S: ClassVar[float]  # since the last key, until what is typed is looked at
+    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
+        Binding("escape", "leave", "Back", show=False)
+    ]
+
+    def __init__(
+        self, title: str, lines: Sequence[Sequence[str]], values: Mapping[str, str], hints: Mapping[str, str]
+    ) -> None:
+        """`lines` have the labels of their fields from left to right."""
+        super().__init__()
+        self._title, self._lines, self._values, self._hints = title, lines, values, hints
+        self._timer: Timer | None = None
+
+    def compose(self) -> ComposeResult:
+        """Yield title, lines to type in, what is said of them."""
+        with Vertical(classes="dialog form"):
+            yield Static(self._title, classes="dialog-title", markup=False)
+            for names in self._lines:
+                with Horizontal(classes="form-line"):
+                    for name in names:
+                        yield Static(name, classes="form-label", markup=False)
+                        yield Input(
+                            self._values.get(name, ""), placeholder=self._hints[name], compact=True, id=f"form-{name}"
+                        )
+            yield Static("", id="form-told", markup=False)
+
+    def begin_at(self, name: str) -> None:
+        """Give the keys to a field, and look at what is there."""
+        self.field(name).focus()
+        self._look_soon()
+
+    def field(self, name: str) -> Input:
+        """Return the line of a label."""
+        return self.query_one(f"#form-{name}", Input)
+
+    @property
+    def fields(self) -> dict[str, str]:
+        """What is typed, by label; nothing of a dialog that was left."""
+        return {str(line.id).removeprefix("form-"): line.value for line in self.query(Input)}
+
+    @property
+    def told_width(self) -> int:
+        """The cells of a line of what is told."""
+        return next((line.content_size.width for line in self.query("#form-told")), 80)
+
+    def tell(self, words: str) -> None:
+        """Say something of what is typed."""
+        for line in self.query("#form-told").results(Static):  # none of a dialog that was left
+            line.update(Text(words))
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Look at it when the keys rest."""
+        self._look_soon()
+
+    def _look_soon(self) -> None:
+        if self._timer is not None:
+            self._timer.stop()
+        self._timer = self.set_timer(
+            self.AFTER_S, lambda: self.run_worker(Later(self._look_now), group="look", exclusive=True)
+        )
+
+    async def _look_now(self) -> None:
+        if self.fields:
+            await self.look()
+
+    async def look(self) -> None:
+        """Say what the lines mean."""
+        raise NotImplementedError
+
+    def action_leave(self) -> None:
+        """Leave; nothing is set."""
+        self.dismiss(None)

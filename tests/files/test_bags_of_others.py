@@ -1,0 +1,431 @@
+"""Bags that silo did not write, made here by `rosbags` and `mcap`: signals with the stamps of their own topics."""
+
+import json
+import sqlite3
+import warnings
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+import silo
+from silo.cli.main import cli
+from silo.files.others import mcap_file
+
+START = 1_700_000_000 * 10**9
+STEP = 5_000_000
+LATE = 2_000_000  # from the measurement to the recorder
+STATE = """uint8 MODE_STAND=0
+uint8 MODE_WALK=1
+uint8 mode
+string note
+float64[] gains
+uint8 last
+bool on
+float32[4] feet
+"""
+
+
+def message_types():
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(STATE, "my_msgs/msg/State"))
+    return store
+
+
+def messages(count):
+    """Topic, type, log time, CDR: what a small robot publishes, topic by topic at rates of their own."""
+    store = message_types()
+    make = store.types
+    vector, turn, header, stamp = (
+        make[name]
+        for name in (
+            "geometry_msgs/msg/Vector3", "geometry_msgs/msg/Quaternion", "std_msgs/msg/Header",
+            "builtin_interfaces/msg/Time",
+        )
+    )  # fmt: skip
+    nothing = np.zeros(9)
+
+    def packed(topic, time_ns, kind, *fields):
+        return topic, kind, time_ns, store.serialize_cdr(make[kind](*fields), kind)
+
+    for number in range(count):
+        now = START + number * STEP
+        measured = divmod(now - LATE, 10**9)
+        head = header(stamp(*measured), "base")
+        still, fast = vector(0.0, 0.0, 9.81), vector(float(number), 0.5, -1.0)
+        yield packed(
+            "/imu", now, "sensor_msgs/msg/Imu", head, turn(0.0, 0.0, 0.0, 1.0), nothing, fast, nothing, still, nothing
+        )
+        if number % 3 == 0:
+            joints = ["hip", "knee"] if number % 2 == 0 else ["grip"]
+            where = np.array([number, number + 0.5])[: len(joints)]
+            yield packed(
+                "/joint_states", now + 1000, "sensor_msgs/msg/JointState", head, joints, where, np.zeros(0), np.zeros(0)
+            )
+        if number % 10 == 0:
+            gains = np.arange(number // 10 % 3, dtype=float)
+            note = "x" * (number // 10 % 7)
+            feet = np.full(4, number, np.float32)
+            walks, on = int(number > count / 2), number % 20 == 0
+            yield packed("/state", now + 5, "my_msgs/msg/State", walks, note, gains, number % 256, on, feet)
+        if number % 100 == 0:
+            picture = (4, 4, "mono8", 0, 4, np.zeros(16, np.uint8))
+            yield packed("/camera", now + 7, "sensor_msgs/msg/Image", head, *picture)
+
+
+def rosbag(path, plugin, count=200, compression=()):
+    store = message_types()
+    writer = Writer(path, version=8, storage_plugin=plugin)
+    if compression:
+        writer.set_compression(*compression)
+    with writer:
+        topics = {}
+        for topic, kind, time_ns, data in messages(count):
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(topics[topic], time_ns, data)
+    return path
+
+
+def mcap_bag(path, count=200, **options):
+    """The same by the writer of Foxglove."""
+    store = message_types()
+    with path.open("wb") as file:
+        writer = McapWriter(file, **options)
+        writer.start(profile="ros2")
+        topics = {}
+        for topic, kind, time_ns, data in messages(count):
+            if topic not in topics:
+                text = store.generate_msgdef(kind, ros_version=2)[0].encode()
+                schema = writer.register_schema(kind, "ros2msg", text)
+                topics[topic] = writer.register_channel(topic, "cdr", schema)
+            writer.add_message(topics[topic], time_ns, bytes(data), time_ns)
+        writer.finish()
+    return path
+
+
+def opened(path, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", silo.LogWarning)
+        return silo.open_log(path, **options)
+
+
+MAKERS = {
+    "rosbag2 sqlite3": lambda path: rosbag(path / "bag", StoragePlugin.SQLITE3),
+    "a .db3 alone": lambda path: rosbag(path / "bag", StoragePlugin.SQLITE3) / "bag.db3",
+    "rosbag2 mcap": lambda path: rosbag(path / "bag", StoragePlugin.MCAP),
+    "mcap, zstd": lambda path: mcap_bag(path / "bag.mcap", chunk_size=20_000),
+    "mcap, lz4": lambda path: mcap_bag(path / "bag.mcap", chunk_size=20_000, compression=CompressionType.LZ4),
+    "mcap without chunks": lambda path: mcap_bag(path / "bag.mcap", use_chunking=False),
+    "mcap without index": lambda path: mcap_bag(path / "bag.mcap", index_types=mcap_no_index()),
+    "mcap without repeated channels": lambda path: mcap_bag(
+        path / "bag.mcap", repeat_channels=False, repeat_schemas=False
+    ),
+}
+
+
+def mcap_no_index():
+    from mcap.writer import IndexType
+
+    return IndexType.NONE
+
+
+@pytest.fixture(scope="module", params=MAKERS)
+def log(request, tmp_path_factory):
+    return opened(MAKERS[request.param](tmp_path_factory.mktemp("bags")))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return rosbag(tmp_path_factory.mktemp("bags") / "drive", StoragePlugin.MCAP)
+
+
+@pytest.mark.filterwarnings("ignore::silo.LogWarning")
+class TestEveryStorage:
+    """The same messages by all that writes bags."""
+
+    def test_a_field_is_a_signal_with_the_stamps_of_its_topic(self, log):
+        turning = log["/imu/angular_velocity/x"]
+        np.testing.assert_array_equal(turning.values, np.arange(200.0))
+        np.testing.assert_array_equal(turning.time_ns, START + STEP * np.arange(200))
+        np.testing.assert_array_equal(log["/state/last"].time_ns, START + 5 + 10 * STEP * np.arange(20))
+
+    def test_three_numbers_are_a_vector_with_a_unit(self, log):
+        turning = log["imu/angular_velocity"]
+        assert (turning.kind, turning.unit, turning.components) == ("vector", "rad/s", ("x", "y", "z"))
+        assert turning.to("deg/s").max()[0] == pytest.approx(np.degrees(199))
+        assert log["imu/orientation"].kind == "quaternion"
+
+    def test_arrays_texts_bools_and_constants_are_what_they_are(self, log):
+        assert log["state/feet"].values.shape == (20, 4)
+        assert log["state/feet"].dtype == np.float32
+        assert log["state/note"].values.tolist() == ["x" * (number % 7) for number in range(20)]
+        assert log["state/on"].values.tolist() == [True, False] * 10
+        assert log["state/mode"].texts.tolist() == ["STAND"] * 11 + ["WALK"] * 9
+        assert log["imu/header/frame_id"].values.tolist() == ["base"] * 200
+        np.testing.assert_array_equal(log["state/last"].values, (10 * np.arange(20) % 256).astype(np.uint8))
+
+    def test_arrays_of_changing_length_have_nan_where_there_is_nothing(self, log):
+        np.testing.assert_array_equal(log["state/gains"].values[:3], [[np.nan, np.nan], [0, np.nan], [0, 1]])
+
+    def test_joints_are_found_by_their_names_whoever_publishes_them(self, log):
+        joints = log["joint_states/position"]
+        assert joints.components == ("hip", "knee", "grip")
+        np.testing.assert_array_equal(joints.values[:2], [[0, 0.5, np.nan], [np.nan, np.nan, 3]])
+        np.testing.assert_array_equal(log["joint_states/position_grip"].values[1::2], np.arange(3.0, 200, 6))
+
+    def test_a_time_is_a_date(self, log):
+        stamps = log["imu/header/stamp"].values
+        np.testing.assert_array_equal(stamps.view(np.int64), START - LATE + STEP * np.arange(200))
+
+    def test_an_expression_over_two_topics_holds_the_slower_one(self, log):
+        assert log.eval("imu/angular_velocity/x > 50 and state/mode == WALK").when()[0] == pytest.approx(0.55, abs=1e-6)
+
+    def test_a_part_of_the_log_is_that_of_every_topic(self, log):
+        part = log.clip(0.1, 0.2)
+        assert part["imu/angular_velocity/x"].values.tolist() == list(range(20, 41))
+        assert len(part["state/on"]) == 2
+
+    def test_resampled_it_is_a_log_like_any_other(self, log, tmp_path):
+        made = silo.open_log(log.resample(100).save(tmp_path / "run.silo"))
+        np.testing.assert_array_equal(made["/imu/angular_velocity/x"].values[:5], [0, 2, 4, 6, 8])
+        assert made["imu/angular_velocity"].unit == "rad/s"
+        assert made["state/mode"].texts[-1] == "WALK"
+        assert len({len(made[name].time_ns) for name in made.names("/imu/*")}) == 1
+
+    def test_bytes_are_named_in_one_warning(self, log):
+        (text,) = log.warnings
+        assert text == "bytes and lists of messages are no signals: /camera/data"
+        assert "/camera/width" in log
+
+
+class TestHeaderStamps:
+    def test_by_default_a_sample_stands_where_it_was_recorded(self, folder):
+        assert opened(folder)["imu/angular_velocity"].time_ns[0] == START
+
+    def test_the_header_tells_when_it_was_measured(self, folder):
+        log = opened(folder, stamps="header")
+        np.testing.assert_array_equal(log["imu/angular_velocity/x"].time_ns, START - LATE + STEP * np.arange(200))
+        np.testing.assert_array_equal(log["imu/angular_velocity/x"].values, np.arange(200.0))
+        assert log["imu/angular_velocity"].times[0] == pytest.approx(-0.002)
+
+    def test_messages_without_a_header_keep_the_log_time(self, folder):
+        assert opened(folder, stamps="header")["state/on"].time_ns[0] == START + 5
+
+    def test_headers_that_come_in_another_order_are_put_in_order(self, tmp_path):
+        store = message_types()
+        kind = "sensor_msgs/msg/Temperature"
+        header, stamp = store.types["std_msgs/msg/Header"], store.types["builtin_interfaces/msg/Time"]
+        with Writer(tmp_path / "bag", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+            topic = writer.add_connection("/warm", kind, typestore=store)
+            for number, second in enumerate((3, 1, 0, 2)):  # one was not set
+                message = store.types[kind](header(stamp(second, 0), ""), float(second), 0.0)
+                writer.write(topic, 10**9 * (number + 1), store.serialize_cdr(message, kind))
+        warm = opened(tmp_path / "bag", stamps="header")["warm/temperature"]
+        assert warm.values.tolist() == [1, 2, 3, 0]
+        assert (warm.time_ns / 1e9).tolist() == [1, 2, 3, 3]
+
+    def test_an_unknown_word_is_told(self, folder):
+        with pytest.raises(silo.ElementError, match=r"choose 'log' .* or 'header'"):
+            silo.open_log(folder, stamps="publish")
+
+
+class TestLazily:
+    def test_opening_unpacks_only_what_tells_lengths(self, tmp_path, monkeypatch):
+        path = mcap_bag(tmp_path / "bag.mcap", 2000, chunk_size=20_000)
+        unpacked = []
+        whole = mcap_file._unpacked
+        monkeypatch.setattr(mcap_file, "_unpacked", lambda body: unpacked.append(1) or whole(body))
+        log = opened(path)
+        chunks = len(log.recording.elements[0].reader._parts[0].stored.file._blocks)
+        assert chunks > 30
+        assert len(unpacked) <= 9  # of three topics with arrays, the first, a middle and the last chunk
+        assert log.duration_s == pytest.approx(1999 * STEP * 1e-9)
+        assert len(unpacked) <= 9
+
+    def test_a_signal_costs_the_chunks_of_its_topic(self, tmp_path, monkeypatch):
+        path = mcap_bag(tmp_path / "bag.mcap", 2000, chunk_size=2_000)
+        log = opened(path)
+        unpacked = []
+        whole = mcap_file._unpacked
+        monkeypatch.setattr(mcap_file, "_unpacked", lambda body: unpacked.append(1) or whole(body))
+        assert len(log["camera/width"]) == 20
+        assert log["camera/width"].max() == 4
+        assert 0 < len(unpacked) <= 20
+
+    def test_tables_have_a_row_for_every_stamp(self, folder):
+        log = opened(folder)
+        frame = log.to_pandas("state/*")
+        assert len(frame) == 20
+        assert len(log.to_polars("*/header/stamp")) == 200 + 67 + 2  # as many as there are stamps
+        both = log.namespace("imu").to_pandas()
+        assert (len(both), both["/imu/angular_velocity_x"].iloc[-1]) == (200, 199)
+
+
+class TestOtherFiles:
+    def test_two_files_of_one_bag_are_one_log(self, tmp_path):
+        (tmp_path / "bag").mkdir()
+        whole = list(messages(40))
+        store = message_types()
+        for part in range(2):
+            with (tmp_path / "bag" / f"bag_{part}.mcap").open("wb") as file:
+                writer = McapWriter(file)
+                writer.start()
+                topics = {}
+                for topic, kind, time_ns, data in whole[part::2]:
+                    if topic not in topics:
+                        text = store.generate_msgdef(kind, ros_version=2)[0].encode()
+                        topics[topic] = writer.register_channel(
+                            topic, "cdr", writer.register_schema(kind, "ros2msg", text)
+                        )
+                    writer.add_message(topics[topic], time_ns, bytes(data), time_ns)
+                writer.finish()
+        assert opened(tmp_path / "bag")["imu/angular_velocity/x"].values.tolist() == list(range(40))
+
+    @pytest.mark.parametrize("size", [0.5, 0.9, 0.999])
+    def test_a_file_that_was_cut_off_gives_what_is_whole(self, tmp_path, size):
+        path = mcap_bag(tmp_path / "bag.mcap", chunk_size=5_000)
+        path.write_bytes(path.read_bytes()[: int(path.stat().st_size * size)])
+        with pytest.warns(silo.LogWarning, match="cut off"):
+            log = silo.open_log(path)
+        turning = log["imu/angular_velocity/x"].values
+        assert 60 < len(turning) <= 200
+        np.testing.assert_array_equal(turning, np.arange(len(turning)))
+
+    def test_damage_is_told_where_it_is_met(self, tmp_path):
+        path = mcap_bag(tmp_path / "bag.mcap", compression=CompressionType.NONE)
+        log = opened(path)
+        data = bytearray(path.read_bytes())
+        data[5000] ^= 0xFF
+        path.write_bytes(data)
+        with pytest.raises(silo.FileFormatError, match=r"bag\.mcap: .*damaged"):
+            opened(path)["imu/angular_velocity/x"].max()
+        assert "imu/angular_velocity" in log
+
+    def test_messages_that_are_compressed_one_by_one_are_read(self, tmp_path):
+        bag = rosbag(tmp_path / "bag", StoragePlugin.SQLITE3, 30, (CompressionMode.MESSAGE, CompressionFormat.ZSTD))
+        assert opened(bag)["imu/angular_velocity/x"].values.tolist() == list(range(30))
+
+    def test_a_bag_that_is_compressed_as_a_whole_is_told_how_to_unpack(self, tmp_path):
+        bag = rosbag(tmp_path / "bag", StoragePlugin.SQLITE3, 3, (CompressionMode.FILE, CompressionFormat.ZSTD))
+        with pytest.raises(silo.FileFormatError, match=r"zstd -d bag\.db3\.zstd"):
+            silo.open_log(bag)
+
+    def test_types_that_nobody_knows_are_named_in_one_warning_and_left_out(self, tmp_path):
+        bag = rosbag(tmp_path / "bag", StoragePlugin.SQLITE3, 30)
+        database = sqlite3.connect(bag / "bag.db3")
+        database.execute("UPDATE topics SET type = 'their_msgs/msg/' || 'Thing' WHERE name IN ('/state', '/camera')")
+        database.commit()
+        database.close()
+        with pytest.warns(silo.LogWarning) as told:
+            log = silo.open_log(bag)
+        (text,) = [str(one.message) for one in told]
+        assert "2 topics are left out: /state (their_msgs/msg/Thing: its definition is not in the bag), /camera" in text
+        assert "imu/angular_velocity" in log
+        assert "state/on" not in log
+
+    def test_numbers_and_texts_of_json_are_signals(self, tmp_path):
+        path = tmp_path / "bag.mcap"
+        with path.open("wb") as file:
+            writer = McapWriter(file)
+            writer.start()
+            schema = writer.register_schema("Pose", "jsonschema", b'{"type": "object"}')
+            topic = writer.register_channel("/pose", "json", schema)
+            for number in range(5):
+                message = {"at": {"x": number, "y": 0.5}, "mode": "go", "ok": True, "legs": [number, 1], "list": [{}]}
+                if number == 3:
+                    del message["at"]["y"]
+                writer.add_message(topic, START + number, json.dumps(message).encode(), START + number)
+            writer.finish()
+        log = opened(path)
+        assert log["/pose/at/x"].values.tolist() == [0, 1, 2, 3, 4]
+        np.testing.assert_array_equal(log["pose/at/y"].values, [0.5, 0.5, 0.5, np.nan, 0.5])
+        assert log["pose/mode"].values.tolist() == ["go"] * 5
+        assert log["pose/ok"].values.tolist() == [True] * 5
+        assert log["pose/legs"].values.tolist() == [[number, 1] for number in range(5)]
+        assert "/pose/list" in log.warnings[0]
+
+    def test_an_encoding_that_silo_does_not_read_is_named(self, tmp_path):
+        path = tmp_path / "bag.mcap"
+        with path.open("wb") as file:
+            writer = McapWriter(file)
+            writer.start()
+            topic = writer.register_channel("/x", "protobuf", writer.register_schema("X", "protobuf", b""))
+            writer.add_message(topic, START, b"\0", START)
+            writer.finish()
+        with pytest.warns(silo.LogWarning, match=r"/x \(X: silo reads no protobuf messages\)"):
+            assert len(silo.open_log(path)) == 0
+
+    def test_an_empty_file_is_told(self, tmp_path):
+        path = tmp_path / "bag.mcap"
+        with path.open("wb") as file:
+            writer = McapWriter(file)
+            writer.start()
+            writer.finish()
+        with pytest.raises(silo.FileFormatError, match="holds no message"):
+            silo.open_log(path)
+
+    def test_a_folder_finds_bags_of_others_too(self, tmp_path):
+        rosbag(tmp_path / "rosbag2_2026", StoragePlugin.MCAP, 3)
+        with pytest.warns(silo.LogWarning):
+            (log,) = silo.open_logs(tmp_path)
+        assert log.path.endswith("rosbag2_2026")
+        assert opened("rosbag2_20", folder=tmp_path).path == log.path
+
+
+class TestSaving:
+    def test_a_file_with_one_time_for_all_is_refused_with_the_way_out(self, folder, tmp_path):
+        way_out = r"log.resample\(100\).save\('drive.csv'\) or `silo convert --rate 100`"
+        with pytest.raises(silo.SaveError, match=way_out):
+            opened(folder).save(tmp_path / "drive.csv")
+        assert not (tmp_path / "drive.csv").exists()
+
+    def test_files_that_can_keep_the_times_of_each(self, folder, tmp_path):
+        import h5py
+
+        opened(folder).save(tmp_path / "drive.h5")
+        with h5py.File(tmp_path / "drive.h5") as file:
+            np.testing.assert_array_equal(file["imu/angular_velocity/time_ns"], START + STEP * np.arange(200))
+            np.testing.assert_array_equal(file["state/last/time_ns"], START + 5 + 10 * STEP * np.arange(20))
+
+    def test_two_runs_are_compared(self, folder, tmp_path):
+        log = opened(folder)
+        assert not silo.compare(log, opened(folder), "imu/*")
+        assert silo.compare(log, log.resample(log["imu/angular_velocity"]), "state/*").alike >= 8
+
+
+class TestCommands:
+    @pytest.fixture
+    def silo_command(self):
+        return lambda *words: CliRunner().invoke(cli, list(map(str, words)), env={"COLUMNS": "120"})
+
+    def test_info_lists_topics_with_their_rates(self, silo_command, folder):
+        output = silo_command("info", folder).output
+        assert "/imu/angular_velocity" in output
+        assert "rad/s  float64[3]          200     200" in output
+
+    def test_plot_and_stats_take_signals_and_expressions(self, silo_command, folder):
+        assert "199" in silo_command("stats", folder, "imu/angular_velocity/x").output
+        assert "imu/angular_velocity/x * 2" in silo_command("plot", folder, "imu/angular_velocity/x * 2").output
+
+    def test_check_judges_it(self, silo_command, folder):
+        limit = "imu/angular_velocity/x=-,-,-,100"
+        output = silo_command("check", folder, "--never", "state/mode == WALK", "--limit", limit).output
+        assert "2 of 2 violated" in output
+
+    def test_convert_says_the_way_and_takes_it(self, silo_command, folder, tmp_path):
+        refused = silo_command("convert", folder, tmp_path / "x.csv")
+        assert refused.exit_code == 1
+        assert "--rate 100" in refused.output
+        assert silo_command("convert", "--rate", 50, folder, tmp_path / "x.csv").exit_code == 0
+        assert silo.open_log(tmp_path / "x.csv")["imu/angular_velocity/x"].values[:3].tolist() == [0, 4, 8]
+
+    def test_the_screen_says_what_to_do(self, folder):
+        from silo_tui.sessions.recorded import open_file
+
+        with pytest.raises(silo.FileFormatError, match="silo convert --rate 100"):
+            open_file(folder)

@@ -1,0 +1,112 @@
+"""`silo ls --follow`: what is printed, in place on a terminal, one line per change elsewhere."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from silo.cli.follow import changed, meant, screen_lines, sentence
+from silo.ipc.fleet import FleetNow
+from silo.ipc.found import Found
+from silo.ipc.member import Member
+from silo.ipc.published import Summary
+from silo.ipc.session import close, open_router
+from silo.model import State
+from tests.stand_ins.simulated_robots import SimulatedRobots
+
+NOW_S, NOW_NS = 1000.0, 10**18
+FINE = Summary(
+    state=State.RUNNING, frequency_hz=400.0, measured_hz=400.0, started_ns=NOW_NS - 12 * 10**9, clients=["ann@desk 7"],
+    disk_free_bytes=40 * 10**9, disk_bytes=100 * 10**9,
+)  # fmt: skip
+
+
+def member(host: str, *, here: bool = True, **told) -> Member:
+    found = Found("anymal", 0, "", "", "lab", host, id="aaaa000001")
+    return Member(found, msgspec.structs.replace(FINE, **told), here, since_s=NOW_S - 75)
+
+
+def fleet(*members: Member) -> FleetNow:
+    return FleetNow(1, members)
+
+
+def test_lines_on_a_terminal_say_how_each_stands_the_worst_first() -> None:
+    found = fleet(member("rob1"), member("rob2", here=False), member("rob3", alarm="HH", alarms=2, lost=4))
+    head, *rows, total = screen_lines(found, meant(found, ""), 20, NOW_S, NOW_NS)
+    assert head.split() == ["LOGGER", "STATE", "FOR", "HZ", "LOST", "FREE", "!", "SEEN", "WHO"]
+    assert [row.split() for row in rows] == [
+        ["rob2/anymal", "silent", "-", "-", "0", "40", "GB", "~~", "01:15", "ago", "was", "running"],
+        ["rob3/anymal", "running", "00:12", "400", "4", "40", "GB", "HH", "2", "now", "ann@desk"],
+        ["rob1/anymal", "running", "00:12", "400", "0", "40", "GB", "now", "ann@desk"],
+    ]
+    assert total == "3 loggers: 1 silent, 2 running; Ctrl-C ends"
+
+
+@pytest.mark.parametrize("room", [4, 10, 23])
+def test_there_are_never_more_lines_than_the_terminal_has_and_what_is_left_out_is_told(room) -> None:
+    found = fleet(*(member(f"rob{place:02}", lost=int(place == 29)) for place in range(30)))
+    lines = screen_lines(found, meant(found, ""), room, NOW_S, NOW_NS)
+    assert len(lines) == room
+    assert lines[1].startswith("rob29/anymal")
+    assert lines[-2] == f"and {30 - (room - 3)} more that are no worse"
+
+
+def test_a_pattern_chooses() -> None:
+    found = fleet(member("rob1"), member("rob2"), member("spot"))
+    assert [one.found.host for one in meant(found, "rob*/anymal")] == ["rob1", "rob2"]
+    assert [one.found.host for one in meant(found, "spot/anymal")] == ["spot"]
+
+
+def test_a_line_is_printed_for_what_changes_and_not_for_what_wavers() -> None:
+    known: dict = {}
+
+    def told(one: Member) -> list[str]:
+        return [name for name, _ in changed(fleet(one), [one], known)]
+
+    assert told(member("rob1")) == ["rob1/anymal"]
+    assert told(member("rob1", measured_hz=401.0, ticks=9, disk_free_bytes=39 * 10**9)) == []
+    assert told(member("rob1", lost=1)) == ["rob1/anymal"]
+    assert told(member("rob1", lost=1, measured_hz=300.0)) == ["rob1/anymal"]
+    assert told(member("rob1", lost=1, here=False)) == ["rob1/anymal"]
+
+
+def test_a_change_in_words() -> None:
+    assert sentence(member("rob1", lost=2, alarm="H", alarms=1)) == "running  400 Hz  lost 2  40 GB free  H 1  ann@desk"
+    assert sentence(member("rob1", here=False)).startswith("silent, was running")
+    assert sentence(Member(Found("x", 0, "", ""), problem="gives no\nanswer")) == "no answer: gives no answer"
+
+
+@pytest.mark.slow
+def test_in_a_pipe_each_change_is_a_line_until_ctrl_c(tmp_path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoints = [f"tcp/127.0.0.1:{probe.getsockname()[1]}"]
+    (tmp_path / "router.json5").write_text(json.dumps({"listen": {"endpoints": endpoints}}))
+    desk = tmp_path / "desk.json5"
+    desk.write_text(json.dumps({"connect": {"endpoints": endpoints}}))
+    router, _ = open_router(str(tmp_path / "router.json5"))
+    program = "from silo.cli import main; main()"
+    command = [sys.executable, "-c", program, "--config", str(desk), "ls", "--follow", "--json", "rob1/*"]
+    try:
+        with SimulatedRobots(str(desk), ["rob1", "rob2"]) as made:
+            process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2])
+            first = json.loads(process.stdout.readline())
+            assert (first["address"], first["state"], first["here"]) == ("rob1/anymal", "running", True)
+            made.robots[1].lost = 7  # nobody asked for that one
+            made.robots[0].lost = 1
+            made.robots[0].publish()
+            assert json.loads(process.stdout.readline())["lost"] == 1
+            made.close()
+            gone = json.loads(process.stdout.readline())
+            assert (gone["state"], gone["last_state"], gone["here"]) == ("silent", "running", False)
+            made.robots = []
+        process.send_signal(signal.SIGINT)
+        assert process.communicate()[0] == ""
+        assert process.returncode == 0
+    finally:
+        close(router)

@@ -1,0 +1,124 @@
+"""One URL names a topic: for Python, for the commands, and, by what `silo address` prints, for Zenoh anywhere."""
+
+import json
+import select
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import silo
+from silo.cli.main import cli, run
+from silo.errors import ConnectionLostError, ElementError
+from silo.ipc.addresses import Address, logger_of, parse_url, url_of, zenoh_settings
+from silo.ipc.found import Found
+from silo.ipc.remotes import remote_file
+
+PROTOCOL = Path(__file__).parents[2] / ".docs" / "protocol.md"
+
+
+class TestUrls:
+    @pytest.mark.parametrize(
+        ("url", "logger", "element"),
+        [
+            ("silo://robot3/anymal", "robot3/anymal", ""),
+            ("silo://robot3/anymal/log/joints/q", "robot3/anymal", "/log/joints/q"),
+            ("silo://robot3~3fa977b2e0/anymal/x", "robot3~3fa977b2e0/anymal", "/x"),
+            ("silo:///anymal.4711/log/x", "anymal.4711", "/log/x"),
+        ],
+    )
+    def test_a_url_names_a_logger_and_an_element_and_is_made_of_them(self, url, logger, element):
+        assert parse_url(url) == Address(logger, element)
+        assert url_of(logger, element) == url
+
+    @pytest.mark.parametrize(
+        "url", ["silo://", "silo://robot3", "silo:///", "silo://a b/c", "http://a/b", "silo:anymal"]
+    )
+    def test_what_names_no_logger_is_refused_with_the_form_that_does(self, url):
+        with pytest.raises(ConnectionLostError, match="is no address of a logger: write silo://HOST/LOGGER"):
+            parse_url(url)
+
+    def test_where_a_whole_logger_is_meant_an_element_is_refused(self):
+        assert logger_of("silo://robot3/anymal") == "robot3/anymal"
+        assert logger_of("anymal") == "anymal"
+        with pytest.raises(ConnectionLostError, match="names an element, and this is for a whole logger: silo://r/a;"):
+            logger_of("silo://r/a/log/x")
+
+    def test_no_element_is_stopped_where_its_logger_was_not_meant(self, bench, capsys):
+        bench.logger.start()
+        assert run(["stop", "silo:///bot/log/x"]) != 0
+        assert bench.logger.is_running
+
+    def test_a_configuration_of_a_remote_has_paths_that_hold_anywhere(self, tmp_path, monkeypatch):
+        monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+        file = remote_file("lab")
+        file.parent.mkdir(parents=True)
+        tls = '{ root_ca_certificate: "ca.pem" }'
+        file.write_text(f'{{ connect: {{ endpoints: ["tls/robot3:7447"] }}, transport: {{ link: {{ tls: {tls} }} }} }}')
+        settings = zenoh_settings(Found("anymal", 0, "", "", config="lab", host="robot3", id="0011223344"))
+        assert settings["connect"] == {"endpoints": ["tls/robot3:7447"]}
+        assert settings["mode"] == "client"
+        assert settings["transport"]["link"]["tls"]["root_ca_certificate"] == str(file.parent / "ca.pem")
+
+
+def connections() -> list[threading.Thread]:
+    return [thread for thread in threading.enumerate() if thread.name == "silo-client"]
+
+
+class TestTopics:
+    def read_some(self, bench, topic):
+        bench.logger.start()
+        batches = []
+        while not batches:
+            bench.ticks(1)
+            batches = topic.read(timeout_s=0.2)
+        return batches
+
+    def test_a_topic_is_read_by_its_url_alone(self, bench):
+        with silo.topic("silo:///bot/log/q") as topic:
+            (batch, *_) = self.read_some(bench, topic)
+            assert batch.values.shape[1:] == (3,)
+
+    def test_its_connection_ends_with_it(self, bench):
+        with silo.topic("silo:///bot/log/q"):
+            assert len(connections()) == 1
+        assert connections() == []
+
+    def test_a_refused_one_leaves_no_connection(self, bench):
+        with pytest.raises(ElementError, match="has no element"):
+            silo.topic("silo:///bot/log/r")
+        assert connections() == []
+
+    def test_an_address_of_no_element_is_refused(self, bench):
+        with pytest.raises(ElementError, match="names no element: write silo:///bot/joints/q"):
+            silo.topic("silo:///bot")
+
+    def test_the_program_of_the_protocol_reads_it_by_what_the_command_prints(self, bench, tmp_path):
+        printed = json.loads(CliRunner().invoke(cli, ["address", "bot", "q", "--json"]).output)
+        assert parse_url(printed["url"]).element == "/log/q"
+        file, program = tmp_path / "bot.json5", tmp_path / "reader.py"
+        file.write_text(CliRunner().invoke(cli, ["address", "bot", "--zenoh"]).output)
+        section = PROTOCOL.read_text().split("### Programs that read a topic")[1]
+        program.write_text(section.split("```python")[1].split("```")[0])
+        bench.q[:] = 1, 2, 3
+        bench.logger.start()
+        command = [sys.executable, str(program), str(file), printed["key"]]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as reader:
+            while not select.select([reader.stdout], [], [], 0.05)[0]:
+                bench.ticks(1)
+            first, time_ns, *values = reader.stdout.readline().split(maxsplit=2)
+            reader.terminate()
+        assert values == ["[1. 2. 3.]\n"]
+        assert int(time_ns) in range(bench.begin_ns, bench.now_ns)
+        assert int(first) >= 0
+
+    def test_its_url_is_taken_by_the_commands(self, bench, capsys):
+        assert run(["address", "bot", "x"]) == 0
+        url = capsys.readouterr().out.split()[1]
+        bench.logger.start()
+        bench.ticks(3)
+        assert run(["watch", url, "--count", "1", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["values"]["/log/x"] == 3

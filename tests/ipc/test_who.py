@@ -1,0 +1,420 @@
+"""Who did what: the words of events, roles of a group, one operator at a time, clients that only look."""
+
+import grp
+import json
+import os
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+
+import silo
+from silo.cli.main import EXIT_FAILED, run
+from silo.errors import ConnectionLostError, ElementError, RefusedError
+from silo.helper.door import Door, Sender
+from silo.ipc.admission import INSECURE, Admission, admission_of, rules_hold_names
+from silo.ipc.client import Client
+from silo.ipc.configuration import from_file
+from silo.ipc.discovery import discover
+from silo.ipc.keys import Root
+from silo.ipc.messages import Refused, RefusedWhy
+from silo.ipc.published import EventKind
+from silo.ipc.senders import came_by_network, claim_of, local_words, network_words
+from silo.ipc.session import close, group_file, open_router, own_file
+from tests.waiting import wait_until
+
+ROOT = Root("robot3", "walker", "3fa977b2e0")
+GROUP = grp.getgrgid(os.getgid()).gr_name
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def file_of(path: Path, **values: object) -> str:
+    path.write_text(json.dumps(values))
+    return str(path)
+
+
+def admitted(path: Path, **values: object) -> Admission:
+    config = file_of(path, **values)
+    return admission_of(from_file(config), config)
+
+
+# ------------------------------------------------------------------------------------------------------ words
+
+
+def test_the_words_of_a_sender_say_whether_its_name_is_proven() -> None:
+    client = "mallory@desk2 silo-tui 4711"
+    assert network_words("anna", client, proven=True) == "anna (proven) from desk2, silo-tui 4711"
+    assert network_words("anna", client, proven=False) == "anna (says so) from desk2, silo-tui 4711"
+    assert network_words("anna", "", proven=True) == "anna (proven)"
+
+
+def test_nobody_can_claim_to_be_proven() -> None:
+    assert claim_of("anna@desk (proven) 1").program == "[proven] 1"
+    assert not came_by_network(local_words("anna (proven) from desk2"))
+    assert network_words("bob", "x@anna(proven) y", proven=False).count("(") == 1
+
+
+# ------------------------------------------------------------------------------------------------------- the door
+
+
+def test_a_request_that_means_several_robots_is_refused_at_the_door() -> None:
+    door = Door(ROOT, Admission(True, True))
+    for key in ("silo/**", "silo/*/*/do/anna", f"{ROOT}/do/*", f"{ROOT}/d$*/anna", f"{ROOT}/do", f"{ROOT}/do/"):
+        refused = door.sender(key, b"", "anna@desk silo 1")
+        assert isinstance(refused, Refused), key
+        assert refused.why is RefusedWhy.INVALID
+    assert door.sender(f"{ROOT}/do/anna", b"", "x@desk silo 1") == Sender("anna", "anna (proven) from desk, silo 1")
+
+
+def test_a_user_name_of_any_letters_is_a_part_of_a_key() -> None:
+    door = Door(ROOT, Admission(True, True))
+    for name in ("anna", "änna/berg", "a*b$c#d?e", "@local", "50% x"):
+        key = ROOT.do(name)
+        zenoh.KeyExpr(key)
+        sender = door.sender(key, b"", "")
+        assert isinstance(sender, Sender)
+        assert sender.identity == (name if name != "@local" else "@local somebody")
+
+
+# ----------------------------------------------------------------------------------- ways in without authentication
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "changes"),
+    [("tcp/127.0.0.1:7447", True), ("tcp/[::1]:7447", True), ("tcp/0.0.0.0:7447", False), ("udp/10.0.0.1:7447", False),
+     ("tcp/robot3.local:7447", False), ("tls/0.0.0.0:7447", False)],
+)  # fmt: skip
+def test_a_robot_that_listens_beyond_loopback_and_asks_nobody_who_he_is_takes_no_changes(
+    tmp_path, endpoint, changes
+) -> None:
+    found = admitted(tmp_path / "c.json5", listen={"endpoints": [endpoint]})
+    assert (found.changes, found.proven) == (changes, False)
+    assert (INSECURE in found.why) != changes
+
+
+@pytest.mark.parametrize(("endpoint", "changes"), [("tls/router.local:7447", True), ("tcp/router.local:7447", False)])
+def test_a_robot_takes_changes_from_routers_that_show_a_certificate_alone(tmp_path, endpoint, changes) -> None:
+    found = admitted(tmp_path / "c.json5", connect={"endpoints": [endpoint]})
+    assert (found.changes, found.proven) == (changes, False)  # who wrote that router's rules is not known
+    said = {"silo": {"router_checks_names": True}}
+    assert admitted(tmp_path / "c.json5", connect={"endpoints": [endpoint]}, metadata=said).proven == changes
+
+
+def test_who_wants_it_open_all_the_same_says_so_in_the_file(tmp_path) -> None:
+    said = {"silo": {INSECURE: True}}
+    for way in ({"connect": {"endpoints": ["tcp/router.local:7447"]}}, {"listen": {"endpoints": ["tcp/0.0.0.0:7447"]}}):
+        found = admitted(tmp_path / "c.json5", **way, metadata=said)
+        assert (found.changes, found.proven, found.why) == (True, False, "")
+
+
+def test_names_are_proven_where_each_user_is_admitted_to_its_own_key_alone(tmp_path) -> None:
+    def rules(*keys: str, users: tuple[str, ...] = ("anna",), default: str = "deny") -> bool:
+        rule = {"id": "r", "permission": "allow", "messages": ["query"], "key_exprs": list(keys)}
+        control = {
+            "enabled": True,
+            "default_permission": default,
+            "rules": [rule],
+            "subjects": [{"id": "s", "usernames": list(users)}],
+            "policies": [{"rules": ["r"], "subjects": ["s"]}],
+        }
+        return rules_hold_names(from_file(file_of(tmp_path / "r.json5", access_control=control)))
+
+    assert rules("silo/*/*/do/anna", "silo/*/*/ask")
+    assert rules("silo/robot3~$*/*/do/anna")
+    assert not rules("silo/*/*/do/*")
+    assert not rules("silo/**")
+    assert not rules("silo/*/*/do/bob")
+    assert not rules("silo/*/*/do/anna", users=("anna", "bob"))
+    assert not rules("silo/*/*/do/anna", default="allow")
+    assert not rules_hold_names(from_file(file_of(tmp_path / "none.json5")))
+
+
+@pytest.mark.slow
+def test_rules_that_allow_what_they_do_not_name_are_refused(tmp_path, runtime) -> None:
+    control = {"enabled": True, "default_permission": "allow", "rules": [], "subjects": [], "policies": []}
+    config = file_of(tmp_path / "c.json5", access_control=control)
+    with silo.Logger("open", folder=tmp_path, script=tmp_path / "x.yaml") as logger:
+        logger.add(np.zeros(3), "x")
+        with pytest.raises(ConnectionLostError, match='must have default_permission: "deny"'):
+            logger.serve(config=config)
+
+
+@pytest.mark.slow
+def test_a_stranger_at_an_open_router_sees_and_changes_nothing(tmp_path, runtime, capfd) -> None:
+    port = free_port()
+    open_config = zenoh.Config()  # as a `zenohd` that somebody else started, open to the whole network
+    scouting = {"scouting/multicast/enabled": False, "scouting/gossip/enabled": False, "scouting/delay": 0}
+    for key, value in {"mode": "router", "listen/endpoints": [f"tcp/0.0.0.0:{port}"], **scouting}.items():
+        open_config.insert_json5(key, json.dumps(value))
+    way = {"connect": {"endpoints": [f"tcp/127.0.0.1:{port}"]}}
+    robot, desk = file_of(tmp_path / "robot.json5", **way), file_of(tmp_path / "desk.json5", **way)
+
+    def seen() -> bool:
+        try:
+            return bool(discover(config=desk).loggers)
+        except ConnectionLostError:
+            return False
+
+    router = zenoh.open(open_config)
+    with silo.Logger("walker", folder=tmp_path, script=tmp_path / "x.yaml") as logger:
+        logger.add(np.zeros(3), "x")
+        logger.serve(config=robot)
+        wait_until(seen)
+        with silo.connect("walker", config=desk) as stranger:
+            hello = stranger.hello()
+            assert (hello.may_edit, INSECURE in hello.why_not) == (False, True)
+            assert stranger.status().logger == "walker"
+            with pytest.raises(RefusedError, match=r"takes no changes from this network: nobody knows who is behind"):
+                stranger.start()
+        with silo.connect("walker", config="local") as here:
+            assert here.start().state.value == "running"
+    router.close()
+
+
+@pytest.mark.slow
+def test_a_router_that_lets_in_everybody_lets_nobody_change_anything(tmp_path, runtime) -> None:
+    port = free_port()
+    config = file_of(tmp_path / "router.json5", listen={"endpoints": [f"tcp/0.0.0.0:{port}"]})
+    way = {"connect": {"endpoints": [f"tcp/127.0.0.1:{port}"]}}
+    said = {"metadata": {"silo": {INSECURE: True}}}  # the robot trusts whatever router there is
+    robot, desk = file_of(tmp_path / "robot.json5", **way, **said), file_of(tmp_path / "desk.json5", **way)
+    router, _ = open_router(config)
+    with silo.Logger("walker", folder=tmp_path, script=tmp_path / "x.yaml") as logger:
+        logger.add(np.zeros(3), "x")
+        logger.serve(config=robot)
+        found = wait_until(lambda: _found(desk))
+        with Client.connect(found) as stranger:
+            assert not stranger.hello().may_edit
+            with pytest.raises(RefusedError, match="may look at"):
+                stranger.start()
+    close(router)
+
+
+def _found(config: str) -> object:
+    try:
+        return discover(config=config).loggers[0]
+    except ConnectionLostError:
+        return None
+
+
+# ----------------------------------------------------------------------------------------------------------- a group
+
+
+@pytest.fixture
+def shared(runtime, tmp_path):
+    """A logger that a group shares; we are of it, once the file of the robot's own user is gone."""
+    made = silo.Logger("lab", folder=tmp_path, script=tmp_path / "lab.yaml")
+    made.add(np.zeros(3), "x")
+    yield made
+    made.close()
+
+
+@pytest.mark.slow
+def test_a_group_whose_role_is_viewer_looks_and_changes_nothing(shared) -> None:
+    serving = shared.serve(group=GROUP, group_role="viewer")
+    with Client.connect("lab") as owner:
+        assert owner.hello().may_edit
+        owner.start()
+    own_file(Path(serving.socket_path)).unlink()
+    with Client.connect("lab") as member:
+        hello = member.hello()
+        assert not hello.may_edit
+        assert member.status().logger == "lab"
+        with pytest.raises(RefusedError, match=f"group '{GROUP}' may look at lab, not change it") as caught:
+            member.stop()
+        assert str(caught.value) == hello.why_not
+    assert shared.is_running
+
+
+@pytest.mark.slow
+def test_a_group_whose_role_is_operator_changes_things_and_events_say_of_which_group(shared) -> None:
+    serving = shared.serve(group=GROUP)
+    own_file(Path(serving.socket_path)).unlink()
+    with Client.connect("lab") as member:
+        member.start()
+        who = wait_until(lambda: [one.who for one in member.events() if one.kind == "started"])[0]
+    assert f"(says so) of group {GROUP}, " in who
+
+
+@pytest.mark.slow
+def test_who_shows_neither_word_of_a_shared_socket_is_refused(shared) -> None:
+    serving = shared.serve(group=GROUP)
+    for file in (own_file(Path(serving.socket_path)), group_file(Path(serving.socket_path))):
+        file.unlink()
+    with (
+        Client.connect("lab") as stranger,
+        pytest.raises(RefusedError, match="comes neither from the robot's user nor"),
+    ):
+        stranger.start()
+
+
+@pytest.mark.slow
+def test_only_the_group_may_read_the_word_of_the_group_and_only_the_owner_its_own(shared) -> None:
+    path = Path(shared.serve(group=GROUP).socket_path)
+    assert own_file(path).stat().st_mode & 0o777 == 0o600
+    assert group_file(path).stat().st_mode & 0o777 == 0o640
+
+
+def test_a_role_or_mode_that_there_is_not_is_refused_with_those_that_there_are(shared) -> None:
+    with pytest.raises(ElementError, match="group_role must be 'viewer' or 'operator'"):
+        shared.serve(group=GROUP, group_role="looker")
+    with pytest.raises(ElementError, match="control must be 'any' or 'one'"):
+        shared.serve(control="two")
+
+
+# --------------------------------------------------------------------------------------------------- looking only
+
+
+def test_a_read_only_client_sends_nothing_that_changes_something(bench) -> None:
+    with silo.connect("bot", read_only=True) as looker:
+        assert looker.status().logger == "bot"
+        hello = looker.hello()
+        assert (hello.may_edit, "read-only" in hello.why_not) == (False, True)
+        for change in (looker.start, looker.stop, looker.save, lambda: looker.mark("x"), looker.take_control):
+            with pytest.raises(RefusedError, match=r"this is read-only .*nothing was changed"):
+                change()
+        assert looker.events() == []
+    assert not bench.logger.is_running
+
+
+@pytest.mark.parametrize("words", [["--read-only", "start", "bot"], ["start", "bot", "--read-only"]])
+def test_silo_read_only_changes_nothing_and_says_why(bench, words, capsys) -> None:
+    assert run(words) == EXIT_FAILED
+    assert "read-only" in capsys.readouterr().err
+    assert not bench.logger.is_running
+
+
+def test_the_environment_makes_silo_read_only(bench, monkeypatch, capsys) -> None:
+    monkeypatch.setenv("SILO_READ_ONLY", "1")
+    assert run(["start", "bot"]) == EXIT_FAILED
+    assert "SILO_READ_ONLY" in capsys.readouterr().err
+    assert not bench.logger.is_running
+
+
+# ------------------------------------------------------------------------------------------------ one operator
+
+
+class Other:
+    """Another user of the same computer, as far as names go."""
+
+    def __init__(self, name: str) -> None:
+        self.client = Client.connect("bot")
+        self.client._name = f"{name}@robot3 silo-tui 1"
+
+    def __enter__(self) -> Client:
+        return self.client
+
+    def __exit__(self, *_: object) -> None:
+        self.client.close()
+
+
+def test_who_has_control_alone_changes_things_and_the_refusal_says_who_since_when_and_the_way_out(bench) -> None:
+    with Other("anna") as anna, Other("bob") as bob:
+        anna.take_control()
+        with pytest.raises(RefusedError, match=r"anna@robot3 .* has control of bot since .* s: .*--force") as caught:
+            bob.start()
+        assert caught.value.why is RefusedWhy.CONTROL
+        assert anna.start().control.identity == "@local anna"
+        anna.release_control()
+        assert bob.stop().control is None
+
+
+def test_marks_need_no_control(bench) -> None:
+    with Other("anna") as anna, Other("bob") as bob:
+        anna.start()
+        bench.ticks(1)
+        anna.take_control()
+        assert bob.mark("slipped").text == "slipped"
+
+
+def test_control_is_taken_by_force_and_everybody_is_told(bench, heard) -> None:
+    lost: list[str] = []
+    with Other("anna") as anna, Other("bob") as bob:
+        anna.take_control(on_lost=lost.append)
+        with pytest.raises(RefusedError, match="has control"):
+            bob.take_control()
+        bob.take_control(force=True)
+        wait_until(lambda: lost)
+        assert "bob@robot3" in lost[0]
+        with pytest.raises(RefusedError, match="bob@robot3"):
+            anna.start()
+    texts = [event.text for event in heard.events if event.kind is EventKind.CONTROL]
+    assert texts[:2] == ["control taken", "control taken from anna@robot3 silo-tui 1"]
+
+
+def test_control_is_handed_over_to_an_operator_who_is_connected(bench) -> None:
+    with Other("anna") as anna, Other("bob") as bob:
+        anna.take_control()
+        with pytest.raises(RefusedError, match="no operator 'carol' is connected"):
+            anna.hand_over("carol")
+        bob.hello()
+        anna.hand_over("bob")
+        assert bob.status().control.identity == "@local bob"
+        with pytest.raises(RefusedError, match="bob@robot3"):
+            anna.start()
+        assert bob.start().state.value == "running"
+
+
+def test_control_ends_with_its_lease_when_an_operator_dies(bench, heard) -> None:
+    with Other("anna") as anna, Other("bob") as bob:
+        anna.take_control(lease_s=1.0)  # and is never heard of again
+        assert wait_until(lambda: bob.status().control is None)
+        assert bob.start().state.value == "running"
+    assert heard.wait(EventKind.CONTROL).text == "control taken"
+    wait_until(lambda: [event for event in heard.events if "ended: nobody renewed it" in event.text])
+
+
+def test_control_is_kept_while_its_client_lives_and_released_with_it(bench) -> None:
+    with Other("bob") as bob:
+        with Other("anna") as anna:
+            anna.take_control()
+            first = bob.status().control.until_ns
+            assert wait_until(lambda: bob.status().control.until_ns > first)
+        assert bob.status().control is None
+
+
+def test_a_logger_may_want_one_operator_before_anything_is_changed(bench) -> None:
+    bench.serving.close()
+    bench.serving = bench.logger.serve(control="one")
+    with Other("anna") as anna:
+        assert anna.status().one_operator
+        with pytest.raises(RefusedError, match=r"need control .*`silo control take bot`"):
+            anna.start()
+        anna.take_control()
+        assert anna.start().state.value == "running"
+
+
+def test_the_program_itself_needs_no_control(bench) -> None:
+    with Other("anna") as anna:
+        anna.take_control()
+        bench.logger.start()
+        bench.logger.stop()
+
+
+def test_the_status_tells_who_is_connected(bench) -> None:
+    with Other("anna") as anna:
+        anna.hello()
+        (found,) = wait_until(lambda: anna.status().clients)
+        assert (found.who, found.identity) == ("anna@robot3 silo-tui 1", "@local anna")
+    with Other("bob") as bob:
+        wait_until(lambda: [one for one in bob.status().clients if one.identity == "@local anna"] == [])
+
+
+def test_silo_control_takes_tells_and_releases(bench, capsys) -> None:
+    assert run(["control", "take", "bot", "--for", "10s"]) == 0
+    assert run(["control", "show", "bot"]) == 0
+    said = capsys.readouterr().out
+    assert "you have control of bot" in said
+    assert "has control since" in said
+    with Other("bob") as bob:
+        with pytest.raises(RefusedError, match="has control"):
+            bob.start()
+        assert run(["control", "release", "bot"]) == 0
+        bob.start()

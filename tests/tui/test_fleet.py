@@ -1,0 +1,213 @@
+"""The list of loggers: how each stands, the worst first, and what is asked of many at once."""
+
+import msgspec
+import pytest
+
+from silo.errors import RefusedError
+from silo.ipc.found import Found
+from silo.ipc.member import Member, Stands
+from silo.ipc.published import Summary
+from silo.model import State
+from silo_tui.model import fleet
+from silo_tui.model.lists import arranged
+
+NOW_S, NOW_NS = 1000.0, 1_790_000_400 * 10**9
+FINE = Summary(
+    state=State.RUNNING, frequency_hz=400.0, measured_hz=400.0, ticks=118_024, started_ns=NOW_NS - 330 * 10**9,
+    saved=False, disk_free_bytes=40 * 10**9, disk_bytes=256 * 10**9, clients=["ann@desk silo-tui 7", "ann@desk silo 8"],
+)  # fmt: skip
+
+
+def member(name: str = "anymal", host: str = "rob3", *, here: bool = True, since_s: float = 0.0, **told) -> Member:
+    found = Found(name, 0, "", "", "lab", host, id="aaaa000001")
+    return Member(found, msgspec.structs.replace(FINE, **told), here, since_s=since_s, seen_s=since_s)
+
+
+def line(one: Member, answer: str = "") -> fleet.Line:
+    return fleet.Line(one.key, f"{one.found.host}/{one.found.name}", "lab", one, answer)
+
+
+def shown(one: Member, width: int = 80, answer: str = "") -> str:
+    return fleet.row(line(one, answer), 16, width, NOW_S, NOW_NS)
+
+
+# ------------------------------------------------------------------------------------------------------------- words
+
+
+@pytest.mark.parametrize(
+    ("one", "stands", "sign"),
+    [
+        (member(), Stands.FINE, ""),
+        (member(state=State.STOPPED), Stands.FINE, ""),
+        (member(lost=3), Stands.LOST, "XX"),
+        (member(measured_hz=300.0), Stands.SLOW, "<<"),
+        (member(alarm="H", alarms=2), Stands.YELLOW, "H"),
+        (member(disk_free_bytes=10**9), Stands.FULL, "##"),
+        (member(alarm="LL", alarms=1, lost=3, measured_hz=300.0), Stands.RED, "LL"),
+        (member(here=False), Stands.SILENT, "~~"),
+        (member(state=State.DEAD), Stands.DEAD, ""),
+        (member(state=State.DEAD, here=False), Stands.DEAD, ""),
+        (member(here=False, closed=True), Stands.CLOSED, ""),
+        (Member(Found("x", 0, "", ""), problem="no answer"), Stands.MUTE, "~~"),
+    ],
+)
+def test_the_worst_of_a_logger_is_its_sign(one, stands, sign) -> None:
+    assert (one.stands, one.sign) == (stands, sign)
+
+
+def test_the_worst_stands_first_and_equals_by_name() -> None:
+    found = [member("b"), member("a"), member("c", lost=1), member("d", here=False), member("e", state=State.DEAD)]
+    ordered = arranged(map(line, found), fleet.ORDERS[0], turned=False)
+    assert [one.member.found.name for one in ordered] == ["e", "d", "c", "a", "b"]
+
+
+def test_a_line_says_state_time_rate_losses_disk_alarms_and_who_is_there() -> None:
+    words = shown(member(alarm="HH", alarms=3, lost=12)).split()
+    assert words == ["rob3/anymal", "●", "RUNNING", "05:30", "400.0", "12", "84%", "HH", "3", "now", "ann@desk"]
+    assert "84% 40 GB" in shown(member(), width=160)
+
+
+def test_one_that_is_gone_says_since_when_and_keeps_what_was_known() -> None:
+    words = shown(member(here=False, since_s=NOW_S - 14)).split()
+    assert words == ["rob3/anymal", "○", "SILENT", "was", "●", "400.0", "0", "84%", "~~", "14", "s"]
+
+
+def test_who_has_control_stands_first() -> None:
+    one = member(clients=["ann@desk silo-tui 7", "bob@lab silo 8"], control="bob@lab silo 8")
+    assert one.people == ["bob@lab*", "ann@desk"]
+
+
+@pytest.mark.parametrize("width", [80, 120, 160])
+def test_a_line_fits_its_screen_and_its_columns_stand_below_their_heads(width) -> None:
+    lines = [line(member(clients=[])), line(member(host="a-robot-with-a-very-long-name-of-its-own"))]
+    names = fleet.name_width(lines, width)
+    head = fleet.head(names, width)
+    row = fleet.row(lines[0], names, width, NOW_S, NOW_NS)
+    assert len(row.rstrip()) <= width
+    for title, value in (("state", "●"), ("lost", "0"), ("seen", "now")):
+        begin, end = head.index(title), head.index(title) + len(title)
+        assert value in row[begin - 3 : end + 3], title
+    assert len(fleet.cut_middle(lines[1].address, names)) <= names
+
+
+def test_a_question_names_each_with_what_it_has_not_saved() -> None:
+    words = fleet.asked_line(line(member()), NOW_NS)
+    assert words.split() == ["rob3/anymal", "running", "05:30,", "118", "024", "ticks", "not", "saved"]
+    assert fleet.asked_line(line(member(here=False)), NOW_NS).endswith(": left alone")
+
+
+# ------------------------------------------------------------------------------------------------------------ screen
+
+
+@pytest.fixture
+def robots(new_fake, new_finder, monkeypatch):
+    """Three loggers, with how they stand."""
+    monkeypatch.setattr("silo_tui.screens.loggers.time.time_ns", lambda: NOW_NS)
+    fakes = [new_fake(name=name) for name in ("arm", "base", "legs")]
+    monkeypatch.setattr(new_finder, "find", _with_members(new_finder.find))
+    return fakes
+
+
+def _with_members(find):
+    def found(self):
+        for client in self.clients:
+            self.members.setdefault(client.name, Member(Found(client.name, client.pid, client.name, "ann"), FINE))
+        return find(self)
+
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_marked_loggers_are_stopped_after_a_question_that_names_them_and_each_answers(robots, opened, size):
+    arm, _, _ = robots
+    for fake in robots:
+        fake.run()
+    arm.stop = lambda: (_ for _ in ()).throw(RefusedError("ann is a viewer here"))
+    async with opened(*robots, ready=False, size=size) as screen:
+        await screen.shows("3 loggers: 3 running")
+        await screen.press("space", "space")
+        await screen.shows("2 marked")
+        await screen.press("S")
+        await screen.shows("Stop 2 loggers?")
+        assert "arm   running 05:30, 118 024 ticks not saved" in screen.text
+        assert "legs   running" not in screen.text
+        await screen.press("y")
+        await screen.shows("! ann is a viewer here")
+        await screen.shows("stopped, 4800 ticks, not saved")
+        await screen.shows("stop: 1 did, 1 did not, 0 waiting")
+        assert [len(fake.calls) for fake in robots] == [0, 1, 0]
+        await screen.press("escape")
+        assert "ann is a viewer" not in screen.text
+        await screen.shows("2 marked")
+
+
+@pytest.mark.slow
+async def test_a_question_that_is_left_asks_nobody(robots, opened):
+    async with opened(*robots, ready=False) as screen:
+        await screen.shows("3 loggers")
+        await screen.press("*", "w")
+        await screen.shows("Save 3 loggers?")
+        await screen.press("escape")
+        assert not any(fake.calls for fake in robots)
+
+
+@pytest.mark.slow
+async def test_a_script_is_loaded_into_all_that_are_marked(robots, opened):
+    async with opened(*robots, ready=False, size=(120, 30)) as screen:
+        await screen.shows("3 loggers")
+        await screen.press("*", "L")
+        await screen.shows("Load a script into 3 loggers")
+        await screen.type("quiet")
+        await screen.press("enter")
+        await screen.until(lambda: all(("load_script", "quiet.yaml") in fake.calls for fake in robots), "the loads")
+        await screen.shows("load: 3 did, 0 did not, 0 waiting")
+
+
+@pytest.mark.slow
+async def test_nothing_is_commanded_read_only(robots, opened):
+    async with opened(*robots, ready=False, read_only=True) as screen:
+        await screen.shows("3 loggers")
+        assert "Start/Stop" not in screen.text
+        await screen.press("S")
+        await screen.shows("read-only")
+        assert not any(fake.calls for fake in robots)
+
+
+@pytest.mark.slow
+async def test_the_list_is_filtered_and_ordered_and_a_line_that_is_gone_is_not_opened(robots, opened):
+    async with opened(*robots, ready=False) as screen:
+        await screen.shows("3 loggers")
+        screen.app._finder.members["legs"] = member("legs", here=False, since_s=0.0)
+        await screen.shows("○ SILENT")
+        await screen.press("g")
+        assert screen.app.screen.chosen.address == "legs"  # the worst first
+        await screen.press("enter")
+        await screen.shows("legs is not there any more")
+        await screen.press("o", "n")
+        await screen.shows("by logger")
+        await screen.press("/")
+        await screen.type("arm")
+        await screen.press("enter")
+        await screen.shows("/arm: 1 of 3")
+        assert "base" not in screen.text
+
+
+@pytest.mark.slow
+async def test_who_has_seen_several_is_not_taken_to_the_one_that_is_left(robots, opened, monkeypatch):
+    monkeypatch.setattr("silo_tui.commands.opening.LOOK_S", 0.01)
+    async with opened(*robots, ready=False) as screen:
+        await screen.shows("3 loggers")
+        for name in ("base", "legs"):
+            screen.app._finder.members[name] = member(name, here=False)
+        await screen.shows("2 silent")
+        assert not screen.app.context.has_session
+
+
+@pytest.mark.slow
+async def test_summaries_rest_while_a_logger_is_open_and_come_again_with_the_list(robots, opened):
+    async with opened(*robots, ready=False) as screen:
+        await screen.shows("3 loggers")
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.context.has_session and len(screen.session.table), "the table")
+        await screen.until(lambda: not screen.app._finder.attentive)

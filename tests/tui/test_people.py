@@ -1,0 +1,65 @@
+"""Who did what, who is connected, who has control: as the screens tell it."""
+
+from silo.model import Present
+from silo_tui.model.people import head_words, people_words
+
+
+async def test_the_head_says_who_else_has_control_and_how_many_are_there(fake, opened):
+    fake.clients = [
+        Present("anna (proven) from desk2, silo-tui 2", 1, "anna"),
+        Present("me@here silo-tui 1", 2, "@local me"),
+    ]
+    async with opened(fake, size=(160, 50)) as screen:
+        fake.somebody_takes_control("anna")
+        await screen.shows("anna has control")
+        await screen.shows("+1 other")
+        await screen.shows("control taken (anna (proven) from desk2, silo-tui 2)")
+
+
+async def test_control_is_taken_released_and_handed_over_by_words(fake, opened):
+    async with opened(fake, size=(160, 50)) as screen:
+        await screen.type(":control take")
+        await screen.press("enter")
+        await screen.shows("you have control")
+        await screen.type(":control release")
+        await screen.press("enter")
+        await screen.until(lambda: fake.controlled is None)
+        await screen.type(":control give anna")
+        await screen.press("enter")
+        await screen.shows("anna has control")
+        await screen.type(":control")
+        await screen.press("enter")
+        await screen.shows("anna (proven) from desk2, silo-tui 2 has control since")
+
+
+async def test_control_that_is_handed_to_us_is_renewed_from_then_on(fake, opened):
+    async with opened(fake) as screen:
+        fake._controlled_by("me@here silo-tui 1", "@local me")
+        fake.publish(
+            fake.kinds.CONTROL, "control given to me@here silo-tui 1", by="anna (proven) from desk2, silo-tui 2"
+        )
+        await screen.until(lambda: ("take_control", False) in fake.calls)
+
+
+async def test_a_viewer_takes_no_control(fake, opened):
+    fake.may_edit = False
+    async with opened(fake) as screen:
+        await screen.type(":control take")
+        await screen.press("enter")
+        await screen.shows("may look at anymal/robot, not change it")
+        assert fake.calls == []
+
+
+async def test_events_say_whether_a_name_is_proven(fake, opened):
+    fake.happen("stopped", "stopped", fake.now_ns, who="anna (proven) from desk2, silo-tui 2")
+    fake.happen("started", "started", fake.now_ns, who="bob (says so) from desk3, silo 3")
+    async with opened(fake, size=(100, 30)) as screen:
+        await screen.press("E")
+        await screen.shows("anna (proven)")
+        await screen.shows("bob (says so)")
+
+
+def test_words_of_who_is_there(fake):
+    fake.clients = [Present("anna (proven) from desk2, silo-tui 2", 1, "anna"), Present("bob@desk3 silo 3", 2)]
+    assert people_words(fake.status(), "anna") == "nobody has control; connected: anna (proven), bob@desk3 looks"
+    assert head_words(fake.status(), "anna") == ("", "+1 other")

@@ -1,0 +1,238 @@
+"""Attributes and functions, read at each due tick, and what happens when one can't be read."""
+
+import datetime
+import enum
+
+import numpy as np
+import pytest
+
+from silo.errors import SourceError
+from tests.stand_ins.ticking import Robot, warnings_of
+
+
+class Mode(enum.Enum):
+    IDLE = "idle"
+    WALK = "walk"
+
+
+class Fault(enum.Flag):
+    HOT = 1
+    STALL = 2
+
+
+# --------------------------------------------------------------------------------------------------- expressions
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (1.5, 2.5),
+        (1.5, 3),
+        (7, -9),
+        (True, False),
+        (1 + 2j, 3j),
+        (np.float32(1.5), np.float32(2.5)),
+        (np.int8(-3), np.int8(3)),
+        (np.uint64(2**64 - 1), np.uint64(1)),
+        (np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0])),
+        ([1, 2], [3, 4]),
+        (np.datetime64("2020-01-01T00:00:01.5", "ns"), np.datetime64("2021-01-01", "ns")),
+        (np.array([[1, 2], [3, 4]], np.uint8), np.array([[5, 6], [7, 8]], np.uint8)),
+    ],
+)
+def test_an_attribute_is_followed_when_it_is_assigned_anew(logged, first, second):
+    robot = Robot(x=first)
+    found = logged(robot, lambda: setattr(robot, "x", second), attr="x")
+    if isinstance(first, complex):
+        assert found == [[first.real, second.real], [first.imag, second.imag]]
+    else:
+        expected = [np.ravel(first).tolist(), np.ravel(second).tolist()]
+        assert found == [list(pair) for pair in zip(*expected, strict=True)]
+
+
+def test_a_string_attribute_is_logged_as_utf8(logged):
+    robot = Robot(x="stand")
+    assert logged(robot, lambda: setattr(robot, "x", "läuft"), attr="x") == [[b"stand", "läuft".encode()]]
+
+
+def test_a_string_attribute_that_was_empty_has_room(logged):
+    robot = Robot(x="")
+    assert logged(robot, lambda: setattr(robot, "x", "walking"), attr="x") == [[b"", b"walking"]]
+
+
+def test_a_numpy_string_attribute_has_room_too(logged):
+    robot = Robot(x=np.str_("a"))
+    assert logged(robot, lambda: setattr(robot, "x", np.str_("walking")), attr="x") == [[b"a", b"walking"]]
+
+
+def test_a_string_is_cut_at_its_room(logged):
+    robot = Robot(x="")
+    assert logged(robot, lambda: setattr(robot, "x", "walking"), attr="x", string_bytes=4) == [[b"", b"walk"]]
+
+
+def test_an_enumeration_attribute_is_logged_as_its_number(logged):
+    robot = Robot(x=Mode.IDLE)
+    assert logged(robot, lambda: setattr(robot, "x", Mode.WALK), attr="x") == [[0, 1]]
+
+
+def test_combined_flags_are_logged_as_their_bits(logged):
+    robot = Robot(x=Fault.HOT)
+    assert logged(robot, lambda: setattr(robot, "x", Fault.HOT | Fault.STALL), attr="x") == [[1, 3]]
+
+
+def test_a_time_with_a_zone_is_logged_in_utc(logged):
+    zone = datetime.timezone(datetime.timedelta(hours=2))
+    robot = Robot(x=datetime.datetime(2020, 1, 1, 2, 0, 0, 5, tzinfo=zone))
+    assert logged(robot, attr="x") == [[datetime.datetime(2020, 1, 1, 0, 0, 0, 5)]]
+
+
+def test_a_date_and_a_duration_are_logged(logged):
+    assert logged(Robot(x=datetime.date(2020, 1, 2)), attr="x") == [[datetime.datetime(2020, 1, 2)]]
+    assert logged(Robot(x=datetime.timedelta(milliseconds=5)), attr="x") == [[datetime.timedelta(milliseconds=5)]]
+
+
+def test_a_dotted_path_is_followed_at_every_step(logged):
+    robot = Robot(arm=Robot(speed=1.0))
+    assert logged(robot, lambda: setattr(robot, "arm", Robot(speed=2.0)), attr="arm.speed") == [[1.0, 2.0]]
+
+
+def test_a_property_is_read_each_tick(logged):
+    class Sensor:
+        count = 0.0
+
+        @property
+        def value(self):
+            self.count += 1
+            return self.count
+
+    found = logged(Sensor(), lambda: None, attr="value")
+    assert found[0][1] == found[0][0] + 1
+
+
+def test_a_function_is_called_each_due_tick(new_logger):
+    calls = []
+
+    def load():
+        calls.append(1)
+        return float(len(calls))
+
+    logger = new_logger()
+    logger.add(load, divider=3)
+    logger.start()
+    before = len(calls)
+    for _ in range(7):
+        logger.collect()
+    assert len(calls) - before == 3
+
+
+def test_a_function_with_several_results_is_called_once_per_tick(new_logger):
+    robot = Robot(count=0)
+
+    def state():
+        robot.count += 1
+        return {"a": float(robot.count), "b": robot.count, "c": np.full(2, robot.count), "d": [robot.count] * 2}
+
+    logger = new_logger()
+    logger.add(state)
+    logger.start()
+    before = robot.count
+    for _ in range(5):
+        logger.collect()
+    found = [entry.values.tolist() for entry in logger.snapshot().elements[0].entries]
+    assert found == [list(range(before + 1, before + 6))] * 6
+
+
+def test_attributes_of_every_kind_stand_side_by_side_in_one_tick(new_logger):
+    robot = Robot(a=1.5, b=2, c=True, d="text", e=np.float32(2.5), f=np.uint8(200), g=b"raw", h=np.arange(3), i=1j)
+    logger = new_logger()
+    for name in vars(robot):
+        logger.add(robot, attr=name)
+    logger.start()
+    logger.collect()
+    found = [entry.values[0] for element in logger.snapshot().elements for entry in element.entries]
+    assert found == [1.5, 2, True, b"text", 2.5, 200, b"raw", 0, 1, 2, 0.0, 1.0]
+
+
+# ----------------------------------------------------------------------------------------------- what fails
+
+
+def test_a_float_that_can_not_be_read_is_nan_until_it_can_be_read_again(logged):
+    robot = Robot(x=1.0)
+    found = logged(robot, lambda: delattr(robot, "x"), lambda: setattr(robot, "x", 3.0), attr="x")
+    assert np.array_equal(found[0], [1.0, np.nan, 3.0], equal_nan=True)
+
+
+def test_an_integer_that_can_not_be_read_keeps_its_last_value(logged):
+    robot = Robot(x=5)
+    assert logged(robot, lambda: delattr(robot, "x"), attr="x") == [[5, 5]]
+
+
+def test_the_others_are_logged_when_one_can_not_be_read(new_logger):
+    robot = Robot(a=1.0, b=1.0, c=1.0)
+    logger = new_logger()
+    for name in "abc":
+        logger.add(robot, attr=name)
+    logger.start()
+    logger.collect()
+    del robot.b
+    robot.a = robot.c = 2.0
+    logger.collect()
+    assert [e.entries[0].values[-1] for e in logger.snapshot().elements if e.name != "/log/b"] == [2.0, 2.0]
+
+
+def test_failures_are_counted_per_element(new_logger):
+    robot = Robot(x=1.0)
+    logger = new_logger()
+    logger.add(robot, attr="x")
+    logger.start()
+    del robot.x
+    for _ in range(3):
+        logger.collect()
+    assert logger.source_failures == {"/log/x": 3}
+
+
+def test_a_failure_is_said_once(new_logger, caplog):
+    robot = Robot(x=1.0)
+    logger = new_logger()
+    logger.add(robot, attr="x")
+    logger.start()
+    del robot.x
+    for _ in range(3):
+        logger.collect()
+    (warning,) = warnings_of(caplog)
+    assert "/log/x: reading Robot.x failed (AttributeError" in warning
+
+
+def test_an_integer_attribute_that_becomes_a_float_is_not_cut_silently(logged, caplog):
+    robot = Robot(x=0)
+    assert logged(robot, lambda: setattr(robot, "x", 0.5), attr="x") == [[0, 0]]
+    assert logged.logger.source_failures == {"/log/x": 1}
+    assert "0.5 would be cut to an integer" in warnings_of(caplog)[0]
+
+
+def test_an_integer_array_that_becomes_floats_is_not_cut_silently(logged):
+    robot = Robot(x=np.array([1, 2]))
+    assert logged(robot, lambda: setattr(robot, "x", np.array([0.5, 1.5])), attr="x") == [[1, 1], [2, 2]]
+    assert logged.logger.source_failures == {"/log/x": 1}
+
+
+def test_a_number_too_large_for_its_type_is_a_failure(logged):
+    robot = Robot(x=5)
+    logged(robot, lambda: setattr(robot, "x", 2**80), attr="x")
+    assert logged.logger.source_failures == {"/log/x": 1}
+
+
+def test_an_array_that_changes_its_shape_is_a_failure(logged):
+    robot = Robot(x=np.zeros(3))
+    logged(robot, lambda: setattr(robot, "x", np.zeros(4)), attr="x")
+    assert logged.logger.source_failures == {"/log/x": 1}
+
+
+def test_a_value_without_a_type_is_refused(new_logger):
+    with pytest.raises(SourceError, match=r"the value is None \(NoneType\) now, its type can't be told"):
+        new_logger().add(Robot(x=None), attr="x")
+
+
+def test_a_function_that_fails_is_refused_with_its_reason(new_logger):
+    with pytest.raises(SourceError, match=r"reading \(\) failed \(ZeroDivisionError"):
+        new_logger().add(lambda: 1 / 0, "x")

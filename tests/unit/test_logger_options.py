@@ -1,0 +1,235 @@
+"""Options, edits, script and names of a logger, and what it refuses."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from silo.errors import ElementError, ScriptError, SourceError, StateError
+from silo.model import Action, BufferType, Edit, ElementOptions
+from silo.runtime import list_segments
+from tests.stand_ins.ticking import collect, values
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+# ------------------------------------------------------------------------------------------------------- options
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"frequency": 0}, "frequency must be above 0"),
+        ({"frequency": float("nan")}, "frequency must be above 0"),
+        ({"max_time": -1}, "max_time must be from 0"),
+        ({"name": "a/b"}, "logger name 'a/b'"),
+        ({"name": ""}, "logger name ''"),
+        ({"name": "x" * 41}, "1 to 40 letters"),
+        ({"storage": "tape"}, "storage must be 'memory', 'disk' or 'file', got 'tape'"),
+        ({"size_tiers": 0}, "size_tiers must be a whole number from 1"),
+        ({"frequency": "500"}, "frequency must be above 0 and below 1e\\+06 Hz, got '500'"),
+        ({"frequency": True}, "frequency must be above 0"),
+        ({"max_time": None}, "max_time must be from 0"),
+        ({"name": None}, r"the logger's name must be a text, got None \(NoneType\)"),
+        ({"script": None}, "script must be a path, got None"),
+        ({"folder": 5}, "folder must be a path, got 5"),
+        ({"prefix": 5}, "prefix must be a text, got 5"),
+        ({"size_tiers": 2.5}, "size_tiers must be a whole number"),
+        ({"memory_limit_mb": 1e30}, "memory_limit_mb must be a whole number"),
+        ({"checked": "yes"}, "checked must be True or False, got 'yes'"),
+        ({"clock": 5}, "clock must be a function without arguments, got 5"),
+        ({"clock": lambda: 1 / 0}, r"clock failed when it was asked for the first time \(ZeroDivisionError"),
+        ({"clock": lambda: float("nan")}, "clock must return int nanoseconds or float seconds, got nan"),
+        ({"clock": lambda: "noon"}, "clock must return int nanoseconds or float seconds, got 'noon'"),
+        ({"clock": lambda: True}, "clock must return"),
+    ],
+)
+def test_options_out_of_range_are_named(new_logger, options, words):
+    with pytest.raises(ElementError, match=words):
+        new_logger(**options)
+
+
+def test_paths_are_absolute_from_the_start(new_logger, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    options = new_logger(folder="logs", script="a.yaml").options
+    assert (options.folder, options.script) == (str(tmp_path / "logs"), str(tmp_path / "a.yaml"))
+
+
+def test_an_empty_prefix_leaves_names_bare(new_logger):
+    logger = new_logger(prefix="/")
+    logger.array("q", group="g")
+    logger.update()
+    assert logger.elements[0].name == "/g/q"
+
+
+def test_defaults_are_those_of_the_original(new_logger):
+    logger = new_logger(frequency=200)
+    logger.array("q")
+    logger.update()
+    (info,) = logger.elements
+    assert (info.name, info.unit) == ("/log/q", "-")
+    assert info.options == ElementOptions(True, 1, Action.SAVE, BufferType.LOOPING, 2000)
+
+
+def test_a_default_buffer_holds_max_time_whatever_the_divider(new_logger):
+    logger = new_logger(frequency=100, max_time=10)
+    logger.array("q", divider=3)
+    logger.update()
+    assert logger.elements[0].options.buffer_size == 334
+
+
+def test_storage_on_disk_keeps_the_segment_in_the_folder_of_the_logs(new_logger, tmp_path):
+    logger = new_logger(storage="file")
+    logger.array("x")
+    logger.start()
+    assert list_segments(tmp_path) == [Path(logger.segment_path)]
+    assert Path(logger.segment_path).parent == tmp_path
+
+
+def test_the_segment_is_readable_by_its_user_alone(counting):
+    assert Path(counting().segment_path).stat().st_mode & 0o777 == 0o600
+
+
+# ------------------------------------------------------------------------------------------------------- editing
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda log: log.set("x", divider=2),
+        lambda log: log.enable(),
+        lambda log: log.disable("x"),
+        lambda log: log.apply([]),
+        lambda log: log.load_script("none.yaml"),
+    ],
+)
+def test_every_edit_is_refused_while_the_logger_runs(counting, call):
+    with pytest.raises(StateError, match=r"stop\(\) it first; nothing was changed"):
+        call(counting())
+
+
+def test_a_disabled_element_is_not_collected(counting):
+    logger = counting()
+    logger.stop()
+    logger.disable("x")
+    logger.start()
+    logger.collect()
+    assert logger.snapshot().elements == []
+
+
+def test_an_edit_takes_effect_at_the_next_start(counting):
+    logger = counting()
+    logger.stop()
+    logger.set("x", divider=2)
+    logger.start()
+    collect(logger, 5)
+    assert len(values(logger)) == 3
+
+
+def test_edits_are_one_transaction(counting):
+    logger = counting()
+    logger.stop()
+    good = Edit("/log/x", ElementOptions(divider=2, buffer_size=5))
+    with pytest.raises(ElementError, match="element '/log/y': the table has no such element; nothing was changed"):
+        logger.apply([good, Edit("/log/y", ElementOptions())])
+    assert logger.elements[0].options.divider == 1
+
+
+def test_an_unknown_option_is_refused_with_those_that_there_are(counting):
+    logger = counting()
+    logger.stop()
+    with pytest.raises(ElementError, match="no setting 'sizes'; did you mean 'size'"):
+        logger.set("x", sizes=3)
+
+
+# -------------------------------------------------------------------------------------------------------- script
+
+
+def test_update_reads_the_script_if_it_is_there(new_logger, tmp_path):
+    (tmp_path / "logger.yaml").write_text("log_elements:\n  - name: /log/x\n    enabled: true\n    divider: 4\n")
+    logger = new_logger()
+    logger.array("x")
+    logger.update()
+    assert logger.elements[0].options.divider == 4
+
+
+def test_update_can_leave_the_script_alone(new_logger, tmp_path):
+    (tmp_path / "logger.yaml").write_text("log_elements:\n  - name: /log/x\n    divider: 4\n")
+    logger = new_logger()
+    logger.array("x")
+    logger.update(read_script=False)
+    assert logger.elements[0].options.divider == 1
+
+
+def test_a_script_with_problems_changes_nothing_and_stops_every_start(new_logger, tmp_path):
+    (tmp_path / "logger.yaml").write_text("log_elements:\n  - name: /log/x\n    divider: 0\n")
+    logger = new_logger()
+    logger.array("x")
+    for _ in range(2):
+        with pytest.raises(ScriptError, match=r"logger\.yaml:3"):
+            logger.start()
+    assert not logger.is_running
+
+
+def test_names_that_the_table_lacks_are_returned_and_warned_of(new_logger, tmp_path, caplog):
+    script = tmp_path / "other.yaml"
+    script.write_text("log_elements:\n  - name: /log/gone\n    enabled: true\n")
+    logger = new_logger()
+    logger.array("x")
+    logger.update()
+    assert logger.load_script(script) == ["/log/gone"]
+    assert any("/log/gone" in record.getMessage() for record in caplog.records if record.levelno == logging.WARNING)
+
+
+def test_a_saved_script_is_the_configuration(new_logger, tmp_path):
+    logger = new_logger()
+    logger.array("x", divider=7, enabled=False)
+    logger.update()
+    written = logger.save_script(tmp_path / "saved.yaml")
+    logger.set("x", divider=1, enabled=True)
+    logger.load_script(written)
+    assert (logger.elements[0].options.divider, logger.elements[0].options.enabled) == (7, False)
+
+
+# ----------------------------------------------------------------------------------------------------------- names
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\tb", "\x00", "/", "//"])
+def test_names_that_would_break_files_are_refused(new_logger, name):
+    with pytest.raises(ElementError, match="element name"):
+        new_logger(prefix="").add(np.zeros(1), name)
+
+
+def test_a_name_that_is_taken_is_refused(new_logger):
+    logger = new_logger()
+    logger.array("q")
+    with pytest.raises(ElementError, match="element '/log/q' is there already"):
+        logger.array("q")
+
+
+def test_a_value_of_an_element_may_not_be_named_like_another(new_logger):
+    logger = new_logger()
+    logger.array("q", 3)
+    with pytest.raises(ElementError, match="another element has a value named '/log/q_x' already"):
+        logger.array("q_x")
+
+
+def test_an_array_without_memory_of_fixed_size_is_refused(new_logger):
+    with pytest.raises(SourceError, match="for text give a length: dtype='S32'"):
+        new_logger().array("text", 3, str)
+
+
+def test_a_variable_in_silos_memory_begins_with_zeros(new_logger):
+    q = new_logger().array("q", (2, 3), "f4")
+    assert (q.shape, q.dtype, q.any()) == ((2, 3), np.float32, np.False_)
+
+
+def test_variables_in_silos_memory_survive_the_logger(new_logger):
+    logger = new_logger()
+    q = logger.array("q", 3)
+    logger.start()
+    logger.close()
+    del logger
+    q[:] = 5
+    assert q.sum() == 15
