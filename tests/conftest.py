@@ -17,11 +17,15 @@ import pytest
 from silo.runtime import shared_memory_root
 from tests.examples import load_profile
 from tests.waiting import wait_until
+from tests.warm import Nursery
 
 SLOW_FIXTURES = {"bench", "robots"}  # they start helper processes
 SLOW_FOLDERS = {"crash"}
 
-load_profile()
+
+def pytest_configure(config: pytest.Config) -> None:
+    load_profile(fast=config.option.markexpr == "not slow")
+
 
 # Also where the environment says otherwise: the suite starts some 800 processes, and each would compile a hundred
 # modules of silo for itself, 0.2 s of processor time.
@@ -29,8 +33,8 @@ sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
-# What is collected stays to the end: that Python's collector of garbage looks at it again and again takes a third of
-# the time of the collection, and a tenth of that of the tests.
+# What is collected stays to the end: to look through it again and again for garbage takes a third of the time of
+# collection, and a tenth of that of the tests.
 gc.disable()
 
 
@@ -90,6 +94,20 @@ def runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     yield folder
     shutil.rmtree(folder, ignore_errors=True)
     shutil.rmtree(state, ignore_errors=True)
+
+
+@pytest.fixture(scope="session")
+def nursery() -> Iterator[Nursery]:
+    """From where helper processes start warm."""
+    made = Nursery()
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def warm_helpers(nursery: Nursery, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Helper processes of loggers in this process start warm."""
+    monkeypatch.setattr("silo.logger.helper_process.subprocess", nursery.subprocess)
 
 
 @pytest.fixture

@@ -215,6 +215,7 @@ def _recover(
     `named` are those that the user wrote; all others were found, so that one that is gone now was there a moment ago.
     """
     from silo.collecting.left_behind import SavedMeanwhileError
+    from silo.helper.capture_recovery import recover_captures
     from silo.helper.recovery import recover as recover_segment
 
     files, failed = [], 0
@@ -222,7 +223,7 @@ def _recover(
         folder.mkdir(parents=True, exist_ok=True)
     for path in paths:
         try:
-            recovered = recover_segment(path, folder, types)
+            recovered = recover_segment(path, folder, types, recover_captures)
         except SavedMeanwhileError as error:
             click.echo(str(error), err=as_json)
             continue

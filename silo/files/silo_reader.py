@@ -25,6 +25,7 @@ from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
 _NAMED = 5
+_FIRST_LINE_BYTES = 1 << 20  # far more than the longest line
 
 
 class _Column(NamedTuple):
@@ -56,6 +57,9 @@ def read_silo(path: str | os.PathLike[str]) -> Recording:
     file in place while it is open ends the reading process with SIGBUS; silo itself only ever replaces files.)
     """
     data = _map(Path(path))
+    # a disk's worth of zeros has no line anywhere: the search for the end of a header would take seconds in it
+    if b"\n" not in bytes(data[:_FIRST_LINE_BYTES]):
+        raise FileFormatError(f"'{os.fspath(path)}': this is no .silo file: it has no header")
     whole = read_whole(data)
     if whole is not None:
         return whole

@@ -8,7 +8,6 @@ import contextlib
 import logging
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from silo.collecting.left_behind import claimed
@@ -19,6 +18,7 @@ from silo.helper.capture_files import write_capture
 from silo.helper.capture_list import CaptureList
 from silo.helper.judge_memory import lost_text, untold
 from silo.helper.judge_state import JudgeState, Untold, left_states, read_state, state_path
+from silo.helper.recovery import RecoveredCaptures
 from silo.helper.segment_judge import SegmentJudge
 from silo.ipc.published import EventKind
 from silo.model import LoggedEvent, SavedFile
@@ -30,21 +30,13 @@ GONE = "program and helper process died before it was written, and its memory is
 log = logging.getLogger("silo")
 
 
-@dataclass(frozen=True)
-class RecoveredCaptures:
-    """Captures that were written, and in words what became of each, and of what could not be."""
-
-    files: list[SavedFile]
-    texts: list[str]
-
-
 def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     """Write the captures that a judge left of a segment whose writer is gone, and forget what it left.
 
     The segment is claimed. What is found is told in the event log of its logger, too.
     """
     schema = reader.schema
-    found = RecoveredCaptures([], [])
+    found = RecoveredCaptures()
     with contextlib.suppress(SegmentError, OSError):  # no runtime folder, or none that can be read
         path = state_path(schema.logger, schema.run)
         state = read_state(path)

@@ -4,10 +4,9 @@ Of a run whose segment is still in memory that is saved, else (after a power cut
 """
 
 import os
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from silo.collecting.damage import damage
 from silo.collecting.holdings import Holdings
@@ -19,10 +18,6 @@ from silo.collecting.segment_reader import SegmentReader
 from silo.errors import StateError
 from silo.helper.left_log import RECOVERED, save_reader
 from silo.model import FileType, SavedFile
-
-if TYPE_CHECKING:
-    # 1.4 MB that a helper without triggers doesn't need
-    from silo.helper.capture_recovery import RecoveredCaptures
 
 __all__ = ["Recovered", "find_all", "find_stale", "recover"]
 
@@ -47,19 +42,35 @@ class Recovered:
     text: str
 
 
+@dataclass(frozen=True)
+class RecoveredCaptures:
+    """Captures that were written, and in words what became of each, and of what could not be."""
+
+    files: list[SavedFile] = field(default_factory=list)
+    texts: list[str] = field(default_factory=list)
+
+
+Captures = Callable[[SegmentReader, str], RecoveredCaptures]  # `silo.helper.capture_recovery.recover_captures`
+
+
+def _no_captures(_reader: SegmentReader, _folder: str) -> RecoveredCaptures:
+    return RecoveredCaptures()
+
+
 def recover(
     path: str | os.PathLike[str],
     folder: str | os.PathLike[str] | None = None,
     types: Sequence[FileType] = (FileType.SILO,),
+    captures: Captures = _no_captures,
 ) -> Recovered:
     """Save a segment or a journal whose writer is gone, in `folder` or its logger's own, then delete it.
+
+    `captures` writes what triggers captured of it, and nobody came to write.
 
     Waits while another process saves it. Raises SegmentError for what isn't one, or is damaged,
     SavedMeanwhileError if another process saved it, StateError while its own process lives, SaveError if it can't be
     saved (it stays).
     """
-    from silo.helper.capture_recovery import recover_captures
-
     path = Path(path)
     if is_journal(path) or path.suffix == JOURNAL_SUFFIX:
         return _recover_journal(path, folder, types)
@@ -68,16 +79,16 @@ def recover(
         if reader.alive():
             raise StateError(f"{path}: process {reader.schema.pid} is still logging into it; nothing was changed")
         with claimed(reader, wait=True):
-            captures = recover_captures(reader, str(folder or reader.schema.folder))
+            captured = captures(reader, str(folder or reader.schema.folder))
             if reader.ticks and not has_unsaved(reader):
                 discard(reader)
-                return _saved_before(reader, "memory was freed", captures)
+                return _saved_before(reader, "memory was freed", captured)
             files, held = save_reader(reader, folder or reader.schema.folder, types, why=RECOVERED)
             mark_saved(reader)
             discard(reader)
             nothing = f"held {held.text}" if held.ticks else "held no tick"
             saved = [f"saved {held.text}", *damage(reader)] if files else [f"{nothing}; its memory was freed"]
-            return Recovered([*files, *captures.files], held, "; ".join([*saved, *captures.texts]))
+            return Recovered([*files, *captured.files], held, "; ".join([*saved, *captured.texts]))
     finally:
         reader.close()
 
@@ -94,9 +105,9 @@ def _recover_journal(path: Path, folder: str | os.PathLike[str] | None, types: S
 
 
 def _saved_before(
-    reader: SegmentReader | JournalReader, freed: str, captures: "RecoveredCaptures | None" = None
+    reader: SegmentReader | JournalReader, freed: str, captured: RecoveredCaptures | None = None
 ) -> Recovered:
     texts = [f"all its {reader.ticks} ticks were saved before its process ended; its {freed}"]
-    files = captures.files if captures else []
-    texts += captures.texts if captures else []
+    files = captured.files if captured else []
+    texts += captured.texts if captured else []
     return Recovered(files, Holdings(reader.ticks, 0, 0, 0.0), "; ".join(texts))

@@ -23,6 +23,11 @@ from tests.waiting import DEADLINE_S
 TICK_NS = round(1e9 / HZ)
 
 
+@pytest.fixture(autouse=True)
+def _warm(warm_helpers: None) -> None:
+    """Helper processes start warm here."""
+
+
 class Heard:
     """The events and changes of the link that a client reports, waited for without a clock."""
 

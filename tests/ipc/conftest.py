@@ -20,6 +20,11 @@ BEGIN_NS = 1_700_000_000_000_000_000
 ROBOT_PROGRAM = Path(__file__).with_name("robot_program.py")
 
 
+@pytest.fixture(autouse=True)
+def _warm(warm_helpers: None) -> None:
+    """Helper processes start warm here."""
+
+
 class Gait(enum.IntEnum):
     STAND = 0
     TROT = 1

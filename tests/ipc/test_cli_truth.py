@@ -11,6 +11,7 @@ import silo
 from silo.cli.main import EXIT_FAILED, EXIT_NO_LOGGER, EXIT_USAGE, run
 from silo.errors import ElementError
 from silo.ipc.client import Client
+from silo.model import State
 
 pytestmark = pytest.mark.slow
 
@@ -23,9 +24,10 @@ def ls_row(capsys, state):
     return row
 
 
-def test_a_stopped_logger_has_no_rate(bench, capsys):
+def test_a_stopped_logger_has_no_rate(bench, client, capsys, until):
     assert ls_row(capsys, "stopped")[HZ] == "-"
     bench.logger.start()
+    until(lambda: client.status().state is State.RUNNING)
     assert float(ls_row(capsys, "running")[HZ]) > 0
 
 

@@ -1,6 +1,7 @@
 """What the helper process holds in memory, and what it inherits."""
 
 import ctypes
+import itertools
 import os
 import subprocess
 import sys
@@ -23,14 +24,22 @@ HEAP_BYTES = 64 * 2**20  # what glibc reserves, so aligned, for each arena but t
 glibc = pytest.mark.skipif(not hasattr(ctypes.CDLL(None), "mallopt"), reason="this system's malloc has no arenas")
 
 
+@pytest.fixture
+def warm_helpers() -> None:
+    """The start that users have: what comes of it is looked at here."""
+
+
 def further_arenas(pid: int) -> int:
     """Arenas of glibc's malloc in a process, its first one not counted."""
-    found = 0
+    spans = []
     for line in Path(f"/proc/{pid}/maps").read_text().splitlines():
-        span, rights, _offset, _device, inode, *_name = line.split()
-        begin, end = (int(address, 16) for address in span.split("-"))
-        found += rights == "rw-p" and inode == "0" and not begin % HEAP_BYTES and end % HEAP_BYTES != 0
-    return found
+        span, rights, *_ = line.split()
+        spans.append((rights, *(int(address, 16) for address in span.split("-"))))
+    # what an arena doesn't use yet follows it; the kernel aligns other large memory so too now and then
+    return sum(
+        (rights, rest) == ("rw-p", "---p") and not begin % HEAP_BYTES and (end, after) == (follows, begin + HEAP_BYTES)
+        for (rights, begin, end), (rest, follows, after) in itertools.pairwise(spans)
+    )
 
 
 @glibc

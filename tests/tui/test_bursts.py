@@ -9,6 +9,8 @@ from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
 from tests.tui.conftest import character_of
 
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
 
 def burst(screen, keys: str) -> None:
     """Post keys at once."""

@@ -14,6 +14,8 @@ from silo_tui.model.table import TableState
 from silo_tui.screens.dialogs import Question
 from silo_tui.sessions import kept
 
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
 FIRST = "/log/base/orientation"
 TORQUE = "/log/legs/LF/HAA/torque"
 

@@ -1,9 +1,12 @@
 """What is measured, on the table's screen: signs, columns, orders, the tree."""
 
 import numpy as np
+import pytest
 
 from silo.ipc.conditions import LimitStatus, LimitWord
 from silo.ipc.surveys import FROZEN, NOT_FINITE
+
+pytestmark = pytest.mark.slow  # each walks through the whole app
 
 TORQUE = "/log/legs/LF/HAA/torque"
 

@@ -12,6 +12,8 @@ from silo.ipc.published import EventKind
 from silo.model import State
 from silo_tui.model.dots import BLANK
 
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
 TORQUE = "/log/legs/LF/HAA/torque"
 
 

@@ -9,6 +9,8 @@ from silo.ipc.messages import PinOpened
 from silo.model import BufferType
 from tests.stand_ins.fake_logger import HZ, START_NS, scalar, signal
 
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
 TORQUE = "/log/legs/LF/HAA/torque"
 
 

@@ -8,6 +8,8 @@ from silo_tui.settings.options import OPTIONS, Settings
 from silo_tui.settings.reading import path, read, read_file
 from silo_tui.widgets.bars import KeyBar
 
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
 
 @pytest.fixture(autouse=True)
 def home(tmp_path, monkeypatch):

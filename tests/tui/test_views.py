@@ -13,6 +13,8 @@ from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.screens.table import TableScreen
 from silo_tui.settings.options import Settings
 
+pytestmark = pytest.mark.slow  # each walks through the whole app
+
 
 @pytest.fixture(autouse=True)
 def home(tmp_path, monkeypatch):
