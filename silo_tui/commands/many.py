@@ -6,11 +6,12 @@ The answers come into their lines as they are given; who is silent holds up no o
 import asyncio
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
-from silo_tui.context import Context
+from silo_tui.context import Context, Later
 from silo_tui.model import fleet, text
 from silo_tui.screens.dialogs import Choice, Prompt, Question
 from silo_tui.screens.loggers import LoggersScreen
@@ -37,7 +38,7 @@ class Many:
             self._context.say(f"{self._verb}: {self._counts[2]} have not answered yet")
             return
         by_key = {one.key: one for one in found}
-        self._context.app.run_worker(self._ask(what, targets, by_key), group="many")
+        self._context.app.run_worker(Later(self._ask, what, targets, by_key), group="many")
 
     async def _ask(self, what: str, targets: Sequence[fleet.Line], found: dict[str, FoundLogger]) -> None:
         now_ns = time.time_ns()
@@ -126,16 +127,23 @@ class Many:
         finder = self._finder()
 
         def collect() -> None:
-            for outcome in finder.ask_many(chosen, job):
-                loop.call_soon_threadsafe(self._take, chosen[outcome.place].key, outcome)
+            with suppress(RuntimeError):  # the program was ended meanwhile
+                try:
+                    for outcome in finder.ask_many(chosen, job):
+                        loop.call_soon_threadsafe(self._take, chosen[outcome.place].key, outcome)
+                finally:
+                    loop.call_soon_threadsafe(self._end)
 
-        self._context.app.run_worker(asyncio.to_thread(collect), group="many answers")
+        self._context.app.run_worker(Later(asyncio.to_thread, collect), group="many answers")
 
     def _take(self, key: str, outcome: "Outcome") -> None:
         self._answers[key] = outcome.text if outcome.done else f"! {outcome.text}"
         self._counts[0 if outcome.done else 1] += 1
         self._counts[2] -= 1
         self._show()
+
+    def _end(self) -> None:
+        self._counts[2] = 0  # of whom there is no answer, there will be none
 
     def _show(self) -> None:
         done, failed, waiting = self._counts
