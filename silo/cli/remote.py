@@ -26,7 +26,7 @@ def remote() -> None:
     Examples:
       silo remote init lab --host robot3.local --user alice:operator --user bob
       silo remote add lab alice.json5        (on alice's computer: the file that init made for her)
-      silo remote add lab tcp/robot3.local:7447
+      silo remote add lab tcp/robot3.local:7447     (an open way: for looking alone)
       silo remote doctor lab
       silo ls
     """
@@ -167,12 +167,15 @@ def init(folder: Path, hosts: tuple[str, ...], users: tuple[str, ...], robots: b
 
     roles = {**dict(map(role_of, users)), **({"robots": "robot"} if robots else {})}
     made = make_network(folder, list(hosts), port, roles, listen)
+    there = f"silo-{folder.name}"
+    first = hosts[0] if hosts else "HOST"
     if "robots" in made.clients:
-        click.echo(f"router:  copy {made.server}/ to it; there: silo router --config server.json5")
+        click.echo(f"router:  scp -r {made.server} {first}:{there}; there: silo router --config {there}/server.json5")
     else:
-        click.echo(f'robot:  copy {made.server}/ to it; log.serve(config="server.json5"), or silo demo --config ...')
+        click.echo(f'robot:  scp -r {made.server} {first}:{there}; there: log.serve(config="{there}/server.json5"),')
+        click.echo(f"        or to try it: silo demo --config {there}/server.json5")
     for name, path in made.clients.items():
-        how = 'log.serve(config="robots.json5")' if name == "robots" else f"silo remote add NAME {path.name}"
+        how = 'log.serve(config="robots.json5")' if name == "robots" else f"silo remote add {folder.name} {path.name}"
         click.echo(f"{name}:  give {path}; there: {how}")
     click.echo(
         f"keep {made.folder / 'ca-key.pem'} to yourself. Who listens already learns of new users at its next start."

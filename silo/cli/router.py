@@ -23,7 +23,7 @@ def router(config: Path) -> None:
     \b
     Examples:
       silo config cp router.json5 && silo router --config router.json5
-      silo router --config lab/server/server.json5
+      silo router --config silo-lab/server.json5    (as `silo remote init lab --robots` says)
     """
     from silo.ipc.admission import router_admission
     from silo.ipc.configuration import from_file

@@ -241,8 +241,16 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
 
 
 def is_bag_folder(path: Path) -> bool:
-    """Whether this is a folder with a rosbag2 recording, of silo or of others."""
-    return path.is_dir() and ((path / "metadata.yaml").is_file() or any(path.glob("*.mcap")) or any(path.glob("*.db3")))
+    """Whether this is a folder with a rosbag2 recording, of silo or of others, not one with logs in it.
+
+    A recorder that was killed has left no `metadata.yaml`; then it must be the only log there.
+    """
+    if not path.is_dir():
+        return False
+    if (path / "metadata.yaml").is_file():
+        return True
+    logs = [one.suffix for one in path.iterdir() if one.suffix in (*LOG_ENDINGS, SQLITE_ENDING)]
+    return logs in ([".mcap"], [SQLITE_ENDING])
 
 
 def savable() -> str:

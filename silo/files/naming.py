@@ -148,7 +148,12 @@ def _logs(folder: Path) -> Iterable[Path]:
         return ()
     paths = [path for path in folder.iterdir() if not path.name.startswith(".")]
     # bags of others are folders of any name
-    return [path for path in paths if is_bag_folder(path) or (path.suffix in LOG_ENDINGS and path.is_file())]
+    return [
+        path
+        for path in paths
+        if (path / "metadata.yaml").is_file()
+        or (path.suffix in LOG_ENDINGS and (path.is_file() or is_bag_folder(path)))
+    ]
 
 
 def _run_of(path: Path) -> int:

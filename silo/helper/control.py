@@ -3,6 +3,7 @@
 Three, so that a robot process that doesn't answer holds up no status, and a history of a gigabyte no view.
 """
 
+import functools
 import logging
 import queue
 import threading
@@ -59,7 +60,10 @@ class Control:
         self._ending = False
         self._threads = [
             threading.Thread(target=self._serve, args=(self._asked.handler, self._ask), name="ask"),
-            *(threading.Thread(target=self._serve, args=(one.handler, self._do), name="do") for one in self._to_do),
+            *(
+                threading.Thread(target=self._serve, args=(one.handler, functools.partial(self._do, key)), name="do")
+                for one, key in zip(self._to_do, door.keys, strict=True)
+            ),
             threading.Thread(target=self._read_slowly, name="slow"),
         ]
 
@@ -116,10 +120,12 @@ class Control:
         text = f"{waiting} requests for histories and scripts are waiting already; try again in a moment"
         return Refused(RefusedWhy.FAILED, text)
 
-    def _do(self, query: zenoh.Query) -> None:
+    def _do(self, declared: str, query: zenoh.Query) -> None:
         payload, key = _payload(query), str(query.key_expr)
+        # what has wildcards is refused, under a key that fits
+        own = key if "*" not in key else declared.replace("*", "nobody")
         with self._doing:
-            self._reply(query, key, lambda: self._answer(self._signed(decode_do(payload), key, attachment_of(query))))
+            self._reply(query, own, lambda: self._answer(self._signed(decode_do(payload), key, attachment_of(query))))
 
     def _signed(self, request: AnyDo | Hello | Refused, key: str, attachment: bytes) -> Request[Any] | Refused:
         """Return a request with its sender as the door knows it; refused, where that one may not change this now."""
@@ -167,9 +173,7 @@ class Control:
             body = _encoder.encode(Refused(RefusedWhy.FAILED, f"{type(error).__name__}: {error}"))
         try:
             with query:
-                # one with wildcards is refused, under some key that fits
-                own = self._root.do("nobody") if "*" in key else key
-                query.reply(own if "/" in own else self._root.key(own), body)
+                query.reply(key if "/" in key else self._root.key(key), body)
         except zenoh.ZError as error:
             # the client is gone, or asked for another key than ours
             log.debug("no reply could be sent: %s", error)

@@ -55,9 +55,10 @@ class Door:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys under which changes are taken."""
+        """The keys under which changes are taken, or refused in words."""
         network = (self._root.key("do", "*"),) if self.admission.changes else ()
-        return (self._root.do(keys.LOCAL_SENDER), *network)
+        # clients of protocol 1 send to the last: they are told so, and nothing is done for them
+        return (self._root.do(keys.LOCAL_SENDER), *network, self._root.key("do"))
 
     @property
     def closed(self) -> str:

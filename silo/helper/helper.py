@@ -54,7 +54,7 @@ from silo.ipc.published import EventKind
 from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.handover import RunOffer
 from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
-from silo.model import Derived, FileType, State
+from silo.model import Derived, Extras, FileType, State
 from silo.runtime import runtime_dir
 
 READY = 0  # number of the LinkReply that says that clients can come, or why they can't
@@ -64,6 +64,7 @@ CAPTURES_GRACE_S = 8.0  # the program that closes its logger kills this process 
 DEAD_WITHOUT_CLIENTS_S = 10.0
 DEAD_WITH_CLIENTS_S = 600.0
 DEAD_POLL_S = 0.2
+MOST_CHANGE_LETTERS = 500
 WATCH_PERIOD_S = 1.0  # how often is looked whether the files are still there
 
 log = logging.getLogger("silo.helper")
@@ -379,6 +380,22 @@ def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -
         count, derived = _changed(before, now), derived_text(before.robot.extras.derived, now.robot.extras.derived)
         told = [f"{count} element{'s' if count != 1 else ''} changed"] if count or not derived else []
         events.publish(EventKind.EDITED, "; ".join([*told, *filter(None, [derived])]), by=by)
+    if not by and (text := conditions_text(before.robot.extras, now.robot.extras)):
+        events.publish(EventKind.CONDITIONS, text)  # by the program: what clients change is told with their request
+
+
+def conditions_text(before: Extras, now: Extras) -> str:
+    """Return what became of limits and triggers, fit to show; empty where nothing did."""
+    if (before.limits, before.triggers) == (now.limits, now.triggers):
+        return ""
+    from silo.settings.extras_diff import NONE, diff_extras
+
+    told = []
+    for change in diff_extras(Extras((), before.limits, before.triggers), Extras((), now.limits, now.triggers)):
+        what = f"{change.name} {change.field}".strip()
+        told.append(f"{what} removed" if change.new == NONE and not change.field else f"{what}: {change.new}")
+    more = f" and {len(told) - 3} more" if len(told) > 3 else ""
+    return plain("; ".join(told[:3]) + more, MOST_CHANGE_LETTERS)
 
 
 def _changed(before: LoggerSnapshot, now: LoggerSnapshot) -> int:

@@ -66,6 +66,7 @@ class Judge:
         self._offered: deque[SegmentReader] = deque()
         self._judge: SegmentJudge | None = None
         self._run = self._why = ""
+        self._late_s = math.inf
         self._closed = False  # captures of a run that stopped are closed
         self._writer = CaptureWriter(mirror, events)
         self._memory: JudgeMemory | None = None
@@ -90,6 +91,7 @@ class Judge:
         """
         if not self._ended:
             self._why, self._hands_over = why, hand_over
+            self._late_s = time.monotonic() + within_s / 2  # the other half is for writing
         self._ended = True
         self._wake.set()
         self._thread.join()
@@ -282,14 +284,17 @@ class Judge:
             self._mirror.alarm = ("", 0)
             return IDLE_S
         running = judge.reader.running  # before its rows are read: a stop after them is seen at the next look
-        self._bring(judge, judge.step())
+        self._bring(judge, judge.step(self._is_late))
         if not running and not self._closed:
             self._closed = True
-            self._bring(judge, judge.end(judge.reader.stop_reason or "the logger was stopped"))
+            self._bring(judge, judge.end(judge.reader.stop_reason or "the logger was stopped", self._is_late))
         if time.monotonic() >= self._worst_due_s:  # of 10,000 limits it takes a millisecond
             self._worst_due_s = time.monotonic() + WORST_PERIOD_S
             self._mirror.alarm = judge.worst()
         return judge.wait_s
+
+    def _is_late(self) -> bool:
+        return time.monotonic() > self._late_s
 
     def _adopt(self) -> None:
         """Judge what the robot program has by now, where it differs from what the run began with."""
@@ -390,7 +395,7 @@ class Judge:
         if judge is None:
             return
         try:
-            found = judge.end(why)
+            found = judge.end(why, self._is_late)
         except SiloError as error:
             found = judge.close(why)
             found.blind.append(f"the end of the run was not judged: {error}")

@@ -144,6 +144,6 @@ def _taken(holder: Control, until_s: float, logger: str, asking: str) -> str:
     left = duration(max(0.0, until_s - time.monotonic()))
     return (
         f"{holder.who} has control of {logger} since {since}: ask for it (`silo control give {logger} {asking}` over "
-        f"there), wait (it ends by itself {left} after its last renewal), or take it, which everybody is told: "
+        f"there), wait (without a renewal it ends in {left}), or take it, which everybody is told: "
         f"`silo control take {logger} --force`; nothing was changed"
     )

@@ -24,7 +24,7 @@ from silo.judging.off import trigger_conditions
 from silo.judging.triggers import MOST_CAPTURE_BYTES, Capture, Fire, Mode, Trigger, TriggerState, longest_capture
 from silo.model import ElementInfo, Extras, TriggerOptions
 
-BATCH_TICKS = 16_384
+BATCH_TICKS = 2_048  # between which is looked whether there is time for more
 MOST_SPOOL_BYTES = 512 * 2**20  # of all captures that are under way, or wait to be written
 LONGEST_WAIT_S = 0.05
 RELEASE_STEPS = 20
@@ -232,12 +232,18 @@ class SegmentJudge:
 
     # ------------------------------------------------------------------------------------------------------ judging
 
-    def step(self) -> Step:
-        """Judge what is new, up to the tick that stands in all rings."""
+    def step(self, is_late: Callable[[], bool] = bool) -> Step:
+        """Judge what is new, up to the tick that stands in all rings; what is left when `is_late` is told."""
         self._found = found = Step()
         # the time ring's head is written last: rows of all ticks before it stand in every ring
         ticks = self.reader.ticks
         while self._until < ticks and self.active:
+            if is_late():
+                found.blind.append(
+                    f"triggers and limits did not judge the last {ticks - self._until} ticks: there was no time before "
+                    "the end, as something fires too often; give it a holdoff"
+                )
+                break
             until = min(ticks, self._until + BATCH_TICKS)
             self._judge(until, found)
             self._until = until
@@ -339,9 +345,9 @@ class SegmentJudge:
         if one is not None and one.trigger.capture is not None and one.trigger.capture.number == spool.capture.number:
             one.trigger.capture = replace(one.trigger.capture, last=spool.ticks - 1)
 
-    def end(self, why: str) -> Step:
+    def end(self, why: str, is_late: Callable[[], bool] = bool) -> Step:
         """Judge the rest, and close the captures that are under way, with the reason."""
-        self.step()
+        self.step(is_late)
         return self.close(why)
 
     def close(self, why: str) -> Step:

@@ -342,6 +342,8 @@ def not_found_text(name: str, discovery: Discovery) -> str:
         others = ", ".join(told_apart(discovery.loggers))
         return "\n".join([f"{wanted} {where}; there are: {others}", *closed])
     text = f"{wanted} is running on this host; start your robot program (it must call serve()), or try `silo demo`"
+    if not discovery.unreachable and not remotes():
+        text += "; robots elsewhere are seen by `silo remote add` (`silo remote --help` shows the way)"
     for folder in discovery.forbidden:
         names = ", ".join(folder.loggers)
         text += f"\nuser {folder.owner} runs {names} in {folder.path}, which is closed to you: {folder.advice}"

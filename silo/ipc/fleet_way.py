@@ -28,6 +28,7 @@ POLL_S = 0.1
 IDLE_S = 0.5  # while nobody looks
 LOOK_S = 1.0  # how often is looked whether the link is there
 RETRY_S = 1.0
+REACH_S = 2.0  # it looks for a way again and again, and is to end soon
 PATIENCE = 5  # who looks again and again spends a sixth of the time on a remote that is silent
 ANSWER_S = 2.0
 AGAIN_S = 5.0  # until who gave no answer is asked once more
@@ -72,7 +73,8 @@ class Way:
         while not self._stop.is_set():
             begun_s, took_s = time.monotonic(), 0.0
             try:
-                with borrowed(self._found.socket if self._found else "", "" if self._found else self._name) as mine:
+                socket, config = (self._found.socket, "") if self._found else ("", self._name)
+                with borrowed(socket, config, REACH_S) as mine:
                     self._follow(mine, main)
             except SiloError as error:
                 took_s = time.monotonic() - begun_s

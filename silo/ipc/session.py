@@ -204,7 +204,17 @@ def open_server(
             time.sleep(0.02 * (attempt + 1))
         finally:
             os.umask(old_mask)
-    raise ConnectionLostError(f"can't listen on {path}: {reason_of(error)}{_hint(config)}")
+    raise ConnectionLostError(_why_not_listening(path, config, reason_of(error)))
+
+
+def _why_not_listening(path: Path, config: str | None, reason: str) -> str:
+    if config is not None and "Address already in use" in reason:
+        endpoints = ", ".join(listened(from_file(config)))
+        return (
+            f"can't listen on {endpoints}: another program has that port, or another logger that is served by the same "
+            f"{config}: give each a port (`silo remote init --port`), or let all of them connect to one `silo router`"
+        )
+    return f"can't listen on {path}: {reason}{_hint(config)}"
 
 
 def _is_whole(path: Path, settings: zenoh.Config, root: Root | None, *, grouped: bool) -> bool:

@@ -16,7 +16,7 @@ from typing import Any
 import zenoh
 
 from silo.ipc import keys
-from silo.ipc.configuration import find_file, from_file, user_of
+from silo.ipc.configuration import find_file, from_file, said_of, user_of
 from silo.ipc.probing import REACH_S, reach
 from silo.ipc.senders import group_identity, local_identity
 from silo.ipc.session import close, group_file, open_client, own_file
@@ -85,8 +85,11 @@ def borrow(socket_path: str, config: str, reach_s: float = REACH_S) -> Borrowed:
 
 
 def user_at(path: str) -> str:
-    """Return under which name a configuration has changes sent: its own, else that of who runs this program."""
-    return user_of(from_file(path)) or user_name(os.getuid())
+    """Return under which name a configuration has changes sent: its own, or that of its certificate, else that of who
+    runs this program.
+    """
+    certified = said_of(path).get("user")  # a certificate says it to Zenoh alone
+    return user_of(from_file(path)) or (certified if isinstance(certified, str) else "") or user_name(os.getuid())
 
 
 def _shown(path: Path) -> tuple[bytes | None, str]:
@@ -121,9 +124,9 @@ def _leave(path: str) -> None:
 
 
 @contextmanager
-def borrowed(socket_path: str, config: str) -> Iterator[Borrowed]:
+def borrowed(socket_path: str, config: str, reach_s: float = REACH_S) -> Iterator[Borrowed]:
     """Borrow a session for a moment. Raises ConnectionLostError."""
-    mine = borrow(socket_path, config)
+    mine = borrow(socket_path, config, reach_s)
     try:
         yield mine
     finally:

@@ -217,7 +217,8 @@ class Window:
         self._before.parts = np.concatenate([side.parts, self._before.parts])[::-1]
         if self.function == "std":
             counts, total = self._before.counts, self._before.parts[:, 0]
-            mean = total / counts
+            with np.errstate(invalid="ignore"):  # also when it is recalled
+                mean = total / counts
             # of windows that end before the turn: nothing of it counts
             self._spread = np.where(counts == 0, 0.0, self._before.parts[:, 1] - total * mean)
             self._mean = np.where(counts == 0, 0.0, mean)

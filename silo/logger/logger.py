@@ -260,12 +260,12 @@ class Logger(Logged):
 
         Args:
             group: lets the members of a system group in too (off by default).
-            group_role: what they may do: `"operator"` changes things, `"viewer"` only looks.
-            control: `"one"`: nothing is changed but by who has taken control (`silo control take`); `"any"`: by
-                every operator, while nobody took it.
             config: a file with remote access settings of Zenoh (`silo config ls` has examples).
             foxglove: a port of this computer, 8765 usually, on which Foxglove, Lichtblick and PlotJuggler can look, as
                 by `silo foxglove`; 0: one that is free, `serving.foxglove_port`. It needs `silo-logger[foxglove]`.
+            group_role: what members of the group may do: `"operator"` changes things, `"viewer"` only looks.
+            control: `"one"`: nothing is changed but by who has taken control (`silo control take`); `"any"`: by
+                every operator, while nobody took it.
 
         Returns:
             A context manager; or call its `close()`.

@@ -44,7 +44,7 @@ from silo.recorder.writing import Disk, ExtrasChange, Look, RunBegins, RunEnds, 
 
 FLUSH_S = 0.5  # a chunk at least as often: what a kill can take
 FLUSH_BYTES = 4 << 20
-CATCH_UP_S = 5.0  # until then what a predecessor left stays open, if there is still to catch up
+CATCH_UP_S = 60.0  # until then what a predecessor left stays open, as to close it takes from what is to catch up
 REPORT_S = 1.0
 RELEASE_S = 5.0  # how often memory pages of the rings are let go of, which would count as the recorder's own
 PREDECESSOR_S = 60.0  # how long one that ends may take to finish its part

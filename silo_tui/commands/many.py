@@ -6,6 +6,7 @@ The answers come into their lines as they are given; who is silent holds up no o
 import asyncio
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
@@ -126,8 +127,12 @@ class Many:
         finder = self._finder()
 
         def collect() -> None:
-            for outcome in finder.ask_many(chosen, job):
-                loop.call_soon_threadsafe(self._take, chosen[outcome.place].key, outcome)
+            with suppress(RuntimeError):  # the program was ended meanwhile
+                try:
+                    for outcome in finder.ask_many(chosen, job):
+                        loop.call_soon_threadsafe(self._take, chosen[outcome.place].key, outcome)
+                finally:
+                    loop.call_soon_threadsafe(self._end)
 
         self._context.app.run_worker(Later(asyncio.to_thread, collect), group="many answers")
 
@@ -136,6 +141,9 @@ class Many:
         self._counts[0 if outcome.done else 1] += 1
         self._counts[2] -= 1
         self._show()
+
+    def _end(self) -> None:
+        self._counts[2] = 0  # of whom there is no answer, there will be none
 
     def _show(self) -> None:
         done, failed, waiting = self._counts

@@ -13,8 +13,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding
 from textual.containers import Vertical
-from textual.widgets import OptionList, Static
-from textual.widgets.option_list import Option
+from textual.widgets import Static
 
 from silo.ipc.found import Found
 from silo.ipc.member import Member
@@ -27,6 +26,7 @@ from silo_tui.sessions.finder import FoundLogger
 from silo_tui.widgets.bars import KeyBar, color
 from silo_tui.widgets.inputs import Fleeting
 from silo_tui.widgets.inputs import Line as TypedLine
+from silo_tui.widgets.lines import Lines
 
 WAITING = """No logger is running for this user on this computer; looking again every second.
 
@@ -68,7 +68,7 @@ class LoggersScreen(SiloScreen):
         yield Static("silo", id="loggers-title", markup=False)
         yield Static("", id="loggers-head", markup=False)
         with Vertical(id="loggers-body"):
-            yield OptionList(id="loggers-list", markup=False)
+            yield Lines("loggers-list")
             yield Static("Looking for loggers …", id="loggers-advice", markup=False)
         yield Static("", id="loggers-said", markup=False)
         yield TypedLine(lambda typed: [], "words of a line, a|b either, -not", "loggers-filter")
@@ -113,18 +113,11 @@ class LoggersScreen(SiloScreen):
         rows = [(one, row) for one, row in rows if passes(row, self._asked)]
         options, known = self._list, self.chosen_key
         drawn = [(one.key, row + (">" if one.key in self.marks.keys else "")) for one, row in rows]
-        anew, self._width = width != self._width, width
-        if [key for key, _ in drawn] == [key for key, _ in self._drawn]:
-            for place, (one, row) in enumerate(rows):
-                if anew or drawn[place] != self._drawn[place]:
-                    options.replace_option_prompt_at_index(place, self._styled(one, row))
-            self._drawn = drawn
-        else:
-            self._drawn = drawn
-            options.clear_options()
-            options.add_options([Option(self._styled(one, row), id=one.key) for one, row in rows])
+        if drawn != self._drawn or width != self._width:
+            self._drawn, self._width = drawn, width
             places = [place for place, (key, _) in enumerate(drawn) if key == known]
-            options.highlighted = places[0] if places else (0 if rows else None)
+            at = places[0] if places else 0 if rows else None
+            options.show([self._styled(one, row) for one, row in rows], at)
         options.display = bool(self._lines)
         if self._lines and not isinstance(self.focused, Fleeting):
             options.focus()
@@ -175,8 +168,8 @@ class LoggersScreen(SiloScreen):
         return self._found
 
     @property
-    def _list(self) -> OptionList:
-        return self.query_one("#loggers-list", OptionList)
+    def _list(self) -> Lines:
+        return self.query_one("#loggers-list", Lines)
 
     @property
     def chosen_key(self) -> str:
@@ -208,14 +201,14 @@ class LoggersScreen(SiloScreen):
         """Let what was said go."""
         self._said = ""
 
-    def on_option_list_option_highlighted(self, event: OptionList.OptionHighlighted) -> None:
+    def on_lines_moved(self, event: Lines.Moved) -> None:
         """Tell of another line."""
         self._show_words()
 
-    def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
+    def on_lines_picked(self, event: Lines.Picked) -> None:
         """Open it."""
         for one in self._found:
-            if one.key == event.option.id:
+            if one.key == self.chosen_key:
                 if one.is_there:
                     self._choose(one)
                 else:
@@ -224,26 +217,26 @@ class LoggersScreen(SiloScreen):
     # ------------------------------------------------------------------------------------------------------ moving
 
     def command_next_logger(self) -> None:
-        self._list.action_cursor_down()
+        self._list.step(1)
 
     def command_previous_logger(self) -> None:
-        self._list.action_cursor_up()
+        self._list.step(-1)
 
     def command_first_logger(self) -> None:
-        self._list.action_first()
+        self._list.move(0)
 
     def command_last_logger(self) -> None:
-        self._list.action_last()
+        self._list.move(len(self._drawn) - 1)
 
     def command_loggers_down(self) -> None:
-        self._list.action_page_down()  # type: ignore[no-untyped-call]  # textual's
+        self._list.page(1)
 
     def command_loggers_up(self) -> None:
-        self._list.action_page_up()  # type: ignore[no-untyped-call]  # textual's
+        self._list.page(-1)
 
     def command_open_logger(self) -> None:
         """Choose with Enter where the list has no focus."""
-        self._list.action_select()
+        self._list.pick()
 
     # ------------------------------------------------------------------------------------------ marks, order, filter
 
@@ -251,7 +244,7 @@ class LoggersScreen(SiloScreen):
         if self.chosen_key:
             self.marks.toggle(self.chosen_key)
             self.draw()
-            self._list.action_cursor_down()
+            self._list.step(1)
 
     def command_mark_loggers(self) -> None:
         self.marks.toggle_all([key for key, _ in self._drawn])

@@ -1,24 +1,19 @@
 """Endless recordings from the terminal: the lines that begin one, the questions that end one."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
-from rich.text import Text
-from textual.app import ComposeResult
-from textual.binding import Binding
-from textual.containers import Horizontal, Vertical
-from textual.widgets import Input, Static
+from textual.widgets import Input
 
 from silo.amounts import duration, read_keep, read_split
 from silo.errors import SiloError
 from silo.ipc.messages import RecorderInfo
 from silo.patterns import matching
 from silo_tui.context import Context
-from silo_tui.modal import Dialog
 from silo_tui.model import text
 from silo_tui.model.changes import cost_of
 from silo_tui.model.fields import Field
 from silo_tui.screens.dialogs import Choice, Question
+from silo_tui.screens.form import Form
 from silo_tui.sessions.live import Session
 
 LINES = (("signals",), ("to", "name"), ("split", "keep"))
@@ -40,39 +35,23 @@ class Wish:
     name: str
 
 
-class RecordDialog(Dialog[Wish | None]):
-    """Answers with what is to be recorded on Enter, None on Esc."""
+class RecordDialog(Form[Wish]):
+    """Answers with what is to be recorded on Enter."""
 
     KEYS_HERE = "Enter Records  Tab Next field  Esc Back"
-    BINDINGS: ClassVar[list[Binding | tuple[str, str] | tuple[str, str, str]]] = [
-        Binding("escape", "leave", "Back", show=False)
-    ]
+    AFTER_S = 0.1
 
     def __init__(self, session: Session, free_bytes: int, signals: str = "") -> None:
-        super().__init__()
-        self._session, self._free_bytes, self._signals = session, free_bytes, signals
-
-    def compose(self) -> ComposeResult:
-        """Yield title, lines to type in, what they mean."""
-        signals = self._signals or (MARKED if self._session.rows.marked_count else ALL)
-        begun = {"signals": signals, "split": "1GB"}
-        with Vertical(classes="dialog", id="recorder"):
-            yield Static(f"Record on {self._session.name}, until it is stopped", classes="dialog-title", markup=False)
-            for names in LINES:
-                with Horizontal(classes="trigger-line"):
-                    for name in names:
-                        yield Static(name, classes="trigger-label", markup=False)
-                        line = Input(begun.get(name, ""), placeholder=HINTS[name], compact=True, id=f"record-{name}")
-                        yield line
-            yield Static("", id="record-told", markup=False)
+        begun = {"signals": signals or (MARKED if session.rows.marked_count else ALL), "split": "1GB"}
+        super().__init__(f"Record on {session.name}, until it is stopped", LINES, begun, HINTS)
+        self._session, self._free_bytes = session, free_bytes
 
     def on_mount(self) -> None:
         """Begin with what is recorded."""
-        self.query_one("#record-signals", Input).focus()
-        self._tell()
+        self.begin_at("signals")
 
     def _value(self, name: str) -> str:
-        return self.query_one(f"#record-{name}", Input).value.strip()
+        return self.fields.get(name, "").strip()
 
     def _patterns(self) -> tuple[str, ...]:
         """Return what is typed as patterns; without any, all is meant. ValueError where nothing matches one."""
@@ -94,13 +73,12 @@ class RecordDialog(Dialog[Wish | None]):
         read_keep(keep)
         return Wish(self._patterns(), self._value("to"), split, keep, self._value("name"))
 
-    def _tell(self) -> None:
+    async def look(self) -> None:
         """Say how many signals that are, how fast the files grow, and for how long there is room."""
         try:
-            words = self._forecast(self._wish())
+            self.tell(self._forecast(self._wish()))
         except (SiloError, ValueError) as error:
-            words = str(error)
-        self.query_one("#record-told", Static).update(Text(words))
+            self.tell(str(error))
 
     def _forecast(self, wish: Wish) -> str:
         session = self._session
@@ -125,22 +103,14 @@ class RecordDialog(Dialog[Wish | None]):
             )
         return first
 
-    def on_input_changed(self, event: Input.Changed) -> None:
-        """Say what it means now."""
-        self._tell()
-
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Answer; what makes no sense is said, and the lines stay."""
         try:
             wish = self._wish()
-        except (SiloError, ValueError):
-            self._tell()
+        except (SiloError, ValueError) as error:
+            self.tell(str(error))
             return
         self.dismiss(wish)
-
-    def action_leave(self) -> None:
-        """Leave; nothing is recorded."""
-        self.dismiss(None)
 
 
 async def begin(context: Context, session: Session, free_bytes: int, signals: str = "") -> None:

@@ -4,17 +4,13 @@ Measured: 5 - 8 ms for a screen full; twenty of Textual's Sparkline widgets at 1
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from typing import ClassVar
 
 from rich.segment import Segment
 from rich.style import Style
-from textual import events
 from textual.geometry import Region, Size
-from textual.message import Message
 from textual.strip import Strip
-from textual.widget import Widget
 
 from silo.columns import Hole
 from silo_tui.model import braille, lanes, text
@@ -27,30 +23,27 @@ from silo_tui.model.overlay import ghost_piece
 from silo_tui.model.panel_picture import AXIS, LIMIT, RED, YELLOW, Drawn, PanelSource, drawn
 from silo_tui.model.panels import (
     LETTERS,
-    MAX_SERIES,
     Kind,
     Panel,
-    first_to_show,
     has_curves,
-    heights,
     kind_of,
     per_title_line,
     sides,
-    stacked,
     title_lines,
 )
 from silo_tui.model.plot_facts import PlotFacts, missing
 from silo_tui.model.plots import HOLE, NOBODY, Plotted, PlotWindow, pieces_of
 from silo_tui.model.source import PlotSource
 from silo_tui.model.time_axis import axis_line, axis_word
-from silo_tui.widgets.series import most_series, series_style
+from silo_tui.widgets.panel_list import PanelList
+from silo_tui.widgets.series import series_style
 
 CURSOR_A, CURSOR_B = "│", "┊"
 GHOST = Style(dim=True)
 
 
-class PlotStack(Widget):
-    """Draws the plots that fit; which one is chosen and which come first is kept here."""
+class PlotStack(PanelList):
+    """Draws the plots that fit."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
         "plot--title", "plot--chosen", "plot--quiet", "plot--line", "plot--stale", "plot--cursor", "plot--band",
@@ -59,10 +52,8 @@ class PlotStack(Widget):
     DEFAULT_CSS = "PlotStack { height: 1fr; width: 1fr; }"
 
     def __init__(self, plots: list[Plotted], window: PlotWindow, source: PlotSource) -> None:
-        super().__init__()
-        self._take(stacked(plots))
+        super().__init__(plots, source)
         self.window = window
-        self.source = source
         self.store = ColumnStore((), 1, 1)
         self.readings: dict[str, Reading] = {}
         self.bounds: Mapping[str, Bounds4] = {}  # the limits of scalars
@@ -72,135 +63,22 @@ class PlotStack(Widget):
         self.prefix = ""
         self.fresh = True
         self.ended = False  # nothing comes any more: the program is dead
-        self.chosen = 0  # of all signals, those that share a panel counted one by one
-        self.first = 0  # panel
         self._drawn_panels: dict[int, Drawn] = {}
         self._drawn: dict[int, list[Segment]] = {}
         self._drawn_for = Size(0, 0)
         self._happened: dict[frozenset[str], dict[int, str]] = {}  # by the signals that it happened to
         self._happened_key: tuple[int, ...] = ()
 
-    # --------------------------------------------------------------------------------------------------- mouse
-
-    @dataclass
-    class Pointed(Message):
-        """A plot was clicked: which one, and in which column from the right edge (None: beside the curve)."""
-
-        index: int
-        column: int | None
-
-    @dataclass
-    class Wheeled(Message):
-        """The wheel was turned: down (1) or up (-1), to zoom where ctrl was held."""
-
-        step: int
-        zooms: bool
-
-    def on_click(self, event: events.Click) -> None:
-        """Ask for the signal and the place that was clicked."""
-        found = self._place_of(event.y)
-        if found is None:
-            return
-        at, line = found
-        panel = self.panels[at]
-        first = sum(len(each) for each in self.panels[:at])
-        titles = title_lines(panel, self.size.width)
-        if line < titles:
-            side_by_side = per_title_line(self.size.width) if len(panel) > 1 else 1
-            place = line * side_by_side + event.x * side_by_side // max(1, self.size.width)
-            self.post_message(self.Pointed(first + min(place, len(panel) - 1), None))
-            return
-        cell = event.x - AXIS - 1
-        inside = 0 <= cell < self.plot_width
-        index = self.chosen if self.chosen_panel == at else first
-        self.post_message(self.Pointed(index, 2 * (self.plot_width - 1 - cell) if inside else None))
-
-    def _place_of(self, y: int) -> tuple[int, int] | None:
-        """Return which panel a line of the widget belongs to, and which line of it that is; None for the time axis."""
-        for at, height in enumerate(self._heights(), self.first):
-            if y < height:
-                return at, y
-            y -= height
-        return None
-
-    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        """Ask for the next plot, or a longer span."""
-        event.stop()
-        self.post_message(self.Wheeled(1, zooms=event.ctrl))
-
-    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        """Ask for the plot before, or a shorter span."""
-        event.stop()
-        self.post_message(self.Wheeled(-1, zooms=event.ctrl))
-
-    # ---------------------------------------------------------------------------------------------- what is plotted
-
-    @property
-    def plots(self) -> list[Plotted]:
-        """All signals, in the order of the panels."""
-        return self._plots
-
-    def _take(self, panels: Sequence[Panel]) -> None:
-        # what is asked for many times a frame is found once: with 700 panels it took 50 ms
-        self.panels = list(panels)
-        self._plots = [plotted for panel in panels for plotted in panel]
-        self._two_sided = any(any(sides(panel)) for panel in panels if has_curves(panel))
-        self._worded = any(len(panel) > 1 or not has_curves(panel) for panel in panels)
-
-    @property
-    def chosen_plot(self) -> Plotted:
-        """The signal that is chosen."""
-        return self.plots[self.chosen]
-
-    @property
-    def chosen_panel(self) -> int:
-        """Where the panel with the chosen signal is."""
-        return self._panel_of(self.chosen)
-
-    def _panel_of(self, index: int) -> int:
-        for at, panel in enumerate(self.panels):
-            index -= len(panel)
-            if index < 0:
-                return at
-        return max(0, len(self.panels) - 1)
-
-    @property
-    def most(self) -> int:
-        """How many curves may share a panel."""
-        return most_series(self.app, MAX_SERIES)
-
-    def show_panels(self, panels: Sequence[Panel]) -> None:
-        """Show these panels; the chosen signal stays the chosen one if it is still there."""
-        chosen = self.plots[self.chosen] if self.plots else None
-        self._take(panels)
-        plots = self.plots
-        self.choose(plots.index(chosen) if chosen in plots else self.chosen)
-
-    def keep(self, plots: Sequence[Plotted]) -> None:
-        """Show these signals: what shares a panel goes on to, new ones come at the end."""
-        known = self.plots
-        panels = [tuple(plotted for plotted in panel if plotted in plots) for panel in self.panels]
-        self.show_panels(
-            [panel for panel in panels if panel] + [(plotted,) for plotted in plots if plotted not in known]
-        )
-
-    def for_detail(self) -> tuple[list[Plotted], int]:
-        """What one large plot shows: the chosen signal, those of its panel, the others; how many share it."""
-        shown = [each for each in self.plots if each.numeric and self.source.is_live(each.element.name)]
-        chosen, panel = self.chosen_plot, self.panels[self.chosen_panel]
-        mine = [each for each in shown if each == chosen] + [each for each in shown if each in panel and each != chosen]
-        return mine + [each for each in shown if each not in panel], max(1, len(mine))
-
     # ------------------------------------------------------------------------------------------------ geometry
 
     @property
     def right_width(self) -> int:
         """Cells right of the curves: for letters, words of lanes, or a second axis."""
-        if self._two_sided or self._worded:
-            return AXIS + 1 if self._two_sided else 8
+        if self.two_sided or self.worded:
+            return AXIS + 1 if self.two_sided else 8
         if self.level is not None:
             return 8
-        limited = self.bounds and any(plotted.name in self.bounds for plotted in self._plots)
+        limited = self.bounds and any(plotted.name in self.bounds for plotted in self.plots)
         return 8 if limited else 4 if self.ghost is not None else 2
 
     @property
@@ -212,30 +90,6 @@ class PlotStack(Widget):
     def columns(self) -> int:
         """Columns of a curve: two per cell."""
         return 2 * self.plot_width
-
-    @property
-    def _room(self) -> int:
-        return max(1, self.size.height - 1)
-
-    def _heights(self) -> list[int]:
-        return heights(self.panels, self.first, self._room, self.size.width)
-
-    @property
-    def fitting(self) -> int:
-        """Panels that are on the screen."""
-        return len(self._heights())
-
-    def on_screen(self) -> list[Plotted]:
-        """The signals that are visible now."""
-        return [plotted for panel in self.panels[self.first : self.first + self.fitting] for plotted in panel]
-
-    def choose(self, index: int) -> bool:
-        """Chooses a signal and brings it on the screen; True when other panels are visible then."""
-        self.chosen = max(0, min(index, len(self.plots) - 1))
-        first = first_to_show(self.panels, self.first, self.chosen_panel, self._room, self.size.width)
-        moved, self.first = first != self.first, first
-        self.redraw()
-        return moved
 
     def redraw(self) -> None:
         """Everything anew."""
@@ -270,11 +124,11 @@ class PlotStack(Widget):
         return self.get_component_rich_style(name)
 
     def _segments(self, y: int) -> list[Segment]:
-        found = self._place_of(y)
+        found = self.place_of(y)
         if found is None:
-            return self._time_axis() if y == sum(self._heights()) else []
+            return self._time_axis() if y == sum(self.heights()) else []
         at, line = found
-        height = self._heights()[at - self.first]
+        height = self.heights()[at - self.first]
         titles = title_lines(self.panels[at], self.size.width)
         return self._title(at, line) if line < titles else self._body(at, line - titles, height - titles)
 
@@ -289,7 +143,7 @@ class PlotStack(Widget):
 
     def _panel(self, at: int) -> Drawn:
         if at not in self._drawn_panels:
-            height = self._heights()[at - self.first] - title_lines(self.panels[at], self.size.width)
+            height = self.heights()[at - self.first] - title_lines(self.panels[at], self.size.width)
             self._drawn_panels[at] = self._draw_panel(at, height)
         return self._drawn_panels[at]
 

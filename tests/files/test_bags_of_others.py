@@ -1,6 +1,9 @@
 """Bags that silo did not write, made here by `rosbags` and `mcap`: signals with the stamps of their own topics."""
 
+import contextlib
+import functools
 import json
+import random
 import sqlite3
 import warnings
 
@@ -30,14 +33,20 @@ float32[4] feet
 """
 
 
+@functools.cache
 def message_types():
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg(STATE, "my_msgs/msg/State"))
     return store
 
 
+@functools.cache
 def messages(count):
     """Topic, type, log time, CDR: what a small robot publishes, topic by topic at rates of their own."""
+    return list(made(count))
+
+
+def made(count):
     store = message_types()
     make = store.types
     vector, turn, header, stamp = (
@@ -269,7 +278,10 @@ class TestLazily:
 class TestOtherFiles:
     def test_two_files_of_one_bag_are_one_log(self, tmp_path):
         (tmp_path / "bag").mkdir()
-        whole = list(messages(40))
+        (tmp_path / "bag" / "metadata.yaml").write_text(
+            "rosbag2_bagfile_information:\n  relative_file_paths: [bag_0.mcap, bag_1.mcap]\n"
+        )
+        whole = messages(40)
         store = message_types()
         for part in range(2):
             with (tmp_path / "bag" / f"bag_{part}.mcap").open("wb") as file:
@@ -305,6 +317,23 @@ class TestOtherFiles:
         with pytest.raises(silo.FileFormatError, match=r"bag\.mcap: .*damaged"):
             opened(path)["imu/angular_velocity/x"].max()
         assert "imu/angular_velocity" in log
+
+    @pytest.mark.parametrize("storage", ["rosbag2 sqlite3", "mcap, lz4", "mcap without chunks"])
+    def test_of_a_damaged_bag_come_only_errors_of_silo(self, tmp_path, storage):
+        bag = MAKERS[storage](tmp_path)
+        path = bag if bag.is_file() else next(bag.glob("*.db3"))
+        whole, chance = path.read_bytes(), random.Random(storage)
+        opens = 0
+        for _ in range(12):
+            data = bytearray(whole)
+            for _ in range(chance.choice((1, 3, 20))):
+                data[chance.randrange(len(data))] = chance.randrange(256)
+            path.write_bytes(data)
+            with contextlib.suppress(silo.SiloError):
+                log = opened(path)
+                opens += 1
+                assert all(len(log[name].values) == len(log[name].time_ns) for name in log)
+        assert opens
 
     def test_messages_that_are_compressed_one_by_one_are_read(self, tmp_path):
         bag = rosbag(tmp_path / "bag", StoragePlugin.SQLITE3, 30, (CompressionMode.MESSAGE, CompressionFormat.ZSTD))
@@ -375,6 +404,13 @@ class TestOtherFiles:
             (log,) = silo.open_logs(tmp_path)
         assert log.path.endswith("rosbag2_2026")
         assert opened("rosbag2_20", folder=tmp_path).path == log.path
+
+    def test_a_folder_with_several_mcap_files_is_a_folder_of_logs(self, tmp_path):
+        for number in range(2):
+            mcap_bag(tmp_path / f"drive_{number}.mcap", 10 + number)
+        with pytest.warns(silo.LogWarning):
+            assert [len(log["imu/angular_velocity"]) for log in silo.open_logs(tmp_path)] == [10, 11]
+        assert len(opened(tmp_path)["imu/angular_velocity"]) == 11
 
 
 class TestSaving:

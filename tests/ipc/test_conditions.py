@@ -58,6 +58,15 @@ class TestTriggers:
         bench.ticks(60)
         assert heard.wait(EventKind.TRIGGERED).text == "trigger 'late' fired at tick 50"
 
+    def test_what_the_program_changes_stands_in_the_event_log(self, bench, client, heard):
+        bench.logger.start()
+        bench.logger.trigger("late", "x > 50", post="1s")
+        assert heard.wait(EventKind.CONDITIONS).text == "trigger late: x > 50, post 1 s"
+        bench.logger.limit("x", (None, None, 1, 2))
+        wait_until(lambda: [one.text for one in client.events() if "limits x: - - 1 2" in one.text])
+        bench.logger.remove_trigger("late")
+        wait_until(lambda: [one.text for one in client.events() if one.text == "trigger late removed"])
+
     def test_what_a_client_set_is_in_saved_scripts_and_in_the_next_run(self, bench, client, tmp_path):
         client.set_trigger(TriggerOptions("high", "x > 5"))
         assert trigger(client).state is TriggerWord.WAITING

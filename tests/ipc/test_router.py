@@ -17,6 +17,7 @@ from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.client import Client
 from silo.ipc.discovery import discover
 from silo.ipc.exchange import exchange
+from silo.ipc.fleet import Fleet
 from silo.ipc.messages import Hello
 from silo.ipc.session import close, open_router
 from silo.ipc.sessions import borrowed
@@ -103,6 +104,18 @@ def test_the_status_says_who_of_the_network_is_there(site) -> None:
         operator.hello()
         found = wait_until(lambda: [one for one in operator.status().clients if one.identity])
         assert found[0].who.startswith("alice (proven) from ")
+
+
+def test_a_viewer_sees_how_robots_stand_and_who_is_not_let_in_is_told(site) -> None:
+    with Fleet(site.config("bob")) as fleet:
+        wait_until(lambda: any(one.summary is not None for one in fleet.now().members))
+        site.logger.start()
+        wait_until(lambda: fleet.now().members[0].running)
+        site.logger.stop()
+        wait_until(lambda: not fleet.now().members[0].running)
+    with Fleet(site.config("robots")) as fleet:
+        assert wait_until(lambda: fleet.now().unreachable)
+        assert "sees no logger" in fleet.now().unreachable[site.config("robots")]
 
 
 def test_a_robot_asks_nobody(site) -> None:

@@ -178,7 +178,7 @@ def test_a_client_is_told_once_at_the_connection_that_the_robot_is_of_another_si
 def test_silo_ls_lists_a_logger_of_another_silo_as_such(other, capsys) -> None:
     (answer,) = survey(discover().loggers)
     assert (answer.status, answer.state) == (None, "other silo")
-    assert run(["ls"]) == 0
+    assert run(["ls"]) == EXIT_NO_LOGGER  # there is nobody that can be asked
     shown = capsys.readouterr()
     assert "other silo" in shown.out
     assert f"runs an {other}" in shown.err.replace(" a newer", " an newer")

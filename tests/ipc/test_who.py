@@ -355,6 +355,7 @@ def test_control_is_handed_over_to_an_operator_who_is_connected(bench) -> None:
         with pytest.raises(RefusedError, match="no operator 'carol' is connected"):
             anna.hand_over("carol")
         bob.hello()
+        wait_until(lambda: "@local bob" in {one.identity for one in anna.status().clients})
         anna.hand_over("bob")
         assert bob.status().control.identity == "@local bob"
         with pytest.raises(RefusedError, match="bob@robot3"):

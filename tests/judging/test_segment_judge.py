@@ -378,3 +378,14 @@ def test_a_try_of_a_trigger_judges_as_the_trigger_does(robot):
     tried = silo.model.TriggerOptions("try", "any(fast/x_0 > 50, off > 1)")
     found = try_trigger(tried, SegmentReader(robot.logger.segment_path), robot.logger.elements)
     assert found.ticks == [40, 60]
+
+
+def test_what_there_was_no_time_to_judge_before_the_end_is_told(robot):
+    robot.logger.trigger("spike", "fast/x_0 > 50", pre="5ms", post="5s")
+    robot.start()
+    robot.ticks(200, [(100, 0)])
+    robot.judge.step()
+    robot.ticks(200)
+    found = robot.judge.end("closed", lambda: True)
+    assert found.blind[0].startswith("triggers and limits did not judge the last 200 ticks")
+    assert [spool.why for spool in found.whole] == ["closed, 4901 ticks before its end"]

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from silo.analysis.log import open_log
+from silo import open_log
 from silo.cli.main import run
 from silo.errors import FileFormatError
 from silo.files.bag import write_bag

@@ -91,6 +91,6 @@ async def test_a_typed_command_that_writes_is_refused_as_its_key_is(new_fake, op
     async with opened(fake, size=(120, 30), read_only=True) as screen:
         for line in ("set div=5", "load quiet.yaml", "data silo", "start"):
             CommandRunner(screen.app.context).run(line)
-            await screen.shows("this is a read-only session")
+            await screen.shows("this is read-only")
             screen.app.context.say("")
         assert (fake.calls, screen.session.table.pending_count) == ([], (0, 0))

@@ -71,7 +71,7 @@ async def test_a_click_on_a_plot_chooses_it_and_puts_the_cursor_where_it_was(fak
             lambda: isinstance(screen.app.screen, MonitorScreen) and len(screen.app.screen.stack.plots) > 1
         )
         monitor = screen.app.screen
-        second = next(y for y in range(40) if monitor.stack._place_of(y) == (1, 0))
+        second = next(y for y in range(40) if monitor.stack.place_of(y) == (1, 0))
         await screen.pilot.click("PlotStack", offset=(AXIS + 1 + 20, second + 1))
         await screen.until(lambda: monitor.stack.chosen == 1)
         line = screen.text.split("\n")[2 + second]

@@ -120,4 +120,4 @@ class TestScreens:
             await screen.press("F")
             await screen.shows("Nothing is saved")
             await screen.press("N")
-            await screen.shows("read-only session")
+            await screen.shows("Record: this is read-only")

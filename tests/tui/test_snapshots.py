@@ -250,7 +250,7 @@ async def to_plots(pilot, *keys):
         (("space", "f"), "highest"),
         (("c", "exclamation_mark"), "SCOPE"),
         (("f2",), "theme"),
-        (("question_mark",), "Enter"),
+        (("question_mark",), "silo help"),
     ],
     ids=["large", "find", "scope", "settings", "help"],
 )

@@ -89,7 +89,7 @@ async def test_a_page_changes_nothing_without_control(served):
     async with chromium.opened(served()) as page:
         await shows(page, r"RUNNING.*500/500")
         await page.press("t")
-        await shows(page, r"On/Off: this is a read-only session")
+        await shows(page, r"On/Off: this is read-only")
 
 
 async def test_strangers_get_neither_page_nor_socket(served):

@@ -16,6 +16,7 @@ import lz4.frame
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
@@ -123,12 +124,15 @@ class McapFile:
         return [*blocks, _Block(-1, {}, _entries(outside))] if outside else blocks
 
     def _learn(self, opcode: int, body: memoryview) -> None:
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(ReadDataStream(BytesIO(body)))
-            self._schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(ReadDataStream(BytesIO(body)))
-            self._channels[channel.id] = channel
+        try:
+            if opcode == Opcode.SCHEMA:
+                schema = Schema.read(ReadDataStream(BytesIO(body)))
+                self._schemas[schema.id] = schema
+            elif opcode == Opcode.CHANNEL:
+                channel = Channel.read(ReadDataStream(BytesIO(body)))
+                self._channels[channel.id] = channel
+        except McapError as error:
+            raise ValueError(f"damaged: a description of a topic ends too early {error}") from error
 
     # ----------------------------------------------------------------------------------------------------- messages
 

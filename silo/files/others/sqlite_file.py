@@ -29,17 +29,20 @@ class SqliteFile:
         try:
             self._database = sqlite3.connect(f"{path.resolve().as_uri()}?{how}", uri=True, check_same_thread=False)
             self._topics = self.rows("SELECT id, name, type, serialization_format FROM topics ORDER BY id")
-        except sqlite3.Error as error:
+        except (sqlite3.Error, ValueError) as error:
             raise FileFormatError(f"'{path}' can't be read as a bag: {error}") from error
 
     def rows(self, query: str, *values: object) -> list[tuple[object, ...]]:
-        """Return what a query finds."""
-        return self._database.execute(query, values).fetchall()
+        """Return what a query finds. Raises ValueError for a damaged file."""
+        try:
+            return self._database.execute(query, values).fetchall()
+        except sqlite3.Error as error:
+            raise ValueError(f"damaged: {error}") from error
 
     def topics(self) -> list[Topic]:
         """Return the topics that have messages."""
         definitions: dict[str, tuple[str, str]] = {}
-        with contextlib.suppress(sqlite3.Error):  # a table of newer bags only
+        with contextlib.suppress(ValueError):  # a table of newer bags only
             definitions = {str(kind): (str(how), str(text)) for kind, how, text in self.rows(_DEFINITIONS)}
         used = {number for (number,) in self.rows("SELECT DISTINCT topic_id FROM messages")}
         return [
@@ -70,10 +73,7 @@ class SqliteTopic:
         return self._equal(f"SELECT data FROM messages WHERE topic_id = ? LIMIT {SOME}")
 
     def _equal(self, query: str) -> Iterator[Equal]:
-        try:
-            found = [data for (data,) in self.file.rows(query, self.number)]
-        except sqlite3.Error as error:
-            raise ValueError(str(error)) from error
+        found = [data for (data,) in self.file.rows(query, self.number)]
         contents = [data for data in found if isinstance(data, bytes)]
         if len(contents) < len(found):
             raise ValueError("a message is no bytes")
