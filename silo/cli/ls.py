@@ -46,6 +46,9 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
       silo ls --json | jq '.[].logger'
       silo ls --follow                       (state, rate, losses, disk, alarms, who is there, until Ctrl-C)
     """
+    from silo.ipc.addresses import logger_of
+
+    pattern = logger_of(pattern)
     if follow:
         from silo.cli.follow import follow_fleet
 

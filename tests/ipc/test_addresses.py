@@ -17,8 +17,9 @@ from silo.cli.main import EXIT_USAGE, run
 from silo.errors import ConnectionLostError
 from silo.ipc.client import Client
 from silo.ipc.discovery import Discovery, SeveralError, discover
+from silo.ipc.fleet import Fleet as Followed
 from silo.ipc.found import Found, is_glob, told_apart
-from silo.ipc.keys import Root, root_of
+from silo.ipc.keys import Root, robot_of, root_of
 from silo.ipc.sessions import open_configurations
 from silo.logger.identity import drawn_id, machine_digits
 from silo.model import State
@@ -47,6 +48,21 @@ def test_a_key_leads_back_to_host_id_and_logger() -> None:
 
 def test_keys_before_ids_are_still_understood() -> None:
     assert root_of("silo/robot3/anymal/ask") == Root("robot3", "anymal")
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["silo/%1B[2Jevil~01ab/anymal/alive", "silo/robot3~01ab/an%0Aymal/alive", "silo/x~1/%/alive", "silo/%/x/alive",
+     f"silo/{'h' * 65}~01ab/anymal/alive", f"silo/robot3~01ab/{'n' * 41}/alive", "silo/robot3~%1B[2J/anymal/alive"],
+)  # fmt: skip
+def test_a_key_that_would_garble_a_list_is_of_no_robot(key) -> None:
+    zenoh.KeyExpr(key)
+    assert robot_of(key) is None
+
+
+def test_the_keys_of_robots_are_of_robots() -> None:
+    for root in (Root("robot3", "anymal", drawn_id()), Root("röbot ~3", "an.y_m-al"), Root("h" * 64, "n" * 40)):
+        assert robot_of(root.key("alive")) == root
 
 
 def test_two_ids_of_one_computer_begin_alike_and_differ() -> None:
@@ -164,6 +180,22 @@ def test_two_robots_of_one_image_are_two_loggers_with_addresses_of_their_own(fle
     first, second = fleet.found()
     assert (first.host, first.name) == (second.host, second.name) == (HOST, "same")
     assert first.id != second.id
+
+
+@pytest.mark.slow
+def test_a_token_that_no_robot_has_is_in_no_list(fleet) -> None:
+    settings = zenoh.Config.from_file(fleet.desk)
+    settings.insert_json5("mode", '"client"')
+    with zenoh.open(settings) as stranger, Followed(fleet.desk) as followed:
+        garbled, plain = (
+            stranger.liveliness().declare_token(f"silo/{host}~01ab/x/alive") for host in ("%1B[2Jevil", "stranger")
+        )
+        wait_until(lambda: "stranger" in {one.found.host for one in followed.now().members})
+        assert {one.found.host for one in followed.now().members} == {HOST, "stranger"}
+        assert {one.host for one in fleet.found()} == {HOST, "stranger"}
+        garbled.undeclare()
+        plain.undeclare()
+    wait_until(lambda: len(fleet.found()) == 2)
 
 
 @pytest.mark.slow
