@@ -26,10 +26,11 @@ def many_meant(verb: str, logger: str | None, *, everyone: bool) -> "list[Found]
     A glob without `--all` names them and asks on a terminal. Raises UsageError where nobody can be asked, Abort for no,
     ConnectionLostError where there is none.
     """
+    from silo.ipc.addresses import logger_of
     from silo.ipc.discovery import not_found_text
     from silo.ipc.found import is_glob, told_apart
 
-    pattern = logger or ""
+    pattern = logger_of(logger or "")
     if not everyone and not is_glob(pattern):
         return None
     discovery = discovered()

@@ -91,7 +91,8 @@ class Operators:
         if not mine:
             taken = f" from {before.who}" if before is not None else ""
             self._tell(f"control taken{taken}", sender.words)
-        return Done(f"you have control of {self._logger}, for {duration(request.lease_s)} or until you release it")
+        ends = f"unless it is renewed, it ends in {duration(request.lease_s)}"  # silo-tui renews, a command doesn't
+        return Done(f"you have control of {self._logger} until you release it; {ends}")
 
     def release(self, sender: Sender) -> Done | Refused:
         """Let go of control."""

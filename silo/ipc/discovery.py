@@ -258,10 +258,11 @@ def namesakes(found: Found, timeout_s: float) -> list[Found]:
 def _remote(config: str, timeout_s: float, holding: ExitStack, alive: str = keys.ANY_ALIVE) -> list[Found]:
     mine = holding.enter_context(borrowed("", config))
     replies = list(mine.session.liveliness().get(alive, timeout=timeout_s + mine.slack_s))
-    roots = {keys.root_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+    seen = {keys.robot_of(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+    roots = sorted(root for root in seen if root is not None)
     if not roots:
         raise LayerError(Layer.ROLE, nobody_there(config, mine.session))
-    return [Found(root.logger, 0, "", "", config, root.host, id=root.id) for root in sorted(roots)]
+    return [Found(root.logger, 0, "", "", config, root.host, id=root.id) for root in roots]
 
 
 def nobody_there(config: str, session: zenoh.Session) -> str:

@@ -86,7 +86,8 @@ def root_at(borrowed: Borrowed, found: Found, timeout_s: float) -> keys.Root:
         return found.root
     alive = f"silo/*/{keys.escape(found.name)}/alive"
     tokens = borrowed.session.liveliness().get(alive, timeout=timeout_s + borrowed.slack_s)
-    roots = sorted({keys.root_of(str(reply.ok.key_expr)) for reply in tokens if reply.ok is not None})
+    seen = {keys.robot_of(str(reply.ok.key_expr)) for reply in tokens if reply.ok is not None}
+    roots = sorted(root for root in seen if root is not None)
     if len(roots) == 1:
         return roots[0]
     if roots:

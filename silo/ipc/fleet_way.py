@@ -153,13 +153,16 @@ class Way:
                 return True
             if reply is None:
                 return False
-            if reply.ok is not None:
-                self._come(keys.root_of(str(reply.ok.key_expr)), asking)
+            root = keys.robot_of(str(reply.ok.key_expr)) if reply.ok is not None else None
+            if root is not None:
+                self._come(root, asking)
 
     def _take_tokens(self, tokens: Any, asking: Asking[str]) -> None:
         gone = []
         while (sample := tokens.try_recv()) is not None:
-            root = keys.root_of(str(sample.key_expr))
+            root = keys.robot_of(str(sample.key_expr))
+            if root is None:
+                continue
             if sample.kind == zenoh.SampleKind.PUT:
                 self._come(root, asking)
             else:

@@ -26,6 +26,8 @@ ANY_ALIVE = "silo/*/*/alive"
 ANY_DO = "silo/*/*/do/*"
 LOCAL_SENDER = "@local"  # in place of a user, by the Unix socket
 ANY_SUMMARY = "silo/*/*/summary"
+LONGEST_HOST, LONGEST_LOGGER = 64, 40  # letters: those of Linux, and those that a logger takes
+_DRAWN = re.compile(r"[0-9a-f]{0,32}")
 
 
 class Root(NamedTuple):
@@ -80,6 +82,17 @@ def root_of(key: str) -> Root:
         raise ValueError(f"{key!r} is not a key of silo")
     host, _, drawn = chunks[1].partition("~")
     return Root(unescape(host), unescape(chunks[2]), drawn)
+
+
+def robot_of(key: str) -> Root | None:
+    """Return the logger whose liveliness token or summary this is; None for a key that no robot of ours has.
+
+    Whoever may offer a key writes into the lists of all desks: control characters would garble their terminals.
+    """
+    root = root_of(key)
+    fits = 0 < len(root.host) <= LONGEST_HOST and 0 < len(root.logger) <= LONGEST_LOGGER
+    words = root.host + root.logger
+    return root if fits and words.isprintable() and _DRAWN.fullmatch(root.id) else None
 
 
 def client_of_view(view: str) -> str:

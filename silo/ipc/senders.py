@@ -21,7 +21,7 @@ class Claim(NamedTuple):
 
 def claim_of(client: str) -> Claim:
     """Read what a client says of itself; nobody can claim to be proven."""
-    who, _, program = client.replace("(", "[").replace(")", "]").partition(" ")
+    who, _, program = _bracketed(client).partition(" ")
     user, _, host = who.partition("@")
     return Claim(user or "somebody", host, program)
 
@@ -30,7 +30,9 @@ def network_words(user: str, client: str, *, proven: bool) -> str:
     """Return who sent a change over a network: `user` by its key, `client` as it names itself."""
     claim = claim_of(client)
     place = f" from {claim.host}" if claim.host else ""
-    return f"{user}{PROVEN if proven else SAYS_SO}{place}{_with(claim.program)}"
+    # where nobody checks names, one may be `anna (proven)`, or move a terminal's cursor
+    name = "".join(letter if letter.isprintable() else "?" for letter in _bracketed(user))
+    return f"{name}{PROVEN if proven else SAYS_SO}{place}{_with(claim.program)}"
 
 
 def group_words(group: str, client: str) -> str:
@@ -41,7 +43,12 @@ def group_words(group: str, client: str) -> str:
 
 def local_words(client: str) -> str:
     """Return who sent a change as the robot's own user; a program may leave its name out."""
-    return client.replace("(", "[").replace(")", "]")
+    return _bracketed(client)
+
+
+def _bracketed(claimed: str) -> str:
+    """Return what somebody says of itself, in which nothing reads as a word of ours."""
+    return claimed.replace("(", "[").replace(")", "]")
 
 
 def _with(program: str) -> str:

@@ -17,8 +17,9 @@ from silo.cli.main import EXIT_USAGE, run
 from silo.errors import ConnectionLostError
 from silo.ipc.client import Client
 from silo.ipc.discovery import Discovery, SeveralError, discover
+from silo.ipc.fleet import Fleet as Followed
 from silo.ipc.found import Found, is_glob, told_apart
-from silo.ipc.keys import Root, root_of
+from silo.ipc.keys import Root, robot_of, root_of
 from silo.ipc.sessions import open_configurations
 from silo.logger.identity import drawn_id, machine_digits
 from silo.model import State
@@ -47,6 +48,21 @@ def test_a_key_leads_back_to_host_id_and_logger() -> None:
 
 def test_keys_before_ids_are_still_understood() -> None:
     assert root_of("silo/robot3/anymal/ask") == Root("robot3", "anymal")
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["silo/%1B[2Jevil~01ab/anymal/alive", "silo/robot3~01ab/an%0Aymal/alive", "silo/x~1/%/alive", "silo/%/x/alive",
+     f"silo/{'h' * 65}~01ab/anymal/alive", f"silo/robot3~01ab/{'n' * 41}/alive", "silo/robot3~%1B[2J/anymal/alive"],
+)  # fmt: skip
+def test_a_key_that_would_garble_a_list_is_of_no_robot(key) -> None:
+    zenoh.KeyExpr(key)
+    assert robot_of(key) is None
+
+
+def test_the_keys_of_robots_are_of_robots() -> None:
+    for root in (Root("robot3", "anymal", drawn_id()), Root("röbot ~3", "an.y_m-al"), Root("h" * 64, "n" * 40)):
+        assert robot_of(root.key("alive")) == root
 
 
 def test_two_ids_of_one_computer_begin_alike_and_differ() -> None:
@@ -167,6 +183,22 @@ def test_two_robots_of_one_image_are_two_loggers_with_addresses_of_their_own(fle
 
 
 @pytest.mark.slow
+def test_a_token_that_no_robot_has_is_in_no_list(fleet) -> None:
+    settings = zenoh.Config.from_file(fleet.desk)
+    settings.insert_json5("mode", '"client"')
+    with zenoh.open(settings) as stranger, Followed(fleet.desk) as followed:
+        garbled, plain = (
+            stranger.liveliness().declare_token(f"silo/{host}~01ab/x/alive") for host in ("%1B[2Jevil", "stranger")
+        )
+        wait_until(lambda: "stranger" in {one.found.host for one in followed.now().members})
+        assert {one.found.host for one in followed.now().members} == {HOST, "stranger"}
+        assert {one.host for one in fleet.found()} == {HOST, "stranger"}
+        garbled.undeclare()
+        plain.undeclare()
+    wait_until(lambda: len(fleet.found()) == 2)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["stop", "same"], ["set", "same", "x", "off"], ["start", f"{HOST}/same"], ["stop"]])
 def test_a_command_to_a_name_of_two_reaches_none_and_lists_addresses(fleet, words, capsys) -> None:
     states = [(logger.is_running, logger.revision) for logger in fleet.loggers]
@@ -218,6 +250,13 @@ def test_ls_shows_hosts_and_what_tells_the_two_apart(fleet, capsys) -> None:
     assert head.split()[-1] == "ADDRESS"
     assert sorted(row.split()[-1] for row in rows) == sorted(found.root.address for found in fleet.found())
     assert {row.split()[1] for row in rows} == {HOST}
+
+
+@pytest.mark.slow
+def test_machines_are_told_addresses_that_tell_the_two_apart(fleet, capsys) -> None:
+    assert run(["--config", fleet.desk, "ls", "--json"]) == 0
+    told = [one["address"] for one in json.loads(capsys.readouterr().out)]
+    assert sorted(told) == sorted(found.root.address for found in fleet.found())
 
 
 @pytest.mark.slow

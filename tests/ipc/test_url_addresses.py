@@ -122,3 +122,12 @@ class TestTopics:
         bench.ticks(3)
         assert run(["watch", url, "--count", "1", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["values"]["/log/x"] == 3
+
+    def test_where_many_can_be_meant_a_url_means_its_logger(self, bench, capsys):
+        assert run(["ls", "silo:///bot", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)[0]["logger"] == "bot"
+        bench.logger.start()
+        assert run(["stop", "silo:///bot", "--all"]) == 0
+        assert not bench.logger.is_running
+        assert run(["stop", "silo:///bot/log/x", "--all"]) != 0
+        assert "names an element" in capsys.readouterr().err

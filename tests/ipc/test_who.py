@@ -21,7 +21,7 @@ from silo.ipc.discovery import discover
 from silo.ipc.keys import Root
 from silo.ipc.messages import Refused, RefusedWhy
 from silo.ipc.published import EventKind
-from silo.ipc.senders import came_by_network, claim_of, local_words, network_words
+from silo.ipc.senders import PROVEN, came_by_network, claim_of, local_words, network_words, short_words
 from silo.ipc.session import close, group_file, open_router, own_file
 from tests.waiting import wait_until
 
@@ -59,6 +59,16 @@ def test_nobody_can_claim_to_be_proven() -> None:
     assert claim_of("anna@desk (proven) 1").program == "[proven] 1"
     assert not came_by_network(local_words("anna (proven) from desk2"))
     assert network_words("bob", "x@anna(proven) y", proven=False).count("(") == 1
+
+
+def test_a_name_that_nobody_checked_can_not_call_itself_proven_nor_move_a_cursor() -> None:
+    door = Door(ROOT, Admission(True, False))
+    for name in ("anna (proven)", "anna (proven) from desk,", "\x1b[2Janna\n"):
+        sender = door.sender(ROOT.do(name), b"", "x@desk silo 1")
+        assert isinstance(sender, Sender)
+        assert sender.words.isprintable()
+        assert PROVEN not in sender.words
+        assert PROVEN not in short_words(sender.words)
 
 
 # ------------------------------------------------------------------------------------------------------- the door
@@ -412,7 +422,7 @@ def test_silo_control_takes_tells_and_releases(bench, capsys) -> None:
     assert run(["control", "take", "bot", "--for", "10s"]) == 0
     assert run(["control", "show", "bot"]) == 0
     said = capsys.readouterr().out
-    assert "you have control of bot" in said
+    assert "you have control of bot until you release it; unless it is renewed, it ends in 10 s" in said
     assert "has control since" in said
     with Other("bob") as bob:
         with pytest.raises(RefusedError, match="has control"):
