@@ -465,3 +465,24 @@ class TestCommands:
 
         with pytest.raises(silo.FileFormatError, match="silo convert --rate 100"):
             open_file(folder)
+
+
+def test_a_joint_that_only_the_beginning_of_a_bag_has_is_a_signal(tmp_path):
+    store = message_types()
+    names = ("builtin_interfaces/msg/Time", "std_msgs/msg/Header", "sensor_msgs/msg/JointState")
+    stamp, header, state = (store.types[name] for name in names)
+    nothing = np.zeros(0)
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file, chunk_size=2_000)
+        writer.start(profile="ros2")
+        text = store.generate_msgdef(names[2], ros_version=2)[0].encode()
+        channel = writer.register_channel("/joints", "cdr", writer.register_schema(names[2], "ros2msg", text))
+        for number in range(200):
+            joint = "old" if number < 50 else "new"
+            made = state(header(stamp(0, 0), ""), [joint], np.array([float(number)]), nothing, nothing)
+            writer.add_message(channel, START + number, bytes(store.serialize_cdr(made, names[2])), START + number)
+        writer.finish()
+    log = silo.open_log(path)
+    assert log["joints/position"].components == ("old", "new")
+    assert log["joints/position_old"].values[:50].tolist() == list(range(50))

@@ -189,9 +189,12 @@ class McapChannel:
     def some(self) -> Iterator[Equal]:
         """Return the first messages of the first, a middle and the last block."""
         blocks = self.file.blocks_of(self.number)
+        first = 0
         for block in sorted({blocks[0], blocks[len(blocks) // 2], blocks[-1]} if blocks else ()):
             offsets = self.file.entries(block, self.number)["offset"][:SOME].astype(np.int64)
-            yield from _contents(self.file.content(block), offsets)
+            for which, rows in _contents(self.file.content(block), offsets):
+                yield which + first, rows
+            first += len(offsets)
 
 
 def _contents(block: bytes | memoryview, offsets: NDArray[np.int64]) -> Iterator[Equal]:

@@ -177,8 +177,12 @@ def _reader(name: str, parts: Sequence[tuple[FilePath, Topic]]) -> "TopicReader"
 
 
 def _looked_at(parts: Sequence[Topic]) -> list[Equal]:
-    """A few messages of a topic. What they number is within each file."""
-    return [equal for topic in parts for equal in topic.stored.some()]
+    """A few messages of a topic, numbered through all files in the order in which they stand there."""
+    found: list[Equal] = []
+    for topic in parts:
+        total = 1 + max((int(which.max()) for which, _ in found), default=-1)
+        found += [(which + total, rows) for which, rows in topic.stored.some()]
+    return found
 
 
 def _joints(message: Message, some: Sequence[Equal]) -> tuple[str, ...]:
