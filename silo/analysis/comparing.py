@@ -83,7 +83,8 @@ class Comparison:
         return html_table("differences of two runs", HEADS, [row.cells for row in self.rows], "; ".join(self._notes()))
 
     def _notes(self) -> list[str]:
-        notes = [f"{len(self.rows)} signals differ, {self.alike} are alike"]
+        differ = "1 signal differs" if len(self.rows) == 1 else f"{len(self.rows)} signals differ"
+        notes = [f"{differ}, {self.alike} {'is' if self.alike == 1 else 'are'} alike"]
         if self.shift_s:
             notes.append(f"the second run is moved by {self.shift_s:.6g} s")
         for which, names in (("first", self.only_a), ("second", self.only_b)):

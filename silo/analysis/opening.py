@@ -42,7 +42,7 @@ def open_log(
 
     Args:
         which: a path, the start of a file name (the newest such is meant), or a run number. A folder or a glob
-            (`logs/*.silo`) means the newest log there; `open_logs` opens all.
+            (`logs/*.silo`) means the newest log there, which may be what a trigger captured; `open_logs` opens all.
         folder: where names and run numbers are looked for.
         stamps: of bags of others, `"log"`: when a message was recorded, which rises and is of one clock; or `"header"`:
             the stamp in its header, when it was measured, where it has one. Logs of silo have those of their ticks.

@@ -19,6 +19,8 @@ from silo.cli.common import (
 if TYPE_CHECKING:
     from silo.ipc.messages import RecorderInfo
 
+_OPTIONS = {"ls": "ls", "list": "ls", "stop": "stop [NAME]"}  # words that others of our commands take
+
 
 @click.command()
 @click.argument("words", nargs=-1, metavar="[LOGGER] [PATTERN]...", shell_complete=complete_words)
@@ -51,6 +53,8 @@ def record(
       silo record --ls
       silo record --stop demo
     """
+    if word := next((one for one in words[:1] if one in _OPTIONS), ""):  # else a recording of nothing would begin
+        raise click.UsageError(f"write `silo record --{_OPTIONS[word]}`; nothing is recorded")
     logger, patterns = split_logger(words, or_pattern=True)
     if only_list:
         _list(logger, as_json)

@@ -148,6 +148,7 @@ def test_equal_runs_have_no_difference(log):
     found = silo.compare(log, log)
     assert not found
     assert "0 signals differ, 5 are alike" in str(found)
+    assert "0 signals differ, 1 is alike" in str(silo.compare(log, log, "x"))
 
 
 def test_runs_are_compared_from_their_starts(log, tmp_path):

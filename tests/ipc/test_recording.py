@@ -8,7 +8,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
-from silo.cli.main import run
+from silo.cli.main import EXIT_USAGE, run
 from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveError, StateError
 from silo.files.bag_read import read_bag
 from silo.helper.recording_folder import recording_folder
@@ -211,6 +211,13 @@ def test_clients_record_below_the_loggers_folder_and_the_program_where_it_likes(
     (tmp_path / "file").touch()
     assert isinstance(recording_folder("file", tmp_path, anywhere=False), Refused)
     assert isinstance(recording_folder("a\nb", tmp_path, anywhere=False), Refused)
+
+
+@pytest.mark.parametrize(("word", "option"), [("ls", "--ls"), ("stop", "--stop [NAME]")])
+def test_a_verb_of_other_commands_begins_no_recording_of_nothing(bench, client, capsys, word, option) -> None:
+    assert run(["record", word]) == EXIT_USAGE
+    assert f"write `silo record {option}`; nothing is recorded" in capsys.readouterr().err
+    assert client.recorders() == []
 
 
 @pytest.mark.slow
