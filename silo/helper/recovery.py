@@ -18,7 +18,7 @@ from silo.collecting.left_journals import claimed_journal, find_stale_journals, 
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import StateError
 from silo.helper.left_log import RECOVERED, save_reader
-from silo.model import Extras, FileType, SavedFile
+from silo.model import FileType, SavedFile
 
 if TYPE_CHECKING:
     # 1.4 MB that a helper without triggers doesn't need
@@ -73,7 +73,7 @@ def recover(
                 discard(reader)
                 return _saved_before(reader, "memory was freed", captures)
             files, held = save_reader(
-                reader, folder or reader.schema.folder, types, why=RECOVERED, extras=captured.extras
+                reader, folder or reader.schema.folder, types, why=RECOVERED, extras=captures.extras
             )
             mark_saved(reader)
             discard(reader)
