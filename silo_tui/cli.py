@@ -80,6 +80,7 @@ def command(
     a file name or a run number. A logger that runs is meant before a file of the same name or path; a path with one of
     these endings, or that begins with ./ or /, is always a file. Press ? for all keys.
     """
+    target = _address(target)
     if demo and target:
         raise click.UsageError(f"--demo brings its own logger; leave out {target!r}")
     if demo:
@@ -107,6 +108,19 @@ def command(
             "silo-tui draws its screen on stderr, which is no terminal here: start it without 2>, nothing was done"
         )
     sys.exit(_run(target, config, file, demo=demo, read_only=read_only, rate=rate, view=view, theme=theme, mouse=mouse))
+
+
+def _address(target: str) -> str:
+    """Return the address that a URL names, `silo://robot3/anymal`; anything else as it is."""
+    if not target.startswith("silo://"):
+        return target
+    from silo.errors import SiloError
+    from silo.ipc.addresses import logger_of
+
+    try:
+        return logger_of(target)
+    except SiloError as error:
+        raise click.ClickException(str(error)) from error
 
 
 def _serve(arguments: list[str], port: int, *, control: bool) -> None:

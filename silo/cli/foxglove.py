@@ -5,7 +5,7 @@ import secrets
 import click
 
 from silo.bridges.listening import LOOPBACK, bound, check_installed
-from silo.cli.common import check_control, complete_logger, configuration
+from silo.cli.common import check_control, complete_logger, configuration, tell_viewers
 
 
 @click.command()
@@ -38,6 +38,9 @@ def foxglove(logger: str | None, port: int, bind: str, control: bool, token: boo
     config, looks = configuration(), not check_control(control)  # of this thread's command
 
     name, reach = pinned(lambda wanted: Client.connect(wanted, config=config, read_only=looks), logger or "")
+    if control:
+        with reach() as client:
+            tell_viewers(client)  # before others are told that they can change something
     secret = secrets.token_urlsafe(24) if control or token or bind not in LOOPBACK else ""
     offered = services(reach, name) if control else None
     terms = Terms(name, bind, secret, origins, offered)

@@ -6,7 +6,7 @@ import threading
 import click
 
 from silo.bridges.listening import check_installed
-from silo.cli.common import check_control, complete_logger, configuration
+from silo.cli.common import check_control, complete_logger, configuration, tell_viewers
 
 DISTRIBUTIONS = ("humble", "jazzy", "kilted", "lyrical", "rolling")
 
@@ -43,6 +43,9 @@ def ros2(logger: str | None, router: str, domain: int, distro: str, control: boo
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     name, reach = pinned(lambda wanted: Client.connect(wanted, config=config, read_only=looks), logger or "")
+    if control:
+        with reach() as client:
+            tell_viewers(client)  # before others are told that they can change something
     offered = services(reach, ros_name(name)) if control else {}
     with joined(router) as session:
         node = Node(domain, str(session.zid()), ros_name(name))

@@ -1,12 +1,15 @@
 """The commands of the bridges: what they need, and that they never take one robot for another."""
 
 import importlib.util
+import json
+import socket
 
 import pytest
 
 import silo
 from silo.bridges.services import pinned, services
-from silo.cli.main import run
+from silo.cli.main import EXIT_FAILED, run
+from silo.ipc.access import QUERIES, VALUES, WATCHED
 from silo.ipc.client import Client
 
 
@@ -39,3 +42,27 @@ def test_a_bridge_that_was_given_no_name_never_commands_another_robot(bench, tmp
             again.serve()
             assert "running" in calls["/bot/start"]()
             assert (again.is_running, other.is_running) == (True, False)
+
+
+@pytest.mark.slow
+def test_who_may_only_look_offers_no_control_to_others(runtime, tmp_path, capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        rule = {"id": "look", "permission": "allow", "flows": ["ingress", "egress"], "messages": [*QUERIES, *VALUES],
+                "key_exprs": [f"silo/*/*/{key}" for key in ("ask", *WATCHED)]}  # fmt: skip
+        rules = {"enabled": True, "default_permission": "deny", "rules": [rule], "subjects": [{"id": "all"}],
+                 "policies": [{"rules": ["look"], "subjects": ["all"]}]}  # fmt: skip
+        (tmp_path / "robot.json5").write_text(json.dumps({"listen": {"endpoints": [endpoint]}, "access_control": rules}))
+        (tmp_path / "desk.json5").write_text(json.dumps({"connect": {"endpoints": [endpoint]}}))
+        with silo.Logger("bot", frequency=100, folder=tmp_path, script=tmp_path / "x.yaml") as logger:
+            logger.array("x", 2)
+            logger.serve(config=tmp_path / "robot.json5")
+            for words in (["foxglove", "--port", str(taken.getsockname()[1])], ["ros2", "--router", endpoint[:-1]]):
+                assert run([*words, "--control", "--config", str(tmp_path / "desk.json5")]) == EXIT_FAILED
+                said = capsys.readouterr()
+                assert "not change it: the role is viewer" in said.err
+                assert "can start" not in said.out + said.err

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from silo.errors import ConnectionLostError, LogNotFoundError, VersionError
+from silo_tui.cli import command
 from silo_tui.sessions.finder import Found, FoundLogger
 from silo_tui.sessions.target import also_a_file, file_meant
 
@@ -38,6 +40,17 @@ def test_an_ending_always_means_a_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(LogNotFoundError):
         file_meant("robot3/anymal.silo", lambda: ("robot3/anymal.silo",))
+
+
+def test_a_url_means_its_logger_and_one_of_an_element_is_refused(monkeypatch):
+    meant = []
+    monkeypatch.setattr("silo_tui.cli._serve", lambda given, port, control: meant.append(given))
+    assert CliRunner().invoke(command, ["--serve", "silo://robot3/anymal"]).exit_code == 0
+    assert CliRunner().invoke(command, ["--serve", "silo:///anymal"]).exit_code == 0
+    assert meant == [["robot3/anymal"], ["anymal"]]
+    refused = CliRunner().invoke(command, ["--serve", "silo://robot3/anymal/log/x"])
+    assert refused.exit_code == 1
+    assert "this is for a whole logger: silo://robot3/anymal" in refused.output
 
 
 class Far:

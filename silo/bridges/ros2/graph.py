@@ -43,9 +43,10 @@ def joined(router: str) -> Iterator[zenoh.Session]:
             config.insert_json5(key, json.dumps(value))
         session = zenoh.open(config)
     except zenoh.ZError as error:
+        why = str(error).split(" at /", 1)[0].strip()  # behind it stands a place in Zenoh's sources
         raise ConnectionLostError(
             f"no Zenoh router answers at {router}: start one with `ros2 run rmw_zenoh_cpp rmw_zenohd`, or say where "
-            f"it is with --router ({str(error).splitlines()[0]})"
+            f"it is with --router ({why})"
         ) from error
     try:
         yield session
