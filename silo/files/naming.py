@@ -92,6 +92,8 @@ def find_log(which: str | os.PathLike[str] | int, folder: str | os.PathLike[str]
     place = Path(folder)
     if isinstance(which, int):
         return _by_run(which, place)
+    if not str(which):
+        raise LogNotFoundError("no log: its name is empty; '.' means the newest log of this folder")
     for path in (Path(which), place / which):
         if path.exists() and (path.is_file() or is_bag_folder(path)):
             return path

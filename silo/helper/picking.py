@@ -133,7 +133,8 @@ def _rings_of(element: ElementSchema, schema: SegmentSchema | None) -> list[tupl
 def first_row(source: RingSource, ring: int, by: By, value: int) -> int:
     """Return the first row whose time stamp or tick is `value` or more, by bisection.
 
-    Rows that are overwritten meanwhile only move it on.
+    Where rows are missing, as between a pin and the buffers, those after them tell; rows that are overwritten meanwhile
+    only move it on.
     """
     if by is By.ROW:
         return value
@@ -142,10 +143,10 @@ def first_row(source: RingSource, ring: int, by: By, value: int) -> int:
     while low < high:
         middle = (low + high) // 2
         found = source.rows(ring, middle, 1, STAMPS)
-        if len(found) and found.first == middle and int(found.words[0, word].view(np.int64)) >= value:
+        if len(found) and int(found.words[0, word].view(np.int64)) >= value:
             high = middle
         else:
-            low = middle + 1
+            low = max(middle, found.first) + 1
     return low
 
 

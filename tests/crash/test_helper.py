@@ -87,6 +87,7 @@ def test_loss_of_the_helper_is_noticed_sooner_than_its_silence(robot, watcher, u
 
 def test_frozen_helper_is_told_and_comes_back(robot, watcher, until) -> None:
     os.kill(robot.helper_pid, signal.SIGSTOP)
+    until(lambda: "T (stopped)" in Path(f"/proc/{robot.helper_pid}/status").read_text())  # it may answer until then
     with pytest.raises(ConnectionLostError):
         watcher.client.status()
     until(lambda: watcher.links[-1:] == [False])

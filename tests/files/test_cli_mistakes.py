@@ -119,7 +119,7 @@ def outcome(folder, monkeypatch, capsys):
 @pytest.mark.parametrize("command", [["info", "?"], ["stats", "?"], ["plot", "?", "x"], ["convert", "?", "out.csv"]])
 def test_a_bad_file_is_told_of(command, file, outcome):
     code, _ = outcome(*[file if word == "?" else word for word in command])
-    assert code or file == "latin.csv"
+    assert code or file in ("latin.csv", ".")  # a folder means the newest log there
 
 
 @pytest.mark.slow

@@ -70,6 +70,16 @@ def test_a_pin_of_a_run_before_is_looked_through_alone(bench, client):
     spiked(bench, 30, 50)
     with client.pin(["/log/q_x"], 0, 2**61) as pin:
         client.restart("discard")
+        spiked(bench, -1, 50)
+        found = client.find(["/log/q_x"], "highest", pins=[pin], run=pin.opened.run)["/log/q_x"]
+    assert (found.total, found.values.tolist()) == (1, [40])
+
+
+def test_a_span_is_measured_in_what_pin_and_buffers_hold_together(bench, client):
+    short_buffer(client, "/log/q", 100)
+    client.start()
+    spiked(bench, 60, 100)
+    with client.pin(["/log/q_x"], 0, bench.begin_ns + 99 * bench.tick_ns) as pin:
         spiked(bench, -1, 400)
         begin, end = bench.begin_ns + 20 * bench.tick_ns, bench.begin_ns + 450 * bench.tick_ns
         found = client.measure(["/log/q_x"], end, begin, [pin], pin.opened.run)["/log/q_x"]
@@ -77,9 +87,8 @@ def test_a_pin_of_a_run_before_is_looked_through_alone(bench, client):
         assert (alone.largest, found.largest) == (6, 40)
         assert found.samples == alone.samples + 80
         inside = np.array([40 if tick == 60 else tick % 7 for tick in range(20, 100)], float)
-        held = client.measure(["/log/q_x"], begin, bench.begin_ns + 99 * bench.tick_ns, [pin], pin.opened.run)[
-            "/log/q_x"
-        ]
+        till = bench.begin_ns + 99 * bench.tick_ns
+        held = client.measure(["/log/q_x"], begin, till, [pin], pin.opened.run)["/log/q_x"]
         assert (held.at_a, held.at_b, held.samples) == (20 % 7, 99 % 7, 80)
         assert np.allclose([held.mean, held.std, held.rms], [inside.mean(), inside.std(), np.sqrt((inside**2).mean())])
 
