@@ -56,7 +56,9 @@ def test_who_may_only_look_offers_no_control_to_others(runtime, tmp_path, capsys
                 "key_exprs": [f"silo/*/*/{key}" for key in ("ask", *WATCHED)]}  # fmt: skip
         rules = {"enabled": True, "default_permission": "deny", "rules": [rule], "subjects": [{"id": "all"}],
                  "policies": [{"rules": ["look"], "subjects": ["all"]}]}  # fmt: skip
-        (tmp_path / "robot.json5").write_text(json.dumps({"listen": {"endpoints": [endpoint]}, "access_control": rules}))
+        (tmp_path / "robot.json5").write_text(
+            json.dumps({"listen": {"endpoints": [endpoint]}, "access_control": rules})
+        )
         (tmp_path / "desk.json5").write_text(json.dumps({"connect": {"endpoints": [endpoint]}}))
         with silo.Logger("bot", frequency=100, folder=tmp_path, script=tmp_path / "x.yaml") as logger:
             logger.array("x", 2)
