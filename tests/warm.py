@@ -38,6 +38,7 @@ class Nursery:
                 self._begin(environment)
             if command[0] != sys.executable or environment["PYTHONPATH"] != self._search:
                 return subprocess.Popen(command, **options)
+            sys.audit("subprocess.Popen", command[0], command, None, None)  # so that it is noted as a process
             asked = {"arguments": command[7:], "environment": environment, "folder": str(Path.cwd())}
             end, told = os.pipe()
             try:

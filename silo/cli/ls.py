@@ -69,7 +69,7 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
     if configuration() in ("", LOCAL):
         _sweep_parts(_log_folders(answers))
     if as_json:
-        show_json([answer.status or _no_status(answer) for answer in answers])
+        show_json(_facts(answers))
         return
     if not answers:
         _tell_orphans(answers)
@@ -137,8 +137,17 @@ def _addresses(found: "Sequence[Found]") -> list[str]:
     return [word if names.count(name) > 1 else "" for word, name in zip(told_apart(found), names, strict=True)]
 
 
-def _no_status(answer: "Answer") -> dict[str, str]:
-    return {"logger": answer.found.label, "state": answer.state, "error": answer.error}
+def _facts(answers: "list[Answer]") -> list[dict[str, object]]:
+    """What is told to machines of each: its status, or why there is none, and the word that means it and no other."""
+    import msgspec
+
+    from silo.ipc.found import told_apart
+
+    facts = []
+    for answer, address in zip(answers, told_apart(answer.found for answer in answers), strict=True):
+        unknown = {"logger": answer.found.label, "state": answer.state, "error": answer.error}
+        facts.append({"address": address, **(msgspec.to_builtins(answer.status) if answer.status else unknown)})
+    return facts
 
 
 def _sweep() -> None:

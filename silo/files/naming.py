@@ -157,13 +157,13 @@ def _logs(folder: Path) -> Iterable[Path]:
 
 
 def _run_of(path: Path) -> int:
-    match = _STEM.fullmatch(path.stem)
+    match = _STEM.match(path.stem)  # of a capture, too, whose trigger and number stand behind
     return int(match["run"]) if match else 0
 
 
 def _age_and_preference(path: Path) -> tuple[float, int, int]:
     # by the date in the name, which survives copying; by the file's own where the name has none
-    match = _STEM.fullmatch(path.stem)
+    match = _STEM.match(path.stem)
     made = path.stat().st_mtime
     if match:
         # a day that does not exist leaves the date of the file

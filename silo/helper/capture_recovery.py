@@ -21,7 +21,7 @@ from silo.helper.judge_memory import lost_text, untold
 from silo.helper.judge_state import JudgeState, Untold, left_states, read_state, state_path
 from silo.helper.segment_judge import SegmentJudge
 from silo.ipc.published import EventKind
-from silo.model import LoggedEvent, SavedFile
+from silo.model import Extras, LoggedEvent, SavedFile
 from silo.runtime import list_segments
 
 WHY = "the program and its helper process died"
@@ -30,18 +30,25 @@ GONE = "program and helper process died before it was written, and its memory is
 log = logging.getLogger("silo")
 
 
-@dataclass(frozen=True)
+@dataclass
 class RecoveredCaptures:
-    """Captures that were written, and in words what became of each, and of what could not be."""
+    """Captures that were written, and in words what became of each, and of what could not be.
+
+    `extras` are limits, triggers and derived signals as the judge knew them last, None where there was none;
+    `is_whole`: all that there was is written.
+    """
 
     files: list[SavedFile]
     texts: list[str]
+    extras: Extras | None = None
+    is_whole: bool = True
 
 
 def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     """Write the captures that a judge left of a segment whose writer is gone, and forget what it left.
 
-    The segment is claimed. What is found is told in the event log of its logger, too.
+    What it left stays where a capture can't be written: another folder may take it. The segment is claimed. What is
+    found is told in the event log of its logger, too.
     """
     schema = reader.schema
     found = RecoveredCaptures([], [])
@@ -49,9 +56,11 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
         path = state_path(schema.logger, schema.run)
         state = read_state(path)
         if state.is_orphan:
+            found.extras = state.extras
             news = _recovered(reader, state, folder, found)
             _log(schema.folder, schema.logger, schema.run, news)
-            path.unlink(missing_ok=True)
+            if found.is_whole:
+                path.unlink(missing_ok=True)
     return found
 
 
@@ -72,6 +81,7 @@ def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: Rec
             done = write_capture(spool, folder, listed, read_events(schema.folder, schema.logger, schema.run))
         except (SiloError, OSError) as error:
             text, kind = f"capture {capture.number} of '{spool.trigger}' was not saved: {error}", EventKind.SAVE_FAILED
+            found.is_whole = False
         else:
             found.files.extend(done.files)
             text, kind = done.text, EventKind.CAPTURED

@@ -62,10 +62,15 @@ def _save(mirror: Mirror, events: Events, reader: SegmentReader, who: str) -> No
             told_s = time.monotonic()
             events.publish(EventKind.SAVING, f"saving after a crash: {fraction:.0%}", progress=fraction)
 
+    robot = mirror.now.robot
     try:
         with claimed(reader):
             files, held = save_reader(
-                reader, mirror.now.robot.folder, progress=progress, events=events.log.of_run(reader.schema.run)
+                reader,
+                robot.folder,
+                progress=progress,
+                events=events.log.of_run(reader.schema.run),
+                extras=robot.extras if robot.segment == str(reader.path) else None,
             )
             mirror.mark_saved(str(reader.path), reader.ticks)
             mark_saved(reader)

@@ -369,6 +369,8 @@ def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -
     stopped = now.robot.state is State.STOPPED
     if now.robot.segment != before.robot.segment and not (stopped and before.robot.state is State.STOPPED):
         events.publish(EventKind.STARTED, "started", by=by, tick=0)
+        if now.robot.saved:
+            events.publish(EventKind.SAVED, now.robot.saved, by=by, tick=0)
         if stopped:
             events.publish(EventKind.STOPPED, now.robot.reason or "stopped", by=by)
     elif now.robot.state is not before.robot.state:

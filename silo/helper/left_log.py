@@ -10,7 +10,7 @@ from silo.collecting.holdings import Holdings, recording_holdings
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
 from silo.files.event_log import read_events
-from silo.model import FileType, LoggedEvent, SavedFile
+from silo.model import Extras, FileType, LoggedEvent, SavedFile
 from silo.recording import with_events
 
 DIED = "program died"  # why its log was saved
@@ -26,10 +26,12 @@ def save_reader(
     progress: Callable[[float], None] | None = None,
     why: str = DIED,
     events: Sequence[LoggedEvent] | None = None,
+    extras: Extras | None = None,
 ) -> tuple[list[SavedFile], Holdings]:
     """Save all that is held, and tell how much that is; no file if it is nothing. Raises SaveError.
 
-    `events` are what happened in its run; None: what the event log in the logger's folder says.
+    `events` are what happened in its run; None: what the event log in the logger's folder says. `extras` are its
+    derived signals, limits and triggers as they were last; None: as they were when the run began.
     """
     from silo.files import write
 
@@ -39,6 +41,8 @@ def save_reader(
         return [], held
     recording = dataclasses.replace(recording, warnings=(*missing(reader), *recording.warnings))
     recording = with_events(recording, _logged(reader) if events is None else events)
+    if extras is not None:
+        recording = dataclasses.replace(recording, extras=extras)
     return write(recording, folder, reader.schema.logger, types, progress=progress, why=why), held
 
 

@@ -72,7 +72,9 @@ def recover(
             if reader.ticks and not has_unsaved(reader):
                 discard(reader)
                 return _saved_before(reader, "memory was freed", captures)
-            files, held = save_reader(reader, folder or reader.schema.folder, types, why=RECOVERED)
+            files, held = save_reader(
+                reader, folder or reader.schema.folder, types, why=RECOVERED, extras=captures.extras
+            )
             mark_saved(reader)
             discard(reader)
             nothing = f"held {held.text}" if held.ticks else "held no tick"

@@ -23,6 +23,7 @@ class RobotState(msgspec.Struct, frozen=True, tag=True):
     by: str
     table: Table | None = None
     extras: Extras = NO_EXTRAS
+    saved: str = ""  # where the run before this one was saved, if its start did that; fit to show
 
 
 class LinkRequest(msgspec.Struct, frozen=True, tag=True):

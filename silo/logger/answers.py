@@ -118,6 +118,7 @@ def robot_state(logger: Served, by: str, table_sent: int) -> RobotState:
             by=by,
             table=Table(revision, logger.elements) if revision != table_sent else None,
             extras=logger.extras,
+            saved=logger.saved_before_start,
         )
 
 

@@ -12,7 +12,7 @@ from silo.collecting.losses import lost_samples
 from silo.collecting.run import Run
 from silo.errors import NoRoomError, StateError, UnsavedError
 from silo.logger.unclosed import write_run
-from silo.model import LoggerOptions
+from silo.model import Extras, LoggerOptions
 
 log = logging.getLogger("silo")
 
@@ -48,6 +48,7 @@ class CurrentRun:
         self,
         make: Callable[[], Run],
         options: LoggerOptions,
+        extras: Extras,
         let_go: Callable[[], None],
         hand_over: Callable[[], None],
     ) -> Run:
@@ -65,7 +66,7 @@ class CurrentRun:
             if self.run is None or error.needed_bytes > error.free_bytes + self.run.segment.size_bytes:
                 raise
             if self.has_unsaved:
-                self._save(options)
+                self._save(options, extras)
             let_go()
             self.drop()
             self.run = None
@@ -115,16 +116,16 @@ class CurrentRun:
             self.saved_ticks = ticks
             run.segment.mark_saved(ticks)
 
-    def _save(self, options: LoggerOptions) -> None:
+    def _save(self, options: LoggerOptions, extras: Extras) -> None:
         """Save in this process: the link thread, which an answer of the helper comes by, may wait for the caller."""
         assert self.run is not None
         run, ticks = self.run, self.run.segment.ticks
-        paths = ", ".join(file.path for file in write_run(run, options, "saved before the next start"))
+        paths = ", ".join(file.path for file in write_run(run, options, "saved before the next start", extras))
         self.mark_saved(run, ticks)
         self.saved_before = f"the last run was saved before it is cleared: {paths}"
         log.warning("%s: %s", options.name, self.saved_before)
 
-    def settle(self, unsaved: str, options: LoggerOptions) -> None:
+    def settle(self, unsaved: str, options: LoggerOptions, extras: Extras) -> None:
         """Do with unsaved data what `start(unsaved=...)` was told.
 
         Raises UnsavedError, or SaveError: nothing was changed.
@@ -135,7 +136,7 @@ class CurrentRun:
         if not self.has_unsaved or unsaved == "clear":
             return
         if unsaved == "save":
-            self._save(options)
+            self._save(options, extras)
             return
         assert self.run is not None
         held = segment_holdings(self.run.reader).text

@@ -164,7 +164,7 @@ class Logger(Logged):
             self._check_stopped("start")
             if not self._updated:
                 self.update()
-            self._present.settle(unsaved, self.options)
+            self._present.settle(unsaved, self.options, self.extras)
             self._adopt_late()
             self._warn_of_triggers(served=self._serving is not None)
             warn_if_not_durable(self.options, served=self._serving is not None)
@@ -182,7 +182,7 @@ class Logger(Logged):
                 self.extras,
                 self._present.run,
             )
-            run = self._present.replace(make, self.options, self._let_go, self._hand_over)
+            run = self._present.replace(make, self.options, self.extras, self._let_go, self._hand_over)
             self._new_values = NewValuesReader()
             self._reason = ""
             self._running = True
@@ -228,7 +228,7 @@ class Logger(Logged):
         with self._lock:
             self._check_open()
             if unsaved != "save":  # a save waits until the loop stands still
-                self._present.settle(unsaved, self.options)
+                self._present.settle(unsaved, self.options, self.extras)
             self.stop()
             self.start(unsaved="save" if unsaved == "save" else "clear")
 
@@ -341,7 +341,7 @@ class Logger(Logged):
             if self._serving.left == (self.segment_path, self.ticks):
                 return  # the helper process saves them and deletes the segment
         self._set_mark(no_mark)
-        if save_at_end(run, self.options):
+        if save_at_end(run, self.options, self.extras):
             self._present.drop()
             drop_journals(self.options)
 

@@ -17,7 +17,8 @@ from silo.ipc.client import Client
 from silo.ipc.published import Event, EventKind
 from silo.model import BufferType, Edit, ElementInfo, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
-from tests.stand_ins.fake_logger import HZ, START_NS, FakeClient
+from tests.stand_ins.fake_logger import FakeClient
+from tests.stand_ins.fake_signals import HZ, START_NS
 from tests.waiting import DEADLINE_S
 
 TICK_NS = round(1e9 / HZ)

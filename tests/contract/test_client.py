@@ -10,7 +10,7 @@ from silo.ipc.messages import RefusedWhy
 from silo.ipc.published import EventKind
 from silo.judging.moments import Looking, places
 from silo.model import BufferType, Edit, ElementOptions, FileType, Sought, State
-from tests.stand_ins.fake_logger import HZ, START_NS
+from tests.stand_ins.fake_signals import HZ, START_NS
 from tests.waiting import DEADLINE_S
 
 X, Q, GAIT, WORD, KEPT = "/log/x", "/log/q", "/log/gait", "/log/word", "/log/kept"

@@ -6,7 +6,7 @@ from silo.errors import ConnectionLostError, ElementError, RefusedError, SaveErr
 from silo.ipc.messages import RefusedWhy
 from silo.ipc.published import EventKind
 from silo.model import FileType
-from tests.stand_ins.fake_logger import START_NS
+from tests.stand_ins.fake_signals import START_NS
 
 
 def why(call, *arguments) -> RefusedWhy:

@@ -174,6 +174,7 @@ def test_an_index_that_points_elsewhere_is_told_of(path):
         bag_index.record_at(data, len(data), bag_index.Opcode.CHUNK)
 
 
+@pytest.mark.slow
 def test_a_changed_byte_of_the_summary_or_between_is_never_a_crash(path, recording):
     data = path.read_bytes()
     summary = int.from_bytes(data[-28:-20], "little")

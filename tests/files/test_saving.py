@@ -13,7 +13,7 @@ import pytest
 from silo.errors import LogNotFoundError, SaveError
 from silo.files import PartlySavedError, silo_writer, write
 from silo.files.atomic import atomic_file, atomic_folder
-from silo.files.naming import check_name, find_log, log_path, next_run_number
+from silo.files.naming import check_name, find_log, find_logs, log_path, next_run_number
 from silo.files.silo_reader import read_silo
 from silo.model import FileType
 from tests.waiting import DEADLINE_S
@@ -244,6 +244,14 @@ def folder(recording, tmp_path):
 )
 def test_logs_are_found_by_path_start_and_run_number(which, name, folder):
     assert find_log(which, folder) == folder / name
+
+
+def test_captures_stand_among_the_logs_by_the_date_and_number_in_their_names(folder):
+    capture = folder / "robot_20260301_12-00-00_00007_fall_1.silo"
+    capture.write_text("x")  # written after all the others
+    assert find_log("robot", folder).name == "robot_20260302_10-00-00_00002.silo"
+    assert find_logs("robot_2", folder)[-2] == capture
+    assert find_log(7, folder) == capture
 
 
 def test_a_path_is_found_from_anywhere(folder, tmp_path_factory):

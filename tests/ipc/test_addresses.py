@@ -253,6 +253,13 @@ def test_ls_shows_hosts_and_what_tells_the_two_apart(fleet, capsys) -> None:
 
 
 @pytest.mark.slow
+def test_machines_are_told_addresses_that_tell_the_two_apart(fleet, capsys) -> None:
+    assert run(["--config", fleet.desk, "ls", "--json"]) == 0
+    told = [one["address"] for one in json.loads(capsys.readouterr().out)]
+    assert sorted(told) == sorted(found.root.address for found in fleet.found())
+
+
+@pytest.mark.slow
 def test_clients_of_one_configuration_share_one_session(fleet) -> None:
     first, second = (Client.connect(found) for found in fleet.found())
     with first, second:

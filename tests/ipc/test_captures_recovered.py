@@ -9,10 +9,13 @@ import pytest
 import silo
 from silo.analysis.log import LogWarning
 from silo.cli.main import run
+from silo.errors import SaveError
 from silo.files.event_log import read_events
+from silo.helper.recovery import recover
 from silo.ipc.client import Client
 from silo.ipc.published import EventKind
 from silo.model import FileType, TriggerOptions
+from silo.runtime import list_segments
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
@@ -64,6 +67,20 @@ def test_recover_writes_the_capture_beside_the_log(robots, tmp_path, monkeypatch
     texts = [event.text for event in read_events(folder, "bot") if event.kind == EventKind.CAPTURED.value]
     assert len(texts) == 1
     assert not list(runtime.glob("*.judge"))
+
+
+def test_a_capture_that_could_not_be_written_is_written_by_the_next_recover(robots, tmp_path, capsys, runtime) -> None:
+    fallen(robots, FALL)
+    (segment,) = list_segments(tmp_path / "logs")
+    (taken := tmp_path / "taken").write_text("a file where the folder would be")
+    with pytest.raises(SaveError):
+        recover(segment, taken)
+    found = recover(segment)
+    check(captures(tmp_path / "logs")[0])
+    assert "capture 1 of 'fall', ticks" in found.text
+    assert not list(runtime.glob("*.judge"))
+    (whole,) = (path for path in (tmp_path / "logs").glob("*.silo") if "fall" not in path.name)
+    assert [one.name for one in silo.open_log(whole).recording.extras.triggers] == ["fall"]
 
 
 def test_the_next_start_writes_the_capture_and_no_second_one(robots, tmp_path, capsys) -> None:

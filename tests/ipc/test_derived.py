@@ -6,10 +6,11 @@ import pytest
 import silo
 from silo.cli.main import run as silo_command
 from silo.errors import RefusedError
+from silo.ipc.client import Client
 from silo.ipc.published import EventKind
 from silo.ipc.surveys import QUANTITIES
 from silo.model import Edit, RecorderState, State
-from tests.ipc.conftest import TICK_NS
+from tests.ipc.conftest import TICK_NS, Heard
 from tests.waiting import wait_until
 
 
@@ -236,3 +237,15 @@ def test_the_commands_make_list_watch_and_remove_it(bench, client, capsys):
     assert "/log/twice  2 4 6 rad" in said("watch", "bot", "twice", "-n", "1")
     assert "is derived no more" in said("derive", "rm", "bot", "twice")
     assert "no derived signals" in said("derive", "ls")
+
+
+def test_what_was_derived_while_it_ran_is_in_the_log_of_a_program_that_died(robots):
+    robot = robots("bot")
+    with Client.connect("bot") as client:
+        heard = Heard(client)
+        wait_until(lambda: client.status().ticks > 10)
+        client.derive("twice", "2 * x", "V")
+        robot.kill()
+        (saved,) = heard.wait(EventKind.CRASHED).files
+    log = silo.open_log(saved.path)
+    assert log["twice"].values.tolist() == (2 * log["x"].values).tolist()

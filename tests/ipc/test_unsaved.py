@@ -12,13 +12,14 @@ from silo.cli.main import EXIT_FAILED, EXIT_USAGE, run
 from silo.collecting.holdings import segment_holdings
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import GoesOnError, RefusedError
+from silo.files.event_log import read_events
 from silo.ipc.client import Client
 from silo.ipc.exchange import encoded
 from silo.ipc.messages import ApplyEdits, OpenView, RefusedWhy, Stop
 from silo.ipc.published import EventKind
 from silo.ipc.session import MAX_MESSAGE_BYTES, close, open_client
 from silo.model import Edit, ElementOptions, State
-from tests.waiting import DEADLINE_S
+from tests.waiting import DEADLINE_S, wait_until
 
 
 def with_unsaved(bench, client: Client, ticks: int = 20) -> None:
@@ -63,6 +64,23 @@ def test_with_save_the_last_run_is_in_a_file_before_it_is_cleared_and_the_client
     (file,) = Path(bench.logger.options.folder).glob("*.silo")
     assert str(file) in told[0]
     assert silo.open_log(file)["/log/x"].values.tolist() == list(range(1, 21))
+
+
+def test_the_file_of_the_last_run_has_what_happened_and_what_was_derived_and_the_event_log_tells_of_it(
+    bench, client, heard
+) -> None:
+    with_unsaved(bench, client)
+    client.derive("twice", "2 * x")
+    client.stop()
+    heard.wait(EventKind.STOPPED)
+    folder = Path(bench.logger.options.folder)
+    wait_until(lambda: [one for one in read_events(folder, "bot") if one.kind == EventKind.STOPPED.value])
+    client.start("save")
+    (file,) = folder.glob("*.silo")
+    log = silo.open_log(file)
+    assert log["twice"].values.tolist() == list(range(2, 42, 2))
+    assert [event.kind for event in log.events] == ["started", "edited", "stopped"]
+    assert heard.wait(EventKind.SAVED).text == f"the last run was saved before it is cleared: {file}"
 
 
 @pytest.mark.parametrize("word", ["discard", "save"])

@@ -20,7 +20,8 @@ from silo_tui.app import SiloApp
 from silo_tui.model.fields import Field, phrase_for
 from silo_tui.screens.file_table import FileTableScreen
 from silo_tui.sessions.recorded import open_file
-from tests.stand_ins.fake_logger import FakeClient, FakeFinder, robot_elements, scalar
+from tests.stand_ins.fake_logger import FakeClient, FakeFinder
+from tests.stand_ins.fake_signals import robot_elements, scalar
 from tests.waiting import DEADLINE_S
 
 

@@ -77,6 +77,7 @@ def test_a_command_without_keys_can_be_typed_and_is_carried_out():
 
 
 async def test_every_argument_that_can_be_completed_has_its_choices(fake, opened):
+    fake.derive("hot", "imu/temperature > 3")
     async with opened(fake) as screen:
         runner = CommandRunner(screen.app.context)
         screen.app.context.learn_scripts()

@@ -6,7 +6,7 @@ from textual import events
 
 from silo.model import FileType, State
 from silo_tui.model.fields import Field
-from tests.stand_ins.fake_logger import scalar
+from tests.stand_ins.fake_signals import scalar
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 

@@ -5,7 +5,7 @@ import pytest
 
 from silo.model import BufferType
 from silo_tui.actions import commands_for
-from tests.stand_ins.fake_logger import START_NS, scalar, vector
+from tests.stand_ins.fake_signals import START_NS, scalar, vector
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 

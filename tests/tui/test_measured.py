@@ -162,7 +162,7 @@ async def test_the_inspector_gives_way_first_and_comes_by_i(fake, opened):
 async def test_a_logger_that_knows_no_surveys_is_shown_all_the_same(fake, opened):
     fake.run()
     from silo.ipc.messages import RefusedWhy
-    from tests.stand_ins.fake_logger import refused
+    from tests.stand_ins.fake_signals import refused
 
     def survey(*arguments, **options):
         raise refused(RefusedWhy.INVALID, "the request can't be understood")

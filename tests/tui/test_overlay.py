@@ -13,7 +13,7 @@ from silo_tui.model.plots import Plotted, PlotWindow, draw_panel, together
 from silo_tui.model.recorded import RecordingSource
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.screens.recordings import RecordingsScreen
-from tests.stand_ins.fake_logger import START_NS
+from tests.stand_ins.fake_signals import START_NS
 
 SECOND = 10**9
 COLUMN = SECOND // 10

@@ -7,7 +7,7 @@ import pytest
 
 from silo.ipc.messages import PinOpened
 from silo.model import BufferType
-from tests.stand_ins.fake_logger import HZ, START_NS, scalar, signal
+from tests.stand_ins.fake_signals import HZ, START_NS, scalar, signal
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 

@@ -16,7 +16,7 @@ from silo_tui.model.scope import (
     parse_settings,
     picture_of,
 )
-from tests.stand_ins.fake_logger import START_NS
+from tests.stand_ins.fake_signals import START_NS
 
 TORQUE = "/log/legs/LF/HAA/torque"
 MS = 1_000_000

@@ -21,7 +21,7 @@ from silo_tui.layouts import files
 from silo_tui.layouts.layout import Layout
 from silo_tui.sessions.recorded import open_file
 from silo_tui.settings.options import Settings
-from tests.stand_ins.fake_logger import START_NS
+from tests.stand_ins.fake_signals import START_NS
 from tests.waiting import DEADLINE_S
 
 STEADY_LOOKS = 10

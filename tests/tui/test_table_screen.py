@@ -9,7 +9,7 @@ from textual import events
 from silo.ipc.published import EventKind
 from silo.model import State
 from silo_tui.model.fields import Field
-from tests.stand_ins.fake_logger import signal
+from tests.stand_ins.fake_signals import signal
 
 FIRST = "/log/base/orientation"
 

@@ -1,0 +1,276 @@
+"""What changes a made-up logger: scripts, edits, starts and stops, saves, recordings, kept views."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from silo.amounts import read_keep, read_split
+from silo.errors import ScriptError
+from silo.helper.recordings import RecordingFolder, RecordingRefusedError
+from silo.ipc.conditions import TriggerStatus, TriggerWord
+from silo.ipc.exchange import RequestRefusedError
+from silo.ipc.fetching import Fetch
+from silo.ipc.messages import (
+    EditsApplied,
+    GetPiece,
+    KeptView,
+    KeptViews,
+    RecorderInfo,
+    RecorderStarted,
+    Recordings,
+    RefusedWhy,
+    ScriptDiff,
+    Scripts,
+    ScriptText,
+    Unsaved,
+)
+from silo.ipc.published import EventKind
+from silo.model import (
+    Edit,
+    ElementOptions,
+    Extras,
+    FileType,
+    RecorderState,
+    SavedFile,
+    State,
+    Status,
+)
+from silo.settings.extras_diff import diff_extras
+from silo.settings.rules import edit_problems, refusal
+from silo.settings.script import Script, ScriptPlan, apply_script, diff_options, format_script, parse_script
+from tests.stand_ins.fake_signals import FOLDER, HZ, OWN_NAME, refused
+
+
+class FakeChanges:
+    """What is done to it, at the next revision."""
+
+    def scripts(self) -> Scripts:
+        self._ask()
+        return Scripts(folder=FOLDER, names=sorted(self.files), current="robot.yaml")
+
+    def _script(self, path: str) -> tuple[str, str]:
+        """Path on the robot and text of a script."""
+        self._ask()
+        if path not in self.files:
+            raise refused(RefusedWhy.NOT_FOUND, f"there is no script {path!r} in {FOLDER}")
+        return f"{FOLDER}/{path}", self.files[path]
+
+    def _plan(self, path: str) -> tuple[Script, ScriptPlan]:
+        full, text = self._script(path)
+        try:
+            script = parse_script(text, full)
+            return script, apply_script(script, self.elements, HZ)
+        except ScriptError as error:
+            raise refused(RefusedWhy.INVALID, str(error)) from error
+
+    def read_script(self, path: str = "") -> ScriptText:
+        self._ask()
+        if not path:
+            return ScriptText(path=f"{FOLDER}/robot.yaml", text=format_script(self.elements, extras=self.extras))
+        full, text = self._script(path)
+        return ScriptText(path=full, text=text)
+
+    def diff_script(self, path: str = "") -> ScriptDiff:
+        script, plan = self._plan(path)
+        changes = diff_options(self.elements, plan.options)
+        unknown = [str(unknown.name) for unknown in plan.unknown]
+        extras = diff_extras(self.extras, script.extras_beside(self.extras))
+        return ScriptDiff(f"{FOLDER}/{path}", changes, unknown, script.warnings, extras)
+
+    @property
+    def extras(self) -> Extras:
+        """What belongs to it beside its elements."""
+        return Extras(self.derived, self.limit_options, tuple(one.options for one in self.trigger_statuses))
+
+    def _take_extras(self, extras: Extras) -> None:
+        self.derived, self.limit_options = extras.derived, extras.limits
+        known = {one.options: one for one in self.trigger_statuses}
+        self.trigger_statuses = [known.get(one, TriggerStatus(one, TriggerWord.ARMED)) for one in extras.triggers]
+
+    def _check(self, revision: int) -> None:
+        self._ask()
+        if self.state is State.RUNNING:
+            raise refused(RefusedWhy.RUNNING, "the logger runs: stop it first")
+        if revision not in {self.revision, -1}:
+            raise refused(RefusedWhy.CONFLICT, "the table was changed by bob@lab meanwhile")
+
+    def _take(self, wanted: Sequence[ElementOptions]) -> int:
+        """Takes new options over and returns how many elements they change."""
+        changed = sum(info.options != options for info, options in zip(self.elements, wanted, strict=True))
+        self.elements = [
+            msgspec.structs.replace(info, options=options) for info, options in zip(self.elements, wanted, strict=True)
+        ]
+        self.revision += changed > 0
+        return changed
+
+    def apply(self, edits: Sequence[Edit], revision: int) -> EditsApplied:
+        self._ask()
+        self.calls.append(("apply", list(edits), revision))
+        self._check(revision)
+        wanted = {info.name: info.options for info in self.elements}
+        if problems := edit_problems(edits, wanted):
+            raise refused(RefusedWhy.INVALID, refusal(problems), problems)
+        wanted.update((edit.name, edit.options) for edit in edits)
+        changed = self._take([wanted[info.name] for info in self.elements])
+        self.publish(EventKind.EDITED, f"{changed} elements edited", by=OWN_NAME)
+        return EditsApplied(revision=self.revision, changed=changed)
+
+    def start(self, unsaved: str = "refuse") -> Status:
+        self._ask()
+        self.calls.append(("start",))
+        if self.state is State.RUNNING:
+            raise refused(RefusedWhy.RUNNING, "it runs already: stop it first; nothing was changed")
+        self._settle(unsaved)
+        self._begin()
+        return self.status()
+
+    def _settle(self, unsaved: str) -> None:
+        if Unsaved(unsaved) is Unsaved.REFUSE and self.ticks and not self.saved:
+            raise refused(RefusedWhy.UNSAVED, "it holds what is in no file (save or discard); nothing was changed")
+
+    def _begin(self) -> None:
+        self.state, self.started_ns, self.saved = State.RUNNING, self.now_ns, False
+        self._recorded = {info.name: info.options for info in self.elements}
+        self.publish(EventKind.STARTED, "started", by=OWN_NAME)
+
+    def stop(self) -> Status:
+        self._ask()
+        self.calls.append(("stop",))
+        self._end()
+        return self.status()
+
+    def _end(self) -> None:
+        if self.state is State.RUNNING:
+            self.state = State.STOPPED
+            self.publish(EventKind.STOPPED, "stopped", by=OWN_NAME)
+
+    def restart(self, unsaved: str = "refuse") -> Status:
+        self._ask()
+        self._settle(unsaved)
+        self.stop()
+        return self.start(Unsaved.DISCARD)
+
+    def load_script(self, path: str = "", revision: int = -1) -> EditsApplied:
+        self._ask()
+        self.calls.append(("load_script", path))
+        self._check(revision)
+        script, plan = self._plan(path)
+        changed = self._take(plan.options)
+        if script.extras is not None:
+            self._take_extras(script.extras)
+        self.publish(EventKind.SCRIPT_LOADED, f"script {path} loaded", by=OWN_NAME)
+        return EditsApplied(self.revision, changed, [str(unknown.name) for unknown in plan.unknown], script.warnings)
+
+    def save_script(self, path: str = "", overwrite: bool = False) -> str:
+        self._ask()
+        self.calls.append(("save_script", path, overwrite))
+        if path in self.files and not overwrite:
+            raise refused(RefusedWhy.EXISTS, f"{FOLDER}/{path} exists")
+        self.files[path] = format_script(self.elements, extras=self.extras)
+        self.publish(EventKind.SCRIPT_SAVED, f"script {path} saved", by=OWN_NAME)
+        return f"saved {FOLDER}/{path}"
+
+    def save(self, types: Sequence[FileType], name: str = "") -> int:
+        self._ask()
+        self.calls.append(("save", list(types), name))
+        if not self.ticks:
+            text = "nothing was logged yet: start the logger first"
+            self.publish(EventKind.SAVE_FAILED, text, by=OWN_NAME)
+            raise refused(RefusedWhy.FAILED, text)
+        self._jobs += 1
+        self.publish(EventKind.SAVING, "saving", by=OWN_NAME, job=self._jobs, progress=0.5)
+        if not self.save_takes_long:
+            self.end_save(types, name)
+        return self._jobs
+
+    def end_save(self, types: Sequence[FileType], name: str = "") -> None:
+        """Tell how the last save ended."""
+        if self.save_error:
+            self.publish(EventKind.SAVE_FAILED, self.save_error, by=OWN_NAME, job=self._jobs)
+        else:
+            stem = name or "robot_00001"
+            files = [SavedFile(f"/home/ann/logs/{stem}.{kind.name.lower()}", kind, 1_234_567) for kind in types]
+            self.saved = True
+            told = {"job": self._jobs, "progress": 1.0, "files": files}
+            self.publish(EventKind.SAVED, f"saved {files[0].path}", by=OWN_NAME, **told)
+
+    def _recordings_of(self, job: Callable[[RecordingFolder, str], Any]) -> Any:
+        self._ask()
+        try:
+            return job(self._folder, str(self.logs or "/home/ann/logs"))
+        except RecordingRefusedError as error:
+            raise RequestRefusedError(error.refused) from error
+
+    def recordings(self, most: int = 1000) -> Recordings:
+        if self.logs is None:
+            self._ask()
+            return Recordings("/home/ann/logs", [], 0)
+        found: Recordings = self._recordings_of(lambda folder, place: folder.listing(place, self.name, most))
+        return found
+
+    def fetch(
+        self, name: str, folder: Any = ".", progress: Callable[[int, int], None] | None = None,
+        *, replace: bool = False, patience_s: float = 30.0,
+    ) -> Path:  # fmt: skip
+        def piece(path: str, mark: str, offset: int, count: int, sum_only: bool) -> Any:
+            request = GetPiece(path=path, mark=mark, offset=offset, count=count, sum_only=sum_only)
+            return self._recordings_of(lambda folder, place: folder.piece(place, request))
+
+        def parts(name: str) -> Any:
+            return self._recordings_of(lambda folder, place: folder.parts(place, name))
+
+        return Fetch(parts, piece, lambda: self.connected, patience_s).run(name, Path(folder), progress, replace)
+
+    def delete_recording(self, name: str) -> str:
+        self.calls.append(("delete", name))
+        text: str = self._recordings_of(lambda folder, place: folder.delete(place, self.name, name))
+        self.publish(EventKind.DELETED, text, by=OWN_NAME)
+        return text
+
+    def oldest_ns(self, names: Sequence[str]) -> int:
+        """The oldest moment that the buffers hold of any of these."""
+        held = [self._held_samples(name).time_ns for name in names]
+        return min([int(stamps[0]) for stamps in held if len(stamps)], default=0)
+
+    def kept_views(self) -> KeptViews:
+        self._ask()
+        return KeptViews(f"{FOLDER}/views", sorted(self.views_kept))
+
+    def kept_view(self, name: str) -> KeptView:
+        self._ask()
+        if name not in self.views_kept:
+            raise refused(RefusedWhy.NOT_FOUND, f"there is no view '{name}' on the robot")
+        return KeptView(f"{FOLDER}/views/{name}.yaml", self.views_kept[name])
+
+    def keep_view(self, name: str, text: str, overwrite: bool = False) -> str:
+        self._ask()
+        if name in self.views_kept and not overwrite:
+            raise refused(RefusedWhy.EXISTS, f"there is a view '{name}' on the robot")
+        self.views_kept[name] = text
+        return f"view kept on the robot: {FOLDER}/views/{name}.yaml"
+
+    def recorders(self) -> list[RecorderInfo]:
+        self._ask()
+        return list(self.recorder_infos)
+
+    def record(
+        self, patterns: Sequence[str] = (), to: str = "", split: str = "1GB", keep: str = "", name: str = ""
+    ) -> RecorderStarted:
+        self._ask()
+        self.calls.append(("record", tuple(patterns), to, split, keep, name))
+        made = RecorderInfo(
+            name or self.name, f"/home/ann/logs/{to or 'recordings'}", RecorderState.RECORDING, list(patterns),
+            *read_split(split), read_keep(keep), "part1.mcap", since_ns=self.now_ns, by=OWN_NAME,
+        )  # fmt: skip
+        self.recorder_infos.append(made)
+        self.publish(EventKind.RECORDING, f"recording '{made.name}'", by=OWN_NAME)
+        return RecorderStarted(made.name, made.folder)
+
+    def stop_recorder(self, name: str = "") -> str:
+        self._ask()
+        self.calls.append(("stop_recorder", name))
+        self.recorder_infos = [one for one in self.recorder_infos if one.name != name]
+        self.publish(EventKind.RECORDING, f"recording '{name}' ended", by=OWN_NAME)
+        return f"recording '{name}' ended: 1 files"
