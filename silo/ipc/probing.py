@@ -155,7 +155,9 @@ def explain(config: str, reached: Reached, error: Exception) -> LayerError:
         text = f"it takes connections, but lets nobody in without user name and password, and {config} has none"
     else:
         text = f"user '{user}' or its password is refused; both stand in {config}"
-    return LayerError(Layer.PASSWORD, f"{where}: {text} (or what listens there isn't silo)")
+    plain = reached.endpoint.kind == "tcp"  # to which what speaks TLS says nothing either
+    tls = f"it wants TLS, as {where.replace('tcp/', 'tls/', 1)}, or " if plain else ""
+    return LayerError(Layer.PASSWORD, f"{where}: {text} (or {tls}what listens there isn't silo)")
 
 
 def tls_problem(config: str, endpoint: Endpoint, rtt_s: float = 0.0) -> LayerError | None:

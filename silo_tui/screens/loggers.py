@@ -184,11 +184,13 @@ class LoggersScreen(SiloScreen):
 
     @property
     def targets(self) -> list[fleet.Line]:
-        """Which loggers a key is about: what is marked and shown, else the one under the cursor."""
+        """Which loggers a key is about: what is marked and shown; the one under the cursor where nothing is marked."""
         shown = [key for key, _ in self._drawn]
         by_key = {one.key: one for one in self._lines}
         marked = [by_key[key] for key in shown if key in self.marks.keys]
-        return marked or ([self.chosen] if self.chosen is not None else [])
+        if self.marks.keys:  # none of which may be shown: the one under the cursor isn't meant then
+            return marked
+        return [self.chosen] if self.chosen is not None else []
 
     # --------------------------------------------------------------------------------------- what the app tells it
 
@@ -310,7 +312,12 @@ class LoggersScreen(SiloScreen):
 
     def _many(self, what: str) -> None:
         targets = self.targets
-        if self._command is not None and targets:
+        if not targets:
+            which = "what is marked" if self.marks.keys else "any logger"
+            self.say(
+                f"the filter leaves out {which}: Esc ends it; nothing was asked" if self._asked else "no logger is here"
+            )
+        elif self._command is not None:
             self._command(what, targets)
 
     def command_start_stop_loggers(self) -> None:

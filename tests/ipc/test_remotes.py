@@ -306,6 +306,12 @@ def test_a_certificate_for_another_name_is_a_matter_of_the_tls_name(network, tmp
 
 
 @pytest.mark.slow
+def test_who_left_tls_out_of_the_endpoint_is_told_of_it(network, tmp_path) -> None:
+    path = network.changed(tmp_path / "c.json5", connect__endpoints=[f"tcp/localhost:{network.port}"])
+    assert f"or it wants TLS, as tls/localhost:{network.port}, or" in str(failure(path))
+
+
+@pytest.mark.slow
 def test_a_certificate_of_somebody_else_is_a_matter_of_the_tls_authority(network, tmp_path) -> None:
     other = make_network(tmp_path / "other", ["localhost"], network.port, {"alice": "operator"})
     failed = failure(str(other.clients["alice"]))

@@ -118,6 +118,19 @@ def _with_members(find):
 
 
 @pytest.mark.slow
+async def test_a_command_for_marked_loggers_that_a_filter_hides_is_for_no_other(robots, opened):
+    for fake in robots:
+        fake.run()
+    async with opened(*robots, ready=False, size=(80, 24)) as screen:
+        await screen.shows("3 loggers: 3 running")
+        await screen.press("space", "slash", *"legs", "enter")
+        await screen.shows("/legs: 1 of 3")
+        await screen.press("S")
+        await screen.shows("the filter leaves out what is marked: Esc ends it; nothing was")
+    assert all(fake.state is State.RUNNING for fake in robots)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)])
 async def test_marked_loggers_are_stopped_after_a_question_that_names_them_and_each_answers(robots, opened, size):
     arm, _, _ = robots
