@@ -1,4 +1,4 @@
-"""How things show themselves in notebooks: a caption and a table, as HTML without styles of its own."""
+"""How things show themselves: in notebooks as a caption and a table in plain HTML, in terminals harmless."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -19,3 +19,10 @@ def html_table(caption: str, heads: Sequence[str], rows: Iterable[Sequence[objec
 
 def _row(cells: Sequence[object], tag: str) -> str:
     return "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
+
+
+def printable(text: str) -> str:
+    """Return a text whose control characters are escapes, so that it can't move a terminal's cursor."""
+    if text.isprintable():
+        return text
+    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)

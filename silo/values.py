@@ -105,10 +105,3 @@ def text_of(value: Any) -> str:
     if isinstance(value, complex | np.complexfloating):
         return f"{value.real:.6g}{value.imag:+.6g}j"
     return str(value)
-
-
-def printable(text: str) -> str:
-    """Return a text whose control characters are escapes, so that it can't move a terminal's cursor."""
-    if text.isprintable():
-        return text
-    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from silo.analysis.calculus import Floats
 from silo.analysis.expressions import RecordingJudge, is_expression, labels_of, narrowed
+from silo.display import printable
 from silo.errors import ElementError
 from silo.recording import RecordedElement, RecordedEntry, Recording, stamps_of
-from silo.values import as_floats, printable
+from silo.values import as_floats
 from silo.values import text_of as value_text
 
 _MOST_NAMES = 50

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
+from silo.display import printable
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo.files.formats import SAVED_NAMES, file_type
 from silo.model import FileType
@@ -347,8 +348,9 @@ def show_rows(rows: Sequence[Sequence[str]], right: Sequence[int] = ()) -> None:
     """Print rows in columns; those numbered in `right` are aligned right."""
     if not rows:
         return
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    for row in rows:
+    shown = [[printable(cell) for cell in row] for row in rows]  # of other computers, too
+    widths = [max(len(row[column]) for row in shown) for column in range(len(shown[0]))]
+    for row in shown:
         cells = [
             cell.rjust(width) if column in right else cell.ljust(width)
             for column, (cell, width) in enumerate(zip(row, widths, strict=True))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from silo.cli.common import configuration, many, show_duration, show_json
+from silo.display import printable
 
 if TYPE_CHECKING:
     from silo.ipc.fleet import Fleet, FleetNow
@@ -74,7 +75,7 @@ def _show_in_place(fleet: "Fleet", pattern: str) -> None:
         width, room = shutil.get_terminal_size()
         lines = screen_lines(found, meant(found, pattern), room - 1, painted_s, time.time_ns())
         up = UP.format(height) if height else ""
-        sys.stdout.write(up + "".join(f"{line[: width - 1]}{CLEAR_LINE}\n" for line in lines) + CLEAR_BELOW)
+        sys.stdout.write(up + "".join(f"{printable(line[: width - 1])}{CLEAR_LINE}\n" for line in lines) + CLEAR_BELOW)
         sys.stdout.flush()
         height = len(lines)
 
@@ -144,7 +145,7 @@ def _tell_changes(fleet: "Fleet", pattern: str, *, as_json: bool) -> None:
             if as_json:
                 show_json(_object(name, one, now_s))
             else:
-                click.echo(f"{time.strftime('%H:%M:%S')}  {name}  {sentence(one)}")
+                click.echo(printable(f"{time.strftime('%H:%M:%S')}  {name}  {sentence(one)}"))
         sys.stdout.flush()
 
 

@@ -19,6 +19,7 @@ from silo.cli.common import (
     show_rows,
     tell_unreachable,
 )
+from silo.display import printable
 from silo.errors import ConnectionLostError
 from silo.ipc.remotes import LOCAL
 
@@ -78,9 +79,9 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
     tell_unreachable(discovery)
     for answer in answers:
         if answer.error:
-            click.echo(f"{answer.found.label}: {answer.error}", err=True)
+            click.echo("\n".join(map(printable, f"{answer.found.label}: {answer.error}".splitlines())), err=True)
         elif answer.status and answer.status.reason and answer.status.state.value != "running":
-            click.echo(f"{answer.found.label}: {answer.status.reason}", err=True)
+            click.echo(printable(f"{answer.found.label}: {answer.status.reason}"), err=True)
     for folder in discovery.forbidden:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)

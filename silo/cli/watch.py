@@ -19,10 +19,10 @@ from silo.cli.common import (
     unknown_logger,
 )
 from silo.cli.edits import select
+from silo.display import printable
 from silo.errors import ConnectionLostError, ElementError, RefusedError
 from silo.ipc.published import NOT_LIVE_TEXTS
 from silo.model import State
-from silo.values import printable
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client

@@ -52,15 +52,22 @@ def recover_captures(reader: SegmentReader, folder: str) -> RecoveredCaptures:
     """
     schema = reader.schema
     found = RecoveredCaptures([], [])
-    with contextlib.suppress(SegmentError, OSError):  # no runtime folder, or none that can be read
+    try:
         path = state_path(schema.logger, schema.run)
         state = read_state(path)
-        if state.is_orphan:
-            found.extras = state.extras
-            news = _recovered(reader, state, folder, found)
-            _log(schema.folder, schema.logger, schema.run, news)
-            if found.is_whole:
-                path.unlink(missing_ok=True)
+    except (SegmentError, OSError):
+        return found  # nothing was left, or nothing that can be read
+    if not state.is_orphan:
+        return found
+    found.extras = state.extras
+    try:
+        news = _recovered(reader, state, folder, found)
+        _log(schema.folder, schema.logger, schema.run, news)
+    except (SiloError, OSError) as error:  # the run is saved nevertheless
+        found.texts.append(f"what triggers captured of it stays for the next `silo recover`: {error}")
+        return found
+    if found.is_whole:
+        path.unlink(missing_ok=True)
     return found
 
 

@@ -259,9 +259,16 @@ def test_a_full_disk_is_told_to_every_client_and_leaves_nothing(file_type, small
     assert small.files() == {Path(file.path).name} | ({f"{Path(file.path).name}{beside}"} if beside else set())
 
 
-def test_a_log_that_finds_no_room_can_be_saved_elsewhere(small, clients, tmp_path) -> None:
-    shutil.rmtree(small.folder)
-    small.folder.write_text("in the way")
+def test_a_log_that_finds_no_room_can_be_saved_elsewhere(small, clients, tmp_path, until) -> None:
+    def put_in_the_way() -> bool:
+        shutil.rmtree(small.folder)
+        try:
+            small.folder.write_text("in the way")
+        except IsADirectoryError:
+            return False  # the event log has just made it anew
+        return True
+
+    until(put_in_the_way)
     assert "failed" in small.asked("save silo walk -")
     elsewhere = small.asked(f"save silo walk {tmp_path / 'elsewhere'}")
     assert silo.open_log(elsewhere)["beat"].values[0] == 0

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.cli.common import show_rows
 from silo.logger.null import NullLogger
 
 
@@ -122,3 +123,8 @@ def test_arrays_made_of_a_look_are_copies(log):
     element = turned(log, 2)["joints/q"]
     element.newest[:] = 9
     assert np.all(log["joints/q"].newest == 1)
+
+
+def test_no_cell_of_a_table_moves_the_cursor(capsys):
+    show_rows([("LOGGER", "WHY"), ("bot", "\x1b[2Jgone\n\x07")])
+    assert capsys.readouterr().out == "LOGGER  WHY\nbot     \\x1b[2Jgone\\x0a\\x07\n"
