@@ -8,6 +8,7 @@ Run with the environment's Python, from the root, after pytest has failed: `pyth
 """
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -24,8 +25,10 @@ def main() -> int:
     if not 0 < len(failed) <= MOST:
         print(f"{len(failed)} tests failed: they are run again only where there are 1 to {MOST}")
         return 1
+    # which names the report of them all
+    alone = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}
     for _ in range(REPETITIONS):
-        if subprocess.call([sys.executable, "-m", "pytest", "-q", "-n", "0", *failed]):
+        if subprocess.call([sys.executable, "-m", "pytest", "-q", "-n", "0", *failed], env=alone):
             return 1
     for test in failed:
         print(f"UNSTABLE, to be mended: {test} failed beside the others and passed {REPETITIONS} times alone")
