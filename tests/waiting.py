@@ -4,6 +4,8 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
+from silo.errors import ConnectionLostError
+
 Result = TypeVar("Result")
 
 # What never comes is a failure after so long. It is no measure of speed: on two processors with 14 programs that want
@@ -19,3 +21,11 @@ def wait_until(get: Callable[[], Result]) -> Result:
         assert time.monotonic() < deadline, f"nothing came within {DEADLINE_S} s"
         time.sleep(_PAUSE_S)
     return found
+
+
+def answered(ask: Callable[[], Result]) -> Result | None:
+    """Return what a client is answered; None while one helper process is gone and the next isn't there."""
+    try:
+        return ask()
+    except ConnectionLostError:
+        return None

@@ -9,7 +9,7 @@ from silo.errors import RefusedError
 from silo.files.event_log import event_log_path, read_events
 from silo.files.formats import read_recording
 from silo.ipc.published import EventKind
-from tests.waiting import wait_until
+from tests.waiting import answered, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -119,8 +119,12 @@ def test_the_log_outlives_a_helper_that_was_killed_and_no_mark_comes_twice(bench
     os.kill(old, signal.SIGKILL)
     bench.logger.mark("between")
     wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != old)
-    wait_until(lambda: client.connected)
-    texts = wait_until(lambda: [e for e in client.events() if e.text == "between"] and client.events())
+
+    def with_the_mark():
+        told = answered(client.events) or []
+        return told if any(event.text == "between" for event in told) else None
+
+    texts = wait_until(with_the_mark)
     marks = [e for e in texts if e.kind == "marker"]
     assert [e.text for e in marks] == ["push 3", "between"]
     assert marks[0] == before

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import silo
-from silo.errors import ConnectionLostError, LogWarning
+from silo.errors import LogWarning
 from silo.files.event_log import read_events
 from silo.helper.judge_state import state_path
 from silo.ipc.client import Client
 from silo.ipc.conditions import TriggerWord
 from silo.ipc.published import EventKind
-from tests.waiting import wait_until
+from tests.waiting import answered, wait_until
 
 
 def kill_helper(bench):
@@ -22,14 +22,6 @@ def kill_helper(bench):
     pid = bench.serving.helper_pid
     os.kill(pid, signal.SIGKILL)
     wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
-
-
-def answered(ask):
-    """What a client is answered; None while one helper process is gone and the next isn't there."""
-    try:
-        return ask()
-    except ConnectionLostError:
-        return None
 
 
 def judged(client, bench):

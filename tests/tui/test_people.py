@@ -23,7 +23,7 @@ async def test_control_is_taken_released_and_handed_over_by_words(fake, opened):
         await screen.shows("you have control")
         await screen.type(":control release")
         await screen.press("enter")
-        await screen.until(lambda: fake.controlled is None)
+        await screen.shows("control of robot is released")
         await screen.type(":control give anna")
         await screen.press("enter")
         await screen.shows("anna has control")
