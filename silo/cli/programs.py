@@ -90,7 +90,7 @@ def demo(
     \b
     Examples:
       silo demo
-      silo demo --time-limit 30 --save silo --save bag --folder /tmp/logs
+      silo demo --time-limit 30 --save silo --save bag --folder logs
       silo demo --elements 10000 --stopped
     """
     from silo.programs.demo.program import DemoOptions, run_demo

@@ -47,7 +47,7 @@ def recover(
     Examples:
       silo recover --list
       silo recover /data/logs
-      silo recover --folder /tmp/logs -t silo -t csv
+      silo recover --folder logs -t silo -t csv
     """
     from silo.runtime import list_segments
 

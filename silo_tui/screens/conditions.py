@@ -11,15 +11,15 @@ from textual.app import ComposeResult
 from textual.widgets import OptionList, Static
 from textual.widgets.option_list import Option
 
-from silo_tui.context import Later, SiloScreen
+from silo_tui.context import Later
 from silo_tui.model.lists import Marks, Order, arranged, passes
+from silo_tui.screens.filtering import FilteredScreen
 from silo_tui.screens.order import OrderDialog
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import LiveSource
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
-from silo_tui.widgets.inputs import Fleeting, Line
+from silo_tui.widgets.inputs import Line
 
-FILTER_KEYS = "Enter keeps the filter  Esc clears it"
 MOST_PLOTS = 6
 
 Status = TypeVar("Status")
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from silo.ipc.client import Client
 
 
-class ConditionsScreen(SiloScreen, Generic[Status]):
+class ConditionsScreen(FilteredScreen, Generic[Status]):
     """A list of how conditions stand, asked for anew each second while it is shown."""
 
     aside = True
@@ -266,31 +266,12 @@ class ConditionsScreen(SiloScreen, Generic[Status]):
     # ------------------------------------------------------------------------------------------------- the filter
 
     def command_filter_conditions(self) -> None:
-        self.query_one(KeyBar).show_instead(FILTER_KEYS)
-        self.query_one(Line).begin(self._asked)
+        self.begin_filter()
 
-    def on_input_changed(self) -> None:
-        """Filter while it is typed."""
-        line = self.query_one(Line)
-        if line.display:
-            self._filter_by(line.value)
-
-    def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
-        """Keep the filter."""
-        self._back_to_list(event.value)
-
-    def on_fleeting_left(self, event: Fleeting.Left) -> None:
-        """Clear the filter."""
-        self._back_to_list("")
-
-    def _filter_by(self, words: str) -> None:
-        self._asked, self._said = words.strip(), ""
+    def filter_changed(self) -> None:
+        """Show those that pass now."""
+        self._said = ""
         self.show()
-
-    def _back_to_list(self, words: str) -> None:
-        self.query_one(KeyBar).show_instead("")
-        self._list.focus()
-        self._filter_by(words)
 
     def command_back(self) -> None:
         """Leave the filter, then the marks, then the screen."""

@@ -18,24 +18,24 @@ from silo.errors import SiloError
 from silo.files.atomic import atomic_file
 from silo.model import LoggedEvent
 from silo_tui.actions import bindings_for
-from silo_tui.context import Later, SiloScreen
+from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches, words
 from silo_tui.model.lists import arranged
 from silo_tui.screens.dialogs import Prompt
+from silo_tui.screens.filtering import FilteredScreen
 from silo_tui.screens.order import OrderDialog
 from silo_tui.screens.searching import Searching
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recorded import FileSession
 from silo_tui.widgets.bars import Banner, KeyBar, StatusBar
-from silo_tui.widgets.inputs import Fleeting, Line
+from silo_tui.widgets.inputs import Line
 from silo_tui.widgets.recorded import FileBanner, FileBar
 
 HEAD = "  time                tick   what"
-FILTER_KEYS = "Enter keeps it  Esc shows all again"
 
 
-class EventsScreen(SiloScreen):
+class EventsScreen(FilteredScreen):
     """A list of lines that follows the newest one until one moves in it."""
 
     scope = "events"
@@ -212,29 +212,10 @@ class EventsScreen(SiloScreen):
             self.context.say(f"{text.plural(len(shown), 'event')} written: {path.absolute()}")
 
     def command_filter_events(self) -> None:
-        self.query_one(KeyBar).show_instead(FILTER_KEYS)
-        self.query_one(Line).begin(self._asked)
+        self.begin_filter()
 
-    def on_input_changed(self) -> None:
-        """Filter while one types."""
-        filter_line = self.query_one(Line)
-        if filter_line.display:
-            self._asked = filter_line.value.strip()
-            self._show()
-
-    def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
-        """Keep the filter."""
-        self._asked = event.value.strip()
-        self._ended()
-
-    def on_fleeting_left(self, event: Fleeting.Left) -> None:
-        """Show all again."""
-        self._asked = ""
-        self._ended()
-
-    def _ended(self) -> None:
-        self.update_keys()
-        self._list.focus()
+    def filter_changed(self) -> None:
+        """Show those that pass now."""
         self._show()
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:

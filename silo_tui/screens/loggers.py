@@ -18,9 +18,9 @@ from textual.widgets import Static
 from silo.ipc.found import Found
 from silo.ipc.member import Member
 from silo_tui.actions import bindings_for
-from silo_tui.context import SiloScreen
 from silo_tui.model import fleet
 from silo_tui.model.lists import Marks, arranged, passes
+from silo_tui.screens.filtering import FilteredScreen
 from silo_tui.screens.order import OrderDialog
 from silo_tui.sessions.finder import FoundLogger
 from silo_tui.widgets.bars import KeyBar, color
@@ -36,10 +36,9 @@ Start one:
     your own program   log.serve()
 
 or press D for the demo. q quits."""
-FILTER_KEYS = "Enter keeps the filter  Esc clears it"
 
 
-class LoggersScreen(SiloScreen):
+class LoggersScreen(FilteredScreen):
     """A list, or what to do when it would be empty."""
 
     scope = "loggers"
@@ -270,31 +269,12 @@ class LoggersScreen(SiloScreen):
             self.draw()
 
     def command_filter_loggers(self) -> None:
-        self.query_one(KeyBar).show_instead(FILTER_KEYS)
-        self.query_one(TypedLine).begin(self._asked)
+        self.begin_filter()
 
-    def on_input_changed(self) -> None:
-        """Filter while it is typed."""
-        line = self.query_one(TypedLine)
-        if line.display:
-            self._filter_by(line.value)
-
-    def on_fleeting_entered(self, event: Fleeting.Entered) -> None:
-        """Keep the filter."""
-        self._back_to_list(event.value)
-
-    def on_fleeting_left(self, event: Fleeting.Left) -> None:
-        """Clear the filter."""
-        self._back_to_list("")
-
-    def _filter_by(self, words: str) -> None:
-        self._asked, self._said = words.strip(), ""
+    def filter_changed(self) -> None:
+        """Show those that pass now."""
+        self._said = ""
         self.draw()
-
-    def _back_to_list(self, words: str) -> None:
-        self.query_one(KeyBar).show_instead("")
-        self._list.focus()
-        self._filter_by(words)
 
     def command_back(self) -> None:
         """Leave the filter, then the answers, the marks, the list for the logger that is open, if one is."""
