@@ -112,6 +112,7 @@ async def test_a_filter_leaves_lines_out_and_esc_brings_them_back(running, opene
         await screen.press("E", "/", "-", "E", "enter")
         await screen.shows("/-E: 2 of 3")
         assert "elements changed" not in screen.text
+        await screen.until(lambda: "Esc clears it" not in screen.text, "the keys of the list")
         await screen.press("escape")
         await screen.shows("elements changed")
 
