@@ -90,15 +90,18 @@ def pick(
         if element is None or (not whole and number >= len(element.entries)):
             missing[name] = _why_missing(of, now, schema)
             continue
-        for ring, after, entries in _rings_of(element, schema):
-            some = entries if whole else entries[number : number + 1]
-            words = [word for entry in some for word in words_of(entry)]
-            if held is not None and not held(ring, words):
-                missing[name] = "it is not in this pin"
-                break
+        parts = [
+            (ring, after, entries if whole else entries[number : number + 1])
+            for ring, after, entries in _rings_of(element, schema)
+        ]
+        words = [[word for entry in entries for word in words_of(entry)] for _, _, entries in parts]
+        if held is not None and not all(held(ring, some) for (ring, _, _), some in zip(parts, words, strict=True)):
+            missing[name] = "it is not in this pin"
+            continue
+        for (ring, after, entries), some in zip(parts, words, strict=True):
             group = wanted.setdefault((ring, after), _Wanted())
-            group.words.update(words)
-            group.names.append((name, element, some, whole))
+            group.words.update(some)
+            group.names.append((name, element, entries, whole))
     groups: list[Group] = []
     found: list[SampledName] = []
     for (ring, after), group in wanted.items():
@@ -106,8 +109,8 @@ def pick(
         for name, element, entries, whole in group.names:
             placed = [moved(entry, places) for entry in entries]
             shape = tuple(element.info.shape) if whole else ()
-            parts = [SampledEntry(one.entry.suffix, one.entry.dtype, one.byte_offset, one.swapped) for one in placed]
-            found.append(SampledName(name, len(groups), element.info.options.divider, shape, parts))
+            sent = [SampledEntry(one.entry.suffix, one.entry.dtype, one.byte_offset, one.swapped) for one in placed]
+            found.append(SampledName(name, len(groups), element.info.options.divider, shape, sent))
         groups.append(Group(ring, after, places))
     return Picked(tuple(groups), found, missing)
 

@@ -1,20 +1,20 @@
 """Rows that were copied from a segment, to be read as the segment is. They never change."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from silo.collecting.rows import Rows, Words
 from silo.collecting.schema import SegmentSchema
-from silo.helper.picking import Group
 
 
 class PinnedRows:
     """What a pin holds, to be read as a segment is."""
 
-    def __init__(self, schema: SegmentSchema, groups: tuple[Group, ...], rows: list[Rows]) -> None:
+    def __init__(self, schema: SegmentSchema, held: Mapping[int, tuple[Words, Rows]]) -> None:
+        """Hold of each ring these words of one stretch of rows."""
         self.schema = schema
-        self._held = {group.ring: (group.words, some) for group, some in zip(groups, rows, strict=True)}
+        self._held = dict(held)
 
     @property
     def size_bytes(self) -> int:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from silo.amounts import duration
-from silo.collecting.rows import Rows
+from silo.collecting.rows import Rows, Words
 from silo.collecting.segment_reader import SegmentReader
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.picking import Group, Picked, bounds, pick, unknown_name
@@ -125,19 +125,56 @@ def _copied(
     start_ns, text = _fitting(request, found, reader, room)
     if start_ns is None:
         return Refused(RefusedWhy.FAILED, text), None
-    parts = [bounds(reader, group, start_ns, request.end_ns + 1, By.TIME) for group in found.groups]
-    copied: dict[int, Rows] = {}
+    copied: dict[int, tuple[Words, Rows]] = {}
     # what will be overwritten first is copied first, its oldest rows before the others
-    for number in sorted(
-        range(len(parts)), key=lambda number: _spare_s(reader, found.groups[number], parts[number][0])
+    for stretch in sorted(
+        _stretches(reader, found, start_ns, request.end_ns), key=lambda stretch: stretch.spare_s(reader)
     ):
-        copied[number] = _copy(reader, found.groups[number], *parts[number])
-    rows = PinnedRows(reader.schema, found.groups, [copied[number] for number in range(len(parts))])
+        copied[stretch.group.ring] = stretch.group.words, _copy(reader, stretch)
+    rows = PinnedRows(reader.schema, copied)
     begin_ns, end_ns = rows.span_ns()
     oldest_ns = min([some for some in (begin_ns, _oldest_ns(reader, found)) if some], default=0)
     return PinOpened(
         request.pin, reader.schema.run, begin_ns, end_ns, rows.size_bytes, found.missing, text, oldest_ns
     ), rows
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Rows `begin` to before `end` of one ring, and which of their words are copied."""
+
+    group: Group
+    begin: int
+    end: int
+
+    @property
+    def size_bytes(self) -> int:
+        return self.group.row_bytes * (self.end - self.begin)
+
+    def spare_s(self, reader: SegmentReader) -> float:
+        """How long the oldest of its rows has until it is overwritten."""
+        ring = reader.schema.rings[self.group.ring]
+        return (self.begin + ring.capacity - reader.head(self.group.ring)) * ring.divider / reader.schema.frequency_hz
+
+
+def _stretches(reader: SegmentReader, found: Picked, start_ns: int, end_ns: int) -> list[_Stretch]:
+    """What is copied, of each ring one stretch: all words of its groups, of the rows that any of them wants.
+
+    A ring may have two groups: one element has all its samples there, another one those after its own buffer was full.
+    """
+    merged: dict[int, _Stretch] = {}
+    for group in found.groups:
+        one = _Stretch(group, *bounds(reader, group, start_ns, end_ns + 1, By.TIME))
+        known = merged.get(group.ring)
+        merged[group.ring] = one if known is None else _merged(known, one)
+    return list(merged.values())
+
+
+def _merged(one: _Stretch, other: _Stretch) -> _Stretch:
+    spans = [stretch for stretch in (one, other) if stretch.begin < stretch.end] or [one]
+    words = np.union1d(one.group.words, other.group.words)
+    begin, end = min(stretch.begin for stretch in spans), max(stretch.end for stretch in spans)
+    return _Stretch(Group(one.group.ring, -1, words), begin, end)
 
 
 def _oldest_ns(reader: SegmentReader, found: Picked) -> int:
@@ -148,13 +185,14 @@ def _oldest_ns(reader: SegmentReader, found: Picked) -> int:
 
 def _fitting(request: OpenPin, found: Picked, reader: SegmentReader, room: int) -> tuple[int | None, str]:
     """From when on the rows fit into `room` bytes, and what is to be said of it; None where nothing fits."""
-    parts = [bounds(reader, group, request.start_ns, request.end_ns + 1, By.TIME) for group in found.groups]
-    sizes = [group.row_bytes * (end - begin) for group, (begin, end) in zip(found.groups, parts, strict=True)]
-    total = sum(sizes)
+    stretches = _stretches(reader, found, request.start_ns, request.end_ns)
+    total = sum(stretch.size_bytes for stretch in stretches)
     if total <= room:
         return request.start_ns, ""
+    rings = reader.schema.rings
     rate = sum(
-        group.row_bytes * reader.schema.frequency_hz / reader.schema.rings[group.ring].divider for group in found.groups
+        group.row_bytes * reader.schema.frequency_hz / rings[group.ring].divider
+        for group in (stretch.group for stretch in stretches)
     )
     fitting_s = 0.95 * room / rate
     of_all = f"{MAX_PINNED_BYTES / 2**20:g} MB for all clients, {max(0, room) / 2**20:.3g} MB free"
@@ -170,12 +208,8 @@ def _fitting(request: OpenPin, found: Picked, reader: SegmentReader, room: int) 
     return start_ns, f"the newest {duration(fitting_s)} of {duration(wished_s)} are pinned: more doesn't fit ({of_all})"
 
 
-def _spare_s(reader: SegmentReader, group: Group, begin: int) -> float:
-    ring = reader.schema.rings[group.ring]
-    return (begin + ring.capacity - reader.head(group.ring)) * ring.divider / reader.schema.frequency_hz
-
-
-def _copy(reader: SegmentReader, group: Group, begin: int, end: int) -> Rows:
+def _copy(reader: SegmentReader, stretch: _Stretch) -> Rows:
+    group, begin, end = stretch.group, stretch.begin, stretch.end
     out = np.empty((end - begin, len(group.words)), np.uint64)
     first, row = begin, begin
     while row < end:

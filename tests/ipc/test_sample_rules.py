@@ -18,7 +18,7 @@ from silo.ipc.samples import Gathering
 from silo.model import Action, BufferType, LoggerOptions, Table
 from tests.examples import examples
 
-NAMES = ["/log/a", "/log/b", "/log/b_y", "/log/c", "/log/d"]
+NAMES = ["/log/a", "/log/b", "/log/b_y", "/log/c", "/log/d", "/log/e"]
 
 
 class Robot:
@@ -33,6 +33,8 @@ class Robot:
         self.logger.add(self.b, "b", buffer_type=BufferType.GROWING, buffer_size=50, divider=3)
         self.logger.add(self.c, "c", buffer_type=BufferType.FIXED, buffer_size=40, action=Action.SAVE_AND_PUBLISH)
         self.logger.add(self.a, "d", buffer_type=BufferType.FIXED, buffer_size=70)
+        # the ring in which its samples pass is that of `c`, of which it has all rows and `c` those after its own
+        self.logger.add(self.a, "e", buffer_type=BufferType.LOOPING, buffer_size=30, action=Action.SAVE_AND_PUBLISH)
         self.logger.start()
         self.ticks(700)
         self.reader = SegmentReader(self.logger.present_run.segment.path)
@@ -145,6 +147,25 @@ def test_a_pin_holds_what_was_logged_at_these_ticks_while_the_buffers_go_on(tmp_
         np.testing.assert_array_equal(held[name].values, before[name].values)
     assert gathered(robot, GetSamples(names=["/log/a"]))["/log/a"].ticks[0] > before["/log/a"].ticks[-1]
     robot.logger.close()
+
+
+@given(
+    names=st.lists(st.sampled_from(NAMES), min_size=1, max_size=len(NAMES), unique=True),
+    start=st.integers(0, 720),
+    count=st.integers(0, 720),
+)
+@settings(max_examples=examples(60))
+def test_a_pin_of_any_names_over_any_span_has_what_the_buffers_have_of_it(robot, names, start, count):
+    pins = Pins()
+    span = {"start": start * 1_000_000, "end": (start + count) * 1_000_000}
+    opened = pin(robot, pins, names=names, start_ns=span["start"], end_ns=span["end"] - 1 if count else span["start"])
+    held = gathered(robot, GetSamples(names=names), source=pins.rows(opened.pin)) if count else {}
+    there = gathered(robot, GetSamples(names=names, **span))
+    assert opened.missing == {}
+    for name in held:
+        assert held[name].why == ""
+        np.testing.assert_array_equal(held[name].ticks, there[name].ticks)
+        np.testing.assert_array_equal(held[name].values, there[name].values)
 
 
 def test_a_lease_that_is_not_renewed_ends_and_frees_its_memory(robot, monkeypatch):
