@@ -44,7 +44,7 @@ class Pins:
     def open(self, request: OpenPin, now: LoggerSnapshot, reader: SegmentReader | None) -> PinOpened | Refused:
         """Copy what is wanted; the same request again only renews the lease. Called by the slow thread alone."""
         self.expire()
-        refused = _check(request, now)
+        refused = _check(request)
         if refused is not None:
             return refused
         with self._lock:
@@ -53,6 +53,9 @@ class Pins:
                 known.expires_s = time.monotonic() + LEASE_S
                 return known.opened
             others = [pin for name, pin in self._pins.items() if name != request.pin]
+        name = unknown_name(request.names, now)
+        if name is not None:
+            return unknown(name)
         taken = sum(pin.opened.size_bytes for pin in others)
         if len(others) >= MAX_PINS:
             return Refused(RefusedWhy.FAILED, f"not pinned: {MAX_PINS} pins are open already; close others first")
@@ -98,7 +101,7 @@ def no_pin(pin: str) -> Refused:
     )
 
 
-def _check(request: OpenPin, now: LoggerSnapshot) -> Refused | None:
+def _check(request: OpenPin) -> Refused | None:
     problem = None
     if not VIEW_ID.fullmatch(request.pin):
         problem = "its id must be `<client id>-<number>`, the client id of letters and digits"
@@ -106,10 +109,7 @@ def _check(request: OpenPin, now: LoggerSnapshot) -> Refused | None:
         problem = f"name 1 to {MAX_NAMES} elements or entries, got {len(request.names)}"
     elif not -(2**62) < request.start_ns <= request.end_ns < 2**62:
         problem = f"the time span {request.start_ns} ... {request.end_ns} ns is out of range, or goes backwards"
-    if problem is not None:
-        return Refused(RefusedWhy.INVALID, f"not pinned: {problem}")
-    name = unknown_name(request.names, now)
-    return None if name is None else unknown(name)
+    return Refused(RefusedWhy.INVALID, f"not pinned: {problem}") if problem else None
 
 
 def _same(old: OpenPin, new: OpenPin) -> bool:

@@ -111,19 +111,23 @@ class Streams:
     def open(self, request: OpenStream) -> StreamOpened | Refused:
         """Open, replace or renew a stream."""
         now = self._mirror.now
-        refused = _check(request, now)
+        refused = _check(request)
         if refused is not None:
             return refused
         now_s = time.monotonic()
         with self._lock:
             old = self._streams.get(request.stream)
             if old is not None and _same(old.request, request):
+                # whatever the table has lost since: `Stream.adopt` goes on with what is there
                 old.expires_s = now_s + LEASE_S
                 return old.opened  # of the present generation from the next frame on, which makes clients ask again
             failed = self._failed.get(request.stream)
             if failed is not None and _same(failed[0], request):
                 return Refused(RefusedWhy.FAILED, failed[1])
             self._failed.pop(request.stream, None)
+            name = None if request.again else unknown_name(request.names, now)
+            if name is not None:
+                return unknown(name)
             others = [stream for name, stream in self._streams.items() if name != request.stream]
             refused = _too_many(request, others)
             if refused is not None:
@@ -217,7 +221,7 @@ def _same(old: OpenStream, new: OpenStream) -> bool:
     return (old.names, old.period_s) == (new.names, new.period_s)
 
 
-def _check(request: OpenStream, now: LoggerSnapshot) -> Refused | None:
+def _check(request: OpenStream) -> Refused | None:
     problem = None
     if not keys.VIEW_ID.fullmatch(request.stream):
         problem = "its id must be `<client id>-<number>`, the client id of letters and digits"
@@ -225,10 +229,7 @@ def _check(request: OpenStream, now: LoggerSnapshot) -> Refused | None:
         problem = f"name 1 to {MAX_NAMES} elements or entries, got {len(request.names)}"
     elif not MIN_PERIOD_S <= request.period_s <= MAX_PERIOD_S:  # also false for NaN
         problem = f"period_s must be {MIN_PERIOD_S} to {MAX_PERIOD_S}, got {request.period_s}"
-    if problem is not None:
-        return Refused(RefusedWhy.INVALID, f"the stream can't be opened: {problem}")
-    name = unknown_name(request.names, now)
-    return None if name is None else unknown(name)
+    return Refused(RefusedWhy.INVALID, f"the stream can't be opened: {problem}") if problem else None
 
 
 def _too_many(request: OpenStream, others: list[Stream]) -> Refused | None:

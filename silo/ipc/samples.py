@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -198,7 +198,7 @@ class Stream:
         self._unread: deque[StreamFrame] = deque(maxlen=MAX_BACKLOG)
         self._subscriber: zenoh.Subscriber[None] | None = None
         self._opened: dict[int, StreamOpened] = {}  # the newest few, by generation
-        self._expected: dict[tuple[str, int], int] = {}
+        self._expected: dict[tuple[str, str, int], int] = {}  # by run, name and which of its groups
         self._refused = ""
         self._closed = False
 
@@ -231,6 +231,7 @@ class Stream:
             layouts = {**self._opened, opened.generation: opened}
             self._opened = {generation: layouts[generation] for generation in newest}
             self.missing, self._refused = opened.missing, ""
+            self.request = msgspec.structs.replace(self.request, again=True)
             self._changed.notify_all()
 
     def refuse(self, text: str) -> None:
@@ -279,21 +280,24 @@ class Stream:
         return None
 
     def _batch(self, frame: StreamFrame, opened: StreamOpened) -> Batch:
-        missed: dict[int, int] = {}
-        for rows in frame.rows:
-            expected = self._expected.get((frame.run, rows.group), rows.first)
-            missed[rows.group] = max(0, rows.first - expected)
-        self._expected = {
-            **{key: row for key, row in self._expected.items() if key[0] == frame.run},
-            **{(frame.run, rows.group): rows.first + rows.count for rows in frame.rows},
-        }
-        self.missed += sum(missed.values())
         by_group = {rows.group: rows for rows in frame.rows}
         parts: dict[str, list[tuple[SampledName, SampledRows, int]]] = {}
+        # counted by name: another generation numbers groups anew
+        expected = {key: row for key, row in self._expected.items() if key[0] == frame.run}
+        missed: dict[int, int] = {}
+        places: Counter[str] = Counter()
         for name in opened.names:
+            key = (frame.run, name.name, places[name.name])
+            places[name.name] += 1
             some = by_group.get(name.group)
-            if some is not None:
-                parts.setdefault(name.name, []).append((name, some, missed[name.group]))
+            if some is None:
+                continue
+            more = max(0, some.first - expected.get(key, some.first))
+            missed[name.group] = max(missed.get(name.group, 0), more)
+            expected[key] = some.first + some.count
+            parts.setdefault(name.name, []).append((name, some, more))
+        self._expected = expected
+        self.missed += sum(missed.values())
         return Batch(frame.run, parts)
 
     def __iter__(self) -> Iterator[Batch]:

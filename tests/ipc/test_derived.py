@@ -1,5 +1,8 @@
 """Derived signals of a live logger: in the table, in views, histories, samples, streams, pins and statistics."""
 
+import os
+import signal
+
 import numpy as np
 import pytest
 
@@ -7,11 +10,12 @@ import silo
 from silo.cli.main import run as silo_command
 from silo.errors import RefusedError
 from silo.ipc.client import Client
+from silo.ipc.messages import OpenPin
 from silo.ipc.published import EventKind
 from silo.ipc.surveys import QUANTITIES
 from silo.model import Edit, RecorderState, State
 from tests.ipc.conftest import TICK_NS, Heard
-from tests.waiting import wait_until
+from tests.waiting import answered, wait_until
 
 
 def table_of(client):
@@ -37,11 +41,12 @@ def newest(client, names):
         return wait_until(lambda: (frame := view.frame()) and np.isfinite(frame.newest).any() and frame).newest.tolist()
 
 
-def read(stream, count):
+def read(stream, count, name="/log/twice"):
     """So many values of a stream."""
     found: list[float] = []
     while len(found) < count:
-        found += stream.read()["/log/twice"].values.tolist()
+        batch = stream.read()
+        found += batch[name].values.tolist() if name in batch else []
     return found
 
 
@@ -166,6 +171,55 @@ class TestRows:
             bench.ticks(10)
             assert [*found, *read(stream, 10)] == [2.0 * at for at in range(1, 31)]
             assert stream.missed == 0
+
+    def test_a_stream_goes_on_with_what_is_there_when_one_of_its_signals_is_removed(self, bench, client):
+        derive(bench, client, "half", "slow / 2")
+        bench.logger.start()
+        wait_until(lambda: client.status().state is State.RUNNING)
+        with client.stream(["/log/half", "/log/x"], period_s=0.02) as stream:
+            bench.ticks(20)
+            found = read(stream, 20, "/log/x")
+            with Client.connect("bot") as other:
+                other.remove_derived("half")
+            wait_until(lambda: (stream.read(0.05), stream.missing)[1])
+            bench.ticks(10)
+            found += read(stream, 10, "/log/x")
+            assert stream.missing == {"/log/half": "it is no longer in the table"}
+            # groups are numbered anew, and rows of half stand at every fifth tick
+            assert (found, stream.missed) == (list(range(1, 31)), 0)
+
+    def test_a_stream_comes_back_after_a_helper_process_without_what_was_removed(self, bench, client):
+        derive(bench, client, "half", "slow / 2")
+        bench.logger.start()
+        wait_until(lambda: client.status().state is State.RUNNING)
+        with client.stream(["/log/half", "/log/x"], period_s=0.02) as stream:
+            bench.ticks(5)
+            read(stream, 5, "/log/x")
+            before = bench.serving.helper_pid
+            os.kill(before, signal.SIGKILL)
+            bench.logger.remove_derived("half")
+            wait_until(lambda: (one := answered(client.status)) and one.helper_pid != before)
+
+            def comes_again():
+                bench.ticks(1)
+                batch = stream.read(0.05)
+                return batch is not None and "/log/x" in batch
+
+            wait_until(comes_again)
+            assert stream.missing == {"/log/half": "it is no longer in the table"}
+
+    def test_a_stream_of_a_name_that_never_was_is_refused(self, bench, client):
+        with pytest.raises(RefusedError, match="/log/nix"):
+            client.stream(["/log/x", "/log/nix"])
+
+    def test_the_same_pin_again_is_answered_though_one_of_its_signals_was_removed(self, bench, client):
+        derive(bench, client, "twice", "2 * x")
+        run(bench, client, 30)
+        with client.pin(["/log/twice", "/log/x"], 0, 2**61) as pin:
+            client.remove_derived("twice")
+            wait_until(lambda: table_of(client).get("/log/twice") is None)
+            request = OpenPin(pin=pin.id, names=["/log/twice", "/log/x"], start_ns=0, end_ns=2**61)
+            assert client._call(request) == pin.opened
 
     def test_a_pin_holds_it(self, bench, client):
         derive(bench, client, "twice", "2 * x")

@@ -116,12 +116,14 @@ class OpenStream(Ask[StreamOpened], frozen=True):
     """Open or renew the stream `stream` (an id as of a view): all samples of these names from now on, as they come.
 
     Frames come each `period_s` on `.../stream/<id>`. Leased as a view is. Frames that the client does not take in time
-    are dropped: its rows are numbered, so that it sees the gap.
+    are dropped: its rows are numbered, so that it sees the gap. A name that the table lost meanwhile is left out and
+    told (`again`: this client had the stream open before, maybe with another helper process).
     """
 
     stream: str
     names: list[str]
     period_s: float = 0.05
+    again: bool = False
 
 
 class CloseStream(Ask[Done], frozen=True):
