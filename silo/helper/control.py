@@ -1,37 +1,33 @@
-"""The control threads: one for requests that read, one for those that change something, one for slow reading.
+"""The control threads: they take requests in, answer what only reads at once, and have the rest wait for its turn.
 
-Three, so that a robot process that doesn't answer holds up no status, and a history of a gigabyte no view.
+What changes something, or reads gigabytes, is done in lanes (`silo.helper.lanes`), so that a robot process that doesn't
+answer holds up no status, a recorder no mark, and a history no view.
 """
 
 import functools
 import logging
-import queue
+import math
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
 import msgspec
 import zenoh
 
-from silo.helper.answers import Answers
+from silo.helper.answers import LANES, Answers
 from silo.helper.door import Door, attachment_of
 from silo.helper.events import plain
+from silo.helper.lanes import Lane, Lanes, Turn, Waiting, is_late
 from silo.helper.operators import Operators
 from silo.helper.requests import decode_ask, decode_do
+from silo.ipc.clocks import clock_s
 from silo.ipc.keys import Root
-from silo.ipc.messages import AnyDo, Hello, Refused, RefusedWhy, Request, SlowAsk
+from silo.ipc.messages import AnyReply, Do, GoesOn, Hello, Refused, RefusedWhy, Request, SlowAsk
 
 MAX_WAITING = 64
-# Slow requests wait for their turn: their answers, of which one of 64 names takes 4.5 MB, are made one after the other.
-# Here are only their questions, at most so many and of so many bytes.
-MAX_SLOW = 256
-MAX_SLOW_BYTES = 4 * 2**20
 
 log = logging.getLogger("silo.helper")
 _encoder = msgspec.msgpack.Encoder()
-
-Slow = tuple[zenoh.Query, SlowAsk[Any], int, float]  # with its bytes, and until when its client waits
 
 
 class Control:
@@ -53,34 +49,31 @@ class Control:
         # when more wait, the oldest are dropped, and their clients get an empty answer at once
         self._asked = session.declare_queryable(root.key("ask"), zenoh.handlers.RingChannel(MAX_WAITING))
         self._to_do = [session.declare_queryable(key, zenoh.handlers.RingChannel(MAX_WAITING)) for key in door.keys]
-        self._doing = threading.Lock()  # one change after the other, whichever way they come
-        self._slow: queue.Queue[Slow | None] = queue.Queue()
-        self._slow_bytes = 0
-        self._counting = threading.Lock()
+        self._lanes = Lanes(self._do_one, self._tell_late)
         self._ending = False
         self._threads = [
             threading.Thread(target=self._serve, args=(self._asked.handler, self._ask), name="ask"),
             *(
-                threading.Thread(target=self._serve, args=(one.handler, functools.partial(self._do, key)), name="do")
+                threading.Thread(target=self._serve, args=(one.handler, functools.partial(self._take, key)), name="do")
                 for one, key in zip(self._to_do, door.keys, strict=True)
             ),
-            threading.Thread(target=self._read_slowly, name="slow"),
         ]
 
     def start(self) -> None:
         """Start the threads."""
+        self._lanes.start()
         for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
         """End the threads and wait for them."""
         self._ending = True
-        self._slow.put(None)
         for queryable in (self._asked, *self._to_do):
             # ends the recv() of its thread
             queryable.undeclare()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
         for thread in self._threads:
             thread.join()
+        self._lanes.stop()
 
     def _serve(self, handler: zenoh.Handler[zenoh.Query], answer: Callable[[zenoh.Query], None]) -> None:
         while (query := self._next(handler)) is not None:
@@ -99,84 +92,104 @@ class Control:
             return None
 
     def _ask(self, query: zenoh.Query) -> None:
-        payload = _payload(query)
+        payload, key = _payload(query), self._root.key("ask")
         request = decode_ask(payload)
-        if not isinstance(request, SlowAsk):
-            self._reply(query, "ask", lambda: self._answer(request))
-            return
-        busy = self._too_busy(len(payload))
-        if busy is not None:
-            self._reply(query, "ask", lambda: _encoder.encode(busy))
-            return
-        with self._counting:
-            self._slow_bytes += len(payload)
-        self._slow.put((query, request, len(payload), time.monotonic() + request.timeout_s))
+        if isinstance(request, SlowAsk):
+            self._wait(Lane.SLOW, query, request, key, len(payload))
+        else:
+            self._reply(query, key, lambda: self._answers.reply(request))
 
-    def _too_busy(self, size: int) -> Refused | None:
-        """Why a slow request can't wait for its turn; alone it always can."""
-        waiting = self._slow.qsize()
-        if waiting < MAX_SLOW and (not self._slow_bytes or self._slow_bytes + size <= MAX_SLOW_BYTES):
-            return None
-        text = f"{waiting} requests for histories and scripts are waiting already; try again in a moment"
-        return Refused(RefusedWhy.FAILED, text)
-
-    def _do(self, declared: str, query: zenoh.Query) -> None:
+    def _take(self, declared: str, query: zenoh.Query) -> None:
+        """Take in what may change something; whether its sender may is looked at when its turn comes."""
         payload, key = _payload(query), str(query.key_expr)
+        request = decode_do(payload)
         # what has wildcards is refused, under a key that fits
         own = key if "*" not in key else declared.replace("*", "nobody")
-        with self._doing:
-            self._reply(query, own, lambda: self._answer(self._signed(decode_do(payload), key, attachment_of(query))))
+        lane = LANES[type(request)] if isinstance(request, Do) else Lane.NOW
+        self._wait(lane, query, request, own, len(payload))
 
-    def _signed(self, request: AnyDo | Hello | Refused, key: str, attachment: bytes) -> Request[Any] | Refused:
-        """Return a request with its sender as the door knows it; refused, where that one may not change this now."""
-        if isinstance(request, Refused):
-            return request
-        sender = self._door.sender(key, attachment, plain(request.client))
+    def _wait(self, lane: Lane, query: zenoh.Query, request: Request[Any] | Refused, key: str, size_bytes: int) -> None:
+        one = Waiting(query, request, key, size_bytes, _until_s(request))
+        if (isinstance(request, Do) and is_late(one.until_s, clock_s())) or not one.until_s > clock_s():
+            self._tell_late(one, lane, False)
+        elif waiting := self._lanes.put(lane, one):
+            text = f"{waiting} requests wait for {lane.value} already; try again in a moment; nothing was changed"
+            self._reply(query, key, lambda: Refused(RefusedWhy.FAILED, text))
+
+    # ------------------------------------------------------------------------------------------- in a lane's thread
+
+    def _do_one(self, one: Waiting) -> None:
+        query, answer = one.query, functools.partial(self._answer, one)
+        if isinstance(one.request, SlowAsk):
+            self._reply(query, one.key, answer)
+            return
+        reply = _guarded(answer)
+        if one.claim():
+            self._reply(query, one.key, lambda: reply)
+        elif isinstance(one.request, Do):
+            self._answers.tell_end(one.job, one.request, reply, one.by)
+
+    def _answer(self, one: Waiting) -> AnyReply | bytes:
+        request = one.request
+        if isinstance(request, Refused | SlowAsk):
+            return self._answers.reply(request)
+        key = str(one.query.key_expr)
+        sender = self._door.sender(key, attachment_of(one.query), plain(request.client))
         if isinstance(sender, Refused):
             return sender
         if isinstance(request, Hello):
             if request.id:
                 self._know(plain(request.id), sender.words, sender.identity)
-            return msgspec.structs.replace(request, id="")
-        self._operators.asking = sender
-        return self._operators.refused(request, sender) or msgspec.structs.replace(request, client=sender.words)
+            return self._answers.reply(msgspec.structs.replace(request, id=""))
+        one.by = sender.words
+        signed = msgspec.structs.replace(request, client=sender.words)
+        refused = self._operators.refused(signed, sender) if isinstance(signed, Do) else None
+        return refused or self._answers.reply(signed, Turn(sender, one.until_s))
 
-    def _answer(self, request: Request[Any] | Refused) -> bytes:
-        return _encoder.encode(request) if isinstance(request, Refused) else self._answers.answer(request)
+    def _tell_late(self, one: Waiting, lane: Lane, begun: bool) -> None:
+        """Refuse what was not begun in time, and say of what was that it goes on; then nobody else answers."""
+        if not isinstance(one.request, Do):
+            if not begun:
+                one.query.drop()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+            return
+        if not begun:
+            text = f"its turn did not come in time: it waited for {lane.value}; nothing was changed; try again"
+            self._reply(one.query, one.key, lambda: Refused(RefusedWhy.LATE, text))
+            return
+        one.job = self._answers.number()
+        if one.claim():
+            name = type(one.request).__name__.lower()
+            told = GoesOn(one.job, f"{name} goes on: it waits for {lane.value}; an event tells how it ends")
+            self._reply(one.query, one.key, lambda: told)
 
-    def _read_slowly(self) -> None:
-        while self._read_one(self._slow.get()):
-            pass
-
-    def _read_one(self, slow: Slow | None) -> bool:
-        if slow is None:
-            return False
-        query, request, size, until_s = slow
-        if time.monotonic() < until_s:
-            self._reply(query, "ask", lambda: self._answer(request))
-        else:
-            # its client has given up, and the next one needs the time
-            query.drop()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
-        with self._counting:
-            self._slow_bytes -= size
-        return True
-
-    def _reply(self, query: zenoh.Query, key: str, answer: Callable[[], bytes]) -> None:
-        """Answer whatever happens: a request that breaks something is refused and logged, the thread goes on.
-
-        `key` is the end of one of ours, or the whole of that which was asked.
-        """
-        try:
-            body = answer()
-        except Exception as error:
-            log.exception("a request failed")
-            body = _encoder.encode(Refused(RefusedWhy.FAILED, f"{type(error).__name__}: {error}"))
+    def _reply(self, query: zenoh.Query, key: str, answer: Callable[[], AnyReply | bytes]) -> None:
+        """Answer under one of our keys, whatever happens: what breaks something is refused and logged."""
+        body = _encoded(_guarded(lambda: _encoded(answer())))
         try:
             with query:
-                query.reply(key if "/" in key else self._root.key(key), body)
+                query.reply(key, body)
         except zenoh.ZError as error:
             # the client is gone, or asked for another key than ours
             log.debug("no reply could be sent: %s", error)
+
+
+def _guarded(answer: Callable[[], AnyReply | bytes]) -> AnyReply | bytes:
+    try:
+        return answer()
+    except Exception as error:
+        log.exception("a request failed")
+        return Refused(RefusedWhy.FAILED, f"{type(error).__name__}: {error}")
+
+
+def _encoded(reply: AnyReply | bytes) -> bytes:
+    return reply if isinstance(reply, bytes) else _encoder.encode(reply)
+
+
+def _until_s(request: Request[Any] | Refused) -> float:
+    """Return when the client of a request gives up."""
+    if isinstance(request, Refused | Hello):
+        return math.inf
+    return request.until_s or clock_s() + request.timeout_s
 
 
 def _payload(query: zenoh.Query) -> bytes:

@@ -16,7 +16,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import zenoh
 
@@ -35,7 +34,7 @@ from silo.helper.operators import Operators
 from silo.helper.predecessor import PredecessorRecovery
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
-from silo.helper.robot import Robot
+from silo.helper.robot import Robot, ending
 from silo.helper.saver import Saver
 from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
@@ -44,7 +43,6 @@ from silo.ipc.messages import (
     Done,
     Refused,
     RefusedWhy,
-    RobotRequest,
     Save,
     SaveStarted,
     StartRecorder,
@@ -291,7 +289,7 @@ class Helper:
         elif isinstance(message, LinkReply):
             late = self._robot.answered(message)
             if late is not None:
-                text = _ending(late, message.reply)
+                text = ending(late, message.reply)
                 events.publish(EventKind.ENDED, text, by=late.client, job=message.number)
         elif isinstance(message, LinkRequest) and isinstance(message.request, StartRecorder | StopRecorder):
             # its answer takes as long as a process takes to start, or to finish a part
@@ -352,15 +350,6 @@ def _take_run(mirror: Mirror, offer: RunOffer, descriptor: int) -> None:
     except SegmentError:
         os.close(descriptor)
         log.exception("a run can't be taken over")
-
-
-def _ending(request: RobotRequest[Any], reply: AnyReply) -> str:
-    """How a request ended that its client could not wait for."""
-    what = f"the {type(request).__name__.lower()} that took long"
-    if isinstance(reply, Refused):
-        return f"{what} was refused: {reply.text}"
-    more = f"; {reply.text}" if isinstance(reply, Done) and reply.text else ""
-    return f"{what} is done{more}"
 
 
 def _tell_changes(events: Events, before: LoggerSnapshot, now: LoggerSnapshot) -> None:

@@ -20,7 +20,6 @@ from silo.model import Control
 
 LONGEST_LEASE_S = 24 * 3600.0
 GIVEN_S = 60.0  # in which whom it is given to must renew it
-NOBODY = Sender("", "nobody")
 
 
 class Operators:
@@ -35,7 +34,6 @@ class Operators:
         self._lock = threading.Lock()
         self._holder: Control | None = None
         self._until_s = -math.inf  # monotonic
-        self.asking = NOBODY  # whose request is done now; requests that change something are done one after the other
 
     @property
     def control(self) -> Control | None:

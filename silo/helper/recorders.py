@@ -10,6 +10,7 @@ import os
 import select
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -65,8 +66,10 @@ class Recording:
 
     # ------------------------------------------------------------------------------------------------- by any thread
 
-    def begin(self, request: StartRecorder, *, anywhere: bool = False) -> RecorderStarted | Refused:
-        """Start a recorder; waits for its first words."""
+    def begin(
+        self, request: StartRecorder, *, anywhere: bool = False, left_s: Callable[[float], float] = float
+    ) -> RecorderStarted | Refused:
+        """Start a recorder; waits for its first words. `left_s` tells how much of a time may still be waited."""
         checked = self._checked(request, anywhere=anywhere)
         if isinstance(checked, Refused):
             return checked
@@ -79,10 +82,10 @@ class Recording:
                 recorder = self._spawn(Kept(order, request.client, time.time_ns()))
             except OSError as error:
                 return Refused(RefusedWhy.FAILED, f"no process for the recorder: {error.strerror}; nothing is recorded")
-        recorder.reported.wait(BEGIN_S)
+        recorder.reported.wait(left_s(BEGIN_S))
         report = recorder.report
         if report.state is RecorderState.FAILED:
-            recorder.ended.wait(END_S)  # its end is for the thread to notice
+            recorder.ended.wait(left_s(END_S))  # its end is for the thread to notice
             with self._lock:
                 self._recorders.pop(name, None)
             return Refused(RefusedWhy.FAILED, report.text)
@@ -150,8 +153,8 @@ class Recording:
         self._poke()
         return recorder
 
-    def end(self, request: StopRecorder) -> Done | Refused:
-        """Have a recorder finish its part; waits for that a while."""
+    def end(self, request: StopRecorder, *, left_s: Callable[[float], float] = float) -> Done | Refused:
+        """Have a recorder finish its part; waits for that a while, as `begin` does."""
         with self._lock:
             name = request.name or (next(iter(self._recorders)) if len(self._recorders) == 1 else "")
             recorder = self._recorders.get(name)
@@ -162,7 +165,7 @@ class Recording:
                 return Refused(RefusedWhy.NOT_FOUND, f"{what}: {text}; nothing was stopped")
             why = f"stopped by {request.client}" if request.client else "stopped"
             recorder.finish(why, self._events.log.newest)
-        over = recorder.ended.wait(END_S)
+        over = recorder.ended.wait(left_s(END_S))
         with self._lock:
             if over:
                 self._recorders.pop(name, None)

@@ -6,7 +6,7 @@ import socket
 import threading
 from typing import Any
 
-from silo.ipc.messages import AnyReply, GoesOn, Refused, RefusedWhy, RobotRequest
+from silo.ipc.messages import AnyReply, Done, GoesOn, Refused, RefusedWhy, Request, RobotRequest
 from silo.link.channel import LinkChannel
 from silo.link.handover import RunOffer, taken_runs
 from silo.link.messages import LinkMessage, LinkReply, LinkRequest
@@ -43,9 +43,13 @@ class Robot:
                 return False
         return True
 
+    def number(self) -> int:
+        """Return a number by which an event can tell how something ended."""
+        return next(self._numbers)
+
     def ask(self, request: RobotRequest[Any], timeout_s: float = REPLY_TIMEOUT_S) -> AnyReply:
         """Have the robot process do something and wait for its answer; what takes longer goes on."""
-        number = next(self._numbers)
+        number = self.number()
         future: concurrent.futures.Future[AnyReply] = concurrent.futures.Future()
         self._pending[number] = future
         if self._gone or not self.send(LinkRequest(number, request)):
@@ -60,9 +64,9 @@ class Robot:
                 return future.result()  # it came right now
         return GoesOn(
             number,
-            f"{type(request).__name__.lower()} goes on: the robot program has not answered for {timeout_s:g} s (it has "
-            "much to do, is stopped, or is busy in code that holds the interpreter); the status, and an event, tell "
-            "how it ends",
+            f"{type(request).__name__.lower()} goes on: the robot program has not answered for {timeout_s:.3g} s (it "
+            "has much to do, is stopped, or is busy in code that holds the interpreter); the status, and an event, "
+            "tell how it ends",
         )
 
     def answered(self, message: LinkReply) -> RobotRequest[Any] | None:
@@ -87,3 +91,12 @@ class Robot:
     @staticmethod
     def _dead() -> Refused:
         return Refused(RefusedWhy.DEAD, "the robot program is gone; start it again")
+
+
+def ending(request: Request[Any], reply: AnyReply) -> str:
+    """Return how a request ended that its client could not wait for."""
+    what = f"the {type(request).__name__.lower()} that took long"
+    if isinstance(reply, Refused):
+        return f"{what} was refused: {reply.text}"
+    more = f"; {reply.text}" if isinstance(reply, Done) and reply.text else ""
+    return f"{what} is done{more}"

@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 import zenoh
 
 from silo.errors import ConnectionLostError
+from silo.ipc.clocks import UNKNOWN, TheirClock
 from silo.ipc.exchange import encoded, key_of
 from silo.ipc.keys import Root
 from silo.ipc.messages import Do, Request
@@ -22,13 +23,16 @@ Tag = TypeVar("Tag", bound=Hashable)
 class Pending:
     """A request whose answer nobody waits for: it is looked at when it has come."""
 
-    def __init__(self, mine: Borrowed, root: Root, request: Request[Any], timeout_s: float) -> None:
+    def __init__(
+        self, mine: Borrowed, root: Root, request: Request[Any], timeout_s: float, clock: TheirClock = UNKNOWN
+    ) -> None:
+        timeout_s += mine.slack_s
         # not a ring: it loses what it holds when the query ends
         self._replies = mine.session.get(
             key_of(request, root, mine.user),
             zenoh.handlers.FifoChannel(4),
-            payload=encoded(request),
-            timeout=timeout_s + mine.slack_s,
+            payload=encoded(request, clock.after(timeout_s)),
+            timeout=timeout_s,
             attachment=mine.proof if request.key == Do.key else None,
         )
 

@@ -23,10 +23,11 @@ import zenoh
 from silo.errors import ConnectionLostError, SiloError, VersionError
 from silo.ipc import keys
 from silo.ipc.asking import Pending
+from silo.ipc.clocks import TheirClock
 from silo.ipc.discovery import namesakes, seen_now
 from silo.ipc.exchange import exchange, root_at
 from silo.ipc.found import Found
-from silo.ipc.messages import AnyReply, Hello, HelloReply, Request
+from silo.ipc.messages import AnyReply, Do, Hello, HelloReply, Request
 from silo.ipc.published import Event
 from silo.ipc.session import owner_is_gone
 from silo.ipc.sessions import Borrowed, borrow, give_back, undeclare
@@ -76,6 +77,7 @@ class Connection:
         self._retry_s = 0.0
         self._looked_s = time.monotonic()
         self._asked: Pending | None = None  # whether the helper process is there still
+        self._clock = TheirClock()
         self._problem = ""  # why the helper process that is there now can't be asked
         self.sessions = 0  # counts up with every session: views must be opened anew
         self._known: set[str] = set()  # who was there when we came: other robots, whatever their names
@@ -100,6 +102,7 @@ class Connection:
             client_id = secrets.token_hex(8)
             question = Hello(version=VERSION, client=self._who, id=client_id)
             reply = exchange(borrowed, root, question, timeout_s, self.label_of(found))
+            self._learn(reply)
             dead = _state_of(reply) is State.DEAD
             # with history, as the end of a token that was there before goes untold without
             alive = session.liveliness().declare_subscriber(
@@ -198,8 +201,22 @@ class Connection:
 
     def exchange(self, request: Request[Any], timeout_s: float, *, as_change: bool = False) -> AnyReply:
         """Ask and wait. Raises ConnectionLostError."""
-        label = self.label_of(self.found)
-        return exchange(self.borrowed(), self.root, request, timeout_s, label, as_change=as_change)
+        mine, root, label = self.borrowed(), self.root, self.label_of(self.found)
+        if request.key == Do.key and not self._clock.is_fresh:
+            self._learn(exchange(mine, root, Hello(version=VERSION, client=self._who), timeout_s, label))
+        reply = exchange(mine, root, request, timeout_s, label, as_change=as_change, clock=self._clock)
+        if isinstance(reply, HelloReply):
+            self._learn(reply)
+        return reply
+
+    def ask_later(self, request: Request[Any], timeout_s: float) -> Pending:
+        """Ask, and look for the answer when there is time. Raises ConnectionLostError."""
+        return Pending(self.borrowed(), self.root, request, timeout_s, self._clock)
+
+    def _learn(self, reply: AnyReply) -> None:
+        """Take in the clock of the helper process."""
+        if isinstance(reply, HelloReply):
+            self._clock.learn(reply.clock_s)
 
     def attach(self, one: Attachable) -> None:
         """Subscribe something now and in every later session."""
@@ -271,7 +288,7 @@ class Connection:
         self._looked_s = time.monotonic()
         if self.found.socket and owner_is_gone(Path(self.found.socket)):
             question = Hello(version=VERSION, client=self._who)
-            self._asked = Pending(self.borrowed(), self.root, question, LEFT_S)
+            self._asked = self.ask_later(question, LEFT_S)
         return False
 
     def _hand_out_events(self) -> None:

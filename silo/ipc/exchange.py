@@ -11,6 +11,7 @@ import zenoh
 
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError, VersionError
 from silo.ipc import keys
+from silo.ipc.clocks import UNKNOWN, TheirClock
 from silo.ipc.found import Found
 from silo.ipc.messages import (
     AnyReply,
@@ -53,9 +54,12 @@ class RequestRefusedError(RefusedError):
         self.problems: list[Problem] = refused.problems
 
 
-def encoded(request: Request[Any]) -> bytes:
-    """Return a request as it is sent. Raises RequestRefusedError for one that is larger than a helper process reads."""
-    payload = _encoder.encode(msgspec.structs.replace(request, protocol=PROTOCOL))
+def encoded(request: Request[Any], until_s: float = 0.0) -> bytes:
+    """Return a request as it is sent; `until_s` is when its sender gives up, by the clock of the helper process.
+
+    Raises RequestRefusedError for one that is larger than a helper process reads.
+    """
+    payload = _encoder.encode(msgspec.structs.replace(request, protocol=PROTOCOL, until_s=until_s))
     if len(payload) > request.max_bytes:
         text = (
             f"{type(request).__name__} takes {len(payload)} bytes, a helper process reads at most "
@@ -101,14 +105,22 @@ class NoAnswerError(ConnectionLostError):
 
 
 def exchange(
-    mine: Borrowed, root: keys.Root, request: Request[Any], timeout_s: float, who: str, *, as_change: bool = False
+    mine: Borrowed,
+    root: keys.Root,
+    request: Request[Any],
+    timeout_s: float,
+    who: str,
+    *,
+    as_change: bool = False,
+    clock: TheirClock = UNKNOWN,
 ) -> AnyReply:
     """Send a request and wait for its reply, longer over a slow link; `as_change` sends one that reads as one that
-    changes something.
+    changes something. What is begun later than it is waited for, by the `clock` of who is asked, is not done.
 
     Raises ConnectionLostError, and of refusals only that of a request that is too large.
     """
-    payload, timeout_s = encoded(request), timeout_s + mine.slack_s
+    timeout_s += mine.slack_s
+    payload = encoded(request, clock.after(timeout_s))
     changes = as_change or request.key == Do.key
     key = root.do(mine.user) if changes else key_of(request, root, mine.user)
     try:

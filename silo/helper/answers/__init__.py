@@ -21,3 +21,4 @@ from silo.helper.answers import (
 )
 from silo.helper.answers.answering import Answers as Answers
 from silo.helper.answers.table import HANDLERS as HANDLERS
+from silo.helper.answers.table import LANES as LANES

@@ -1,5 +1,6 @@
 """Answers a request with the function of the table, and says what went wrong."""
 
+import dataclasses
 from typing import Any
 
 import msgspec
@@ -9,16 +10,18 @@ from silo.helper import script_folder
 from silo.helper.answers.table import HANDLERS, Parts
 from silo.helper.events import Events
 from silo.helper.judge import Judge
+from silo.helper.lanes import Turn
 from silo.helper.mirror import Mirror
 from silo.helper.operators import Operators
 from silo.helper.pins import Pins
 from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.recordings import RecordingFolder, RecordingRefusedError
-from silo.helper.robot import Robot
+from silo.helper.robot import Robot, ending
 from silo.helper.saver import Saver
 from silo.helper.statistics import Surveyor
-from silo.ipc.messages import AnyReply, Refused, RefusedWhy, Request
+from silo.ipc.messages import AnyReply, GoesOn, Refused, RefusedWhy, Request
+from silo.ipc.published import EventKind
 
 _encoder = msgspec.msgpack.Encoder()
 
@@ -55,15 +58,31 @@ class Answers:
         """End what goes on by itself."""
         self._parts.surveyor.stop()
 
-    def answer(self, request: Request[Any]) -> bytes:
-        """Return the encoded answer; waits for the robot process where it must."""
-        reply: AnyReply | bytes
-        try:
-            reply = HANDLERS[type(request)](self._parts, request)
-        except (script_folder.ScriptRefusedError, RecordingRefusedError) as error:
-            reply = error.refused
-        except (ScriptError, SaveError, ElementError) as error:
-            reply = Refused(RefusedWhy.INVALID, str(error))
-        except SegmentError as error:
-            reply = Refused(RefusedWhy.FAILED, str(error))
+    def answer(self, request: Request[Any], turn: Turn | None = None) -> bytes:
+        """Return the encoded answer."""
+        reply = self.reply(request, turn)
         return reply if isinstance(reply, bytes) else _encoder.encode(reply)
+
+    def reply(self, request: Request[Any] | Refused, turn: Turn | None = None) -> AnyReply | bytes:
+        """Return the answer, or its bytes; waits for the robot process where it must, while the `turn` has time."""
+        if isinstance(request, Refused):
+            return request
+        parts = self._parts if turn is None else dataclasses.replace(self._parts, turn=turn)
+        try:
+            reply: AnyReply | bytes = HANDLERS[type(request)](parts, request)
+        except (script_folder.ScriptRefusedError, RecordingRefusedError) as error:
+            return error.refused
+        except (ScriptError, SaveError, ElementError) as error:
+            return Refused(RefusedWhy.INVALID, str(error))
+        except SegmentError as error:
+            return Refused(RefusedWhy.FAILED, str(error))
+        return reply
+
+    def number(self) -> int:
+        """Return a number by which an event can tell how a request ended."""
+        return self._parts.robot.number()
+
+    def tell_end(self, job: int, request: Request[Any], reply: AnyReply | bytes, by: str) -> None:
+        """Tell all how a request ended whose client was told that it goes on."""
+        if not isinstance(reply, bytes | GoesOn):
+            self._parts.events.publish(EventKind.ENDED, ending(request, reply), by=by, job=job)

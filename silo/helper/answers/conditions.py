@@ -4,8 +4,9 @@ import time
 
 import msgspec
 
-from silo.helper.answers.table import Parts, answers_to, must_live, signed, unexpected
+from silo.helper.answers.table import Parts, answers_to, must_live, relayed, unexpected
 from silo.helper.events import plain
+from silo.helper.lanes import Lane
 from silo.helper.mirror import LoggerSnapshot
 from silo.ipc.conditions import worst_first
 from silo.ipc.messages import (
@@ -58,7 +59,7 @@ def _conditions(
         return _hold_trigger(parts, request)
     if isinstance(request, RemoveTrigger) and parts.judge.let_go(request.name):
         return Done(f"trigger '{plain(request.name)}' is let go of")
-    reply = must_live(parts.mirror.now) or parts.robot.ask(signed(request))
+    reply = relayed(parts, request)
     if isinstance(reply, Done):
         parts.events.publish(EventKind.CONDITIONS, reply.text, by=request.client)
     return reply if isinstance(reply, Done | GoesOn | Refused) else unexpected(request, reply)
@@ -73,7 +74,7 @@ def _hold_trigger(parts: Parts, request: SetTrigger) -> Done | Refused:
     return Done(f"trigger '{request.trigger.name}' is {kept} for {request.lease_s:g} s")
 
 
-@answers_to(ArmTrigger)
+@answers_to(ArmTrigger, lane=Lane.ROBOT)
 def _arm(parts: Parts, request: ArmTrigger) -> Done | GoesOn | Refused:
     now = parts.mirror.now
     if parts.judge.leased.owner(request.name):
@@ -86,7 +87,7 @@ def _arm(parts: Parts, request: ArmTrigger) -> Done | GoesOn | Refused:
         changed = SetTrigger(
             trigger=msgspec.structs.replace(known, armed=request.armed), client=request.client
         )  # it stays so for the next run and in scripts
-        reply = must_live(now) or parts.robot.ask(signed(changed))
+        reply = relayed(parts, changed)
         if not isinstance(reply, Done):
             return reply if isinstance(reply, GoesOn | Refused) else unexpected(request, reply)
     parts.judge.arm(request.name, armed=request.armed)

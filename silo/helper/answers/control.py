@@ -6,14 +6,14 @@ from silo.ipc.messages import Done, GiveControl, Refused, ReleaseControl, TakeCo
 
 @answers_to(TakeControl)
 def _take(parts: Parts, request: TakeControl) -> Done | Refused:
-    return parts.operators.take(request, parts.operators.asking)
+    return parts.operators.take(request, parts.turn.sender)
 
 
 @answers_to(ReleaseControl)
 def _release(parts: Parts, _: ReleaseControl) -> Done | Refused:
-    return parts.operators.release(parts.operators.asking)
+    return parts.operators.release(parts.turn.sender)
 
 
 @answers_to(GiveControl)
 def _give(parts: Parts, request: GiveControl) -> Done | Refused:
-    return parts.operators.give(request, parts.operators.asking)
+    return parts.operators.give(request, parts.turn.sender)

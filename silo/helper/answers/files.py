@@ -1,6 +1,7 @@
 """Saved files: saving, and the recordings in the logger's own folder."""
 
 from silo.helper.answers.table import Parts, answers_to, signed
+from silo.helper.lanes import Lane
 from silo.ipc.messages import (
     DeleteRecording,
     Done,
@@ -38,7 +39,7 @@ def _piece(parts: Parts, request: GetPiece) -> Piece:
     return parts.recordings.piece(parts.mirror.now.robot.folder, request)
 
 
-@answers_to(DeleteRecording)
+@answers_to(DeleteRecording, lane=Lane.DISK)
 def _delete_recording(parts: Parts, request: DeleteRecording) -> Done:
     robot = parts.mirror.now.robot
     text = parts.recordings.delete(robot.folder, robot.logger, request.name)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from silo.helper import view_folder
 from silo.helper.answers.table import Parts, answers_to
+from silo.helper.lanes import Lane
 from silo.ipc.messages import Done, KeepView, KeptView, KeptViews, ListKeptViews, ReadKeptView
 
 
@@ -19,7 +20,7 @@ def _read_view(parts: Parts, request: ReadKeptView) -> KeptView:
     return KeptView(str(path), text)
 
 
-@answers_to(KeepView)
+@answers_to(KeepView, lane=Lane.DISK)
 def _keep_view(parts: Parts, request: KeepView) -> Done:
     own = Path(parts.mirror.now.robot.script)
     path = view_folder.keep(own, request.name, request.text, overwrite=request.overwrite)

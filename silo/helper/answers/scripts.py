@@ -4,7 +4,8 @@ from pathlib import Path
 
 from silo.helper import script_folder
 from silo.helper.answers.elements import through
-from silo.helper.answers.table import Parts, answers_to, must_live, must_stop, signed
+from silo.helper.answers.table import Parts, answers_to, must_live, must_stop
+from silo.helper.lanes import Lane
 from silo.helper.mirror import LoggerSnapshot
 from silo.helper.requests import check_edits
 from silo.ipc.messages import (
@@ -61,7 +62,7 @@ def _diff_script(parts: Parts, request: DiffScript) -> ScriptDiff:
     return ScriptDiff(str(path), diff_options(table, plan.options), unknown, script.warnings, extras)
 
 
-@answers_to(LoadScript)
+@answers_to(LoadScript, lane=Lane.DISK)
 def _load_script(parts: Parts, request: LoadScript) -> EditsApplied | GoesOn | Refused:
     for _ in range(TRIES):
         now = parts.mirror.now
@@ -92,7 +93,7 @@ def _load(parts: Parts, request: LoadScript, now: LoggerSnapshot) -> EditsApplie
     wanted = script.extras_beside(now.robot.extras)
     extras = wanted if wanted != now.robot.extras else None
     checked = ApplyEdits(revision=based_on, edits=edits, extras=extras, client=request.client)
-    reply = check_edits(checked, now) or through(parts, signed(checked))
+    reply = check_edits(checked, now) or through(parts, checked)
     if not isinstance(reply, EditsApplied):
         return reply
     text = f"script {path} loaded: {reply.changed} elements changed"
@@ -106,7 +107,7 @@ def _load(parts: Parts, request: LoadScript, now: LoggerSnapshot) -> EditsApplie
     return EditsApplied(reply.revision, reply.changed, unknown, script.warnings)
 
 
-@answers_to(SaveScript)
+@answers_to(SaveScript, lane=Lane.DISK)
 def _save_script(parts: Parts, request: SaveScript) -> Done:
     from silo.settings.script import kept_text, write_script
 

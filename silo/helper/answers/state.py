@@ -1,7 +1,8 @@
 """Who is there, the state of the logger, and starting and stopping it."""
 
-from silo.helper.answers.table import Parts, answers_to, must_live, signed
+from silo.helper.answers.table import Parts, answers_to, relayed
 from silo.helper.events import plain
+from silo.ipc.clocks import clock_s
 from silo.ipc.messages import (
     Done,
     GetStatus,
@@ -26,7 +27,7 @@ def _hello(parts: Parts, request: Hello) -> HelloReply:
         parts.publisher.name_client(plain(request.id), plain(request.client))
     # a client that gets this from the key `do` too may edit
     status, closed = parts.mirror.status(), parts.operators.closed()
-    return HelloReply(PROTOCOL, VERSION, parts.mirror.user, True, status, OLDEST, closed)
+    return HelloReply(PROTOCOL, VERSION, parts.mirror.user, True, status, OLDEST, closed, clock_s())
 
 
 @answers_to(GetStatus)
@@ -41,7 +42,7 @@ def _summary(parts: Parts, _: GetSummary) -> SummaryReply:
 
 @answers_to(Start, Stop, Restart)
 def _control(parts: Parts, request: Start | Stop | Restart) -> StatusReply | GoesOn | Refused:
-    reply = must_live(parts.mirror.now) or parts.robot.ask(signed(request))
+    reply = relayed(parts, request)
     if isinstance(reply, GoesOn | Refused):
         return reply
     return StatusReply(parts.mirror.status(), reply.text if isinstance(reply, Done) else "")

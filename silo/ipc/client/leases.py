@@ -65,7 +65,7 @@ class Leases:
         if known is not None and self._connection.connected:
             # nobody waits for the answer: if it gets lost, the lease ends the view
             request = self._closing(view)
-            Pending(self._connection.borrowed(), self._connection.root, request, 1.0)
+            self._connection.ask_later(request, 1.0)
 
     def _closing(self, leased: "View | Stream | Pin") -> Request[Done]:
         renewal = leased.renewal
@@ -99,7 +99,7 @@ class Leases:
                 self._take_renewal(view, payload)
         for view in due:
             request = view.renewal
-            pending = Pending(self._connection.borrowed(), self._connection.root, request, request.timeout_s)
+            pending = self._connection.ask_later(request, request.timeout_s)
             with self._lock:
                 if view in self._due_s:
                     self._renewals[view] = pending

@@ -40,6 +40,7 @@ class RefusedWhy(str, enum.Enum):
     FAILED = "failed"
     UNSAVED = "unsaved"  # save or discard
     CONTROL = "control"  # somebody else has control
+    LATE = "late"  # its turn came when its client had given up, or was about to
 
     @classmethod
     def _missing_(cls, _: object) -> "RefusedWhy":
@@ -59,7 +60,8 @@ class Request(msgspec.Struct, Generic[ReplyT], frozen=True, tag=True, kw_only=Tr
 
     `client` says who asks, for events: `alice@laptop silo-tui 4711`; `protocol` is the client's, set when the request
     is sent (those of protocol 1 said none). `timeout_s` is how long a client waits, `max_bytes` what a helper process
-    reads.
+    reads. `until_s` is when its client gives up, by the helper's clock (`HelloReply.clock_s`): what isn't begun by then
+    is refused, not done; 0 where that isn't known, then it is `timeout_s` after it came.
     """
 
     key: ClassVar[str]
@@ -68,6 +70,7 @@ class Request(msgspec.Struct, Generic[ReplyT], frozen=True, tag=True, kw_only=Tr
 
     client: str = ""
     protocol: int = 1
+    until_s: float = 0.0
 
 
 class Ask(Request[ReplyT], Generic[ReplyT], frozen=True):

@@ -11,7 +11,8 @@ from silo.model import Status
 class HelloReply(Reply, frozen=True):
     """`may_edit` tells whether `do` requests of this client get through, `why_not` why they don't.
 
-    `oldest` to `protocol` are understood.
+    `oldest` to `protocol` are understood. `clock_s` is what the helper's clock shows, for `until_s` of requests; 0 of
+    an older silo.
     """
 
     protocol: int
@@ -21,6 +22,7 @@ class HelloReply(Reply, frozen=True):
     status: Status
     oldest: int = 1
     why_not: str = ""
+    clock_s: float = 0.0
 
 
 class StatusReply(Reply, frozen=True):
