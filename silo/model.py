@@ -232,6 +232,7 @@ NO_EXTRAS = Extras()
 
 
 MARKER = "marker"  # the kind of an event that somebody set
+DAMAGED = "damaged"  # that of one in place of lines of the event log that can't be read
 
 
 class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):

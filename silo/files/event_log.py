@@ -1,23 +1,28 @@
 """The event log of a logger: a file of JSON lines in its folder, `.<logger>.events.jsonl`, that outlives everybody.
 
 Helper processes append to it; who wants to know what happened last week reads it. At `MOST_BYTES` it becomes
-`.<logger>.events.1.jsonl`, which takes the place of an older one, so that both together stay below twice that.
+`.<logger>.events.1.jsonl`, which takes the place of an older one, so that both together stay below twice that. Where
+lines can't be read an event stands in their place that says so: whoever shows or saves what happened tells of it.
 """
 
 import contextlib
 import fcntl
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 
-from silo.model import LoggedEvent
+from silo.model import DAMAGED, LoggedEvent
+from silo.recording import Recording, with_events
 
 MOST_BYTES = 4_000_000
 ENDING = ".events.jsonl"
 OLDER_ENDING = ".events.1.jsonl"
 _END_BYTES = 64_000  # the newest lines
+
+_BEGIN = b'{"kind":"'
 
 _encoder = msgspec.json.Encoder()
 _decoder = msgspec.json.Decoder(LoggedEvent)
@@ -40,16 +45,25 @@ def loggers_with_events(folder: str | os.PathLike[str]) -> list[str]:
 
 
 def append_events(folder: str | os.PathLike[str], logger: str, events: Sequence[LoggedEvent]) -> None:
-    """Append lines; the folder is made if it isn't there. Helper processes may do so at once. Raises OSError."""
+    """Append lines, all or none; the folder is made if it isn't there. Helper processes may do so at once.
+
+    Raises OSError.
+    """
     path = event_log_path(folder, logger)
     path.parent.mkdir(parents=True, exist_ok=True)
     lines = b"".join(_encoder.encode(event) + b"\n" for event in events)
     with _locked(path) as descriptor:
-        if os.fstat(descriptor).st_size and not _ends_with_line(descriptor):
-            lines = b"\n" + lines  # a helper process was killed, or a disk full, within a line
+        before = os.fstat(descriptor).st_size
+        if before and not _ends_with_line(descriptor):
+            lines = b"\n" + lines  # a helper process was killed within a line
         view = memoryview(lines)
-        while view:
-            view = view[os.write(descriptor, view) :]
+        try:
+            while view:
+                view = view[os.write(descriptor, view) :]
+        except OSError:
+            with contextlib.suppress(OSError):  # then lines stand twice when they are tried again, and are read once
+                os.ftruncate(descriptor, before)
+            raise
         if os.fstat(descriptor).st_size > MOST_BYTES:
             path.rename(older_event_log(folder, logger))
 
@@ -80,16 +94,60 @@ def _ends_with_line(descriptor: int) -> bool:
 
 
 def read_events(folder: str | os.PathLike[str], logger: str, run: str = "") -> list[LoggedEvent]:
-    """Return all lines that are there, oldest first, of one run or of all; a damaged line is left out.
+    """Return all that is there, oldest first, of one run or of all; an event of kind DAMAGED for what can't be read.
 
     None where there is no log. Raises OSError where it can't be read.
     """
-    path = event_log_path(folder, logger)
     found: list[LoggedEvent] = []
-    for part in (older_event_log(folder, logger), path):
-        with contextlib.suppress(FileNotFoundError):
-            found += _decoded(part.read_bytes().splitlines(), run)
-    return found
+    for lines in _files(event_log_path(folder, logger), older_event_log(folder, logger)):
+        found += decoded(lines, run)
+    return list(dict.fromkeys(found))  # a disk that was full within a line: others wrote them all once more
+
+
+def with_happened(recording: Recording, folder: str | os.PathLike[str], run: str) -> Recording:
+    """The recording of a run with what its event log says of it; where that can't be read it is a warning."""
+    try:
+        return with_events(recording, read_events(folder, recording.logger, run) if run else [])
+    except OSError as error:
+        text = f"the event log in {folder} can't be read ({error.strerror}): of what happened only marks are here"
+        return replace(recording, warnings=(*recording.warnings, text))
+
+
+def _files(path: Path, older: Path) -> list[list[bytes]]:
+    """The lines of the older file and of the newer one as they stood at one moment."""
+    while True:
+        with contextlib.ExitStack() as opened:
+            descriptors = [_opened(one, opened) for one in (older, path)]
+            # one that was begun anew between the two takes the place of the older one
+            if _is_same(older, descriptors[0]):
+                return [_settled_lines(descriptor) for descriptor in descriptors if descriptor is not None]
+
+
+def _opened(path: Path, opened: contextlib.ExitStack) -> int | None:
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return None
+    opened.callback(os.close, descriptor)
+    return descriptor
+
+
+def _is_same(path: Path, descriptor: int | None) -> bool:
+    return not path.exists() if descriptor is None else _is_still(path, descriptor)
+
+
+def _settled_lines(descriptor: int) -> list[bytes]:
+    """The lines of a file, without a last one that is being written. One that a kill cut short is none of these."""
+    is_settled = False
+    with contextlib.suppress(OSError):  # somebody writes, or a file system that knows no locks
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        is_settled = True
+    size = os.fstat(descriptor).st_size
+    if is_settled:
+        fcntl.flock(descriptor, fcntl.LOCK_UN)  # nobody waits for who only reads
+    with open(descriptor, "rb", closefd=False) as file:
+        text = file.read(size)
+    return (text if is_settled else text[: text.rfind(b"\n") + 1]).splitlines()
 
 
 def newest_number(folder: str | os.PathLike[str], logger: str) -> int:
@@ -97,16 +155,46 @@ def newest_number(folder: str | os.PathLike[str], logger: str) -> int:
     for path in (event_log_path(folder, logger), older_event_log(folder, logger)):
         with contextlib.suppress(OSError), path.open("rb") as file:
             file.seek(max(0, os.fstat(file.fileno()).st_size - _END_BYTES))
-            numbers = [event.number for event in _decoded(file.read().splitlines(), "")]
+            numbers = [event.number for event in decoded(file.read().splitlines())]
             if numbers:
                 return max(numbers)
     return 0
 
 
-def _decoded(lines: Iterable[bytes], run: str) -> Iterator[LoggedEvent]:
-    for line in lines:
-        if run.encode() in line:
-            with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError):
-                event = _decoder.decode(line)
-                if not run or event.run == run:
-                    yield event
+def decoded(lines: Iterable[bytes], run: str = "", before: LoggedEvent | None = None) -> Iterator[LoggedEvent]:
+    """Return the events of lines, of one run or of all; `before` is the one before the first line.
+
+    In place of lines that can't be read stands an event that says so, of the run of the one before.
+    """
+    wanted, damaged = run.encode(), 0
+    of = before.run if before is not None else ""
+    for line in filter(None, lines):
+        event = _event(line) if wanted in line else None
+        # lines of other runs are passed over by their looks: reading them all takes ten times as long
+        if event is None and (wanted in line or not (line.startswith(_BEGIN) and line.endswith(b"}"))):
+            damaged += 1
+            continue
+        if damaged and run in ("", of):
+            yield _damage(before, damaged)
+        damaged, of = 0, event.run if event is not None else ""
+        if event is not None and run in ("", of):
+            before = event
+            yield event
+    if damaged and run in ("", of):
+        yield _damage(before, damaged)
+
+
+def _event(line: bytes) -> LoggedEvent | None:
+    try:
+        return _decoder.decode(line)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return None
+
+
+def _damage(before: LoggedEvent | None, lines: int) -> LoggedEvent:
+    """What stands in place of lines that can't be read; it takes the number of the first of them."""
+    where = f"after event {before.number}" if before is not None else "at its begin"
+    text = f"{lines} line{'s' * (lines > 1)} of the event log can't be read, {where}: what happened there is not known"
+    if before is None:
+        return LoggedEvent(DAMAGED, text, number=1)
+    return msgspec.structs.replace(before, kind=DAMAGED, text=text, who="", number=before.number + 1)

@@ -1,7 +1,6 @@
 """What a program that died left, read whole and saved to files."""
 
 import dataclasses
-import logging
 import os
 from collections.abc import Callable, Sequence
 
@@ -9,14 +8,12 @@ from silo.collecting.damage import damage
 from silo.collecting.holdings import Holdings, recording_holdings
 from silo.collecting.journal_reader import JournalReader
 from silo.collecting.segment_reader import SegmentReader
-from silo.files.event_log import read_events
+from silo.files.event_log import with_happened
 from silo.model import Extras, FileType, LoggedEvent, SavedFile
 from silo.recording import with_events
 
 DIED = "program died"  # why its log was saved
 RECOVERED = "program died, recovered later"
-
-log = logging.getLogger("silo")
 
 
 def save_reader(
@@ -40,19 +37,13 @@ def save_reader(
     if not held.samples:
         return [], held
     recording = dataclasses.replace(recording, warnings=(*missing(reader), *recording.warnings))
-    recording = with_events(recording, _logged(reader) if events is None else events)
+    if events is None:
+        recording = with_happened(recording, reader.schema.folder, reader.schema.run)
+    else:
+        recording = with_events(recording, events)
     if extras is not None:
         recording = dataclasses.replace(recording, extras=extras)
     return write(recording, folder, reader.schema.logger, types, progress=progress, why=why), held
-
-
-def _logged(reader: SegmentReader | JournalReader) -> list[LoggedEvent]:
-    schema = reader.schema
-    try:
-        return read_events(schema.folder, schema.logger, schema.run) if schema.run else []
-    except OSError as error:
-        log.warning("%s: the event log can't be read (%s): the file has the marks alone", schema.folder, error.strerror)
-        return []
 
 
 def missing(reader: SegmentReader | JournalReader) -> tuple[str, ...]:

@@ -141,6 +141,7 @@ class EventKind(str, enum.Enum):
     CONDITIONS = "conditions"  # somebody changed triggers or limits, or has seen alarms
     CONTROL = "control"  # somebody took it, gave it away, or lost it
     MARKER = "marker"  # somebody, or the program, marked a tick
+    DAMAGED = "damaged"  # stands in place of lines of the event log that can't be read
     OTHER = "other"
 
     @classmethod

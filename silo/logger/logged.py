@@ -203,10 +203,10 @@ class Logged(Conditions):
             saved = self._serving.save(chosen, name, str(where.resolve()) if folder else "")
         else:
             from silo.files import write
+            from silo.files.event_log import with_happened
 
-            saved = write(
-                self.snapshot(), where, self.options.name, chosen, name or None, why="saved by the robot program"
-            )
+            recording = with_happened(self.snapshot(), self.options.folder, run.id)
+            saved = write(recording, where, self.options.name, chosen, name or None, why="saved by the robot program")
         with self._lock:
             self._present.mark_saved(run, ticks)
         return SavedFiles(saved)

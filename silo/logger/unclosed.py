@@ -1,7 +1,6 @@
 """What is done for a logger that ends without `close()`, and what is said of it on the console."""
 
 import atexit
-import contextlib
 import dataclasses
 import os
 import sys
@@ -14,7 +13,6 @@ from silo.collecting.journal import list_journals, remove_journal
 from silo.collecting.run import Run
 from silo.errors import SiloError
 from silo.model import Extras, FileType, LoggerOptions, SavedFile, Storage
-from silo.recording import with_events
 
 
 class Ending(Protocol):
@@ -72,11 +70,10 @@ def write_run(run: Run, options: LoggerOptions, why: str, extras: Extras) -> lis
     `extras` are derived signals, limits and triggers as they are now, not as they were when it began.
     """
     from silo.files import write
-    from silo.files.event_log import read_events
+    from silo.files.event_log import with_happened
 
     recording = dataclasses.replace(run.reader.snapshot(), extras=extras)
-    with contextlib.suppress(OSError):  # then the file has the marks alone
-        recording = with_events(recording, read_events(options.folder, options.name, run.reader.schema.run))
+    recording = with_happened(recording, options.folder, run.reader.schema.run)
     return write(recording, options.folder, options.name, [FileType.SILO], why=why)
 
 

@@ -12,14 +12,12 @@ from pathlib import Path
 import msgspec
 
 from silo.collecting.segment_reader import SegmentReader
-from silo.files.event_log import event_log_path, older_event_log, read_events
+from silo.files.event_log import decoded, event_log_path, older_event_log, read_events
 from silo.model import MARKER, LoggedEvent
 
 STOPPED, CRASHED = "stopped", "crashed"  # kinds: nothing of the run is told after these but what became of its files
 LAST_WORDS_S = 2.0  # how long what is told of the end of a run may take: the disk of the log may hang
 _BLOCK_BYTES = 1 << 20
-
-_decode = msgspec.json.Decoder(LoggedEvent).decode
 
 
 class _Tail:
@@ -85,6 +83,7 @@ class Happening:
         self._is_over = False
         self._done_s = 0.0
         self._seen = 0  # the newest number, of whatever run
+        self._before: LoggedEvent | None = None  # the newest line
 
     def close(self) -> None:
         """Let go of the log and the segment."""
@@ -101,15 +100,13 @@ class Happening:
 
     def _fresh(self) -> list[LoggedEvent]:
         found = []
-        run = self._run.encode()
-        for line in self._tail.lines():
-            with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError):  # cut by a kill
-                event = _decode(line)
-                self._seen = max(self._seen, event.number)
-                if run in line and event.run == self._run and event.number >= self._next:
-                    self._next = event.number + 1
-                    found.append(event)
-                    self._is_over |= event.kind in (STOPPED, CRASHED)
+        for event in decoded(self._tail.lines(), before=self._before):
+            self._before = event
+            self._seen = max(self._seen, event.number)
+            if event.run == self._run and event.number >= self._next:
+                self._next = event.number + 1
+                found.append(event)
+                self._is_over |= event.kind in (STOPPED, CRASHED)
         return found
 
     def _stamped(self, event: LoggedEvent) -> LoggedEvent:

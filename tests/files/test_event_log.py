@@ -1,5 +1,7 @@
 """The file of the event log: JSON lines that are appended, bounded, and read whatever became of them."""
 
+import errno
+import fcntl
 import json
 
 import pytest
@@ -25,21 +27,97 @@ def test_without_a_log_there_is_nothing(tmp_path):
     assert read_events(tmp_path, "bot") == []
 
 
-def test_a_line_that_was_cut_costs_itself_alone(tmp_path):
+def told(events):
+    """Kind and number of each."""
+    return [(event.kind, event.number) for event in events]
+
+
+def test_a_line_that_was_cut_costs_itself_alone_and_an_event_says_so_in_its_place(tmp_path):
     append_events(tmp_path, "bot", [line(1), line(2)])
     path = event_log_path(tmp_path, "bot")
     path.write_bytes(path.read_bytes()[:-5])
+    assert told(read_events(tmp_path, "bot")) == [("marker", 1), ("damaged", 2)]
     append_events(tmp_path, "bot", [line(3)])
-    assert [e.number for e in read_events(tmp_path, "bot")] == [1, 3]
+    found = read_events(tmp_path, "bot")
+    assert told(found) == [("marker", 1), ("damaged", 2), ("marker", 3)]
+    assert found[1].text.startswith("1 line of the event log can't be read, after event 1")
+    assert read_events(tmp_path, "bot", "r1") == found
 
 
 @pytest.mark.parametrize("damage", [b"\xff\xfe\n", b"{}\n", b'{"kind":1}\n', b"\0" * 100 + b"\n", b"[" * 5000 + b"\n"])
-def test_what_is_no_line_of_ours_is_left_out(tmp_path, damage):
+def test_what_is_no_line_of_ours_is_told_in_its_place(tmp_path, damage):
     append_events(tmp_path, "bot", [line(1)])
     with event_log_path(tmp_path, "bot").open("ab") as file:
-        file.write(damage)
-    append_events(tmp_path, "bot", [line(2)])
-    assert [e.number for e in read_events(tmp_path, "bot")] == [1, 2]
+        file.write(2 * damage)
+    append_events(tmp_path, "bot", [line(4)])
+    for run in ("", "r1"):
+        found = read_events(tmp_path, "bot", run)
+        assert told(found) == [("marker", 1), ("damaged", 2), ("marker", 4)]
+        assert found[1].text.startswith("2 lines")
+
+
+def test_damage_is_told_of_the_run_in_which_it_stands(tmp_path):
+    append_events(tmp_path, "bot", [line(1), line(2, "r2")])
+    with event_log_path(tmp_path, "bot").open("ab") as file:
+        file.write(b"{}\n")
+    append_events(tmp_path, "bot", [line(4)])
+    assert told(read_events(tmp_path, "bot", "r1")) == [("marker", 1), ("marker", 4)]
+    assert told(read_events(tmp_path, "bot", "r2")) == [("marker", 2), ("damaged", 3)]
+
+
+def test_a_log_that_is_rotated_while_it_is_read_is_read_whole(tmp_path, monkeypatch):
+    append_events(tmp_path, "bot", [line(number) for number in range(1000)])
+    opened = event_log._opened
+
+    def rotated(path, stack):
+        descriptor = opened(path, stack)
+        if path == event_log.older_event_log(tmp_path, "bot"):
+            monkeypatch.setattr(event_log, "_opened", opened)
+            monkeypatch.setattr(event_log, "MOST_BYTES", 1000)
+            append_events(tmp_path, "bot", [line(1000)])
+        return descriptor
+
+    monkeypatch.setattr(event_log, "_opened", rotated)
+    assert [event.number for event in read_events(tmp_path, "bot")] == list(range(1001))
+    assert event_log.older_event_log(tmp_path, "bot").exists()
+
+
+def test_a_line_that_is_being_written_is_no_damage(tmp_path):
+    append_events(tmp_path, "bot", [line(1)])
+    path = event_log_path(tmp_path, "bot")
+    with path.open("ab") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        file.write(b'{"kind":"mark')
+        file.flush()
+        assert told(read_events(tmp_path, "bot")) == [("marker", 1)]
+
+
+def test_a_disk_that_is_full_within_a_batch_leaves_none_of_it_and_the_next_try_writes_it_once(tmp_path, monkeypatch):
+    append_events(tmp_path, "bot", [line(0)])
+    room, write = [1000], event_log.os.write
+
+    def full(descriptor, data):
+        if not room[0]:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        some = bytes(data)[: room[0]]
+        room[0] -= len(some)
+        return write(descriptor, some)
+
+    monkeypatch.setattr(event_log.os, "write", full)
+    batch = [line(number) for number in range(1, 40)]
+    with pytest.raises(OSError, match="No space"):
+        append_events(tmp_path, "bot", batch)
+    assert told(read_events(tmp_path, "bot")) == [("marker", 0)]
+    room[0] = 10**9
+    append_events(tmp_path, "bot", batch)
+    assert told(read_events(tmp_path, "bot")) == [("marker", number) for number in range(40)]
+
+
+def test_what_an_older_silo_wrote_twice_on_a_full_disk_is_read_once(tmp_path):
+    batch = [line(number) for number in range(40)]
+    append_events(tmp_path, "bot", batch[:18])
+    append_events(tmp_path, "bot", batch)
+    assert read_events(tmp_path, "bot") == batch
 
 
 def test_it_takes_no_more_than_twice_its_part(tmp_path, monkeypatch):

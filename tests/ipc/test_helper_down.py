@@ -5,8 +5,10 @@ import signal
 
 import pytest
 
+import silo
 from silo.cli.main import EXIT_NO_LOGGER, run
 from silo.errors import ConnectionLostError
+from silo.files.event_log import read_events
 from silo.helper.streams import Stream
 from silo.helper.views import View
 from silo.ipc.client import Client
@@ -74,6 +76,21 @@ def test_a_helper_process_that_does_nothing_is_given_up(new_logger, monkeypatch,
     monkeypatch.setattr(helper_process, "READY_TIMEOUT_S", 1.0)
     with pytest.raises(ConnectionLostError, match=r"didn't start: no answer within \d+ s"):
         new_logger("bot").serve()
+
+
+def test_a_log_that_is_saved_while_the_helper_is_down_has_what_happened(bench, monkeypatch) -> None:
+    with Client.connect("bot") as client:
+        client.start()
+        bench.ticks(20)
+        client.mark("pushed", 12)
+        folder = bench.logger.options.folder
+        wait_until(lambda: any(event.text == "pushed" for event in read_events(folder, "bot")))
+    monkeypatch.setattr(serving, "HelperProcess", no_process)
+    os.kill(bench.serving.helper_pid, signal.SIGKILL)
+    wait_until(lambda: not bench.serving.is_up)
+    saved = silo.open_log(bench.logger.save().path)
+    assert [(event.kind, event.tick) for event in saved.events][-1] == ("marker", 12)
+    assert "started" in {event.kind for event in saved.events}
 
 
 def test_a_closed_logger_is_not_down(down, runtime) -> None:
