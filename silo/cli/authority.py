@@ -8,6 +8,7 @@ import base64
 import ipaddress
 import json
 import os
+import re
 import secrets
 import shutil
 import subprocess
@@ -17,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from silo.errors import SiloError
-from silo.ipc.access import ROLES, access_control
+from silo.ipc.access import ROBOT, ROLES, SHARED, access_control
 from silo.ipc.admission import CHECKED
-from silo.ipc.configuration import LINK
+from silo.ipc.configuration import HOST_NAME, LINK, ROBOT_NAME
 
 AUTHORITY_DAYS, ROBOT_DAYS = 3650, 825
 LEASE_MS = 5000  # of a radio link: a packet that is sent three times may take 3 s
@@ -44,11 +45,14 @@ subjectAltName = {names}
 
 @dataclass(frozen=True)
 class Made:
-    """What was written: `server` goes to the robot or the router, each of `clients` to the user of that name."""
+    """What was written: `server` goes to the robot or the router, each of `clients` to the user, or robot, of that
+    name; those of `robots` connect to a router.
+    """
 
     folder: Path
     server: Path
     clients: dict[str, Path]
+    robots: tuple[str, ...] = ()
 
 
 def make_network(folder: Path, hosts: list[str], port: int, users: dict[str, str], listen: str = "0.0.0.0") -> Made:
@@ -63,6 +67,7 @@ def make_network(folder: Path, hosts: list[str], port: int, users: dict[str, str
     if not (folder / "ca-key.pem").exists():
         _make_authority(folder)
     known = _known(folder)
+    check_roles(known["users"], users)
     hosts = hosts or known["hosts"]
     if not hosts:
         raise SiloError("say by which name or address the robot is reached: `silo remote init --host robot3.local`")
@@ -74,10 +79,10 @@ def make_network(folder: Path, hosts: list[str], port: int, users: dict[str, str
     made = {}
     for name, role in roles.items():
         made[name] = clients / f"{name}.json5"
-        text = _robot_text if role == "robot" else _client_text
+        text = _robot_text if role == ROBOT else _client_text
         _write(made[name], text(folder, hosts[0], port, name, passwords[name], role))
     _write(folder / "network.json", json.dumps({"hosts": hosts, "users": roles}, indent=2) + "\n")
-    return Made(folder, server, made)
+    return Made(folder, server, made, tuple(name for name, role in roles.items() if role == ROBOT))
 
 
 def role_of(word: str) -> tuple[str, str]:
@@ -91,6 +96,26 @@ def role_of(word: str) -> tuple[str, str]:
     if name == "local":
         raise SiloError("the user 'local' is who works on the robot itself; take another name; nothing was made")
     return name, role
+
+
+def robot_of(name: str) -> tuple[str, str]:
+    """Read the host name of a robot behind a router. Raises SiloError."""
+    if not re.fullmatch(HOST_NAME, name) or name in ("local", SHARED):
+        raise SiloError(
+            f"--robot takes the host name of one robot, letters, digits, _ . and -, and not 'local' or '{SHARED}', got "
+            f"'{name}'; nothing was made"
+        )
+    return name, ROBOT
+
+
+def check_roles(known: dict[str, str], users: dict[str, str]) -> None:
+    """Raise SiloError where a name of a robot is that of a person, or the other way round: its file is out there."""
+    for name, role in users.items():
+        if name in known and (known[name] == ROBOT) != (role == ROBOT):
+            raise SiloError(
+                f"'{name}' has the role {known[name]} here, and can't be {role} too: take another name; nothing was "
+                "changed"
+            )
 
 
 def _known(folder: Path) -> dict[str, Any]:
@@ -191,11 +216,13 @@ def _client_text(folder: Path, host: str, port: int, name: str, password: str, r
 
 
 def _robot_text(folder: Path, host: str, port: int, name: str, password: str, role: str) -> str:
+    whom = "robots" if name == SHARED else f"the robot {name}, and no other,"
+    own = {} if name == SHARED else {ROBOT_NAME: name}
     return (
-        f"// Connects robots to the router on {host}; it holds a password.\n"
+        f"// Connects {whom} to the router on {host}; it holds a password.\n"
         f'//     log.serve(config="{name}.json5")\n'
         "// That router admits each user to its own name alone, so robots say of who changed something: proven.\n"
-        + _way(folder, host, port, name, password, {"metadata": {"silo": {CHECKED: True}}})
+        + _way(folder, host, port, name, password, {"metadata": {"silo": {CHECKED: True, **own}}})
     )
 
 

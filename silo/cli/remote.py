@@ -149,10 +149,27 @@ def rm(name: str) -> None:
 @click.option(
     "--user", "users", multiple=True, metavar="NAME[:ROLE]", help="viewer (looks) or operator (changes, too)."
 )
-@click.option("--robots", is_flag=True, help="For a router: a file for robots, too, by which they connect to it.")
+@click.option(
+    "--robot",
+    "names",
+    multiple=True,
+    metavar="HOSTNAME",
+    help="For a router: a robot that connects to it, with a file of its own; several, and more of them later.",
+)
+@click.option(
+    "--robots", is_flag=True, help="For a router: one file for all robots; who has it can pose as any of them."
+)
 @click.option("--port", type=click.IntRange(1, 65535), default=PORT, show_default=True, help="Where it listens.")
 @click.option("--listen", default="0.0.0.0", show_default=True, help="On which address of its own.")
-def init(folder: Path, hosts: tuple[str, ...], users: tuple[str, ...], robots: bool, port: int, listen: str) -> None:
+def init(
+    folder: Path,
+    hosts: tuple[str, ...],
+    users: tuple[str, ...],
+    names: tuple[str, ...],
+    robots: bool,
+    port: int,
+    listen: str,
+) -> None:
     """Make an authority, a certificate for a robot or router, users with roles, and a file to hand out to each.
 
     Again with the same FOLDER, it adds users and renews the certificate; authority and passwords stay.
@@ -161,22 +178,30 @@ def init(folder: Path, hosts: tuple[str, ...], users: tuple[str, ...], robots: b
     Examples:
       silo remote init lab --host robot3.local --host 10.0.0.7 --user alice:operator --user bob:viewer
       silo remote init lab --user carol      (one more)
-      silo remote init lab --host router.local --user alice:operator --robots
+      silo remote init lab --host router.local --user alice:operator --robot robot3 --robot robot4
+      silo remote init lab --robot robot5    (one more)
     """
-    from silo.cli.authority import make_network, role_of
+    from silo.cli.authority import check_roles, make_network, robot_of, role_of
+    from silo.ipc.access import ROBOT, SHARED
 
-    roles = {**dict(map(role_of, users)), **({"robots": "robot"} if robots else {})}
+    people, own = dict(map(role_of, users)), {**dict(map(robot_of, names)), **({SHARED: ROBOT} if robots else {})}
+    check_roles(people, own)
+    roles = {**people, **own}
     made = make_network(folder, list(hosts), port, roles, listen)
     there = f"silo-{folder.name}"
     first = hosts[0] if hosts else "HOST"
-    if "robots" in made.clients:
+    if made.robots:
         click.echo(f"router:  scp -r {made.server} {first}:{there}; there: silo router --config {there}/server.json5")
     else:
         click.echo(f'robot:  scp -r {made.server} {first}:{there}; there: log.serve(config="{there}/server.json5"),')
         click.echo(f"        or to try it: silo demo --config {there}/server.json5")
     for name, path in made.clients.items():
-        how = 'log.serve(config="robots.json5")' if name == "robots" else f"silo remote add {folder.name} {path.name}"
+        how = (
+            f'log.serve(config="{path.name}")' if name in made.robots else f"silo remote add {folder.name} {path.name}"
+        )
         click.echo(f"{name}:  give {path}; there: {how}")
+    if SHARED in made.robots:
+        click.echo(f"whoever has {SHARED}.json5 can pose as any robot: --robot HOSTNAME makes a file for each instead")
     click.echo(
         f"keep {made.folder / 'ca-key.pem'} to yourself. Who listens already learns of new users at its next start."
     )

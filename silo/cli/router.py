@@ -23,18 +23,21 @@ def router(config: Path) -> None:
     \b
     Examples:
       silo config cp router.json5 && silo router --config router.json5
-      silo router --config silo-lab/server.json5    (as `silo remote init lab --robots` says)
+      silo router --config silo-lab/server.json5    (as `silo remote init lab --robot robot3` says)
     """
-    from silo.ipc.admission import router_admission
+    from silo.ipc.admission import direction_words, hold_directions, router_admission
     from silo.ipc.configuration import from_file
     from silo.ipc.session import close, open_router
 
     session, endpoints = open_router(str(config))
-    admission = router_admission(from_file(str(config)), endpoints, str(config))
+    settings = from_file(str(config))
+    admission, old = router_admission(settings, endpoints, str(config)), hold_directions(settings)
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     click.echo(f"router on {', '.join(endpoints)}")
+    if old:
+        click.echo(direction_words(str(config), old), err=True)
     if not admission.changes:
         click.echo(f"nobody may change anything through it: {admission.why}", err=True)
     elif not admission.proven:

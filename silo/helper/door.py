@@ -9,7 +9,7 @@ from pathlib import Path
 import zenoh
 
 from silo.ipc import keys
-from silo.ipc.admission import NO_NETWORK, Admission, admission_of
+from silo.ipc.admission import NO_NETWORK, Admission, admission_of, direction_words, hold_directions
 from silo.ipc.configuration import from_file
 from silo.ipc.keys import Root
 from silo.ipc.messages import Refused, RefusedWhy
@@ -40,13 +40,20 @@ class Door:
     def __init__(self, root: Root, admission: Admission = NO_NETWORK) -> None:
         self._root = root
         self.admission = admission
+        self.old_rules = ""  # what is to be said of rules that an older silo made
         self._own = self._groups = b""
         self._group, self._group_may_change = "", True
 
     @classmethod
     def of(cls, root: Root, config: str | None) -> "Door":
         """Return the door to a logger that is served by a configuration; for None, by its Unix socket alone."""
-        return cls(root) if config is None else cls(root, admission_of(from_file(config), config))
+        if config is None:
+            return cls(root)
+        settings = from_file(config)
+        door = cls(root, admission_of(settings, config))
+        old = hold_directions(settings)
+        door.old_rules = direction_words(config, old) if old else ""
+        return door
 
     def share(self, path: Path, group: str, *, may_change: bool) -> None:
         """Let members of a group come by the Unix socket: they show another word than the robot's own user."""

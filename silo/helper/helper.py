@@ -36,6 +36,7 @@ from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.robot import Robot, ending
 from silo.helper.saver import Saver
+from silo.ipc.configuration import robot_named
 from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
 from silo.ipc.messages import (
@@ -93,7 +94,8 @@ class Helper:
         self._robot = robot
         self._name = name
         self._serving = serving
-        self._root = Root(socket.gethostname(), name, drawn)
+        named = robot_named(serving.config) if serving.config is not None else ""
+        self._root = Root(named or socket.gethostname(), name, drawn)
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._term_s = 0.0  # when SIGTERM came
         self._gave_up = False  # SIGTERM came, and the robot program goes on
@@ -135,6 +137,8 @@ class Helper:
         door = Door.of(self._root, self._serving.config)
         if self._serving.group:
             door.share(path, self._serving.group, may_change=self._serving.group_role != "viewer")
+        if door.old_rules:
+            log.warning("%s: %s", self._name, door.old_rules)
         if door.admission.why:
             log.warning("%s: no changes are taken from the network: %s", self._name, door.admission.why)
         return door
@@ -146,7 +150,7 @@ class Helper:
         return door, operators
 
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
-        mirror = Mirror(first)
+        mirror = Mirror(first, self._root.host)
         self._take_runs(mirror)
         events = Events(session, self._root, mirror, EventLog(first.folder, first.logger))
         marks = self._marks = Marks(mirror, events)

@@ -77,9 +77,9 @@ class LoggerSnapshot:
 class Mirror:
     """What all threads of the helper know of the logger."""
 
-    def __init__(self, first: RobotState) -> None:
-        """`first` is the robot's first message; it carries the table."""
-        self.host = socket.gethostname()
+    def __init__(self, first: RobotState, host: str = "") -> None:
+        """`first` is the robot's first message; it carries the table. `host` is as which its keys name it."""
+        self.host = host or socket.gethostname()
         self.user = user_name(os.getuid())
         self.measured_hz = 0.0
         self.durable: tuple[str, int] = ("", 0)  # a run, and how many of its ticks; set by the journal thread

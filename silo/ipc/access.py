@@ -1,24 +1,85 @@
-"""Who may do what, as rules of Zenoh: written by `silo remote init`, and what the examples in `config/` say.
+"""Who may do what, as one table: role, key, verb, direction. From it come the rules of Zenoh's access control that
+`silo remote init` writes, those that silo adds by itself, the table in the guide, and the tests of all of them.
 
-Changes go to `do/<user>`, and each user is admitted to that key alone: so a robot knows who sent one.
+Each key is offered by one side and used by the other: robots answer, tell and are there; people ask, subscribe and look
+who is there. What no row allows is denied, whichever way it goes: so nobody but a robot answers in its name.
 """
 
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
-from silo.ipc.keys import user_part
+from silo.ipc.keys import LOCAL_SENDER, escape, user_part
 
-ROLES = {"viewer": ("look", "watch"), "operator": ("look", "watch"), "robot": ("serve", "served", "know")}
+VIEWER, OPERATOR, ROBOT = "viewer", "operator", "robot"
+ROLES = (VIEWER, OPERATOR, ROBOT)
+PEOPLE = (VIEWER, OPERATOR)
+ROBOTS = (ROBOT,)
+SHARED = "robots"  # whoever has the file of this name may be any robot; each other robot is one host
 
-QUERIES = ["query", "reply", "declare_queryable"]
-VALUES = [
-    "put", "delete", "declare_subscriber", "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
-]  # fmt: skip
-# a robot behind a router: it offers and answers, and asks nobody
-_OFFERED = ["put", "delete", "reply", "declare_queryable", "liveliness_token"]
-_ASKED = [
-    "query", "declare_subscriber", "liveliness_token", "liveliness_query", "declare_liveliness_subscriber",
-]  # fmt: skip
-WATCHED = ("event", "view/*", "stream/*", "topic/**", "alive", "client/*", "summary")
+
+class Way(NamedTuple):
+    """What Zenoh calls the messages that go to and fro under a key: who offers it sends the first, who uses it the
+    second; each gets what the other sends.
+    """
+
+    word: str
+    offers: tuple[str, ...]
+    uses: tuple[str, ...]
+
+
+ANSWERED = Way("answers", ("reply", "declare_queryable"), ("query",))
+TOLD = Way("publishes", ("put",), ("declare_subscriber",))
+THERE = Way("is there", ("liveliness_token",), ("liveliness_query", "declare_liveliness_subscriber"))
+
+
+class Row(NamedTuple):
+    """A key below `silo/<host>~<id>/<logger>/`, and the roles of those on either side of it.
+
+    `{user}` stands for the name of who uses it, which rules admit nobody else to.
+    """
+
+    key: str
+    way: Way
+    offered: tuple[str, ...]
+    used: tuple[str, ...]
+
+
+TABLE = (
+    Row("ask", ANSWERED, ROBOTS, PEOPLE),
+    Row("do/{user}", ANSWERED, ROBOTS, (OPERATOR,)),
+    Row("refused/{user}", ANSWERED, ROBOTS, PEOPLE),
+    Row("event", TOLD, ROBOTS, PEOPLE),
+    Row("summary", TOLD, ROBOTS, PEOPLE),
+    Row("view/*", TOLD, ROBOTS, PEOPLE),
+    Row("stream/*", TOLD, ROBOTS, PEOPLE),
+    Row("topic/**", TOLD, ROBOTS, PEOPLE),
+    Row("alive", THERE, ROBOTS, PEOPLE),
+    Row("client/*", THERE, PEOPLE, ROBOTS),
+)
+_OWN = "{user}"
+_IN_OUT = {"ingress": "in", "egress": "out"}
+
+Rule = dict[str, Any]
+
+
+class Right(NamedTuple):
+    """Messages that somebody may send (`ingress`: it comes in) or get (`egress`: it goes out), and under which key."""
+
+    flow: str
+    messages: tuple[str, ...]
+    key: str
+
+
+def rights(role: str, user: str = "*") -> list[Right]:
+    """Return all that the table lets a role do, below `silo/<host>~<id>/<logger>/`; `user` is a part of keys."""
+    found = []
+    for row in TABLE:
+        key = row.key.replace(_OWN, "*" if role == ROBOT else user)
+        if role in row.offered:
+            found += [Right("ingress", row.way.offers, key), Right("egress", row.way.uses, key)]
+        if role in row.used:
+            found += [Right("ingress", row.way.uses, key), Right("egress", row.way.offers, key)]
+    return found
 
 
 def host_part(host: str) -> str:
@@ -26,44 +87,87 @@ def host_part(host: str) -> str:
     return host if host == "*" else f"{host}~$*"
 
 
-def access_control(users: dict[str, str], host: str = "*") -> dict[str, Any]:
+def host_of(robot: str) -> str:
+    """Return the host as which a robot with a credential of that name may come; `*` for the one that robots share."""
+    return "*" if robot == SHARED else escape(robot).replace("~", "%7E")
+
+
+def access_control(users: dict[str, str], host: str = "*") -> Rule:
     """Return rules that give each user (by name) what the role lets it do; who works on the robot itself needs none.
 
-    What no rule allows is denied: a request that is denied gets no answer.
+    A robot is admitted to the keys of the host that it is called after. What no rule allows is denied: a request that
+    is denied gets no answer.
     """
-    root = f"silo/{host_part(host)}/*"
-    rules = [
-        _rule("look", QUERIES, [f"{root}/ask"]),
-        _rule("watch", VALUES, [f"{root}/{key}" for key in WATCHED]),
-    ]
-    operators = [name for name, role in users.items() if role == "operator"]
-    rules += [_rule(f"change as {name}", QUERIES, [f"{root}/do/{user_part(name)}"]) for name in operators]
-    if "robot" in users.values():
-        rules += [
-            _rule("serve", _OFFERED, ["silo/**"], ["ingress"]),
-            _rule("served", _ASKED, ["silo/**"], ["egress"]),
-            # who is connected, and whose views are to end
-            _rule("know", ["liveliness_query", "declare_liveliness_subscriber"], ["silo/*/*/client/*"], ["ingress"]),
-        ]
-    shared = [{"rules": list(ROLES[role]), "subjects": named} for role in ROLES if (named := _with(users, role))]
+    people = [name for name, role in users.items() if role != ROBOT]
+    rules, policies = [], []
+    if people:
+        shared = [right for right in rights(VIEWER, _OWN) if _OWN not in right.key]
+        made = _rules("all people", shared, host)
+        rules += made
+        policies.append(_policy(made, people))
+    for name in people:
+        made = _rules(name, [right for right in rights(users[name], _OWN) if _OWN in right.key], host, user_part(name))
+        rules += made
+        policies.append(_policy(made, [name]))
+    for name in [name for name, role in users.items() if role == ROBOT]:
+        made = _rules(name, rights(ROBOT), host_of(name), asked_at=host)
+        rules += made
+        policies.append(_policy(made, [name]))
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": rules,
         "subjects": [{"id": name, "usernames": [name]} for name in users],
-        "policies": shared + [{"rules": [f"change as {name}"], "subjects": [name]} for name in operators],
+        "policies": policies,
     }
 
 
-def _rule(name: str, messages: list[str], keys: list[str], flows: list[str] | None = None) -> dict[str, Any]:
-    return {
-        "id": name,
-        "permission": "allow",
-        "flows": flows or ["ingress", "egress"],
-        "messages": messages,
-        "key_exprs": keys,
-    }
+def local_rules(name: str) -> list[Rule]:
+    """Return rules for who comes by the Unix socket of a robot: an operator under a name that no network has."""
+    return _rules(name, rights(OPERATOR, LOCAL_SENDER), "*")
 
 
-def _with(users: dict[str, str], role: str) -> list[str]:
-    return [name for name, its_role in users.items() if its_role == role]
+def open_rules(name: str) -> list[Rule]:
+    """Return rules for who comes by a way of a robot that has none: it may look, and ask for changes by any name; the
+    robot says whether it does them.
+    """
+    return _rules(name, rights(OPERATOR), "*")
+
+
+def _rules(who: str, given: Iterable[Right], host: str, user: str = "*", asked_at: str = "") -> list[Rule]:
+    """Return rights as rules, one for all keys of the same messages and direction.
+
+    What goes out to a robot is asked with the wildcards of who asks, `silo/*/*/alive`: hence `asked_at`, another host.
+    """
+    keys: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for flow, messages, key in given:
+        place = asked_at if asked_at and flow == "egress" else host
+        full = f"silo/{host_part(place)}/*/{key.replace(_OWN, user)}"
+        keys.setdefault((flow, messages), []).append(full)
+    return [allowed(f"{who}: {', '.join(messages)} {_IN_OUT[flow]}", flow, messages, full)
+            for (flow, messages), full in keys.items()]  # fmt: skip
+
+
+def allowed(name: str, flow: str, messages: Iterable[str], keys: Iterable[str]) -> Rule:
+    """Return a rule that lets messages of some keys through, one way."""
+    return {"id": name, "permission": "allow", "flows": [flow], "messages": [*messages], "key_exprs": [*keys]}
+
+
+def _policy(rules: list[Rule], subjects: list[str]) -> Rule:
+    return {"rules": [rule["id"] for rule in rules], "subjects": subjects}
+
+
+# ------------------------------------------------------------------------------------------------ as people read it
+
+
+def table_text() -> str:
+    """Return the table as the guide has it."""
+    names = {ROBOTS: "a robot", PEOPLE: "everybody", (OPERATOR,): "an operator"}
+    does = {ANSWERED: ("answers", "asks"), TOLD: ("publishes", "subscribes"), THERE: ("is there", "looks who is there")}
+    lines = ["| key, below the robot's own | from whom | for whom |", "| --- | --- | --- |"]
+    for row in TABLE:
+        key = row.key.replace(_OWN, "NAME")
+        own = ", by the own NAME alone" if _OWN in row.key else ""
+        offers, uses = does[row.way]
+        lines.append(f"| `{key}` | {names[row.offered]} {offers} | {names[row.used]} {uses}{own} |")
+    return "\n".join(lines)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import zenoh
 
 from silo.errors import ConnectionLostError
-from silo.ipc.access import QUERIES, VALUES, WATCHED
+from silo.ipc.access import Rule, allowed, local_rules, open_rules
 from silo.ipc.configuration import endpoints_of, listened, said_of
 from silo.ipc.keys import ANY_DO, LOCAL_SENDER, user_part
 from silo.ipc.probing import endpoint_of
@@ -22,7 +22,13 @@ INSECURE = "insecure_allow_unauthenticated_changes"
 CHECKED = "router_checks_names"  # said by the file that `silo remote init` writes for robots behind its router
 _HERE = ("unixsock-stream", "unixpipe")
 _ENCRYPTED = ("tls", "quic")
-_FAR = ["tcp", "udp", "tls", "quic", "ws", "serial", "vsock"]  # what Zenoh calls its links, but those of _HERE
+_FAR = ("tcp", "udp", "tls", "quic", "ws", "serial", "vsock")  # what Zenoh calls its links, but those of _HERE
+_BOTH = ["ingress", "egress"]
+_CHANGE = ("query", "reply", "declare_queryable")
+_MESSAGES = (
+    *_CHANGE, "put", "delete", "declare_subscriber", "liveliness_token", "liveliness_query",
+    "declare_liveliness_subscriber",
+)  # fmt: skip
 
 
 class Admission(NamedTuple):
@@ -177,37 +183,36 @@ def _is_own(subject: dict[str, Any], key: str) -> bool:
 
 
 def let_local_in(settings: zenoh.Config, config: str) -> None:
-    """Give those who come by the Unix socket their own key, and nobody else; without rules, let a network do the rest.
+    """Give those who come by the Unix socket what an operator may, under their own key.
 
-    Raises ConnectionLostError for rules that allow what they don't name: they would be of no use.
+    Without rules, those who come by a network get the same; those whom the robot itself connects to, which are routers,
+    may ask and tell it all. Raises ConnectionLostError for rules that allow what they don't name: they would be of no
+    use.
     """
-    root = "silo/*/*"
-    keys = [f"{root}/{key}" for key in ("ask", f"do/{LOCAL_SENDER}", *WATCHED)]
-    mine = _added("silo: this computer", keys, list(_HERE)[:1])
     rules = _said(settings, "access_control")
     if rules.get("enabled") and rules.get("default_permission") != "deny":
         raise ConnectionLostError(
             f'{config}: access_control must have default_permission: "deny" and rules for what is allowed; with '
             f'"{rules.get("default_permission")}" everybody could change things in the name of this computer\'s user'
         )
-    # `**` fits no part that begins with `@`
-    added = [mine] if rules.get("enabled") else [mine, _added("silo: the network", ["**"], _FAR)]
+    added = [_Added("silo: this computer", local_rules("silo: this computer"), _HERE[:1])]
+    if not rules.get("enabled"):
+        routers = {_kind(one) for one in endpoints_of(settings, "connect", "peer")}
+        others = tuple(kind for kind in _FAR if kind not in routers)
+        if routers:
+            added.append(_all("silo: routers", tuple(sorted(routers))))
+        added.append(_Added("silo: the network", open_rules("silo: the network"), others))
     _add(settings, rules, added)
 
 
 def keep_changes_out(settings: zenoh.Config) -> None:
     """Have a router let nobody change anything, whoever the rules admit."""
     rules = _said(settings, "access_control")
-    denied = {
-        "id": "silo: no changes",
-        "permission": "deny",
-        "flows": ["ingress", "egress"],
-        "messages": QUERIES,
-        "key_exprs": [ANY_DO, f"silo/*/*/do/{LOCAL_SENDER}"],
-    }
+    keys = [ANY_DO, f"silo/*/*/do/{LOCAL_SENDER}"]
+    denied = {**allowed("silo: no changes", "ingress", _CHANGE, keys), "permission": "deny", "flows": _BOTH}
     if not rules.get("enabled"):
         rules = {"policies": []}
-        _add(settings, rules, [_added("silo: the network", ["**"], _FAR)])
+        _add(settings, rules, [_all("silo: the network", _FAR)])
         rules = _said(settings, "access_control")
     # denied in every policy: Zenoh lets pass what one of the subjects that somebody is may do
     policies = [{**policy, "rules": [*policy["rules"], denied["id"]]} for policy in rules["policies"]]
@@ -215,24 +220,101 @@ def keep_changes_out(settings: zenoh.Config) -> None:
     settings.insert_json5("access_control", json.dumps(changed))
 
 
-def _added(name: str, keys: list[str], links: list[str]) -> dict[str, Any]:
-    rule = {
-        "id": name,
-        "permission": "allow",
-        "flows": ["ingress", "egress"],
-        "messages": [*QUERIES, *VALUES],
-        "key_exprs": keys,
-    }
-    return {"rule": rule, "subject": {"id": name, "link_protocols": links}}
+class _Added(NamedTuple):
+    """Rules for those who come by some kinds of links."""
+
+    name: str
+    rules: list[Rule]
+    links: tuple[str, ...]
 
 
-def _add(settings: zenoh.Config, rules: dict[str, Any], added: list[dict[str, Any]]) -> None:
-    names = [one["rule"]["id"] for one in added]
+def _all(name: str, links: tuple[str, ...]) -> _Added:
+    # `**` fits no part that begins with `@`
+    return _Added(name, [{**allowed(name, "ingress", _MESSAGES, ["**"]), "flows": _BOTH}], links)
+
+
+def _add(settings: zenoh.Config, rules: dict[str, Any], added: list[_Added]) -> None:
     changed = {
         "enabled": True,
         "default_permission": "deny",
-        "rules": [*(rules.get("rules") or []), *(one["rule"] for one in added)],
-        "subjects": [*(rules.get("subjects") or []), *(one["subject"] for one in added)],
-        "policies": [*(rules.get("policies") or []), *({"rules": [name], "subjects": [name]} for name in names)],
+        "rules": [*(rules.get("rules") or []), *(rule for one in added for rule in one.rules)],
+        "subjects": [
+            *(rules.get("subjects") or []),
+            *({"id": one.name, "link_protocols": list(one.links)} for one in added),
+        ],
+        "policies": [
+            *(rules.get("policies") or []),
+            *({"rules": [rule["id"] for rule in one.rules], "subjects": [one.name]} for one in added),
+        ],
     }
     settings.insert_json5("access_control", json.dumps(changed))
+
+
+# ------------------------------------------------------------------------------- rules of silo before directions
+
+
+def hold_directions(settings: zenoh.Config) -> list[str]:
+    """Take rules that allow people both to send and to get everything as the table has it: what an older silo wrote
+    let a viewer answer, publish and be there in the name of a robot. Returns the names of such rules.
+
+    Rules of one direction are as they were meant; one that goes for all users' changes is that of a robot.
+    """
+    rules = _said(settings, "access_control")
+    old = [rule for rule in rules.get("rules") or [] if _is_of_both(rule)]
+    if not rules.get("enabled") or not old:
+        return []
+    parts = {rule["id"]: _by_direction(rule) for rule in old}
+    changed = {
+        **rules,
+        "rules": [one for rule in rules["rules"] for one in parts.get(rule["id"], [rule])],
+        "policies": [
+            {**policy, "rules": [one for name in policy["rules"] for one in _names(parts, name)]}
+            for policy in rules.get("policies") or []
+        ],
+    }
+    settings.insert_json5("access_control", json.dumps(changed))
+    return list(parts)
+
+
+def direction_words(config: str, names: list[str]) -> str:
+    """Return what is said of such rules."""
+    return (
+        f"{config}: {', '.join(names)}: rules that an older silo made let people both send and get; they are held as "
+        "those of people now, so nobody but robots answers and publishes; `silo remote init FOLDER`, with the folder "
+        "that it was made in, writes them so (zenohd needs that)"
+    )
+
+
+def _names(parts: dict[str, list[Rule]], name: str) -> list[str]:
+    return [rule["id"] for rule in parts[name]] if name in parts else [name]
+
+
+def _is_of_both(rule: Rule) -> bool:
+    flows = rule.get("flows") or _BOTH
+    both = rule["permission"] == "allow" and set(flows) == set(_BOTH)
+    keys = [zenoh.KeyExpr(key) for key in rule["key_exprs"]]
+    every = zenoh.KeyExpr("silo/robot~1/logger/do/*")
+    return both and not any(key.includes(every) for key in keys) and any(map(_is_ours, keys))
+
+
+def _is_ours(key: zenoh.KeyExpr) -> bool:
+    return any(key.intersects(zenoh.KeyExpr(one)) for right in open_rules("") for one in right["key_exprs"])
+
+
+def _by_direction(rule: Rule) -> list[Rule]:
+    """Return the part of a rule that the table has for people, by direction; what isn't silo's stays as it is."""
+    made = []
+    for at, right in enumerate(open_rules("")):
+        keys = [met for key in rule["key_exprs"] for one in right["key_exprs"] if (met := _what_both_have(key, one))]
+        messages = [one for one in right["messages"] if one in rule["messages"]]
+        if keys and messages:
+            made.append(allowed(f"{rule['id']} {at}", right["flows"][0], messages, keys))
+    others = [key for key in rule["key_exprs"] if not _is_ours(zenoh.KeyExpr(key))]
+    return [*made, *([{**rule, "id": f"{rule['id']} others", "key_exprs": others}] if others else [])]
+
+
+def _what_both_have(key: str, other: str) -> str:
+    """Return the narrower of two keys, empty where neither includes the other."""
+    if zenoh.KeyExpr(other).includes(zenoh.KeyExpr(key)):
+        return key
+    return other if zenoh.KeyExpr(key).includes(zenoh.KeyExpr(other)) else ""

@@ -6,6 +6,7 @@ its own folder.
 
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,8 @@ LINK: dict[str, Any] = {
 SLOW_ACCEPT: dict[str, Any] = {"transport": {"unicast": {"open_timeout": 10_000, "accept_timeout": 10_000}}}
 OPEN_TRIPS = 8  # round trips that may pass until a session is open: 3 of TLS, 3 of Zenoh, and a lost packet
 LEASE_TRIPS = 4
+ROBOT_NAME = "robot"  # said by the file that `silo remote init --robot` writes for one robot
+HOST_NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}"
 PATHS = (
     "transport/link/tls/root_ca_certificate",
     "transport/link/tls/listen_certificate",
@@ -132,6 +135,12 @@ def said_of(config: str) -> dict[str, Any]:
     metadata = written(config).get("metadata")
     said = metadata.get("silo") if isinstance(metadata, dict) else None
     return said if isinstance(said, dict) else {}
+
+
+def robot_named(config: str) -> str:
+    """Return as which host a robot comes by a file that was made for one robot alone; empty for any other file."""
+    name = said_of(config).get(ROBOT_NAME)
+    return name if isinstance(name, str) and re.fullmatch(HOST_NAME, name) else ""
 
 
 def reason_of(error: Exception | None) -> str:

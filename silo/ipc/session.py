@@ -18,7 +18,7 @@ from typing import Any
 import zenoh
 
 from silo.errors import ConnectionLostError
-from silo.ipc.admission import keep_changes_out, let_local_in, router_admission
+from silo.ipc.admission import hold_directions, keep_changes_out, let_local_in, router_admission
 from silo.ipc.configuration import (
     FORCED,
     LINK,
@@ -230,10 +230,12 @@ def _server_config(path: Path, config: str | None) -> zenoh.Config:
     settings = zenoh.Config() if config is None else from_file(config)
     endpoints = [f"unixsock-stream/{path}"]
     if config is None:
+        let_local_in(settings, "")
         insert(settings, LINK)
     else:
         given = written(config)
         endpoints += listened(settings)
+        hold_directions(settings)
         let_local_in(settings, config)
         insert(settings, LINK, given)
         insert(settings, SLOW_ACCEPT, given)
@@ -279,6 +281,7 @@ def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
     insert(settings, LINK, given)
     insert(settings, SLOW_ACCEPT, given)
     insert(settings, FORCED)
+    hold_directions(settings)
     if not router_admission(settings, endpoints, config).changes:
         keep_changes_out(settings)
     for key, value in {"mode": "router", "listen/endpoints": endpoints, "scouting/delay": 0}.items():

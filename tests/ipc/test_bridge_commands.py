@@ -9,7 +9,7 @@ import pytest
 import silo
 from silo.bridges.services import pinned, services
 from silo.cli.main import EXIT_FAILED, run
-from silo.ipc.access import QUERIES, VALUES, WATCHED
+from silo.ipc.access import access_control
 from silo.ipc.client import Client
 
 
@@ -52,10 +52,7 @@ def test_who_may_only_look_offers_no_control_to_others(runtime, tmp_path, capsys
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-        rule = {"id": "look", "permission": "allow", "flows": ["ingress", "egress"], "messages": [*QUERIES, *VALUES],
-                "key_exprs": [f"silo/*/*/{key}" for key in ("ask", *WATCHED)]}  # fmt: skip
-        rules = {"enabled": True, "default_permission": "deny", "rules": [rule], "subjects": [{"id": "all"}],
-                 "policies": [{"rules": ["look"], "subjects": ["all"]}]}  # fmt: skip
+        rules = {**access_control({"all": "viewer"}), "subjects": [{"id": "all"}]}  # whoever comes
         (tmp_path / "robot.json5").write_text(
             json.dumps({"listen": {"endpoints": [endpoint]}, "access_control": rules})
         )
