@@ -91,8 +91,8 @@ def test_nobody_answers_or_publishes_or_is_there_in_the_name_of_a_robot(site, at
 
     session = site.plain(attacker)
     try:
-        declared = [session.declare_queryable(key, lie)
-                    for key in (root.key("ask"), root.do("alice"), root.key("do", "*"), "silo/*/*/ask", "silo/**")]  # fmt: skip
+        forged = (root.key("ask"), root.do("alice"), root.key("do", "*"), "silo/*/*/ask", "silo/**")
+        declared = [session.declare_queryable(key, lie) for key in forged]
         twin = Root("robot3", "robot3", "00000000ff")
         tokens = [session.liveliness().declare_token(twin.key("alive"))]
         with (
@@ -104,7 +104,7 @@ def test_nobody_answers_or_publishes_or_is_there_in_the_name_of_a_robot(site, at
                 operator.start("discard")
                 session.put(root.key("event"), b"\x01")
                 session.put(root.key("summary"), b"\x01")
-                session.put(view.renewal.view and root.key("view", view.renewal.view), b"\x01")
+                session.put(root.key("view", view.renewal.view), b"\x01")
                 operator.status()
                 operator.stop()
             view.frame()
@@ -143,7 +143,9 @@ def test_a_robot_can_not_come_as_another_host_than_its_file_says(site, tmp_path)
     assert json.dumps("robot3") in (tmp_path / "posing.json5").read_text()
     with silo.Logger("posing", folder=tmp_path, script=tmp_path / "posing.yaml") as logger:
         logger.add(np.zeros(1), "x")
+        before = len(site.router.info.peers_zid())
         logger.serve(config=tmp_path / "posing.json5")
         with silo.connect("posing", config="local") as client:
             client.status()  # its own users reach it
+        wait_until(lambda: len(site.router.info.peers_zid()) > before)
         assert "posing" not in {one.name for one in discover(config=site.config("alice")).loggers}
