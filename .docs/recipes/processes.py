@@ -9,6 +9,7 @@ the fork, with a name of its own; `silo ls` lists them all, and the saved logs m
 import multiprocessing
 import sys
 import time
+import warnings
 from multiprocessing.synchronize import Barrier
 
 import silo
@@ -40,6 +41,8 @@ def main(folder: str) -> None:
         process.join()
 
     left, right = (silo.open_log(name, folder)["torque"] for name in legs)
+    # each ran some ticks longer than the other: the time that both have is meant, no need to be told
+    warnings.filterwarnings("ignore", "calculate", silo.LogWarning)
     # the clock counts since this computer started, in every process alike
     difference = left - right.counted_from(left)
     print(f"{len(left)} samples of {legs[0]}, {len(right)} of {legs[1]}, {len(difference)} together")

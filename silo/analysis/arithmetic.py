@@ -3,6 +3,8 @@
 `silo.analysis.operators` calls it, `silo.analysis.frames` for the stamps of vectors and orientations.
 """
 
+import sys
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 from silo import units
 from silo.analysis.samples import Samples
 from silo.arguments import shown
-from silo.errors import ElementError
+from silo.errors import ElementError, LogWarning
 
 One = TypeVar("One", bound=Samples)
 Other = TypeVar("Other", bound=Samples)
@@ -34,7 +36,7 @@ def combined(
     theirs: Any = other
     if isinstance(other, Samples):
         words = other.name
-        base, right = aligned(one, other, f"calculate '{one.name}' {sign} '{words}'")
+        base, right = together(one, other, f"calculate '{one.name}' {sign} '{words}'")
         mine, theirs = _broadcast(wide(base), wide(right))
         _check_shapes(one, other, mine, theirs, sign)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -72,7 +74,7 @@ def compared(
     base, mine, theirs, words = one, one.numbers("compare"), other, _words(other)
     if isinstance(other, Samples):
         words = other.name
-        base, right = aligned(one, other, f"compare '{one.name}' {sign} '{words}'")
+        base, right = together(one, other, f"compare '{one.name}' {sign} '{words}'")
         mine, theirs = _broadcast(base.numbers("compare"), right.numbers("compare"))
         _check_shapes(one, other, mine, theirs, sign)
     values = function(theirs, mine) if swapped else function(mine, theirs)
@@ -119,21 +121,82 @@ def wide(signal: Samples) -> NDArray[Any]:
     return values.astype(np.int64) if values.dtype.kind in "iu" else values
 
 
-def aligned(one: One, other: Other, what: str) -> tuple[One, Other]:
-    """Return both at the stamps of the faster one; stamps at which the other has no value yet are left out.
+def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tuple[One, Other]:
+    """Return both at the stamps of the faster one, as far as both go: the time that both have.
 
-    The other one of another log is moved to the start of `one`. Raises `ElementError`, which says what can't be done,
-    where they have no time in common.
+    A value holds until the next would come: from a slow signal's first sample to one step behind its last; a single
+    sample, as of a map, holds on. What goes on longer is asked for by `resample`. The other one of another log is moved
+    to the start of `one`; there, and of `two_clocks`, samples of one rate within half a step are of one tick, as no
+    clock repeats itself to the nanosecond. Raises `ElementError`, which says what can't be done, where they have no
+    time in common.
     """
     if other.start_ns != one.start_ns:
-        other = other.as_if_started(one.start_ns)
+        other, two_clocks = other.as_if_started(one.start_ns), True
     if np.array_equal(one.time_ns, other.time_ns):
         return one, other
     one.check_overlap(other, what)
     fast: Samples = one if one.step_ns <= other.step_ns else other
     slow: Samples = other if fast is one else one
-    time_ns = fast.time_ns[slow.places(fast.time_ns) >= 0]
-    return replace(one.held(time_ns), divider=fast.divider), replace(other.held(time_ns), divider=fast.divider)
+    half = fast.step_ns / 2 if len(fast) > 1 else 0.0
+    one_rate = two_clocks and slow.step_ns < 1.5 * fast.step_ns
+    places = slow.places(fast.time_ns + int(half) if one_rate else fast.time_ns)
+    inside = (places >= 0) & (slow.holding(fast.time_ns, half) | (fast.time_ns < slow.bounds[0]))
+    if not inside.any():
+        raise one.nothing_in_common(other, what)
+    time_ns, places = fast.time_ns[inside], places[inside]
+    made = {id(fast): fast.values[inside], id(slow): slow.values[places]}
+    return (
+        replace(one, values=made[id(one)], time_ns=time_ns, divider=fast.divider),
+        replace(other, values=made[id(other)], time_ns=time_ns, divider=fast.divider),
+    )
+
+
+def common_words(one: Samples, other: Samples, common: Samples) -> str:
+    """Return from when to when two signals are taken together, and both spans; "" where nothing is left out.
+
+    A step of the slower one is no loss: so much its phase may differ. `common` is what `aligned` gave for `one`.
+    """
+    moved = other.as_if_started(one.start_ns)
+    if not len(common) or common.time_ns is one.time_ns:
+        return ""
+    several = [each for each in (one, moved) if len(each) > 1]  # a single one holds on
+    step = max((each.step_ns for each in several), default=0.0)
+    begin, end = common.bounds
+    if all(begin - each.bounds[0] <= step and each.bounds[1] - end <= step for each in several):
+        return ""
+    return f"{common.seconds_of(begin):g} to {common.seconds_of(end):g} s"
+
+
+def together(one: One, other: Other, what: str) -> tuple[One, Other]:
+    """Return both as `aligned` does, and warn where one of them goes on without the other, with both spans."""
+    mine, theirs = aligned(one, other, what)
+    span = common_words(one, other, mine)
+    if span:
+        shorter = other if len(one) and one.seconds_of(one.bounds[1]) > other.seconds_of(other.bounds[1]) else one
+        warn_outside(
+            f"{what}: only from {span}, the time that both have; '{one.name}' {one.span}, '{other.name}' {other.span}. "
+            f"To hold the last value of '{shorter.name}' beyond its end, write .resample(...) of it"
+        )
+    return mine, theirs
+
+
+def in_common(one: One, other: Other) -> tuple[One, Other, str]:
+    """Return both at the stamps that they have in common, and words on both spans where one goes on longer.
+
+    Raises `ElementError` where there is no time in common.
+    """
+    mine, theirs = aligned(one, other, f"compare '{one.name}'", two_clocks=True)
+    span = common_words(one, other, mine)
+    other = other.as_if_started(one.start_ns)
+    return mine, theirs, span and f"compared from {span}: the first {one.span}, the second {other.span}"
+
+
+def warn_outside(words: str) -> None:
+    """Warn at the line of the program that calls silo, not in silo."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("silo."):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(words, LogWarning, stacklevel=level)
 
 
 def _unit(one: Samples, other: Samples | float | NDArray[Any], sign: str, swapped: bool) -> str:

@@ -13,6 +13,7 @@ from silo.analysis.happened import events_of
 from silo.analysis.limit_lines import Level, limit_levels, placed
 from silo.analysis.picking import Picked, pick, window
 from silo.analysis.plotting import Chart, Curve
+from silo.analysis.samples import Samples
 from silo.errors import ElementError
 from silo.recording import Recording
 from silo.values import numbers
@@ -138,11 +139,12 @@ def _curve(signal: Picked, transform: str, over: Picked | None, zero: int, right
 
 
 def _held(over: Picked, signal: Picked) -> Floats:
-    """The value of `over` that held at each sample of the signal; NaN before its first."""
+    """The value of `over` that held at each sample of the signal; NaN before its first and beyond its last."""
     values, _ = over.as_numbers()
-    where = np.searchsorted(over.time_ns, signal.time_ns, side="right") - 1
+    source = Samples(over.name, values, over.time_ns)
+    where = source.places(signal.time_ns)
     held = np.full(len(where), np.nan)
-    known = where >= 0
+    known = source.holding(signal.time_ns) if len(source) else where >= 0
     held[known] = values[where[known]]
     return held
 

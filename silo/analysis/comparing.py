@@ -3,14 +3,15 @@
 The runs are laid on each other by their starts, by an event in each, or by a signal that both have.
 """
 
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from silo import units
-from silo.analysis.arithmetic import aligned
+from silo.analysis.arithmetic import in_common
 from silo.analysis.log import Log
 from silo.analysis.reports import table
 from silo.analysis.signals import Signal
@@ -56,7 +57,8 @@ class Comparison:
     """What differs between two runs: `rows`, the most different first. Print it, or `plot()` it.
 
     `shift_s` is how far the second run was moved. `alike` counts the signals without a difference, `only_a` and
-    `only_b` are names that one run has, `not_compared` says of others why not.
+    `only_b` are names that one run has, `not_compared` says of others why not. `partly` says of signals that go on
+    longer in one run which time both have.
     """
 
     rows: tuple[SignalDifference, ...]
@@ -65,6 +67,7 @@ class Comparison:
     only_a: tuple[str, ...]
     only_b: tuple[str, ...]
     not_compared: dict[str, str]
+    partly: dict[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -91,6 +94,9 @@ class Comparison:
             if names:
                 more = f" and {len(names) - 5} more" if len(names) > 5 else ""
                 notes.append(f"only in the {which}: {', '.join(names[:5])}{more}")
+        for words, count in Counter(self.partly.values()).most_common(5):
+            which = next(name for name, each in self.partly.items() if each == words)
+            notes.append(f"{words}: {which}{f' and {count - 1} more' if count > 1 else ''}")
         notes += [f"not compared: {name}: {why}" for name, why in list(self.not_compared.items())[:10]]
         return notes
 
@@ -125,8 +131,11 @@ def compare(
     event: Event | None = None,
     signal: str = "",
     tolerance: float = 0.0,
+    by: Literal["start", "stamps"] = "start",
 ) -> Comparison:
     """Compare two runs: every scalar that both have, at the times that both have.
+
+    `silo diff` compares values by the same rule.
 
     Args:
         a: a log, or what `open_log` takes.
@@ -136,6 +145,8 @@ def compare(
             same moment in both runs, or the time itself in seconds. By default their starts are.
         signal: name of a signal by whose course the runs are laid on each other.
         tolerance: by how much numbers may differ.
+        by: `"start"` lays the starts of both on each other; `"stamps"` takes the time stamps as they are, for two files
+            of one run.
 
     Returns:
         What differs, most different first; false where nothing does.
@@ -145,22 +156,26 @@ def compare(
     """
     first, second = _log(a), _log(b)
     allowed = real("tolerance", tolerance, 0, float("inf"), "")
-    shift_s = _shift(first, second, event, signal)
-    mine, theirs = first.names(pattern), second.names(pattern)
+    shift_s = _shift(first, second, event, signal, by)
+    if by == "stamps":
+        second = Log(second.recording, second.path, first.start_ns)
+    mine, theirs = dict.fromkeys(first.names(pattern)), dict.fromkeys(second.names(pattern))
     rows: list[SignalDifference] = []
     wrong: dict[str, str] = {}
+    partly: dict[str, str] = {}
     alike = 0
-    for name in [one for one in mine if one in set(theirs)]:
+    for name in [one for one in mine if one in theirs]:
         try:
-            found = _differences(first[name], second[name], shift_s, allowed)
+            found, partly[name] = _differences(first[name], second[name], shift_s, allowed)
         except ElementError as error:
             wrong[name] = str(error)
             continue
         rows += [row for row in found if row.differ > 0]
         alike += sum(row.differ == 0 for row in found)
     rows.sort(key=lambda row: -_weight(row))
-    only_a, only_b = (tuple(n for n in x if n not in set(y)) for x, y in ((mine, theirs), (theirs, mine)))
-    return Comparison(tuple(rows), shift_s, alike, only_a, only_b, wrong)
+    only_a, only_b = (tuple(n for n in x if n not in y) for x, y in ((mine, theirs), (theirs, mine)))
+    told = {name: words for name, words in partly.items() if words}
+    return Comparison(tuple(rows), shift_s, alike, only_a, only_b, wrong, told)
 
 
 def _log(given: Any) -> Log:
@@ -175,27 +190,28 @@ def _weight(row: SignalDifference) -> float:
     return row.rms / spread if spread > 0 else (float("inf") if row.rms else row.differ)
 
 
-def _differences(one: Signal, other: Signal, shift_s: float, tolerance: float) -> list[SignalDifference]:
+def _differences(one: Signal, other: Signal, shift_s: float, tolerance: float) -> tuple[list[SignalDifference], str]:
+    """The scalars of a signal of both, and which time both have where one goes on longer."""
     if one.values.dtype.kind not in "biufc" or other.values.dtype.kind not in "biufc":
         raise ElementError("its values are no numbers")
     if one.components != other.components:
         raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")
     if not units.same(one.unit, other.unit) and {one.unit, other.unit}.isdisjoint(("", "-")):
         other = other.in_unit(one.unit)
-    other = replace(
-        other.as_if_started(one.start_ns), time_ns=other.as_if_started(one.start_ns).time_ns + round(shift_s * 1e9)
-    )
-    if not one.components:
-        return [_difference(one, other, tolerance)]
-    return [
-        _difference(one.component(place), other.component(place), tolerance) for place in range(len(one.components))
-    ]
-
-
-def _difference(one: Signal, other: Signal, tolerance: float) -> SignalDifference:
-    mine, theirs = aligned(one, other, f"compare '{one.name}'")
+    if shift_s:
+        other = replace(other, start_ns=other.start_ns - round(shift_s * 1e9))
+    mine, theirs, span = in_common(one, other)
     if len(mine) == 0:
         raise ElementError("there is no sample in common")
+    whole = (one, other.as_if_started(one.start_ns))
+    if not one.components:
+        return [_difference(mine, theirs, tolerance, *whole)], span
+    every = [[each.component(place) for each in (mine, theirs, *whole)] for place in range(len(one.components))]
+    return [_difference(a, b, tolerance, c, d) for a, b, c, d in every], span
+
+
+def _difference(mine: Signal, theirs: Signal, tolerance: float, one: Signal, other: Signal) -> SignalDifference:
+    """Of two signals at the same stamps; `one` and `other` are the whole ones, for a plot."""
     first, second = mine.values, theirs.values
     gap = second.astype(float) - first.astype(float)
     same = (first == second) | (np.isnan(first.astype(float)) & np.isnan(second.astype(float)))
@@ -210,8 +226,12 @@ def _difference(one: Signal, other: Signal, tolerance: float) -> SignalDifferenc
     )
 
 
-def _shift(a: Log, b: Log, event: Event | None, signal: str) -> float:
+def _shift(a: Log, b: Log, event: Event | None, signal: str, by: str) -> float:
     """By how many seconds the second run is moved."""
+    if by not in ("start", "stamps"):
+        raise ElementError(f"by must be 'start' or 'stamps', got {shown(by)}")
+    if by == "stamps" and (event is not None or signal):
+        raise ElementError("by='stamps' leaves both runs where they are: leave out event= and signal=")
     if event is not None and signal:
         raise ElementError("compare takes event= or signal=, not both")
     if event is not None:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from silo.analysis.arithmetic import aligned
+from silo.analysis.arithmetic import together
 from silo.analysis.samples import Samples
 from silo.arguments import shown, text
 from silo.errors import ElementError
@@ -31,7 +31,7 @@ def rotate(vector: One, orientation: Samples, inverse: bool = False) -> One:
     """
     _expect(vector, 3, "a 3-vector")
     _expect(orientation, 4, "a quaternion")
-    left, right = aligned(vector, orientation, f"rotate '{vector.name}' by '{orientation.name}'")
+    left, right = together(vector, orientation, f"rotate '{vector.name}' by '{orientation.name}'")
     good = _is_rotation(right.values)
     rotations = _rotation().from_quat(right.values[good].astype(np.float64))
     values = np.full((len(left), 3), np.nan)

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.arguments import INT64
 from silo.model import BufferType
 from silo.recording import RecordedElement, RecordedEntry, Recording, lazy_entry, plain_element, stamps_of
 
@@ -57,7 +58,8 @@ def _cut(entry: RecordedEntry, begin: int, end: int) -> NDArray[Any]:
 def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) -> Recording:
     """Return every element at the same stamps: the value that held, or, of real numbers, what lies between.
 
-    Stamps before an element's first sample have none of it; with `linear` those after its last neither.
+    Stamps before an element's first sample have none of it, nor those at which one more would have come behind its last
+    (`linear`: those after its last).
     """
     elements = tuple(_at(recording, element, time_ns, linear) for element in recording.elements)
     rate = None
@@ -83,12 +85,21 @@ def _dtype(element: RecordedElement, entry: RecordedEntry) -> np.dtype[Any]:
     return np.dtype(entry.entry.dtype) if element.own_ns is not None else entry.values.dtype
 
 
+def _last(own: NDArray[np.int64], time_ns: NDArray[np.int64], smooth: bool) -> int:
+    """The last stamp at which there is a value; a single sample, as of a map, holds on."""
+    if not len(own) or (len(own) == 1 and not smooth):
+        return INT64[1]
+    steps = [float(np.median(np.diff(each))) for each in (own, time_ns) if len(each) > 1]
+    # the tick at which one more would have come may be early
+    return int(own[-1]) if smooth else int(own[-1] + steps[0] - min(steps) / 2)
+
+
 def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int64], linear: bool) -> RecordedElement:
     own = stamps_of(recording, element)
     places = np.searchsorted(own, time_ns, side="right") - 1
     begin = int(np.searchsorted(places, 0))
     smooth = linear and all(_dtype(element, e).kind == "f" for e in element.entries)
-    end = int(np.searchsorted(time_ns, own[-1], side="right")) if smooth and len(own) else len(time_ns)
+    end = int(np.searchsorted(time_ns, _last(own, time_ns, smooth), side="right"))
     places = places[begin : max(begin, end)]
     wanted = time_ns[begin : max(begin, end)]
 

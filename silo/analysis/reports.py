@@ -5,13 +5,18 @@ A report is made from a `Recording`, printed as a table that fits the terminal o
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import datetime, timezone
+from typing import Literal
 
 import msgspec
 import numpy as np
 
+from silo.analysis.arithmetic import in_common
 from silo.analysis.happened import LogEvent, event_lines, events_of
 from silo.analysis.picking import Picked, picked, text_of
+from silo.analysis.samples import Samples
+from silo.errors import ElementError
 from silo.recording import NO_FAILURES, Failures, RecordedElement, Recording, stamps_of
 
 
@@ -68,10 +73,11 @@ class SignalStats(msgspec.Struct, frozen=True):
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """One difference between two logs: which signal, and what."""
+    """One difference between two logs: which signal, and what; or, with `differs` false, what is to be known of it."""
 
     name: str
     what: str
+    differs: bool = True
 
 
 def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
@@ -161,10 +167,12 @@ def statistics(signal: Picked) -> SignalStats:
         )
 
 
-def differences(a: Recording, b: Recording, tolerance: float = 0.0) -> list[Difference]:
+def differences(
+    a: Recording, b: Recording, tolerance: float = 0.0, by: Literal["start", "stamps"] = "start"
+) -> list[Difference]:
     """Return how two logs differ: elements, their facts, stamps and values.
 
-    Numbers may differ by `tolerance`; NaN equals NaN.
+    Numbers may differ by `tolerance`; NaN equals NaN. Values meet by the rule of `silo.compare`.
     """
     found: list[Difference] = []
     ours = {element.name: element for element in a.elements}
@@ -175,12 +183,12 @@ def differences(a: Recording, b: Recording, tolerance: float = 0.0) -> list[Diff
         found.append(Difference("time", f"{len(a.time_ns)} ticks, then {len(b.time_ns)}"))
     for name, element in ours.items():
         if name in theirs:
-            found += _compare(a, b, element, theirs[name], tolerance)
+            found += _compare(a, b, element, theirs[name], tolerance, by == "stamps")
     return found
 
 
 def _compare(
-    a: Recording, b: Recording, ours: RecordedElement, theirs: RecordedElement, tolerance: float
+    a: Recording, b: Recording, ours: RecordedElement, theirs: RecordedElement, tolerance: float, by_stamps: bool
 ) -> list[Difference]:
     facts = [
         (what, first, second)
@@ -198,31 +206,41 @@ def _compare(
     others = {entry.name: entry for entry in theirs.entries}
     for entry in ours.entries:
         if entry.name in others:
-            text = _compare_values(picked(a, ours, entry), picked(b, theirs, others[entry.name]), tolerance)
-            if text:
-                found.append(Difference(entry.name, text))
+            pair = picked(a, ours, entry), picked(b, theirs, others[entry.name])
+            starts = [int(each.time_ns[0]) if len(each.time_ns) else 0 for each in (a, a if by_stamps else b)]
+            found += _compare_values(*pair, starts, tolerance)
     return found
 
 
-def _compare_values(a: Picked, b: Picked, tolerance: float) -> str:
-    """Compare at the stamps that both have; two runs, which have none in common, are compared sample by sample."""
-    ours = theirs = np.arange(min(len(a.values), len(b.values)))
-    if not np.array_equal(a.time_ns, b.time_ns):
-        shared, first_at, second_at = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
-        if len(shared):
-            ours, theirs = first_at, second_at
-    opaque = [signal.values.dtype.kind in "SUV" for signal in (a, b)]
-    if opaque[0] != opaque[1]:
-        return "one is text or bytes, the other is a number"
-    if opaque[0]:
-        texts = [[text_of(v) for v in s.values[k].tolist()] for s, k in ((a, ours), (b, theirs))]
+def _compare_values(a: Picked, b: Picked, starts: Sequence[int], tolerance: float) -> list[Difference]:
+    """Compare at the time that both have, which counts from these stamps."""
+    if not len(a.values) or not len(b.values):
+        return []  # how many samples each has is told
+    if (a.values.dtype.kind in "SUV") != (b.values.dtype.kind in "SUV"):
+        return [Difference(a.name, "one is text or bytes, the other is a number")]
+    whole = [
+        Samples(one.name, one.values, one.time_ns, start_ns=start) for one, start in zip((a, b), starts, strict=True)
+    ]
+    try:
+        ours, theirs, span = in_common(*whole)
+    except ElementError as error:
+        return [Difference(a.name, str(error))]
+    found = [Difference(a.name, span, differs=False)] if span else []
+    text = _values_differ(replace(a, values=ours.values), replace(b, values=theirs.values), ours, tolerance)
+    return [*found, Difference(a.name, text)] if text else found
+
+
+def _values_differ(a: Picked, b: Picked, when: Samples, tolerance: float) -> str:
+    """How values at the same stamps differ; "" where they don't."""
+    if a.values.dtype.kind in "SUV":
+        texts = [[text_of(v) for v in one.values.tolist()] for one in (a, b)]
         different = np.array([first != second for first, second in zip(*texts, strict=True)], dtype=bool)
         size = ""
     else:
-        first, second = a.as_numbers()[0][ours], b.as_numbers()[0][theirs]
+        first, second = a.as_numbers()[0], b.as_numbers()[0]
         with np.errstate(invalid="ignore", over="ignore"):
             # the raw values: integers beyond 2**53 are not told apart as floats
-            same = a.values[ours] == b.values[theirs]
+            same = a.values == b.values
             gap = np.where(same, 0.0, np.maximum(np.abs(first - second), np.finfo(float).tiny))
         gap[np.isnan(first) & np.isnan(second)] = 0.0
         # of NaN against a number the difference is NaN, which is not within any tolerance
@@ -230,8 +248,7 @@ def _compare_values(a: Picked, b: Picked, tolerance: float) -> str:
         size = f", by at most {np.nanmax(gap[different]):.6g}" if np.any(np.isfinite(gap[different])) else ""
     if not different.any():
         return ""
-    where = int(np.argmax(different))
-    moment = float(a.time_ns[ours[where]] - a.time_ns[0]) / 1e9
+    moment = when.times[int(np.argmax(different))]
     return f"{int(different.sum())} of {len(different)} samples differ{size}, first at {moment:.6g} s"
 
 

@@ -7,6 +7,7 @@ stands in `silo.analysis.signals` and in the modules that it calls, which all ta
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -177,7 +178,11 @@ class Samples:
         Args:
             time_ns: stamps, ns.
         """
-        return np.searchsorted(self.time_ns, time_ns, side="right") - 1
+        if not self.falls:
+            return np.searchsorted(self.time_ns, time_ns, side="right") - 1
+        order = np.argsort(self.time_ns, kind="stable")
+        found = np.searchsorted(self.time_ns[order], time_ns, side="right") - 1
+        return np.where(found < 0, -1, order[found])
 
     def seconds(self, given: object) -> NDArray[np.float64]:
         """Return times as an array of numbers, of any shape.
@@ -218,7 +223,28 @@ class Samples:
         """From when to when there are samples, in words."""
         if not len(self):
             return "has no sample"
-        return f"has samples from {self.times[0]:g} to {self.times[-1]:g} s"
+        first, last = (self.seconds_of(end) for end in self.bounds)
+        return f"has samples from {first:g} to {last:g} s"
+
+    @property
+    def bounds(self) -> tuple[int, int]:
+        """The smallest and the largest stamp, ns; there must be samples."""
+        if self.falls:
+            return int(self.time_ns.min()), int(self.time_ns.max())
+        return int(self.time_ns[0]), int(self.time_ns[-1])
+
+    def seconds_of(self, stamp_ns: int) -> float:
+        """Return a stamp in seconds since start.
+
+        Args:
+            stamp_ns: the stamp, ns.
+        """
+        return (stamp_ns - self.start_ns) * 1e-9
+
+    @cached_property
+    def falls(self) -> bool:
+        """Whether a stamp is smaller than the one before: a clock stepped back in the log."""
+        return bool((np.diff(self.time_ns) < 0).any())
 
     # ---------------------------------------------------------------------------------------------- whose time it is
 
@@ -242,6 +268,18 @@ class Samples:
         """
         return replace(self, time_ns=self.time_ns + (start_ns - self.start_ns), start_ns=start_ns)
 
+    def holding(self, time_ns: NDArray[np.int64], slack_ns: float = 0.0) -> NDArray[np.bool_]:
+        """Return at which stamps a value holds: from the first sample to where one more would come.
+
+        A single sample, as of a map, holds on; there must be one.
+
+        Args:
+            time_ns: stamps, ns.
+            slack_ns: by how much earlier the end is: the stamp of one more may come early.
+        """
+        first, last = self.bounds
+        return (time_ns >= first) & (time_ns < last + self.step_ns - slack_ns)
+
     @property
     def step_ns(self) -> float:
         """Nanoseconds from sample to sample, as a rule; infinite where there are fewer than two."""
@@ -260,10 +298,19 @@ class Samples:
             ElementError: they have no time in common; the message has both spans.
         """
         if len(self) and len(other):
-            ends = self.time_ns[-1] + self.step_ns, other.time_ns[-1] + other.step_ns
-            if other.time_ns[0] < ends[0] and self.time_ns[0] < ends[1]:
+            begins, ends = zip(*(each.bounds for each in (self, other)), strict=True)
+            if begins[1] < ends[0] + self.step_ns and begins[0] < ends[1] + other.step_ns:
                 return
-        raise ElementError(
+        raise self.nothing_in_common(other, what)
+
+    def nothing_in_common(self, other: "Samples", what: str) -> ElementError:
+        """Return the error that says that this and another signal have no time in common.
+
+        Args:
+            other: the other signal.
+            what: what can't be done then.
+        """
+        return ElementError(
             f"can't {what}: there is no time in common; since the start of its log '{self.name}' {self.span}, "
             f"'{other.name}' {other.span}"
         )

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar
 
 import click
 import msgspec
@@ -132,12 +132,19 @@ def stats_command(file: str, patterns: tuple[str, ...], start: float | None, sto
 @click.argument("first", metavar="A", shell_complete=_complete_file)
 @click.argument("second", metavar="B", shell_complete=_complete_file)
 @click.option("--tolerance", type=float, default=0.0, help="Numbers may differ by this much.")
+@click.option(
+    "--by",
+    type=click.Choice(["start", "stamps"]),
+    default="start",
+    help="What is the same moment in both: their starts, or (of two files of one run) the time stamps.",
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON array, for machines.")
 @_clean_errors
-def diff_command(first: str, second: str, tolerance: float, as_json: bool) -> None:
-    """Show how two logs differ: elements, units, dividers, and values at the same time stamps.
+def diff_command(first: str, second: str, tolerance: float, by: Literal["start", "stamps"], as_json: bool) -> None:
+    """Show how two logs differ: elements, units, dividers, and values at the time that both have.
 
-    The formats may differ. Exit code 0 if the logs are equal, 4 if they differ, 1 if one can't be read.
+    The same values differ as for silo.compare. The formats may differ. Exit code 0 if the logs are equal, 4 if they
+    differ, 1 if one can't be read.
 
     \b
     Examples:
@@ -147,18 +154,20 @@ def diff_command(first: str, second: str, tolerance: float, as_json: bool) -> No
     from silo.analysis.reports import differences
 
     a, b = _read(_find(first)), _read(_find(second))
-    found = differences(a, b, tolerance)
+    found = differences(a, b, tolerance, by)
+    equal = not any(one.differs for one in found)
     if as_json:
         click.echo(msgspec.json.encode(found).decode())
     elif found:
         width = min(max(len(difference.name) for difference in found), max(20, _columns() // 2))
         for difference in found:
             click.echo(f"{difference.name:{width}}  {difference.what}")
-    else:
-        click.echo(f"equal: {a.entry_count} signals, {len(a.time_ns)} ticks")
+    if equal and not as_json:
+        partly = " over the time that both have" if found else ""
+        click.echo(f"equal{partly}: {a.entry_count} signals, {len(a.time_ns)} ticks")
     _warn(a)
     _warn(b)
-    if found:
+    if not equal:
         raise SystemExit(EXIT_DIFFERENT)
 
 

@@ -221,9 +221,10 @@ class TestArithmetic:
 
     def test_signals_meet_on_the_stamps_of_the_faster_one(self):
         fast, slow = signal(np.arange(6.0)), signal([10.0, 20.0], step_s=1.0, start_s=0.5)
-        for made, expected in ((fast + slow, [11, 12, 23, 24, 25]), (slow - fast, [9, 8, 17, 16, 15])):
+        for made, expected in ((fast + slow, [11, 12, 23, 24]), (slow - fast, [9, 8, 17, 16])):
             assert made.values.tolist() == expected
-            assert made.times.tolist() == [0.5, 1.0, 1.5, 2.0, 2.5]
+            # at 2.5 s the next one of the slow signal would have come
+            assert made.times.tolist() == [0.5, 1.0, 1.5, 2.0]
 
     def test_small_integers_do_not_wrap_around(self):
         assert (signal(np.array([0, 250], np.uint8)) - 5).values.tolist() == [-5, 245]
