@@ -73,6 +73,7 @@ class ThinNet:
 
     def __init__(self, place: Path, hosts: list[str], delay_s: float = 0.0) -> None:
         self.delay_s = delay_s
+        self._cut: set[bytes] = set()
         self.computers = [Computer(number, host, place / str(number)) for number, host in enumerate(hosts, 1)]
         self._tuns = {socket.inet_aton(one.address): one.tun for one in self.computers}
         self._ending = False
@@ -91,11 +92,16 @@ class ThinNet:
                 except OSError:
                     continue  # its queue is full: a real link drops it too
             wait_s = min(_STOP, max(0.0, flight[0][0] - now_s)) if flight else _STOP
+            cut = self._cut
             for tun in select.select(list(self._tuns.values()), [], [], wait_s)[0]:
                 packet = os.read(tun, 65536)
                 target = self._tuns.get(packet[16:20]) if packet[0] >> 4 == 4 else None
-                if target is not None:
+                if target is not None and not cut & {packet[12:16], packet[16:20]}:
                     heapq.heappush(flight, (time.monotonic() + self.delay_s, next(numbers), target, packet))
+
+    def cut(self, *computers: Computer) -> None:
+        """Swallow all packets from and to these computers, and of no others any more."""
+        self._cut = {socket.inet_aton(one.address) for one in computers}
 
     def __enter__(self) -> "ThinNet":
         return self

@@ -17,8 +17,8 @@ import click
 def router(config: Path) -> None:
     """Run a Zenoh router until Ctrl-C: robots connect to it, and desks see them all over one link.
 
-    It keeps nothing, and logging goes on without it: clients and robots connect again by themselves. Any `zenohd` with
-    the same file does the same.
+    It keeps nothing, and logging goes on without it: clients and robots connect again by themselves. A `zenohd` with
+    the same file does so, too, but stops for everybody when many robots vanish at once (a network segment that dies).
 
     \b
     Examples:

@@ -31,6 +31,7 @@ from silo.ipc.configuration import (
     written,
 )
 from silo.ipc.keys import Root
+from silo.ipc.lingering import releasing
 from silo.ipc.probing import Reached, explain
 from silo.runtime import is_at
 
@@ -196,6 +197,8 @@ def open_server(
                 for file in (own_file(path), group_file(path)):
                     _write_private(file, secrets.token_hex(16))
             session = zenoh.open(settings)
+            if config is not None:
+                releasing.begin(session)
             if _is_whole(path, settings, root, grouped=grouped):
                 return session, path
             close(session)
@@ -287,9 +290,11 @@ def open_router(config: str) -> tuple[zenoh.Session, list[str]]:
     for key, value in {"mode": "router", "listen/endpoints": endpoints, "scouting/delay": 0}.items():
         settings.insert_json5(key, json.dumps(value))
     try:
-        return zenoh.open(settings), endpoints
+        session = zenoh.open(settings)
     except zenoh.ZError as error:
         raise ConnectionLostError(f"can't listen on {', '.join(endpoints)}: {reason_of(error)}") from error
+    releasing.begin(session)
+    return session, endpoints
 
 
 def open_client(path: Path | None, config: str | None = None, reached: Reached | None = None) -> zenoh.Session:
@@ -317,7 +322,7 @@ def open_client(path: Path | None, config: str | None = None, reached: Reached |
             insert(settings, {"transport": {"auth": {"usrpwd": {"user": user, "password": password}}}})
     settings.insert_json5("listen/endpoints", "[]")
     try:
-        return zenoh.open(settings)
+        session = zenoh.open(settings)
     except zenoh.ZError as error:
         if path is not None and config is None:
             # Zenoh's words here are only "unable to connect"
@@ -327,6 +332,9 @@ def open_client(path: Path | None, config: str | None = None, reached: Reached |
             raise explain(config, reached, error) from error
         where = str(path) if path is not None else f"what {config} names"
         raise ConnectionLostError(f"can't connect to {where}: {reason_of(error)}{_hint(config)}") from error
+    if config is not None:
+        releasing.begin(session)
+    return session
 
 
 def forget(path: Path) -> None:
@@ -337,7 +345,8 @@ def forget(path: Path) -> None:
 
 
 def close(session: zenoh.Session) -> None:
-    """Close a session; takes up to 2.5 s if the other side is frozen."""
+    """Close a session; takes up to 2.5 s if the other side of a Unix socket is frozen."""
+    releasing.end(session)
     session.close()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
 
 

@@ -1,6 +1,7 @@
 """Robots that exist only as sessions of one process: a token, answers, a summary each. To test and measure fleets.
 
-`python tests/stand_ins/simulated_robots.py FILE COUNT` has so many connect to a router, until its input ends.
+`python tests/stand_ins/simulated_robots.py FILE COUNT [--host HOST]` has so many connect to a router, until its input
+ends: each on a host of its own, or all on one.
 """
 
 import argparse
@@ -103,8 +104,9 @@ class SimulatedRobot:
 class SimulatedRobots:
     """Many of them, served by one thread; their rates differ a little each second. A context manager."""
 
-    def __init__(self, config: str, hosts: list[str]) -> None:
-        self.robots = [SimulatedRobot(config, host) for host in hosts]
+    def __init__(self, config: str, hosts: list[str], names: list[str] | None = None) -> None:
+        """One logger on each of the hosts, or all `names` on each."""
+        self.robots = [SimulatedRobot(config, host, name) for host in hosts for name in names or ["anymal"]]
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robots")
         self._thread.start()
@@ -139,8 +141,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("config")
     parser.add_argument("count", type=int)
+    parser.add_argument("--host", default="")
     arguments = parser.parse_args()
-    with SimulatedRobots(arguments.config, [f"robot{place:03}" for place in range(arguments.count)]):
+    many = range(arguments.count)
+    hosts, names = [f"robot{place:03}" for place in many], None
+    if arguments.host:
+        hosts, names = [arguments.host], [f"leg{place:03}" for place in many]
+    with SimulatedRobots(arguments.config, hosts, names):
         print(f"{arguments.count} robots on {socket.gethostname()}", flush=True)
         sys.stdin.read()
 

@@ -19,7 +19,9 @@ from silo.bridges.ros2.names import TRIGGER, TRIGGER_HASH, Attachment, Distribut
 from silo.bridges.ros2.standard import Outlet, outlets_of
 from silo.bridges.services import trigger_response
 from silo.errors import ConnectionLostError, SiloError
+from silo.ipc.lingering import releasing
 from silo.ipc.samples import Samples
+from silo.ipc.session import close
 from silo.model import ElementInfo
 
 OPEN_MS = 3000
@@ -42,6 +44,7 @@ def joined(router: str) -> Iterator[zenoh.Session]:
         }.items():
             config.insert_json5(key, json.dumps(value))
         session = zenoh.open(config)
+        releasing.begin(session)
     except zenoh.ZError as error:
         why = str(error).split(" at /", 1)[0].strip()  # behind it stands a place in Zenoh's sources
         raise ConnectionLostError(
@@ -51,7 +54,7 @@ def joined(router: str) -> Iterator[zenoh.Session]:
     try:
         yield session
     finally:
-        session.close()  # type: ignore[no-untyped-call]  # zenoh's stub leaves the return type out
+        close(session)
 
 
 @dataclass

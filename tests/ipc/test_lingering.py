@@ -1,0 +1,30 @@
+"""Links are closed without waiting for a peer that has vanished."""
+
+import contextlib
+import socket
+import struct
+
+from silo.ipc.lingering import release_links
+
+WAITS = struct.pack("ii", 1, 10)
+
+
+def waits(link: socket.socket) -> bool:
+    return struct.unpack("ii", link.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))[0] != 0
+
+
+def test_links_of_this_process_are_closed_without_a_wait_and_go_on() -> None:
+    with contextlib.ExitStack() as stack:
+        listens = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        ours = stack.enter_context(socket.create_connection(listens.getsockname()))
+        theirs = stack.enter_context(listens.accept()[0])
+        ours.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, WAITS)
+        known = release_links()
+        assert not waits(ours)
+        ours.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, WAITS)
+        assert release_links(known) == known  # one that is known isn't looked at again
+        assert waits(ours)
+        release_links()
+        ours.sendall(b"the last word")
+        ours.close()
+        assert theirs.recv(100) == b"the last word"
