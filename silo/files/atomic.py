@@ -6,9 +6,11 @@ which is flushed to the disk and then renamed; on any failure, Ctrl-C included, 
 
 import errno
 import fcntl
+import hashlib
 import os
 import secrets
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -72,6 +74,44 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     except BaseException:
         _remove(part)
         raise
+
+
+@contextmanager
+def claimed(folder: str | os.PathLike[str], what: str, within_s: float) -> Iterator[int]:
+    """Have something in a folder to oneself: another process that claims the same words waits; the descriptor of that.
+
+    Who inherits the descriptor keeps the claim up, also when this process is killed. Nothing stays in the folder, and
+    what one that was killed leaves is swept as `sweep_parts` does. In a file system without locks everybody has it at
+    once. Raises `SaveError` where another one still has it after `within_s`, OSError.
+    """
+    path = Path(folder) / f".silo-claim-{hashlib.sha256(what.encode()).hexdigest()[:24]}{PART_ENDING}"
+    deadline_s = time.monotonic() + within_s
+    while (descriptor := _claim(path)) is None:
+        if time.monotonic() > deadline_s:
+            raise SaveError(f"another process has been writing {what} for {within_s:g} s: is it stopped?")
+        time.sleep(0.02)  # to wait for the lock itself would never end where its holder is stopped
+    try:
+        yield descriptor
+    finally:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)  # first, so that whoever locks it next sees that it isn't there any more
+        os.close(descriptor)
+
+
+def _claim(path: Path) -> int | None:
+    """The locked file, None where another one has it. Raises OSError."""
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        is_ours = os.path.samestat(os.fstat(descriptor), path.lstat())
+    except (BlockingIOError, FileNotFoundError):
+        is_ours = False
+    except OSError:
+        is_ours = True  # no locks in this file system
+    if not is_ours:
+        os.close(descriptor)
+        return None
+    return descriptor
 
 
 def sweep_parts(folder: str | os.PathLike[str]) -> list[Path]:

@@ -9,11 +9,14 @@ from pathlib import Path
 import msgspec
 
 from silo.errors import SaveError
+from silo.files.atomic import claimed
 from silo.files.saving import size_of
-from silo.helper.capture_list import CaptureEntry, CaptureList
+from silo.helper.capture_list import CaptureList
 from silo.helper.spool import Spool
 from silo.model import FileType, LoggedEvent, SavedFile
 from silo.recording import with_events
+
+PATIENCE_S = 60.0  # how long is waited for another process that writes the same capture
 
 
 @dataclass(frozen=True)
@@ -28,25 +31,31 @@ class WrittenCapture:
 def write_capture(spool: Spool, folder: str, listed: CaptureList, happened: Sequence[LoggedEvent]) -> WrittenCapture:
     """Write a capture, under the name that one who was killed had begun it with; note it in the list.
 
-    `happened` are events of its run. Raises OSError, SaveError.
+    One process at a time writes it: the writing process of a helper that was killed goes on, and a helper that gives
+    way writes what its successor knows of too. Who comes second finds it written. `happened` are events of its run.
+    Raises OSError, SaveError.
     """
     from silo.files.naming import next_run_number
 
     capture, logger = spool.capture, spool.schema.logger
     Path(folder).mkdir(parents=True, exist_ok=True)
-    entry = listed.find(spool.run, spool.trigger, capture.number)
-    if entry is None:
+
+    def name() -> str:
         begun = f"{logger}_{datetime.now():%Y%m%d_%H-%M-%S}_{next_run_number(folder, logger):05d}"
-        entry = CaptureEntry(spool.run, spool.trigger, capture.number, f"{begun}_{spool.trigger}_{capture.number}")
-        listed.note(entry)  # a process that is killed from here on leaves the name to its successor
-    files = _written(spool, folder, entry.name, happened)
+        return f"{begun}_{spool.trigger}_{capture.number}"
+
+    what = f"capture {capture.number} of '{spool.trigger}' in run {spool.run}"
+    with claimed(folder, what, PATIENCE_S) as claim:
+        entry = listed.begun(spool.run, spool.trigger, capture.number, name)
+        files = _written(spool, folder, entry.name, happened, claim)
+        removed = listed.written(entry, [file.path for file in files], spool.options.keep)
     ended = spool.why and f" ({spool.why})"
     paths = ", ".join(file.path for file in files)
     text = f"capture {capture.number} of '{spool.trigger}', ticks {capture.first} to {capture.last}{ended}: {paths}"
-    return WrittenCapture(files, text, listed.written(entry, [file.path for file in files], spool.options.keep))
+    return WrittenCapture(files, text, removed)
 
 
-def _written(spool: Spool, folder: str, name: str, happened: Sequence[LoggedEvent]) -> list[SavedFile]:
+def _written(spool: Spool, folder: str, name: str, happened: Sequence[LoggedEvent], claim: int) -> list[SavedFile]:
     """The files of a capture; those that a predecessor wrote already are left as they are."""
     from silo.files import write
     from silo.files.formats import SAVED
@@ -71,7 +80,7 @@ def _written(spool: Spool, folder: str, name: str, happened: Sequence[LoggedEven
     if others:
         # what CSV and bags need would leave this process with twice its memory
         order = WriteOrder(folder, logger, others, name, log=str(paths[FileType.SILO]))
-        report = write_apart(None, order, lambda _: None)
+        report = write_apart(None, order, lambda _: None, [claim])
         files += report.files
         if report.error:
             raise SaveError(f"{report.error}; saved: {', '.join(file.path for file in files)}")

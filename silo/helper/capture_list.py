@@ -9,12 +9,13 @@ import contextlib
 import fcntl
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import msgspec
 
 MOST_BYTES = 200_000
+MOST_BEGUN = 20  # captures without files that are remembered: of a process one is under way, others failed
 _TAIL = 256  # bytes before what is new that must be as they were: else the file was written anew
 
 _encoder = msgspec.json.Encoder()
@@ -69,11 +70,22 @@ class CaptureList:
                     found[one.trigger] = max(found.get(one.trigger, 0), one.number)
             return found
 
+    def begun(self, run: str, trigger: str, number: int, name: Callable[[], str]) -> CaptureEntry:
+        """Return what is known of a capture; of one that nobody knows it is noted what its files will be called.
+
+        A process that is killed from here on leaves the name to its successor. Raises OSError, and what `name` does.
+        """
+        with self._locked() as descriptor:
+            entry = self._read(descriptor).get((run, trigger, number))
+            if entry is None:
+                entry = CaptureEntry(run, trigger, number, name())
+                _append(descriptor, entry)
+            return entry
+
     def note(self, entry: CaptureEntry) -> None:
         """Add a line. Raises OSError."""
         with self._locked() as descriptor:
-            os.lseek(descriptor, 0, os.SEEK_END)
-            _write(descriptor, b"\n" + _encoder.encode(entry) + b"\n")  # a process may have been killed within a line
+            _append(descriptor, entry)
 
     def written(self, entry: CaptureEntry, paths: Sequence[str], keep: int) -> list[str]:
         """Note the files of a capture, and remove the oldest of its trigger beyond those to keep (0: all).
@@ -99,7 +111,9 @@ class CaptureList:
 
     def _shorten(self, descriptor: int, entries: dict[tuple[str, str, int], CaptureEntry]) -> None:
         """Write the file anew where most of what it tells is gone."""
-        there = [one for one in entries.values() if self._is_there(one)]
+        # what was begun only may be under way: its name is all that keeps it from being written twice
+        begun = [key for key, one in entries.items() if not one.files][-MOST_BEGUN:]
+        there = [one for key, one in entries.items() if key in begun or self._is_there(one)]
         if len(there) < len(entries) / 2:
             # the same process, or another one, may be killed in the midst: then older lines stand below, of files
             # that are gone
@@ -143,6 +157,11 @@ class CaptureList:
             yield descriptor
         finally:
             os.close(descriptor)
+
+
+def _append(descriptor: int, entry: CaptureEntry) -> None:
+    os.lseek(descriptor, 0, os.SEEK_END)
+    _write(descriptor, b"\n" + _encoder.encode(entry) + b"\n")  # a process may have been killed within a line
 
 
 def _write(descriptor: int, text: bytes) -> None:

@@ -81,8 +81,9 @@ def _recovered(reader: SegmentReader, state: JudgeState, folder: str, found: Rec
     listed = CaptureList(folder, schema.logger)
     for spool in [*whole, *step.whole]:
         capture = spool.capture
-        entry = listed.find(spool.run, spool.trigger, capture.number)
-        if entry is not None and entry.files:
+        # also by the helper process that died, where another folder is asked for now
+        if any(_is_written(one, spool.run, spool.trigger, capture.number) for one in
+               (listed, CaptureList(schema.folder, schema.logger))):  # fmt: skip
             continue
         try:
             done = write_capture(spool, folder, listed, read_events(schema.folder, schema.logger, schema.run))

@@ -10,7 +10,7 @@ import dataclasses
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -83,13 +83,18 @@ def _write(reader: SegmentReader | JournalReader, order: WriteOrder, progress: C
     return WriteReport(1.0, True, recording.offset, files, damage=damaged)
 
 
-def write_apart(reader: SegmentReader | None, order: WriteOrder, progress: Callable[[float], None]) -> WriteReport:
-    """The same in a process of its own; without a reader, of the journal. Raises SaveError if that dies."""
+def write_apart(
+    reader: SegmentReader | None, order: WriteOrder, progress: Callable[[float], None], claims: Sequence[int] = ()
+) -> WriteReport:
+    """The same in a process of its own; without a reader, of the journal. Raises SaveError if that dies.
+
+    It keeps up the `claims`, descriptors of what nobody else may write meanwhile, should this process be killed.
+    """
     segments = [reader.fileno()] if reader is not None else []
     command = [sys.executable, "-m", "silo.helper.writing", *map(str, segments)]
     decoder = msgspec.json.Decoder(WriteReport)
     with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=segments, start_new_session=True
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, pass_fds=[*segments, *claims], start_new_session=True
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None

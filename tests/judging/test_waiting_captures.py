@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from silo.helper.capture_list import CaptureEntry, CaptureList
+from silo.helper.capture_list import CaptureEntry, CaptureFile, CaptureList
 from silo.helper.waiting_captures import MOST_WAITING, WaitingCaptures
 from silo.judging.triggers import Capture
 from silo.model import TriggerOptions
@@ -80,10 +80,20 @@ def test_at_the_end_of_its_time_what_was_not_begun_is_told(waiting):
     assert waiting.all() == []
 
 
+def test_a_capture_that_was_begun_is_known_by_its_name_though_most_others_are_gone(tmp_path):
+    listed = CaptureList(str(tmp_path), "bot")
+    listed.begun("run", "real", 1, lambda: "begun")
+    for number in range(1, 2500):
+        listed.note(CaptureEntry("run", "noise", number, "a name of some length" * 5, (CaptureFile("gone", 1),)))
+    listed.written(CaptureEntry("run", "noise", 2500, "last"), [], keep=1)
+    assert (tmp_path / ".bot.captures.jsonl").stat().st_size < 1000
+    assert listed.begun("run", "real", 1, lambda: "another").name == "begun"
+
+
 def test_a_list_that_another_process_wrote_anew_is_read_anew(tmp_path):
     one, other = CaptureList(str(tmp_path), "bot"), CaptureList(str(tmp_path), "bot")
     for number in range(1, 2500):
-        one.note(CaptureEntry("run", "noise", number, "a name of some length" * 5))
+        one.note(CaptureEntry("run", "noise", number, "a name of some length" * 5, (CaptureFile("gone", 1),)))
     assert other.numbers("run") == {"noise": 2499}
     kept = tmp_path / "last"
     kept.touch()

@@ -1,0 +1,117 @@
+"""Captures that two processes know of: written once, whoever comes first, and found written by who comes second."""
+
+import contextlib
+import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import msgspec
+import pytest
+
+import silo
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SaveError
+from silo.files import naming
+from silo.files.atomic import claimed, sweep_parts
+from silo.helper import writing
+from silo.helper.capture_files import write_capture
+from silo.helper.capture_list import CaptureList
+from silo.helper.capture_recovery import recover_captures
+from silo.helper.judge_state import KeptCapture, state_path, store_state
+from silo.helper.segment_judge import SegmentJudge
+
+LONG_S = 1.0  # what the first one waits for may never come: then it goes on
+
+
+@pytest.fixture
+def robot(tmp_path, runtime_folder):
+    """A logger of which one spike was captured, by a judge without a helper process."""
+    logger = silo.Logger("bot", frequency=1000, max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
+    x = logger.array("x", (), buffer_size=3000)
+    logger.trigger("spike", "x > 50", pre="20ms", post="10ms", save=["silo", "csv"])
+    logger.start()
+    for tick in range(500):
+        x[...] = 100.0 if tick == 300 else 0.0
+        logger.collect()
+    yield logger
+    logger.close()
+
+
+def judge_of(robot):
+    return SegmentJudge(SegmentReader(robot.segment_path), robot.elements)
+
+
+def twice(robot, folder):
+    """What two processes make of one capture: the second begins as soon as the first is within."""
+
+    def write(number):
+        (spool,) = judge_of(robot).step().whole
+        return write_capture(spool, str(folder), CaptureList(str(folder), "bot"), []).files
+
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(write, range(2)))
+
+
+@pytest.mark.slow
+def test_two_that_begin_a_capture_at_once_give_it_one_name(robot, tmp_path, monkeypatch):
+    both, number = threading.Barrier(2), naming.next_run_number
+
+    def counted(*arguments):
+        with contextlib.suppress(threading.BrokenBarrierError):  # the other one waits for us
+            both.wait(LONG_S)
+        return number(*arguments)
+
+    monkeypatch.setattr(naming, "next_run_number", counted)
+    one, other = twice(robot, tmp_path)
+    assert one == other
+    assert len(list(tmp_path.glob("bot_*_spike_1.silo"))) == 1
+
+
+@pytest.mark.slow
+def test_who_comes_while_another_process_writes_a_capture_finds_it_written(robot, tmp_path, monkeypatch):
+    write_apart, both = writing.write_apart, threading.Barrier(2)
+
+    def slow(*arguments):
+        with contextlib.suppress(threading.BrokenBarrierError):
+            both.wait(LONG_S)
+        return write_apart(*arguments)
+
+    monkeypatch.setattr(writing, "write_apart", slow)
+    one, other = twice(robot, tmp_path)
+    assert one == other
+    assert sorted(path.suffix for path in tmp_path.glob("bot_*_spike_1*")) == [".csv", ".json", ".silo"]
+
+
+def test_what_another_process_has_claimed_for_long_is_refused_in_words(tmp_path):
+    with claimed(tmp_path, "capture 1", 1.0), pytest.raises(SaveError, match=r"writing capture 1 for 0.1 s"):  # noqa: SIM117
+        with claimed(tmp_path, "capture 1", 0.1):
+            pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_claim_is_kept_up_by_who_inherits_it_and_swept_after_them(tmp_path):
+    kept = -1
+    with claimed(tmp_path, "capture 1", 1.0) as claim:
+        kept = os.dup(claim)
+        (path,) = tmp_path.iterdir()
+        copy = path.with_name("copy")
+        os.link(path, copy)
+    copy.rename(path)  # as it stands where the one who claimed it was killed
+    assert sweep_parts(tmp_path) == []
+    with pytest.raises(SaveError), claimed(tmp_path, "capture 1", 0.1):
+        pass
+    os.close(kept)
+    assert sweep_parts(tmp_path) == [path]
+
+
+@pytest.mark.slow
+def test_a_capture_that_was_written_is_not_written_again_where_another_folder_is_asked_for(robot, tmp_path):
+    judge = judge_of(robot)
+    (spool,) = judge.step().whole
+    write_capture(spool, str(tmp_path), CaptureList(str(tmp_path), "bot"), [])
+    state = judge.state([KeptCapture(spool.options, spool.capture)], [], closed=False)
+    store_state(state_path("bot", state.run), msgspec.structs.replace(state, pid_start=state.pid_start + 1))
+    other = tmp_path / "other"
+    other.mkdir()
+    assert recover_captures(judge.reader, str(other)).files == []
+    assert list(other.glob("*.silo")) == []
