@@ -233,6 +233,7 @@ NO_EXTRAS = Extras()
 
 MARKER = "marker"  # the kind of an event that somebody set
 DAMAGED = "damaged"  # that of one in place of lines of the event log that can't be read
+UNHELD = "unheld"  # and of one that tells of an array that nobody but silo holds any more
 
 
 class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -400,6 +401,7 @@ class Status(msgspec.Struct, frozen=True):
     clients: list[Present] = []  # who is connected, first come first; the first twenty
     control: Control | None = None  # who alone may change it now; None: nobody took control
     one_operator: bool = False  # whether changes need control: `serve(control="one")`
+    unheld: dict[str, int] = {}  # elements whose array nobody but silo holds, the first ten, and the tick it was seen
 
 
 class Table(msgspec.Struct, frozen=True):

@@ -74,6 +74,23 @@ def failures_text(failures: Failures) -> str:
     return f"could not be read at {ticks}: NaN, or its last value, stands there instead"
 
 
+NEVER_CHANGED = ", and it never changed during the run"
+KEPT_ALIKE = ", and all its samples that are kept are the same"
+
+
+def unheld_text(tick: int, same: str = "") -> str:
+    """What is known of an array that nobody but silo holds any more, seen at a tick; fit to show behind its name.
+
+    `same` is one of the above, or empty.
+    """
+    seen = f"seen at tick {tick}" if tick else "seen at the start"
+    return (
+        f"nobody but silo holds this array any more ({seen}){same}: right for a constant; if it was assigned "
+        "anew (x = x + 1), that made another array: change it in place (x[:] = x + 1), or log the attribute "
+        "(log.add(owner, attr=...)), which follows assignments"
+    )
+
+
 @dataclass(frozen=True)
 class RecordedElement:
     """One element with its samples.

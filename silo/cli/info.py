@@ -100,6 +100,7 @@ def _show_status(status: "Status") -> None:
         ("logged", f"{status.ticks} ticks{f' in {logged_for(status)}' if logged_for(status) != '-' else ''}{unsaved}"),
         ("lost", f"{status.lost} samples"),
         *_failed(status),
+        *_unheld(status),
         *_durable(status),
         ("elements", f"{status.enabled} of {status.elements} are logged, {status.entries} values per tick at most"),
         *([("derived", f"{many(status.derived, 'signal')}: `silo derive ls`")] if status.derived else []),
@@ -135,6 +136,14 @@ def _failed(status: "Status") -> list[tuple[str, str]]:
         return []
     names = ", ".join(f"{name} at {many(count, 'tick')}" for name, count in status.failed_most.items())
     return [("failed", f"{many(status.failed, 'sample')} could not be read: {names}")]
+
+
+def _unheld(status: "Status") -> list[tuple[str, str]]:
+    """A line where the program assigned arrays anew."""
+    if not status.unheld:
+        return []
+    names = ", ".join(f"{name} (seen at tick {tick})" for name, tick in status.unheld.items())
+    return [("unheld", f"nobody but silo holds the array any more, its values stay: {names}")]
 
 
 def _endless(status: "Status") -> list[tuple[str, str]]:

@@ -6,28 +6,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from silo.collecting.sources import OwnMemory
 from silo.errors import SourceError
 
-BLOCK_WORDS = 1 << 15  # 256 kB; pages that are never used are never touched
+BLOCK_BYTES = 1 << 18  # pages that are never used are never touched
 
 
 class Arena:
     """Grows by blocks; what was handed out never moves."""
 
     def __init__(self) -> None:
-        self._block: NDArray[np.uint64] = np.zeros(0, np.uint64)
-        self._used = 0
+        self._block: OwnMemory | None = None
+        self._size = self._used = 0
 
     def array(self, sizes: tuple[int, ...], kind: np.dtype[Any]) -> NDArray[Any]:
         """Zeros of this shape and type, aligned to 8 bytes. Raises SourceError where there is no memory for them."""
         count = math.prod(sizes) * kind.itemsize
-        words = max(1, -(-count // 8))
-        if self._used + words > len(self._block):
+        size = max(8, -(-count // 8) * 8)
+        if self._block is None or self._used + size > self._size:
             try:
-                self._block = np.zeros(max(BLOCK_WORDS, words), np.uint64)
-            except MemoryError:
+                self._block, self._size = OwnMemory(max(BLOCK_BYTES, size)), max(BLOCK_BYTES, size)
+            except (OSError, OverflowError):
                 raise SourceError(f"no memory for an array of shape {sizes} and type {kind}: {count} bytes") from None
             self._used = 0
-        array: NDArray[Any] = np.ndarray(sizes, kind, self._block.data, 8 * self._used)
-        self._used += words
+        array: NDArray[Any] = np.ndarray(sizes, kind, self._block, self._used)
+        self._used += size
         return array

@@ -63,7 +63,7 @@ class Kind(enum.IntEnum):
 
 
 class Commit(msgspec.Struct, frozen=True):
-    """All rows up to `ticks` stand before it: `heads` of each ring, and what was lost and failed until then.
+    """All rows up to `ticks` stand before it: `heads` of each ring, and what was lost, failed and let go of until then.
 
     `ended`: the run had stopped, no tick follows.
     """
@@ -75,6 +75,7 @@ class Commit(msgspec.Struct, frozen=True):
     failures: dict[str, Failures]
     saved_ticks: int = 0
     ended: bool = False
+    unheld: dict[str, int] = {}
 
 
 class Head(msgspec.Struct, frozen=True):

@@ -213,6 +213,10 @@ class JournalReader:
         """At which ticks an element could not be read."""
         return self._commit.failures.get(element.info.name, NO_FAILURES)
 
+    def unheld(self) -> dict[str, int]:
+        """Elements whose array nobody but silo held any more, with the tick at which that was seen."""
+        return self._commit.unheld
+
     def marks(self, since: int = 0) -> list[LoggedEvent]:
         """None: the event log beside the journal has them."""
         return []

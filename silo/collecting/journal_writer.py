@@ -151,6 +151,7 @@ class JournalWriter:
             },
             saved_ticks=saved,
             ended=ended,
+            unheld=source.unheld(),
         )
 
     def _write_batch(self, stream: _Stream, source: SegmentReader, commit: Commit) -> _Batch:

@@ -86,5 +86,8 @@ class RowSource(Protocol):
     def failures(self, element: ElementSchema) -> Failures:
         """At which ticks an element could not be read."""
 
+    def unheld(self) -> dict[str, int]:
+        """Elements whose array nobody but silo holds any more, with the tick at which that was seen."""
+
     def marks(self, since: int = 0) -> list[LoggedEvent]:
         """The program's marks after number `since` that are still there."""

@@ -21,7 +21,7 @@ from silo.collecting.reasons import StopReason
 from silo.collecting.schema import SegmentSchema
 from silo.collecting.segment import Segment
 from silo.collecting.segment_reader import SegmentReader
-from silo.collecting.sources import HeldArrays, Reference
+from silo.collecting.unheld import Unheld, Watched
 from silo.errors import SegmentError
 from silo.model import NO_EXTRAS, Extras, LoggerOptions, Storage, Threads
 from silo.runtime import (
@@ -60,8 +60,7 @@ class Run:
         plan = before.plan.again() if before and unchanged else _laid_out(options, elements)
         self.plan: Plan = plan
         self._elements: Sequence[Element] | None = elements
-        self._watched: _Watched = before._watched if before and unchanged else _Watched(elements)
-        self._watched.warn_of_abandoned()
+        self._watched: Watched = before._watched if before and unchanged else Watched.of(elements)
         path = self._path(options)
         self._announced = options.storage is Storage.FILE
         if self._announced:
@@ -82,6 +81,8 @@ class Run:
         self.collect, self._retire = generated.collect, generated.retire
         self.mark = self.segment.mark
         self._reader: SegmentReader | None = None
+        self._unheld = Unheld(self._watched, self.segment)
+        self._unheld.tell_at_start()
 
     @staticmethod
     def _path(options: LoggerOptions) -> Path:
@@ -140,6 +141,17 @@ class Run:
                 os.close(descriptor)
         return self._reader
 
+    def left_behind(self, pause: Callable[[], None]) -> list[int]:
+        """What `look` is to be given while the loop turns: the arrays that nobody but silo holds. Takes no lock."""
+        return self._unheld.without_anybody(pause)
+
+    def look(self, found: Sequence[int] | None = None, *, last: bool = False) -> None:
+        """Tell of arrays that were left behind, once. For who has the logger's lock; after the `last` look: nothing."""
+        during = found is not None
+        self._unheld.take(
+            self._unheld.without_anybody() if found is None else found, lambda: self.reader, during=during, last=last
+        )
+
     def end(self, reason: StopReason) -> None:
         """No more ticks; a `collect` that somebody kept goes to the logger's present one from now on."""
         self._retire()
@@ -155,7 +167,8 @@ class Run:
         self.collect = self._retire = _nothing
         self.mark = no_mark
         self.plan = dataclasses.replace(self.plan, references=())
-        self._elements, self._watched = None, _Watched(())
+        self._elements, self._watched = None, Watched.of(())
+        self._unheld.end()
         self.segment.unlink()
         if self._announced:
             withdraw_segment(self.segment.path)
@@ -174,26 +187,6 @@ def _laid_out(options: LoggerOptions, elements: Sequence[Element]) -> Plan:
 
 def _nothing() -> None:
     """What is left of a dropped run."""
-
-
-class _Watched:
-    """The elements whose values are read by reference, for the warning of those that can't change any more."""
-
-    def __init__(self, elements: Sequence[Element]) -> None:
-        sources = [(element.info, part.source) for element in elements for part in element.parts]
-        references = [(info, source) for info, source in sources if isinstance(source, Reference)]
-        self._infos = [info for info, _ in references]
-        self._held = HeldArrays([source for _, source in references])
-
-    def warn_of_abandoned(self) -> None:
-        gone = itertools.compress(self._infos, self._held.abandoned())
-        for name in sorted({info.name for info in gone if info.options.enabled}):
-            logger.warning(
-                "%s: only the logger refers to this array any more, its values won't change: it was assigned anew "
-                "(x = x + 1) since it was added; change it in place (x[:] = x + 1), or log the attribute "
-                "(log.add(owner, attr=...)), which follows assignments",
-                name,
-            )
 
 
 def addresses_work(plan: Plan) -> bool:

@@ -7,6 +7,7 @@
     failures     256 bytes for each element that is read by an expression, see `silo.collecting.failures`
     marks        slots of 256 bytes, see `silo.collecting.marks`
     rings        rows of 8-byte words: tick, time stamp in ns, words gathered from memory
+    unheld       one word per element, see `SegmentSchema`
     chunk data   chunks of `chunk_bytes`, appended while logging
 
 Everything is little-endian and 8-byte aligned; each part begins on a page.
@@ -128,7 +129,9 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     """What the segment holds and who writes it. `pid_start` and `boot_id` tell the writer from a reused pid.
 
     `logger_id` is drawn once in the life of a logger, `run` once per start: names may come again, these don't. `marks`
-    is the word position of the slots of marks, -1 where there are none; `mark_slots` is how many.
+    is the word position of the slots of marks, -1 where there are none; `mark_slots` is how many. `unheld` is that of
+    one word per element, -1 in older segments: 0, or one more than the tick at which was seen that nobody but silo
+    holds its array any more. They come after the rings: where these stand is part of the text of `collect()`.
     """
 
     logger: str
@@ -155,6 +158,7 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     extras: Extras = NO_EXTRAS
     marks: int = -1
     mark_slots: int = 0
+    unheld: int = -1
 
 
 def page_up(size_bytes: int) -> int:

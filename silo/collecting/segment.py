@@ -80,8 +80,11 @@ class Segment:
         self._control = PAGE + _schema_room(schema, elements_json)
         self._directory = self._control + page_up(8 * LINE_WORDS * (1 + len(schema.rings)))
         elements, end = _place_failures(schema.elements, self._directory + page_up(8 * self._directory_words))
-        rings, self._chunk_data = _place(schema.rings, end + MARKS_BYTES)
-        self.schema = msgspec.structs.replace(schema, rings=rings, elements=elements, marks=end // 8, mark_slots=SLOTS)
+        rings, rings_end = _place(schema.rings, end + MARKS_BYTES)
+        self._chunk_data = rings_end + page_up(8 * len(elements))
+        self.schema = msgspec.structs.replace(
+            schema, rings=rings, elements=elements, marks=end // 8, mark_slots=SLOTS, unheld=rings_end // 8
+        )
         if elements is not schema.elements:
             elements_json = msgspec.json.encode(elements)
         self._growing = {ring.ring: ring for ring in rings if ring.buffer_type is BufferType.GROWING}
@@ -203,6 +206,11 @@ class Segment:
             return self._failed
         blocks = {element.info.name: element.failures for element in self.schema.elements if element.failures >= 0}
         return {name: self.words[block] for name, block in blocks.items() if self.words[block]}
+
+    def note_unheld(self, place: int, tick: int) -> None:
+        """Remember that nobody but silo held the array of the element at this place of the schema, seen at a tick."""
+        if not self._counted and self._fd >= 0:
+            self.words[self.schema.unheld + place] = tick + 1
 
     def stop(self, reason: StopReason) -> None:
         """Mark that no more rows will come."""
@@ -334,7 +342,7 @@ def _schema_room(schema: SegmentSchema, elements_json: bytes) -> int:
     """Bytes for the schema once its offsets are known: sized with the longest offset there can be."""
     rings = tuple(msgspec.structs.replace(ring, offset=2**53) for ring in schema.rings)
     longest = len(str(2**53)) * sum(element.failures >= 0 for element in schema.elements)
-    placed = msgspec.structs.replace(schema, rings=rings, marks=2**53, mark_slots=SLOTS)
+    placed = msgspec.structs.replace(schema, rings=rings, marks=2**53, mark_slots=SLOTS, unheld=2**53)
     return page_up(len(_encoded(placed, elements_json)) + longest)
 
 

@@ -99,6 +99,7 @@ class SegmentReader:
             self._directory_words = int(self._words[Header.CHUNKS_LIMIT])
             self._chunk_data = 8 * self._words_at(Header.CHUNK_DATA_OFFSET)
             self._check_layout()
+            self._written = self.schema  # a reader with derived signals has more elements
         except BaseException:
             self._file.close()
             raise
@@ -170,6 +171,8 @@ class SegmentReader:
             if schema.mark_slots < 0:
                 raise self._damaged(f"it announces {schema.mark_slots} slots of marks")
             ends.append(8 * (schema.marks + SLOT_WORDS * schema.mark_slots))
+        if schema.unheld >= 0:
+            ends.append(8 * (schema.unheld + len(schema.elements)))
         if max(ends) > self._size_bytes:
             raise SegmentError(f"{self.path}: cut short, {self._size_bytes} of {max(ends)} bytes are there")
 
@@ -302,6 +305,15 @@ class SegmentReader:
         self._check_size()
         counts = self._words[places]
         return {names[at]: int(counts[at]) for at in np.flatnonzero(counts).tolist()}
+
+    def unheld(self) -> dict[str, int]:
+        """Elements whose array nobody but silo holds any more, with the tick at which that was seen."""
+        schema = self._written
+        if schema.unheld < 0:
+            return {}
+        self._check_size()
+        words = self._words[schema.unheld : schema.unheld + len(schema.elements)]
+        return {schema.elements[at].info.name: int(words[at]) - 1 for at in np.flatnonzero(words).tolist()}
 
     # ------------------------------------------------------------------------------------------------- rows
 

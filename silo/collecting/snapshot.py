@@ -11,7 +11,16 @@ from silo.collecting.reasons import LOST_TEXTS
 from silo.collecting.rows import Rows, RowSource
 from silo.collecting.schema import TIME_RING, ElementSchema
 from silo.model import BufferType
-from silo.recording import RecordedElement, RecordedEntry, Recording, failures_text, stamped
+from silo.recording import (
+    KEPT_ALIKE,
+    NEVER_CHANGED,
+    RecordedElement,
+    RecordedEntry,
+    Recording,
+    failures_text,
+    stamped,
+    unheld_text,
+)
 
 
 def snapshot(source: RowSource) -> Recording:
@@ -79,6 +88,16 @@ def _recorded(source: RowSource, element: ElementSchema, rows: Rows, due: int, f
     )
 
 
+def _same(element: RecordedElement, ticks: int) -> str:
+    """That all samples are the same, bit for bit, in words; empty where they are not, or one alone."""
+    if element.count < 2:
+        return ""
+    bits = [np.ascontiguousarray(entry.values).view(np.uint8).reshape(element.count, -1) for entry in element.entries]
+    if not all(bool((one == one[0]).all()) for one in bits):
+        return ""
+    return NEVER_CHANGED if element.count == -(-ticks // element.divider) else KEPT_ALIKE
+
+
 def _warnings(source: RowSource, elements: list[RecordedElement], ticks: int) -> tuple[str, ...]:
     warnings = []
     lost = lost_samples(source)
@@ -87,6 +106,12 @@ def _warnings(source: RowSource, elements: list[RecordedElement], ticks: int) ->
         warnings.append(f"{lost} samples could not be kept: {texts}")
     failed = [element for element in elements if element.failures.count]
     warnings += [f"{element.name}: {failures_text(element.failures)}" for element in failed]
+    unheld = source.unheld()
+    warnings += [
+        f"{element.name}: {unheld_text(unheld[element.name], _same(element, ticks))}"
+        for element in elements
+        if element.name in unheld
+    ]
     sizes = {element.info.name: element.info.options.buffer_size for element in source.schema.elements}
     short = [
         element.name

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from silo.errors import SourceError
 
 DEFAULT_STRING_BYTES = 64
+COUNTED_AT_ONCE = 500  # references, 50 us: so long may a control loop have to wait for the interpreter
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,11 @@ class Reference:
     def shape(self) -> tuple[int, ...]:
         """Shape of the source."""
         return self.view.shape
+
+    @property
+    def is_own(self) -> bool:
+        """Whether `log.array` made its memory."""
+        return isinstance(self.holds[-1], OwnMemory)
 
 
 @dataclass(frozen=True)
@@ -168,26 +174,43 @@ class HeldArrays:
 
     def __init__(self, references: Sequence[Reference]) -> None:
         self._held = [[id(array) for array in _arrays(reference)] for reference in references]
-        self._arrays = list({id(array): array for one in references for array in _arrays(one)}.values())
+        arrays = list({id(array): array for one in references for array in _arrays(one)}.values())
         owed = Counter(map(id, itertools.chain.from_iterable(reference.holds for reference in references)))
         owed.update([id(reference.view) for reference in references])
-        owed.update([id(array.base) for array in self._arrays])
-        self._owed = [owed[id(array)] + 1 for array in self._arrays]
+        owed.update([id(array.base) for array in arrays])
+        # each stands in one list of ours, besides
+        self._parts = [arrays[begin : begin + COUNTED_AT_ONCE] for begin in range(0, len(arrays), COUNTED_AT_ONCE)]
+        self._owed = [[owed[id(array)] + 1 for array in part] for part in self._parts]
 
-    def abandoned(self) -> list[bool]:
+    def abandoned(self, pause: Callable[[], None] | None = None) -> list[bool]:
         """Of each reference: whether nobody else refers to the array any more, so that it can't change.
 
-        Told only of arrays whose memory is NumPy's own; False where others may write to it by address.
+        Told only of arrays whose memory is NumPy's own, or silo's; False where others may write to it by address.
+        `pause` is called before every 50 us of counting.
         """
-        alone = list(map(operator.le, _reference_counts(self._arrays), self._owed))
-        if not any(alone):
-            return [False] * len(self._held)
-        ours = {
-            id(array)
-            for array in itertools.compress(self._arrays, alone)
-            if array.base is None or isinstance(array.base, np.ndarray)
-        }
-        return [ours.issuperset(held) for held in self._held]
+        ours: set[int] = set()
+        for part, owed in zip(self._parts, self._owed, strict=True):
+            if pause is not None:
+                pause()
+            alone = map(operator.le, _reference_counts(part), owed)
+            ours.update(id(array) for array in itertools.compress(part, alone) if _is_plain(array.base))
+        return [ours.issuperset(held) for held in self._held] if ours else [False] * len(self._held)
+
+
+class OwnMemory(mmap.mmap):
+    """A block that `log.array` carves variables from: only these are ever written to.
+
+    No array itself: else it would be the base of views of those variables, which must be theirs to be found by.
+    """
+
+    def __new__(cls, size_bytes: int) -> "OwnMemory":
+        """Zeros; pages that are never used take no memory. Raises OSError, OverflowError where there is no room."""
+        return super().__new__(cls, -1, size_bytes, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+
+
+def _is_plain(base: object) -> bool:
+    """Whether what stands behind an array is known to be written by arrays alone."""
+    return base is None or isinstance(base, np.ndarray | OwnMemory)
 
 
 def _arrays(reference: Reference) -> list[NDArray[Any]]:

@@ -18,9 +18,8 @@ from silo.recording import Recording
 
 LEVELS = ("DEBUG=10", "INFO=20", "WARN=30", "ERROR=40", "FATAL=50")
 INFO, WARN, ERROR = 20, 30, 40
-_LEVEL_OF = {"lost": WARN, "blind": WARN, "files deleted": WARN, "limit": WARN, "durable": WARN} | dict.fromkeys(
-    ("save failed", "crashed"), ERROR
-)
+_WARNS = ("lost", "blind", "files deleted", "limit", "durable", "unheld")
+_LEVEL_OF = dict.fromkeys(_WARNS, WARN) | dict.fromkeys(("save failed", "crashed"), ERROR)
 LOG_TYPE = MessageType(
     "rcl_interfaces/msg/Log",
     (

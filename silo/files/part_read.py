@@ -18,7 +18,7 @@ from silo.files.mcap_write import MAGIC
 from silo.files.part_events import events_of
 from silo.files.part_facts import EVENTS_RING, PartFacts, RingFacts
 from silo.files.part_scan import first_row, part_records, ring_of
-from silo.model import BufferType, LoggedEvent
+from silo.model import UNHELD, BufferType, LoggedEvent
 from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording
 
 _MOST_SPANS = 15
@@ -95,7 +95,10 @@ def read_part(data: memoryview, facts: PartFacts) -> Recording:
             readers[channel].add(chunk, entries["offset"])
     joined = {number: ring.join() for number, ring in rings.items()}
     found = _recording(facts, joined, elements, closed=bytes(data[-len(MAGIC) :]) == MAGIC)
-    return replace(found, events=tuple(sorted(events, key=lambda event: (event.time_ns, event.number))))
+    # what was found of sources while the part was written: its description came before
+    told = tuple(dict.fromkeys(event.text for event in events if event.kind == UNHELD))
+    ordered = tuple(sorted(events, key=lambda event: (event.time_ns, event.number)))
+    return replace(found, events=ordered, warnings=(*found.warnings, *told))
 
 
 def _recording(facts: PartFacts, rings: dict[int, _Joined], elements: list[Values], *, closed: bool) -> Recording:

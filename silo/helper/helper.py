@@ -283,6 +283,8 @@ class Helper:
     ) -> None:
         if isinstance(message, RobotState):
             before, now = mirror.take(message)
+            if self._marks is not None and now.robot.state is State.STOPPED:
+                self._marks.take()  # nothing of a run is told after its end
             if self._recording is not None:
                 self._recording.follow_present()
             _tell_changes(events, before, now)

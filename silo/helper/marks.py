@@ -1,4 +1,7 @@
-"""Takes the program's marks out of the segment into the event log, five times a second and at every end."""
+"""Takes what the program notes in its segment into the event log, five times a second and at every end.
+
+That are its marks, and arrays that nobody but silo holds any more.
+"""
 
 import logging
 import threading
@@ -8,8 +11,10 @@ from silo.errors import SegmentError
 from silo.helper.events import Events
 from silo.helper.mirror import Mirror
 from silo.ipc.published import EventKind
+from silo.recording import unheld_text
 
 PERIOD_S = 0.2
+MOST_UNHELD = 10  # told of by name, at once
 
 log = logging.getLogger("silo.helper")
 
@@ -23,6 +28,7 @@ class Marks:
         self._reader: SegmentReader | None = None
         self._known: set[tuple[int, int, str]] = set()  # marks that a helper process before this one took
         self._taken = 0
+        self._unheld: set[str] = set()  # elements that were told of
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="marks")
 
@@ -36,11 +42,11 @@ class Marks:
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join()
-        self._take()
+        self.take()
 
     def take_run(self) -> None:
         """Take what is left of the run before, whose memory is still mapped here, and follow the mirror's run."""
-        self._take()
+        self.take()
         try:
             reader = self._mirror.open_reader()
         except SegmentError:
@@ -48,13 +54,13 @@ class Marks:
             reader = None
         with self._lock:
             if reader is None or self._reader is None or reader.schema.run != self._reader.schema.run:
-                self._taken = 0
+                self._taken, self._unheld = 0, set()
                 self._known = self._events.log.marks_of(reader.schema.run) if reader is not None else set()
             self._reader = reader
 
     def let_go(self) -> None:
         """Take what is left of the run and free its memory."""
-        self._take()
+        self.take()
         with self._lock:
             self._reader = None
 
@@ -63,9 +69,35 @@ class Marks:
             reader = self._reader
             if self._mirror.run != (reader.schema.run if reader is not None else ""):
                 self.take_run()  # one that was not handed over
-            self._take()
+            self.take()
 
-    def _take(self) -> None:
+    def take(self) -> None:
+        """Take what there is now."""
+        self._take_marks()
+        self._take_unheld()
+
+    def _take_unheld(self) -> None:
+        with self._lock:
+            if self._reader is None:
+                return
+            try:
+                found = self._reader.unheld()
+            except SegmentError:  # somebody cut it short, which others tell
+                return
+            run, fresh = self._reader.schema.run, sorted(found.keys() - self._unheld)
+            self._unheld |= found.keys()
+            if not fresh:
+                return
+        logged = {event.text for event in self._events.log.of_run(run) if event.kind == EventKind.UNHELD}
+        for name in fresh[:MOST_UNHELD]:
+            text = f"{name}: {unheld_text(found[name])}"
+            if text not in logged:  # else a helper process before this one told it
+                self._events.publish(EventKind.UNHELD, text, tick=found[name], run=run)
+        if len(fresh) > MOST_UNHELD:
+            text = f"nobody but silo holds the arrays of {len(fresh) - MOST_UNHELD} more elements either"
+            self._events.publish(EventKind.UNHELD, text, run=run)
+
+    def _take_marks(self) -> None:
         with self._lock:
             if self._reader is None:
                 return

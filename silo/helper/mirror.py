@@ -323,6 +323,7 @@ class Mirror:
             control=control,
             one_operator=one_operator,
             failed_most=dict(sorted(read.failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
+            unheld=dict(sorted(read.unheld.items())[:FAILED_NAMES]),
         )
 
 
@@ -344,14 +345,16 @@ class _Read:
     lost: int
     held: Holdings
     failed: dict[str, int]
+    unheld: dict[str, int]
 
 
 def _read(reader: SegmentReader | None, kept: list[Kept]) -> _Read:
     """Raises SegmentError for a segment that was cut short."""
     held = _holdings(reader, kept)
     if reader is None:
-        return _Read(0, 0, 0, held, {})
-    return _Read(reader.ticks, reader.last_time_ns, lost_samples(reader), held, reader.failure_counts())
+        return _Read(0, 0, 0, held, {}, {})
+    failed, unheld = reader.failure_counts(), reader.unheld()
+    return _Read(reader.ticks, reader.last_time_ns, lost_samples(reader), held, failed, unheld)
 
 
 def _holdings(reader: SegmentReader | None, kept: list[Kept]) -> Holdings:

@@ -156,6 +156,10 @@ class Spool:
         """At which ticks an element could not be read."""
         return self._reader.failures(element)
 
+    def unheld(self) -> dict[str, int]:
+        """Elements whose array nobody but silo holds any more, as far as that was seen until the capture's end."""
+        return {name: tick for name, tick in self._reader.unheld().items() if tick <= self.capture.last}
+
     def marks(self, since: int = 0) -> list[LoggedEvent]:
         """The program's marks at ticks of the capture."""
         return [mark for mark in self._reader.marks(since) if self.capture.first <= mark.tick <= self.capture.last]

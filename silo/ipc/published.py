@@ -142,6 +142,7 @@ class EventKind(str, enum.Enum):
     CONTROL = "control"  # somebody took it, gave it away, or lost it
     MARKER = "marker"  # somebody, or the program, marked a tick
     DAMAGED = "damaged"  # stands in place of lines of the event log that can't be read
+    UNHELD = "unheld"  # nobody but silo holds the array of an element any more
     OTHER = "other"
 
     @classmethod

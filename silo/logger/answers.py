@@ -7,7 +7,7 @@ One function per request that the helper hands on. Called by the thread of `silo
 import logging
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import msgspec
@@ -98,6 +98,7 @@ class Served(Protocol):
     def restart(self, *, unsaved: UnsavedWord = "clear") -> None: ...
     @property
     def saved_before_start(self) -> str: ...
+    def look_for_unheld(self, run: Run | None = None, found: Sequence[int] | None = None) -> None: ...
     def note_saved(self, run_id: str, ticks: int, /) -> None: ...
 
 

@@ -1,9 +1,10 @@
 """What a logger has logged: how far it is, its samples, saving them and recording them without end."""
 
+import contextlib
 import dataclasses
 import logging
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -11,7 +12,7 @@ from silo.arguments import path, text, texts
 from silo.calls import told_class
 from silo.collecting.run import Run
 from silo.display import MOST_ROWS, html_table
-from silo.errors import SaveError, StateError
+from silo.errors import SaveError, SegmentError, StateError
 from silo.logger.conditions import Conditions
 from silo.logger.current_run import CurrentRun
 from silo.logger.elements import LoggedElement, SavedFiles, look_at, newest_text
@@ -87,6 +88,21 @@ class Logged(Conditions):
         """The current or last run; for the serving thread."""
         return self._present.run
 
+    def look_for_unheld(self, run: Run | None = None, found: Sequence[int] | None = None) -> None:
+        """Tell of arrays that nobody but silo holds any more.
+
+        For the serving thread, and for whatever ends a run or saves it.
+
+        Args:
+            run: the one that was looked at, while its loop turned; the present one if not given.
+            found: what was seen of it.
+        """
+        with self._lock:
+            present = self._present.run
+            with contextlib.suppress(SegmentError):  # whoever cut it short is told of by what is done next
+                if present is not None and not self._closed and run in (None, present):
+                    present.look(found, last=not self._running)
+
     # ---------------------------------------------------------------------------------------------------- data
 
     def snapshot(self) -> Recording:
@@ -97,6 +113,7 @@ class Logged(Conditions):
             self._check_open()
             if self._present.run is None:
                 raise StateError("nothing was logged yet: call start() and collect() first")
+            self.look_for_unheld()
             # derived signals and limits as they are, not as they were at the start
             return dataclasses.replace(self._present.run.reader.snapshot(), extras=self._extras)
 
@@ -199,6 +216,7 @@ class Logged(Conditions):
         if run is None:
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
         ticks = run.segment.ticks
+        self.look_for_unheld()
         if self._serving is not None and self._serving.is_up:
             saved = self._serving.save(chosen, name, str(where.resolve()) if folder else "")
         else:

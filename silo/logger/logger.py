@@ -164,6 +164,7 @@ class Logger(Logged):
             self._check_stopped("start")
             if not self._updated:
                 self.update()
+            self.look_for_unheld()  # a run that stopped by itself may be saved now
             self._present.settle(unsaved, self.options, self.extras)
             self._adopt_late()
             self._warn_of_triggers(served=self._serving is not None)
@@ -210,6 +211,7 @@ class Logger(Logged):
             if self._running and self._present.run is not None:
                 self._running = False
                 self._set_collect(_idle)
+                self.look_for_unheld()
                 self._present.run.end(StopReason.ASKED)
                 self._reason = STOP_TEXTS[StopReason.ASKED]
                 self._tell()
@@ -298,6 +300,7 @@ class Logger(Logged):
             if self._closed:
                 return
             self.stop()
+            self.look_for_unheld()
             self._closed = True
         if self._serving is not None:
             self._serving.close()
@@ -332,6 +335,7 @@ class Logger(Logged):
             self.close()
             return
         self.stop()
+        self.look_for_unheld()
         self._closed = True
         if self._serving is not None:
             if self._serving.is_up:

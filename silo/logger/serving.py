@@ -32,6 +32,8 @@ log = logging.getLogger("silo")
 
 SaveFuture = concurrent.futures.Future[list[SavedFile]]
 
+LOOK_S = 1.0  # between looks at what the program holds: 2 ms of processor time for 10,000 arrays
+PAUSE_S = 0.0005  # which the loop has between two slices of a look
 LONG_LIFE_S = 60.0  # a helper process that lived longer was a good one: the next is started at once
 RESPAWN_DELAYS_S = (0.0, 0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)  # before each try; the last one for ever after
 
@@ -130,15 +132,20 @@ class Serving:
     # -------------------------------------------------------------------------------------------------- the thread
 
     def _serve(self) -> None:
+        next_look_s = time.monotonic() + LOOK_S
         while self.alive:
             link = self._helper.link.fileno()
-            readable = select.select([link, self._wake], [], [])[0]
+            readable = select.select([link, self._wake], [], [], self._until_look(next_look_s))[0]
             try:
+                if time.monotonic() >= next_look_s:
+                    self._look()
+                    next_look_s = time.monotonic() + LOOK_S
                 if self._wake in readable:
                     os.eventfd_read(self._wake)
                     if not self.alive:
                         return
                     self._push_state()
+                    self._look_at_end()
                 if link in readable:
                     message = self._helper.channel.receive()
                     if message is None:
@@ -147,6 +154,24 @@ class Serving:
                         self._handle(message)
             except (OSError, SiloError):  # gone, or what it sends is no message
                 self._helper_died()
+
+    def _until_look(self, next_look_s: float) -> float | None:
+        """Seconds until the next look at what a running logger's program holds; None while there is nothing to see."""
+        logger = self._logger_ref()
+        return max(0.0, next_look_s - time.monotonic()) if logger is not None and logger.is_running else None
+
+    def _look_at_end(self) -> None:
+        """The last look at a run that stopped by itself, which its loop has no time for."""
+        logger = self._logger_ref()
+        if logger is not None and not logger.is_running:
+            logger.look_for_unheld()
+
+    def _look(self) -> None:
+        """Tell of arrays that nobody but silo holds any more. The loop has the interpreter in between."""
+        logger = self._logger_ref()
+        run = logger.present_run if logger is not None else None
+        if logger is not None and run is not None:
+            logger.look_for_unheld(run, run.left_behind(lambda: time.sleep(PAUSE_S)))
 
     def _handle(self, message: object) -> None:
         logger = self._logger_ref()

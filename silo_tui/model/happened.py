@@ -15,7 +15,7 @@ from silo_tui.model.lists import Order
 
 LETTERS = {
     "marker": "M", "triggered": "T", "captured": "T", "started": "S", "stopped": "S", "closed": "S", "edited": "E",
-    "script loaded": "E", "lost": "X", "crashed": "X", "blind": "X", "files deleted": "X", "limit": "H",
+    "script loaded": "E", "lost": "X", "crashed": "X", "blind": "X", "files deleted": "X", "unheld": "X", "limit": "H",
 }  # fmt: skip
 NAMES = {"M": "marker", "T": "trigger", "S": "start/stop", "E": "edit", "X": "loss", "H": "limit"}
 EVENT_LINE = "╎"

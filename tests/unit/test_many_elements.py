@@ -174,10 +174,10 @@ def test_an_array_that_was_assigned_anew_since_the_last_run_is_told_of(new_logge
     x = np.zeros(3)
     logger.add(x, "x")
     logger.start()
-    assert "only the logger refers to" not in caplog.text
+    assert "nobody but silo holds this array" not in caplog.text
     x = x + 1
     logger.restart()
-    assert "only the logger refers to" in caplog.text
+    assert "nobody but silo holds this array" in caplog.text
 
 
 def test_a_table_without_elements_is_laid_out_after_one_with_some(new_logger):

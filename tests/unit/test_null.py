@@ -8,7 +8,7 @@ import pytest
 from silo.logger.logger import Logger
 from silo.logger.null import NullLogger
 
-INSIDE = {"lock", "after_fork_in_child", "problems", "present_run", "note_saved"}  # for silo itself
+INSIDE = {"lock", "after_fork_in_child", "problems", "present_run", "note_saved", "look_for_unheld"}  # for silo itself
 
 
 def public(kind):

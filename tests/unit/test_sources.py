@@ -221,7 +221,7 @@ def test_an_array_that_was_assigned_anew_is_warned_of_at_start(new_logger, caplo
     robot.x = robot.x + 1
     logger.start()
     (warning,) = warnings_of(caplog)
-    assert warning.startswith("/log/x: only the logger refers to this array any more")
+    assert warning.startswith("/log/x: nobody but silo holds this array any more (seen at the start)")
 
 
 def test_a_column_of_an_array_that_was_assigned_anew_is_warned_of(new_logger, caplog):

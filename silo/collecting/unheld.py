@@ -1,0 +1,157 @@
+"""Arrays that nobody but silo holds any more: `q = np.full(3, i)` in a loop leaves the one that was added behind.
+
+Looked for beside the loop: at each start, stop and save, and once a second where a helper process serves the logger.
+What is found is told once, and stands in the segment, from where files, the status and the event log have it.
+
+A function that returned leaves its arrays behind as well, and some are constants; so an array is told of at the start,
+or after ticks went by without it and it stayed what it was, or at the end if it never changed.
+"""
+
+import itertools
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from silo.collecting.plan import Element
+from silo.collecting.rows import moved, words_of
+from silo.collecting.schema import ElementSchema
+from silo.collecting.segment import Segment
+from silo.collecting.segment_reader import SegmentReader
+from silo.collecting.sources import HeldArrays, Reference
+from silo.model import ElementInfo
+from silo.recording import KEPT_ALIKE, NEVER_CHANGED, unheld_text
+
+logger = logging.getLogger("silo")
+
+TICKS_WITHOUT = 2  # that go by until an array is told of: at least one whole turn of the loop
+MOST_TOLD = 10  # by name, at once
+
+
+@dataclass
+class Watched:
+    """The elements of a table that are read by reference, and of which it was told."""
+
+    infos: list[ElementInfo]
+    references: list[Reference]
+    held: HeldArrays
+    told: set[str] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, elements: Sequence[Element]) -> "Watched":
+        """What is to be watched of a table."""
+        sources = [(element.info, part.source) for element in elements for part in element.parts]
+        found = [(info, source) for info, source in sources if isinstance(source, Reference)]
+        references = [source for _, source in found]
+        return cls([info for info, _ in found], references, HeldArrays(references))
+
+
+class Unheld:
+    """Looks for them during one run. `without_anybody` may be called any time, all else under the logger's lock."""
+
+    def __init__(self, watched: Watched, segment: Segment) -> None:
+        self._watched, self._segment = watched, segment
+        self._places = {element.info.name: place for place, element in enumerate(segment.schema.elements)}
+        self._known: set[str] = set()
+        self._seen: dict[int, tuple[int, bytes]] = {}  # those without anybody: since which tick, and what they held
+        self._over = False
+
+    def end(self) -> None:
+        """Let go of the program's variables."""
+        self._watched, self._seen, self._over = Watched.of(()), {}, True
+
+    def without_anybody(self, pause: Callable[[], None] | None = None) -> list[int]:
+        """The places of arrays that nobody else holds, of elements that are logged and were not told of yet.
+
+        `pause` is called now and then, where the loop is to have the interpreter in between.
+        """
+        watched, known = self._watched, self._known
+        if self._over or not watched.references:
+            return []
+        found = itertools.compress(range(len(watched.infos)), watched.held.abandoned(pause))
+        return [at for at in found if watched.infos[at].name in self._places and watched.infos[at].name not in known]
+
+    def tell_at_start(self) -> None:
+        """Tell of what can't change any more, before the first tick.
+
+        Not of silo's own memory: whoever made a variable there and never took it has not assigned it anew.
+        """
+        alone = self.without_anybody()
+        watched = self._watched
+        never_taken = {
+            watched.infos[at].name
+            for at in alone
+            if watched.references[at].is_own and watched.infos[at].name not in watched.told
+        }
+        self._known |= never_taken
+        self._tell([at for at in alone if watched.infos[at].name not in never_taken], lambda _: "")
+
+    def take(
+        self, alone: Sequence[int], reader: Callable[[], SegmentReader], *, during: bool, last: bool = False
+    ) -> None:
+        """Tell of those without anybody that stayed what they were. After the `last` look there is none.
+
+        `during`: others follow while the loop turns, so that what is new is not judged yet.
+        """
+        if self._over:
+            return
+        self._over = last
+        ticks = self._segment.ticks
+        self._seen = {at: self._seen[at] for at in alone if at in self._seen}
+        found, fresh = [], []
+        for at in alone:
+            tick, held = self._seen.setdefault(at, (ticks, self._bytes(at)))
+            if held != self._bytes(at):  # somebody writes there by its address
+                self._seen[at] = ticks, self._bytes(at)
+            elif ticks >= tick + TICKS_WITHOUT:
+                found.append(at)
+            else:
+                fresh.append(at)
+        if fresh and not during:
+            found += [at for at in fresh if _is_constant(reader(), self._element(at))]
+        self._tell(found, lambda one: _same(reader(), one))
+
+    def _bytes(self, at: int) -> bytes:
+        return self._watched.references[at].view.tobytes()
+
+    def _element(self, at: int) -> ElementSchema:
+        return self._segment.schema.elements[self._places[self._watched.infos[at].name]]
+
+    def _tell(self, places: list[int], same: Callable[[ElementSchema], str]) -> None:
+        """Note them in the segment, and say so unless that was said in an earlier run of this table."""
+        found = {one.info.name: one for one in map(self._element, places)}
+        tick = max(self._segment.ticks - 1, 0)
+        for name in found:
+            self._segment.note_unheld(self._places[name], tick)
+        self._known |= found.keys()
+        fresh = sorted(found.keys() - self._watched.told)
+        self._watched.told |= found.keys()
+        for name in fresh[:MOST_TOLD]:
+            logger.warning("%s: %s", name, unheld_text(tick, same(found[name])))
+        if len(fresh) > MOST_TOLD:
+            logger.warning("nobody but silo holds the arrays of %d more elements either", len(fresh) - MOST_TOLD)
+
+
+def _same(reader: SegmentReader, one: ElementSchema) -> str:
+    """That all samples of an element are the same, in words; empty where they are not."""
+    if not _is_constant(reader, one):
+        return ""
+    return KEPT_ALIKE if reader.rows(one.ring, 0, 1).first else NEVER_CHANGED
+
+
+def _is_constant(reader: SegmentReader, one: ElementSchema) -> bool:
+    """Whether an element has several samples, all the same. Looks at some of them first: most do change."""
+    head = reader.head(one.ring)
+    words = np.unique([place for entry in one.entries for place in words_of(entry)])
+    entries = [moved(entry, words) for entry in one.entries]
+    if head < 2:
+        return False
+    for since, limit in ((head - 2, 2), (head // 2, 1), (0, 1), (0, None)):
+        rows = reader.rows(one.ring, since, limit, words)
+        bits = [np.ascontiguousarray(rows.column(entry)).view(np.uint8).reshape(len(rows), -1) for entry in entries]
+        if since == head - 2:
+            newest = [one[-1:] for one in bits]
+        if not all((one == last).all() for one, last in zip(bits, newest, strict=True)):
+            return False
+    return True
