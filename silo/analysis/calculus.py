@@ -1,4 +1,4 @@
-"""Derivative, integral and spectrum of samples at uneven times, the same for `Signal`, `silo plot` and any other plot.
+"""Derivative and integral of samples at uneven times, the same for `Signal`, `silo plot` and any other plot.
 
 Pure functions on float64 arrays of shape `(m,)`; times are in seconds.
 """
@@ -23,23 +23,3 @@ def integral(times: Floats, values: Floats) -> Floats:
     """Return the area under the values since the first sample, by trapezoids; a NaN sample adds nothing."""
     areas = np.nan_to_num((values[1:] + values[:-1]) / 2 * np.diff(times), nan=0.0)
     return np.concatenate([np.zeros(min(1, len(values))), np.cumsum(areas)])
-
-
-def spectrum(times: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return frequencies in Hz, and the amplitude of the sine at each (Hann window, mean taken out).
-
-    Samples are put on an even grid first; what is not finite is left out. Fewer than 4 samples have no spectrum.
-    """
-    good = np.isfinite(values)
-    times, values = times[good], values[good]
-    order = np.argsort(times, kind="stable")
-    times, values = times[order], values[order]
-    count = len(times)
-    if count < 4 or times[-1] <= times[0]:
-        return np.zeros(0), np.zeros(0)
-    even = np.linspace(times[0], times[-1], count)
-    samples = np.interp(even, times, values)
-    shape = np.hanning(count)
-    with np.errstate(over="ignore", invalid="ignore"):
-        amplitudes = np.abs(np.fft.rfft((samples - samples.mean()) * shape)) * 2 / shape.sum()
-    return np.fft.rfftfreq(count, even[1] - even[0]), amplitudes

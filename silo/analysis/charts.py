@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from silo.analysis.calculus import Floats, derivative, spectrum
+from silo.analysis.calculus import Floats, derivative
 from silo.analysis.happened import events_of
 from silo.analysis.limit_lines import Level, limit_levels, placed
 from silo.analysis.picking import Picked, pick, window
 from silo.analysis.plotting import Chart, Curve
 from silo.analysis.samples import Samples
+from silo.analysis.spectra import lines_of, longest_piece
 from silo.errors import ElementError
 from silo.recording import Recording
 from silo.values import numbers
@@ -129,8 +130,9 @@ def _curve(signal: Picked, transform: str, over: Picked | None, zero: int, right
         start = exact.base + int(exact.offsets.min())
         values, unit = exact.offsets - (start - exact.base), f"{unit} - {start}"
     if transform == "spectrum":
-        frequencies, amplitudes = spectrum(times, values)
-        return Curve(f"{signal.name}{unit}", frequencies, amplitudes, right)
+        piece = longest_piece(signal.time_ns, values, most=None)
+        left_out = f" ({piece.left_out})" if piece.left_out else ""
+        return Curve(f"{signal.name}{unit}{left_out}", *lines_of(piece), right)
     if transform == "derivative":
         return Curve(f"{signal.name}{unit}", times, derivative(times, values), right)
     if over is not None:

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from silo import units
-from silo.analysis import calculus, exports, frames, indexing
-from silo.analysis.arithmetic import wide
+from silo.analysis import calculus, exports, frames, indexing, spectra
+from silo.analysis.arithmetic import warn_outside, wide
 from silo.analysis.operators import Operators
 from silo.analysis.samples import new_times
 from silo.arguments import shown, text
@@ -255,7 +255,8 @@ class Signal(Operators):
     def spectrum(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the amplitudes of the sines that the signal is made of.
 
-        Hann window, mean taken out, samples put on an even grid first; fewer than 4 samples have none.
+        Hann window, mean taken out, of the longest stretch without a hole; a loop that is late makes none: its samples
+        are put on an even grid. A warning says how much is left out. Fewer than 4 samples have no spectrum.
 
         Returns:
             Frequencies in Hz, shape `(f,)`, and the amplitude at each, shape `(f,)` or `(f, components)`.
@@ -263,9 +264,14 @@ class Signal(Operators):
         Raises:
             ElementError: some components have NaN, others not.
         """
-        found = [calculus.spectrum(self.times, column) for column in self.columns("take the spectrum of")]
+        pieces = [
+            spectra.longest_piece(self.time_ns, column, most=None) for column in self.columns("take the spectrum of")
+        ]
+        found = [spectra.lines_of(piece) for piece in pieces]
         if not found:
             return np.zeros(0), np.zeros(0)
+        if pieces[0].left_out:
+            warn_outside(f"spectrum of '{self.name}', which has holes: {pieces[0].left_out}")
         if len({len(frequencies) for frequencies, _ in found}) > 1:
             raise ElementError(f"'{self.name}' has NaN in some components only: take the spectrum of each component")
         frequencies, first = found[0]

@@ -17,6 +17,7 @@ from textual.binding import Binding
 from textual.widgets import Static
 
 from silo.amounts import duration
+from silo.analysis.spectra import MOST_PEAKS, Peak, Piece, Spectrum, longest_piece, peaks_of, spectrum_of
 from silo.errors import SiloError
 from silo.values import as_floats
 from silo_tui.actions import bindings_for
@@ -24,20 +25,10 @@ from silo_tui.context import Later
 from silo_tui.model import big_plot, text
 from silo_tui.model.big_plot import BigPlot
 from silo_tui.model.columns import Floats
+from silo_tui.model.pairs import histogram_of, pair_of
 from silo_tui.model.panels import LETTERS
 from silo_tui.model.plots import MAX_COLUMNS, SECOND_NS, Plotted
 from silo_tui.model.source import Samples
-from silo_tui.model.spectra import (
-    MOST_PEAKS,
-    Peak,
-    Piece,
-    Spectrum,
-    histogram_of,
-    longest_piece,
-    pair_of,
-    peaks_of,
-    spectrum_of,
-)
 from silo_tui.screens.monitor import MonitorScreen
 from silo_tui.widgets.bars import KeyBar
 from silo_tui.widgets.detail_plot import DetailPlot
@@ -205,8 +196,8 @@ class LargePlot(MonitorScreen, inherit_bindings=False):
         rate = 1 / first.period_s
         notes.append(f"{text.compact(step)} Hz a line")
         notes.append(f"{duration(first.seconds)} of {rate:.4g} Hz, jitter {text.span(float(f'{first.jitter_s:.2g}'))}")
-        if len(first.values) < first.held:
-            notes.append(f"longest whole piece: {len(first.values)} of {first.held} samples")
+        if first.left_out:
+            notes.append(first.left_out)
         notes.append(f"0 dB = 1 {unit}" if self.level == "dB" else f"unit {unit}")
         top_hz = max(len(each.amplitudes) * each.step_hz for each in spectra)
         return Analysed(drawn, notes, f"Hann {len(first.values)} of {first.held}", peaks, top_hz)

@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from silo.analysis.calculus import derivative, spectrum
+from silo.analysis.calculus import derivative
 from silo.analysis.charts import ChartSpec, make_chart
 from silo.analysis.picking import pick
 from silo.analysis.plotting import Chart, Curve, draw_png, draw_text, nice_ticks, thin_out, tick_texts
+from silo.analysis.spectra import lines_of, longest_piece
 from silo.errors import ElementError, SiloError
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
@@ -283,7 +284,7 @@ class TestCharts:
 
 def test_a_sine_has_its_amplitude_in_the_spectrum_at_its_frequency():
     times = np.arange(1000) / 500
-    frequencies, amplitudes = spectrum(times, 3 * np.sin(2 * np.pi * 60 * times) + 7)
+    frequencies, amplitudes = lines_of(longest_piece((times * 1e9).astype(int), 3 * np.sin(2 * np.pi * 60 * times) + 7))
     assert frequencies[np.argmax(amplitudes)] == pytest.approx(60, abs=0.3)
     assert amplitudes.max() == pytest.approx(3, rel=0.02)
 
@@ -297,4 +298,4 @@ def test_a_derivative_beside_a_gap_is_a_gap():
 def test_few_samples_have_neither_slope_nor_spectrum_but_no_error(count):
     times = np.arange(count) * 1.0
     assert len(derivative(times, times)) == count
-    assert len(spectrum(times, times)[0]) == 0
+    assert len(lines_of(longest_piece(times.astype(int), times))[0]) == 0

@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from silo.analysis.charts import ChartSpec, make_chart
+from silo.analysis.log import Log
+from silo.analysis.signals import Signal
+from silo.analysis.spectra import Spectrum, lines_of, longest_piece, peaks_of, spectrum_of
+from silo.errors import LogWarning
+from silo.model import BufferType, Entry
+from silo.recording import RecordedElement, RecordedEntry, Recording
 from silo_tui.model import big_plot
-from silo_tui.model.spectra import (
-    Spectrum,
-    histogram_of,
-    longest_piece,
-    pair_of,
-    peaks_of,
-    spectrum_of,
-)
+from silo_tui.model.pairs import histogram_of, pair_of
 
 HZ = 400
 PERIOD_NS = 2_500_000
@@ -71,6 +71,62 @@ def test_a_late_loop_is_no_hole_but_jitter():
     assert peaks_of(spectrum_of(piece))[0].frequency_hz == pytest.approx(10, abs=0.05)
 
 
+def with_hole(begin, end, count=1600, hz=20.0):
+    """A sine of amplitude 1 at 400 Hz whose samples from `begin` to `end` are missing."""
+    kept = np.r_[0:begin, end:count]
+    return times(count)[kept], np.sin(2 * math.pi * hz * kept / HZ)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(800, 804), (800, 808), (700, 720), (600, 1000), (100, 1500), (1590, 1596)])
+def test_a_hole_lowers_no_amplitude_wherever_a_spectrum_is_shown(begin, end):
+    time_ns, values = with_hole(begin, end)
+    by_screen = peaks_of(spectrum_of(longest_piece(time_ns, values)))[0]
+    assert (by_screen.frequency_hz, by_screen.amplitude) == pytest.approx((20, 1), rel=0.02)
+    signal = Signal("s", values, time_ns)
+    with pytest.warns(LogWarning, match=f"longest whole piece: [0-9]+ of {len(values)} samples"):
+        frequencies, amplitudes = signal.spectrum()
+    # between two lines an amplitude is up to 15 % lower: of the same lines it is the same
+    np.testing.assert_allclose(amplitudes[1:], spectrum_of(longest_piece(time_ns, values)).amplitudes)
+    assert frequencies[amplitudes.argmax()] == pytest.approx(20, abs=2)
+    entry = RecordedEntry("/log/s", Entry("", "<f8"), values)
+    recording = Recording(
+        "r",
+        time_ns,
+        0,
+        (RecordedElement("/log/s", "-", "scalar", (), 1, BufferType.GROWING, 0, (entry,), own_ns=time_ns),),
+    )
+    chart, _ = make_chart(Log(recording).recording, ChartSpec(["s"], transform="spectrum"))
+    np.testing.assert_allclose(chart.curves[0].y, amplitudes)
+    assert "longest whole piece" in chart.curves[0].label
+
+
+def test_samples_that_are_missing_all_over_are_bridged():
+    values = waves(4000, (12.5, 1.0))
+    values[::10] = math.nan
+    piece = longest_piece(times(4000), values)
+    assert len(piece.values) == 3600
+    assert peaks_of(spectrum_of(piece))[0].amplitude == pytest.approx(1, rel=0.03)
+    assert "3600 of 4000" in piece.left_out
+
+
+@settings(deadline=None)
+@given(st.floats(5, 190), st.integers(1000, 5000))
+def test_a_sine_anywhere_between_two_lines_has_its_frequency_and_amplitude(hz, count):
+    (peak, *_) = peaks_of(spectrum_of(longest_piece(times(count), waves(count, (hz, 3.0)))))
+    assert (peak.frequency_hz, peak.amplitude) == (pytest.approx(hz, abs=0.01), pytest.approx(3, rel=0.002))
+
+
+def test_the_highest_peak_is_the_first():
+    piece = longest_piece(times(4000), waves(4000, (8.0, 0.02), (12.5, 1.1), (60.0, 0.3)))
+    assert [round(peak.frequency_hz) for peak in peaks_of(spectrum_of(piece))] == [12, 60, 8]
+
+
+def test_a_spectrum_without_a_hole_says_nothing_of_it(recwarn):
+    Signal("s", waves(400, (20.0, 1.0)), times(400)).spectrum()
+    assert not recwarn.list
+    assert len(lines_of(longest_piece(times(8), np.arange(8.0)))[0]) == 5
+
+
 @pytest.mark.parametrize("way", ["linear", "log", "dB"])
 def test_the_peak_is_the_highest_cell_of_its_plot_and_has_its_number(way):
     found = spectrum_of(longest_piece(times(4000), waves(4000, (50.0, 2.0), (150.0, 0.2))))
@@ -99,6 +155,11 @@ def test_a_line_has_its_slope_whatever_the_rates():
     x = np.arange(100.0)
     found = pair_of(times(100), x, times(100)[::4], 5 - 2 * x[::4])
     assert (found.correlation, found.slope) == pytest.approx((-1, -2))
+
+
+def test_what_ended_is_not_held_on_over_the_other():
+    found = pair_of(times(50), np.arange(50.0), times(100), np.arange(100.0))
+    assert (len(found.x), found.slope) == (50, pytest.approx(1))
 
 
 def test_a_constant_has_no_correlation():

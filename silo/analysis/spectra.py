@@ -1,0 +1,160 @@
+"""The spectrum of a signal and its peaks: `Signal.spectrum`, `silo plot --spectrum` and the large plot of silo-tui.
+
+Pure functions. A spectrum is that of one stretch without a hole: a line drawn over a hole is a wave that nobody logged
+(a sine of amplitude 1 with a hole of a second in four read 0.58).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from silo.values import Floats, as_floats
+
+LEAST_SAMPLES = 64  # to show one
+FEWEST_SAMPLES = 4  # to compute one
+MOST_SAMPLES = 1 << 17
+MOST_PEAKS = 8
+HOLE = 10.0  # periods without a sample: more than a late loop
+MISSING = 2.5  # periods: a sample is missing, or a loop was very late
+UNEVEN = 0.02  # of a period
+_LOBE = 2  # lines on each side that the main lobe of a Hann window covers
+_NOISE = 4.0  # times the median that a peak must reach
+_FAINT = 1e-3  # of the highest: below, what a window leaks looks like peaks
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The longest stretch without a hole: values of shape `(n,)`, one per period, and what it was taken from."""
+
+    values: Floats
+    period_s: float
+    jitter_s: float
+    held: int
+
+    @property
+    def left_out(self) -> str:
+        """How much of the signal it is, in words; "" for all of it."""
+        count = len(self.values)
+        return "" if count == self.held else f"longest whole piece: {count} of {self.held} samples"
+
+    @property
+    def seconds(self) -> float:
+        """How long it is."""
+        return len(self.values) * self.period_s
+
+
+def longest_piece(time_ns: NDArray[np.int64], values: NDArray[Any], most: int | None = MOST_SAMPLES) -> Piece:
+    """Return the longest stretch of finite samples without a hole; the newest of equal ones, and its newest samples.
+
+    A loop that is late makes no hole: its samples are brought to an even distance by straight lines, and the jitter is
+    told. Where samples are missing so often that less than half would be left, lines bridge some of them too.
+    """
+    floats = as_floats(values)
+    if len(floats) < 2:
+        return Piece(floats, 1.0, 0.0, len(floats))
+    finite = np.isfinite(floats)
+    period = float(np.median(np.diff(time_ns[finite]))) if finite.sum() > 1 else 1.0
+    # where a value isn't finite there is a hole as well
+    strict = _longest(time_ns, finite, MISSING * period)
+    bridged = np.flatnonzero(finite)
+    loose = _longest(time_ns[bridged], np.ones(len(bridged), bool), HOLE * period)
+    if 2 * (strict.stop - strict.start) < loose.stop - loose.start:
+        times, found = time_ns[bridged][loose], floats[bridged][loose]
+    else:
+        times, found = time_ns[strict], floats[strict]
+    if most is not None:
+        times, found = times[-most:], found[-most:]
+    own = np.diff(times)
+    jitter = float(np.std(own)) / 1e9 if len(own) else 0.0
+    mean = float(np.mean(own)) if len(own) else period or 1.0
+    if jitter * 1e9 > UNEVEN * mean:
+        found = np.interp(np.arange(len(times)) * mean, (times - times[0]).astype(np.float64), found)
+    return Piece(found, mean / 1e9, jitter, len(floats))
+
+
+def _longest(time_ns: NDArray[np.int64], finite: NDArray[np.bool_], hole_ns: float) -> slice:
+    """The longest stretch of finite samples that rise by no more than `hole_ns` each; the newest of equal ones."""
+    if not len(time_ns):
+        return slice(0, 0)
+    steps = np.diff(time_ns)
+    ends = np.flatnonzero((steps > hole_ns) | (steps <= 0)) + 1
+    begins = np.unique(np.concatenate([[0], ends, np.flatnonzero(np.diff(finite.astype(np.int8))) + 1]))
+    lengths = np.diff(np.append(begins, len(time_ns))) * finite[begins]
+    at = len(lengths) - 1 - int(np.argmax(lengths[::-1]))
+    return slice(int(begins[at]), int(begins[at]) + int(lengths[at]))
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Single-sided amplitudes by a Hann window, without the mean: line k is at `(k + 1) * step_hz`."""
+
+    amplitudes: Floats
+    step_hz: float
+
+
+def spectrum_of(piece: Piece, least: int = LEAST_SAMPLES) -> Spectrum:
+    """Return the spectrum of a piece. Raises ValueError with what is missing where it is too short."""
+    count = len(piece.values)
+    if count < least:
+        raise ValueError(f"{count} held, {least} needed")
+    size = float(np.abs(piece.values).max()) or 1.0
+    shares = piece.values / size  # neither 1e300 nor 1e-300 squared is a float
+    hann = np.hanning(count + 1)[:-1]
+    # the mean under the window: that of the samples leaves a rest in the first line
+    shares = shares - (shares * hann).sum() / hann.sum()
+    amplitudes = 2 * np.abs(np.fft.rfft(shares * hann)) / hann.sum()
+    if count % 2 == 0:
+        amplitudes[-1] /= 2  # half the sampling rate has no mirror
+    return Spectrum(amplitudes[1:] * size, 1 / (count * piece.period_s))
+
+
+def lines_of(piece: Piece) -> tuple[Floats, Floats]:
+    """Return the frequencies in Hz from 0 on, and the amplitude of the sine at each; none of fewer than 4 samples."""
+    if len(piece.values) < FEWEST_SAMPLES:
+        return np.zeros(0), np.zeros(0)
+    found = spectrum_of(piece, FEWEST_SAMPLES)
+    # the mean is taken out
+    amplitudes: Floats = np.concatenate([[0.0], found.amplitudes])
+    return np.arange(len(amplitudes), dtype=np.float64) * found.step_hz, amplitudes
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A line that stands out: where, how high, both between the lines."""
+
+    frequency_hz: float
+    amplitude: float
+
+
+def peaks_of(spectrum: Spectrum, most: int = MOST_PEAKS) -> list[Peak]:
+    """Return the highest peaks, at most so many, the highest first; they rise over the noise and lie apart."""
+    heights = spectrum.amplitudes
+    if len(heights) < 2 * _LOBE + 1:
+        return []
+    floor = max(_NOISE * float(np.median(heights)), _FAINT * float(heights.max()))
+    found: list[int] = []
+    for line in np.argsort(heights)[::-1].tolist():
+        around = heights[max(0, line - _LOBE) : line + _LOBE + 1]
+        if not heights[line] > floor:
+            break
+        if heights[line] == around.max() and all(abs(line - other) > _LOBE for other in found):
+            found.append(line)
+        if len(found) == most:
+            break
+    peaks = [_between_lines(heights, line, spectrum.step_hz) for line in found]
+    return sorted(peaks, key=lambda peak: -peak.amplitude)
+
+
+def _between_lines(heights: Floats, line: int, step_hz: float) -> Peak:
+    """Where a sine lies between two lines, and how high it is, by what a Hann window makes of one: 15 % less half-way.
+
+    A parabola through the logarithms of three lines read up to 4 % too much.
+    """
+    here = float(heights[line])
+    sides = [float(heights[line + step]) if 0 <= line + step < len(heights) else 0.0 for step in (-1, 1)]
+    ratio = max(sides) / here
+    shift = min(max((2 * ratio - 1) / (1 + ratio), 0.0), 0.5)
+    amplitude = here * (1 - shift**2) / float(np.sinc(shift))
+    return Peak((line + 1 + (shift if sides[1] > sides[0] else -shift)) * step_hz, amplitude)
