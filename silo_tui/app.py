@@ -26,6 +26,7 @@ from silo_tui.sessions.link import LinkChanged, LoggerEvent, ViewFailed
 from silo_tui.sessions.live import Session
 from silo_tui.settings.options import Settings
 from silo_tui.settings.reading import Problem
+from silo_tui.unforeseen import Guarded, Unforeseen
 
 if TYPE_CHECKING:
     from silo_tui.context import SiloScreen
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 QUIET_KINDS = {EventKind.SAVING, EventKind.LIMIT, EventKind.LIMIT_ENDED, EventKind.CRASHED}  # a crash has its banner
 
 
-class SiloApp(App[None]):
+class SiloApp(Guarded, App[None]):
     """silo-tui."""
 
     TITLE = "silo"
@@ -81,6 +82,7 @@ class SiloApp(App[None]):
         self._file = file  # shown instead of a logger
         self._thin_words = ""
         self._news = asyncio.Lock()  # events are followed in their order
+        self.unforeseen = Unforeseen()
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Return our colours for themes that don't have them."""
@@ -110,6 +112,15 @@ class SiloApp(App[None]):
         self.context.table_changed()
         self.context.status_changed()
         self.context.say_settings_problems()
+
+    def _handle_exception(self, error: Exception) -> None:
+        """Tell of what nobody foresaw, and go on; only where there is no screen to tell it on, end."""
+        words = self.unforeseen.words(error)
+        screen = self.context.upper_screen
+        if screen is None or not screen.is_there:
+            super()._handle_exception(error)
+        elif words:
+            self.call_next(self.context.fail, words)  # from its own turn: what failed may be the screen it is told on
 
     def release(self) -> None:
         """End what was started: the demo's process and the connection."""

@@ -12,10 +12,12 @@ from textual.screen import ModalScreen, Screen
 from textual.widget import Widget
 from textual.widgets import OptionList
 
+from silo_tui.unforeseen import Guarded
+
 ResultT = TypeVar("ResultT")
 
 
-class Leaving(Screen[ResultT]):
+class Leaving(Guarded, Screen[ResultT]):
     """A screen whose workers end before its widgets go: none of them wakes up to a screen without widgets."""
 
     @property
@@ -42,7 +44,7 @@ def _handed_on(widget: Widget, event: events.Event) -> bool:
     return True
 
 
-class Choices(OptionList):
+class Choices(Guarded, OptionList):
     """The choices of a dialog, which have the focus."""
 
     async def on_event(self, event: events.Event) -> None:

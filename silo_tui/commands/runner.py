@@ -1,12 +1,10 @@
 """What the words of the `:` line do where they take arguments, or mean something else than the command's key."""
 
-import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from silo.arguments import path as file_path
 from silo.errors import RefusedError, SiloError
 from silo.files.formats import SAVED_NAMES
 from silo.ipc.messages import RefusedWhy
@@ -17,6 +15,7 @@ from silo_tui.context import NOT_EDITED, Context, Later, SiloScreen
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import Layout, read, write
 from silo_tui.model import command_line, text
+from silo_tui.model.paths import typed_file
 from silo_tui.model.people import people_words
 from silo_tui.screens import recorder
 from silo_tui.screens.dialogs import Choice, Question
@@ -254,9 +253,8 @@ class CommandRunner:
 
     def word_picture(self, spelled: command_line.Spelled) -> None:
         """Carry out `:picture [FILE]`."""
-        # os.path: a `~name` that nobody has stays as it is, and is told of as a folder that is not there
-        given = os.path.expanduser(spelled.arguments[0] if spelled.arguments else "silo-tui.svg")  # noqa: PTH111
-        path = file_path("the picture's path", given)
+        given = spelled.arguments[0] if spelled.arguments else "silo-tui.svg"
+        path = typed_file("the picture", given, ".svg")
         if path.suffix != ".svg":  # an SVG in a .png is a picture that nothing opens
             path = path.with_name(f"{path.stem if path.suffix.lower() in PICTURES else path.name}.svg")
         note = "" if path.name == Path(given).name else " (an SVG: browsers open it)"
@@ -284,7 +282,7 @@ async def control_flow(context: Context, words: Sequence[str]) -> None:
         await session.refresh_status()
         context.say(people_words(session.status, session.identity))
     elif words[0] not in jobs or len(words) != (2 if words[0] == "give" else 1):
-        raise ValueError("control: take, force (from whoever has it), release, give NAME; alone, who is connected")
+        raise RefusedError("control: take, force (from whoever has it), release, give NAME; alone, who is connected")
     elif context.may_write("Control"):
         context.say(await session.control(jobs[words[0]]))
 

@@ -3,10 +3,11 @@
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
+from silo.errors import ElementError
 from silo.files.formats import LOG_ENDINGS, file_type
 from silo.model import FileType
+from silo_tui.model.paths import typed_path
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,8 @@ def logs(begun: str) -> list[str]:
     typed, _, last = begun.rpartition("/")
     before = f"{typed}/" if "/" in begun else ""
     try:
-        found = sorted(Path(before or ".").expanduser().iterdir())
-    except OSError:
+        found = sorted(typed_path("the log", before or ".").iterdir())
+    except (ElementError, OSError):
         return []
     shown = [path for path in found if path.name.startswith(last) and (last or not path.name.startswith("."))]
     folders = [f"{before}{path.name}/" for path in shown if path.is_dir() and not path.name.endswith(LOG_ENDINGS)]

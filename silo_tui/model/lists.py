@@ -38,11 +38,47 @@ def passes(told: str, asked: str) -> bool:
 
 
 class Marks:
-    """The marked lines of a list, by their keys, and where a range began."""
+    """Which lines of a list a key is about, by their keys: what is marked, where a range began, what slipped away."""
 
     def __init__(self) -> None:
         self.keys: set[str] = set()
         self.anchor: str | None = None
+        self._slipped: tuple[str, str] | None = None  # the line under the cursor that went, and that in its place
+
+    def follow(self, known: str, shown: Sequence[str], place: int | None) -> int | None:
+        """Return where the cursor goes as other lines are shown: with its line `known`, else it stays at its place.
+
+        Who presses a key then means the line that was there: `meant` leaves out the one that took its place.
+        """
+        if known in shown:
+            return shown.index(known)
+        at = max(0, min(place or 0, len(shown) - 1)) if shown else None
+        if known and at is not None:
+            self._slipped = (self._slipped[0] if self._slipped else known, shown[at])
+        return at
+
+    def settle(self) -> None:
+        """Take the line under the cursor for meant: whoever is at the keys changed what is shown."""
+        self._slipped = None
+
+    def meant(self, shown: Sequence[str], chosen: str) -> list[str]:
+        """Return the lines that a key is about: the marked ones that are shown; where none is marked, the cursor's.
+
+        None where all that is marked is filtered out, and none where another line slipped under the cursor.
+        """
+        if self.keys:
+            return [key for key in shown if key in self.keys]
+        slipped = self._slipped is not None and chosen == self._slipped[1]
+        return [chosen] if chosen and not slipped else []
+
+    def why_none(self, shown: Sequence[str], chosen: str, named: Callable[[str], str] = str) -> str:
+        """Return why a key is about no line, empty where that is plain; the key again is about what slipped there."""
+        if self.keys and not self.keys & set(shown):
+            return "the filter leaves out what is marked: Esc ends it; nothing was asked"
+        slipped, self._slipped = self._slipped, None
+        if slipped is None or slipped[1] != chosen:
+            return ""
+        return f"{named(slipped[0])} is gone, {named(chosen)} stands there now: nothing was done; once more is about it"
 
     def toggle(self, key: str) -> None:
         """Mark a line, or unmark it."""

@@ -14,6 +14,11 @@ from silo.model import ElementInfo, LoggedEvent
 Samples: TypeAlias = tuple[NDArray[np.int64], NDArray[Any]]  # time stamps in ns and values, both of shape `(n,)`
 
 
+def entry_samples(time_ns: NDArray[np.int64], values: NDArray[Any]) -> Samples:
+    """Return samples of an entry, its values of shape `(n,)`: its name may be that of an array of one value."""
+    return time_ns, values.reshape(len(values)) if values.size == len(values) else values
+
+
 class PlotSource(Protocol):
     """What a monitor screen needs of its data."""
 

@@ -85,6 +85,8 @@ class ConditionsScreen(FilteredScreen, Generic[Status]):
         try:
             await self.session.refresh_conditions()
         finally:
+            self.show()
+            self.marks.settle()
             self.context.say(said)
 
     # ------------------------------------------------------------------------------------------------- to be drawn
@@ -119,7 +121,7 @@ class ConditionsScreen(FilteredScreen, Generic[Status]):
         if not self.is_there:
             return  # it is being made, or goes
         width, found = self.size.width, self.all
-        lines, known = self._list, self.chosen_id
+        lines, known, place = self._list, self.chosen_id, self._list.highlighted
         self.marks.keep(map(self.key_of, found))
         rows = [
             (self.key_of(one), self.row_of(one, width)) for one in arranged(found, self._order, turned=self._turned)
@@ -130,8 +132,7 @@ class ConditionsScreen(FilteredScreen, Generic[Status]):
             self._drawn = drawn
             lines.clear_options()
             lines.add_options([Option(line, id=key) for key, line in rows])
-            places = [place for place, (key, _) in enumerate(rows) if key == known]
-            lines.highlighted = places[0] if places else (0 if rows else None)
+            lines.highlighted = self.marks.follow(known, self.shown_keys, place)
         self.query_one("#conditions-head", Static).update(Text(self.head(width) if rows else "", no_wrap=True))
         self._show_words()
         self._bar.update()
@@ -170,11 +171,22 @@ class ConditionsScreen(FilteredScreen, Generic[Status]):
         return next((one for one in self.all if self.key_of(one) == self.chosen_id), None)
 
     @property
+    def shown_keys(self) -> list[str]:
+        """What passes the filter, in order."""
+        return [key for key, _ in self._drawn]
+
+    @property
     def targets(self) -> list[Status]:
-        """What a key is about: what is marked and shown, else the line under the cursor."""
-        shown = {key for key, _ in self._drawn}
-        marked = [one for one in self.all if self.key_of(one) in self.marks.keys & shown]
-        return marked or ([self.chosen] if self.chosen is not None else [])
+        """What a key is about; where that is nothing, why is said."""
+        by_key = {self.key_of(one): one for one in self.all}
+        found = [by_key[key] for key in self.marks.meant(self.shown_keys, self.chosen_id) if key in by_key]
+        if not found and (why := self.marks.why_none(self.shown_keys, self.chosen_id, self.named)):
+            self.say(why)
+        return found
+
+    def named(self, key: str) -> str:
+        """Return a line by the name that it is known by."""
+        return self.session.short_name(key).lstrip("/")
 
     # ---------------------------------------------------------------------------------------- what the app tells it
 
@@ -232,12 +244,12 @@ class ConditionsScreen(FilteredScreen, Generic[Status]):
             self.show()
 
     def command_mark_conditions(self) -> None:
-        self.marks.toggle_all([key for key, _ in self._drawn])
+        self.marks.toggle_all(self.shown_keys)
         self.show()
 
     def command_range_of_conditions(self) -> None:
         if self.chosen_id:
-            self.say(self.marks.range_to(self.chosen_id, [key for key, _ in self._drawn]))
+            self.say(self.marks.range_to(self.chosen_id, self.shown_keys))
             self.show()
 
     def command_order_conditions(self) -> None:
@@ -256,11 +268,12 @@ class ConditionsScreen(FilteredScreen, Generic[Status]):
         from silo_tui.screens.monitor import MonitorScreen
 
         source = LiveSource(self.session)
-        found = dict.fromkeys(name for one in self.targets for name in self.signals_of(one))
+        targets = self.targets
+        found = dict.fromkeys(name for one in targets for name in self.signals_of(one))
         names = [name for name in found if source.element(name) is not None][:MOST_PLOTS]
         if names:
             self.app.push_screen(MonitorScreen(self.session, source, names))
-        else:
+        elif targets:
             self.say("nothing of it can be plotted: it is no signal of the table")
 
     # ------------------------------------------------------------------------------------------------- the filter
@@ -272,6 +285,7 @@ class ConditionsScreen(FilteredScreen, Generic[Status]):
         """Show those that pass now."""
         self._said = ""
         self.show()
+        self.marks.settle()
 
     def command_back(self) -> None:
         """Leave the filter, then the marks, then the screen."""

@@ -2,7 +2,6 @@
 """What happened: the event log of a logger, or of a file, newest first; Enter goes there in the plots."""
 
 import asyncio
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar
@@ -22,6 +21,7 @@ from silo_tui.context import Later
 from silo_tui.model import text
 from silo_tui.model.happened import ORDERS, csv_text, letter, line, matches, words
 from silo_tui.model.lists import arranged
+from silo_tui.model.paths import typed_file
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.screens.filtering import FilteredScreen
 from silo_tui.screens.order import OrderDialog
@@ -200,11 +200,11 @@ class EventsScreen(FilteredScreen):
 
     def _write(self, given: str | None) -> None:
         if given:
-            self.run_worker(Later(self._written, Path(os.path.expanduser(given)), list(self._shown)))  # noqa: PTH111
+            self.run_worker(Later(self._written, given, list(self._shown)))
 
-    async def _written(self, path: Path, shown: Sequence[LoggedEvent]) -> None:
-        path = path if path.suffix else path.with_suffix(".csv")
+    async def _written(self, given: str, shown: Sequence[LoggedEvent]) -> None:
         try:
+            path = typed_file("the file of events", given, ".csv")
             await asyncio.to_thread(_write_csv, path, shown)
         except (SiloError, OSError) as error:
             self.context.fail(str(error))

@@ -18,6 +18,7 @@ from silo.files.atomic import atomic_file
 from silo.values import as_floats, text_of
 from silo_tui.context import Later, SiloScreen
 from silo_tui.model.panels import Panel, has_curves, sides
+from silo_tui.model.paths import typed_path
 from silo_tui.model.plots import SECOND_NS, Plotted
 from silo_tui.model.source import PlotSource, Samples
 from silo_tui.screens.dialogs import Prompt
@@ -33,10 +34,11 @@ def ask_export(
     def write(given: str | None) -> None:
         if given:
             # after the prompt is gone: it is no part of the picture
-            screen.call_after_refresh(lambda: screen.run_worker(Later(_export_to, Path(os.path.expanduser(given)))))  # noqa: PTH111
+            screen.call_after_refresh(lambda: screen.run_worker(Later(_export_to, given)))
 
-    async def _export_to(path: Path) -> None:
+    async def _export_to(given: str) -> None:
         try:
+            path = typed_path("the file of the plots", given)
             screen.say(await export(screen.app, source, panels, shown_ns, zero_ns, path))
         except (SiloError, OSError) as error:
             screen.context.fail(str(error))

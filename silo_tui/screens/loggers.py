@@ -114,8 +114,7 @@ class LoggersScreen(FilteredScreen):
         drawn = [(one.key, row + (">" if one.key in self.marks.keys else "")) for one, row in rows]
         if drawn != self._drawn or width != self._width:
             self._drawn, self._width = drawn, width
-            places = [place for place, (key, _) in enumerate(drawn) if key == known]
-            at = places[0] if places else 0 if rows else None
+            at = self.marks.follow(known, self.shown_keys, options.highlighted)
             options.show([self._styled(one, row) for one, row in rows], at)
         options.display = bool(self._lines)
         if self._lines and not isinstance(self.focused, Fleeting):
@@ -183,13 +182,14 @@ class LoggersScreen(FilteredScreen):
 
     @property
     def targets(self) -> list[fleet.Line]:
-        """Which loggers a key is about: what is marked and shown; the one under the cursor where nothing is marked."""
-        shown = [key for key, _ in self._drawn]
+        """Which loggers a key is about."""
         by_key = {one.key: one for one in self._lines}
-        marked = [by_key[key] for key in shown if key in self.marks.keys]
-        if self.marks.keys:  # none of which may be shown: the one under the cursor isn't meant then
-            return marked
-        return [self.chosen] if self.chosen is not None else []
+        return [by_key[key] for key in self.marks.meant(self.shown_keys, self.chosen_key) if key in by_key]
+
+    @property
+    def shown_keys(self) -> list[str]:
+        """What passes the filter, in order."""
+        return [key for key, _ in self._drawn]
 
     # --------------------------------------------------------------------------------------- what the app tells it
 
@@ -248,12 +248,12 @@ class LoggersScreen(FilteredScreen):
             self._list.step(1)
 
     def command_mark_loggers(self) -> None:
-        self.marks.toggle_all([key for key, _ in self._drawn])
+        self.marks.toggle_all(self.shown_keys)
         self.draw()
 
     def command_range_of_loggers(self) -> None:
         if self.chosen_key:
-            self.say(self.marks.range_to(self.chosen_key, [key for key, _ in self._drawn]))
+            self.say(self.marks.range_to(self.chosen_key, self.shown_keys))
             self.draw()
 
     def command_order_loggers(self) -> None:
@@ -275,6 +275,7 @@ class LoggersScreen(FilteredScreen):
         """Show those that pass now."""
         self._said = ""
         self.draw()
+        self.marks.settle()
 
     def command_back(self) -> None:
         """Leave the filter, then the answers, the marks, the list for the logger that is open, if one is."""
@@ -293,10 +294,10 @@ class LoggersScreen(FilteredScreen):
     def _many(self, what: str) -> None:
         targets = self.targets
         if not targets:
-            which = "what is marked" if self.marks.keys else "any logger"
-            self.say(
-                f"the filter leaves out {which}: Esc ends it; nothing was asked" if self._asked else "no logger is here"
-            )
+            names = {one.key: one.address for one in self._lines}
+            why = self.marks.why_none(self.shown_keys, self.chosen_key, lambda key: names.get(key, "what was there"))
+            none = "the filter leaves out any logger: Esc ends it; nothing was asked" if self._asked else ""
+            self.say(why or none or "no logger is here")
         elif self._command is not None:
             self._command(what, targets)
 

@@ -11,6 +11,7 @@ from silo.model import SavedFile
 from silo_tui.context import Context
 from silo_tui.model import text
 from silo_tui.model.overlay import overlay_of
+from silo_tui.model.paths import typed_path
 from silo_tui.model.recordings import begun_ns, best_file
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.recordings import Fetching, GivenUpError, as_listed, bring_here, cache_folder
@@ -48,7 +49,7 @@ async def open_path(context: Context, path: str) -> None:
     """Show a log of this machine over the logger that is open. Raises what opening it raises."""
     from silo_tui.sessions.recorded import open_file
 
-    opened = await asyncio.to_thread(open_file, Path(path).expanduser())
+    opened = await asyncio.to_thread(open_file, typed_path("the log", path))
     await _show(context, opened)
 
 

@@ -21,6 +21,7 @@ from silo_tui.context import Later, SiloScreen
 from silo_tui.model import recorders, text
 from silo_tui.model import recordings as rows
 from silo_tui.model.lists import Marks
+from silo_tui.model.paths import typed_path
 from silo_tui.screens import recorder
 from silo_tui.screens.dialogs import Choice, Prompt, Question
 from silo_tui.screens.opened import open_recording, overlay_recording
@@ -49,6 +50,7 @@ class RecordingsScreen(SiloScreen):
         self.found: Recordings | None = None
         self._shown: list[SavedRecording] = []
         self.marks = Marks()
+        self._deleted_here: set[str] = set()
         self._order, self._turned, self._words = "begun", False, ""
         self._said = ""
         self._most = FIRST
@@ -144,7 +146,9 @@ class RecordingsScreen(SiloScreen):
         lines.add_options(Option(self._line(one, width), id=one.stem) for one in self._shown)
         if self._shown:
             stems = [one.stem for one in self._shown]
-            lines.highlighted = stems.index(kept) if kept in stems else min(place, len(stems) - 1)
+            lines.highlighted = self.marks.follow(kept, stems, place)
+            if kept in self._deleted_here:
+                self.marks.settle()
         empty = self.query_one("#recordings-empty", Static)
         lines.display, empty.display = bool(self._shown), not self._shown
         if not self._shown:
@@ -320,6 +324,7 @@ class RecordingsScreen(SiloScreen):
         if words:
             self._more()
         self._show_rows()
+        self.marks.settle()
 
     def _back_to_list(self) -> None:
         self.query_one("#recordings-said").display = True
@@ -361,15 +366,19 @@ class RecordingsScreen(SiloScreen):
         )  # fmt: skip
 
     def _targets(self) -> list[SavedRecording]:
-        """Return what is marked and shown, else the row; never what is unfinished."""
-        marked = [one for one in self._shown if one.stem in self.marks.keys]
-        chosen = marked or ([self._row] if self._row is not None else [])
-        return [one for one in chosen if not one.unfinished]
+        """Return what a key is about, never what is unfinished."""
+        meant = self.marks.meant([one.stem for one in self._shown], self._row.stem if self._row is not None else "")
+        return [one for one in self._shown if one.stem in meant and not one.unfinished]
+
+    def _none(self, what: str) -> str:
+        """Return why a key is about nothing."""
+        shown = [one.stem for one in self._shown]
+        return self.marks.why_none(shown, self._row.stem if self._row is not None else "") or what
 
     def command_fetch_recording(self) -> None:
         targets = self._targets()
         if not targets or self.found is None:
-            self.say("nothing to fetch here")
+            self.say(self._none("nothing to fetch here"))
             return
         local = [path for one in targets if (path := here(self.found.folder, rows.best_file(one))) is not None]
         size = text.size(sum(one.size_bytes for one in targets))
@@ -381,9 +390,14 @@ class RecordingsScreen(SiloScreen):
 
     def _fetch_to(self, targets: list[SavedRecording], folder: str | None) -> None:
         if folder:
-            self.run_worker(Later(self._fetch, targets, Path(folder).expanduser()), group="fetching")
+            self.run_worker(Later(self._fetch, targets, folder), group="fetching")
 
-    async def _fetch(self, targets: list[SavedRecording], folder: Path) -> None:
+    async def _fetch(self, targets: list[SavedRecording], given: str) -> None:
+        try:
+            folder = typed_path("the folder", given)
+        except SiloError as error:
+            self.context.fail(str(error))
+            return
         for name in [file.name for one in targets for file in one.files]:
             if name in self.session.fetches:
                 self.say(f"{name} is being fetched already")
@@ -419,7 +433,7 @@ class RecordingsScreen(SiloScreen):
         targets = self._targets()
         foreign = [one for one in targets if not one.own]
         if not targets:
-            self.say("nothing to delete here")
+            self.say(self._none("nothing to delete here"))
         elif foreign:
             whose = f"the logger {foreign[0].logger} wrote it" if foreign[0].logger else "it names no logger"
             why = f"was not saved by this logger ({whose})"
@@ -450,6 +464,7 @@ class RecordingsScreen(SiloScreen):
         try:
             for one in targets:
                 self.say(await self.session.delete_recording(one.stem))
+                self._deleted_here.add(one.stem)
         except SiloError as error:
             self.context.fail(str(error))
         self.read_again()

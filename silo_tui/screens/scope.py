@@ -36,7 +36,7 @@ from silo_tui.model.scope import (
     parse_settings,
     picture_of,
 )
-from silo_tui.model.source import PlotSource, Samples
+from silo_tui.model.source import PlotSource, Samples, entry_samples
 from silo_tui.screens.dialogs import Prompt
 from silo_tui.sessions.live import Session
 from silo_tui.widgets.bars import Banner, KeyBar, MonitorLine, StatusBar
@@ -190,7 +190,7 @@ class ScopeScreen(SiloScreen):
             raise RefusedError("no logger is open")
         begin_ns, end_ns = at_ns - settings.pre_ns, at_ns + settings.post_ns + 1
         found = await link.read(lambda client: client.samples(names, begin_ns, end_ns))
-        return {name: (found[name].time_ns, found[name].values) for name in names}
+        return {name: entry_samples(found[name].time_ns, found[name].values) for name in names}
 
     def _show(self, settings: Scope, samples: dict[str, Samples], at_ns: int, between: int, *, crossing: bool) -> None:
         self._samples, self._forced = samples, False

@@ -12,7 +12,7 @@ from silo.errors import RefusedError
 from silo.model import ElementInfo, LoggedEvent
 from silo_tui.model.columns import ColumnStore
 from silo_tui.model.happened import of_last_run
-from silo_tui.model.source import Samples
+from silo_tui.model.source import Samples, entry_samples
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 
@@ -107,7 +107,7 @@ class LiveSource:
     async def samples(self, name: str, start_ns: int, end_ns: int) -> Samples:
         """Return raw samples straight from the logger's buffers."""
         found = await self._link.read(lambda client: client.samples([name], start_ns, end_ns + 1))
-        return found[name].time_ns, found[name].values
+        return entry_samples(found[name].time_ns, found[name].values)
 
     @property
     def _link(self) -> Link:

@@ -17,7 +17,7 @@ from silo_tui.model import text
 from silo_tui.model.buffers import PinHandle
 from silo_tui.model.held import HeldSource
 from silo_tui.model.plots import Plotted
-from silo_tui.model.source import PlotSource, Samples
+from silo_tui.model.source import PlotSource, Samples, entry_samples
 from silo_tui.sessions.link import Link
 from silo_tui.sessions.live import Session
 from silo_tui.sessions.live_source import in_pieces
@@ -57,7 +57,7 @@ class _LinkPin:
         found = await self._link.read(
             lambda client: client.samples(names, start_ns, end_ns, pin=self.pin, reply_bytes=REPLY_BYTES)
         )
-        return {name: (some.time_ns, some.values) for name, some in found.items()}
+        return {name: entry_samples(some.time_ns, some.values) for name, some in found.items()}
 
     def close(self) -> None:
         """Let go of it."""

@@ -19,13 +19,13 @@ from typing import IO, Any
 
 from textual import events
 from textual._parser import ParseError
-from textual._xterm_parser import XTermParser
 from textual.app import App
 from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
 from silo_tui.terminal.answers import ALIVE_ANSWER, ALIVE_QUERY, AnswerFilter, knows_mode
 from silo_tui.terminal.cells import UNKNOWN, Grid, difference
+from silo_tui.terminal.keys import KeyReader
 from silo_tui.terminal.pacing import Pacer
 from silo_tui.terminal.parser import QUERY, SYNC_BEGIN, SYNC_END, Follower, Through
 from silo_tui.terminal.styles import Styles
@@ -327,14 +327,14 @@ class CellDriver(LinuxDriver):
 
     def run_input_thread(self) -> None:
         """Read keys, without the answers to our queries. As Textual's own, which has no place to put a filter in."""
-        answers, parser = AnswerFilter(), XTermParser(self._debug)
+        answers, keys = AnswerFilter(), KeyReader(debug=self._debug)
         decode = getincrementaldecoder("utf-8")("replace").decode
         selector = selectors.DefaultSelector()
         selector.register(self.fileno, selectors.EVENT_READ)
 
         def take(typed: bytes) -> None:
             if words := decode(typed):
-                for event in parser.feed(words):
+                for event in keys.feed(words):
                     self.process_message(event)
 
         try:
@@ -348,17 +348,14 @@ class CellDriver(LinuxDriver):
                     found = answers.feed(data)
                     take(found.typed)
                     self._note_answers(found.answers)
-                for event in parser.tick():
+                for event in keys.tick():
                     self.process_message(event)
         except OSError:  # the terminal is gone
             self._hung_up = True
         finally:
             selector.close()
-            try:
-                for _ in parser.feed(""):
-                    pass
-            except (EOFError, ParseError):
-                pass
+            with suppress(EOFError, ParseError):
+                keys.end()
 
 
 def _erases_to_background() -> bool:

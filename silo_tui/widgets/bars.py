@@ -18,6 +18,7 @@ from silo_tui.model.people import head_words as people_head
 from silo_tui.model.plots import PlotWindow
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import thin_head
+from silo_tui.unforeseen import Guarded
 
 STATISTICS = ("max", "min", "mean", "std")
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
@@ -31,7 +32,7 @@ MODE_RANK, LAST_RANK = 7, 9  # of what stands in the head; the mode is shortened
 STATE_SIGNS = {State.RUNNING: "● RUNNING", State.STOPPED: "■ STOPPED", State.DEAD: "✖ DEAD"}
 
 
-class StatusBar(Widget):
+class StatusBar(Guarded, Widget):
     """The logger at a glance: who, what state, how long, how many, how fast, what was lost."""
 
     DEFAULT_CSS = "StatusBar { height: 1; }"
@@ -178,7 +179,7 @@ def left_a_file(session: Session) -> bool:
     return session.dead and bool(session.left_files or ": saved " in reason or "; saved " in reason)
 
 
-class Banner(Widget):
+class Banner(Guarded, Widget):
     """What is wrong and what to do, in one or two lines over the table; hidden when all is well."""
 
     DEFAULT_CSS = "Banner { height: auto; display: none; padding: 0 1; }"
@@ -216,7 +217,7 @@ class Banner(Widget):
         return ""
 
 
-class InfoLine(Widget):
+class InfoLine(Guarded, Widget):
     """Marks, pending edits, filter, and what was done last."""
 
     DEFAULT_CSS = "InfoLine { height: auto; min-height: 1; max-height: 6; padding: 0 1; }"
@@ -285,7 +286,7 @@ class InfoLine(Widget):
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
 
 
-class MonitorLine(Widget):
+class MonitorLine(Guarded, Widget):
     """Span, pause, cursor and scale of the monitor."""
 
     DEFAULT_CSS = "MonitorLine { height: 1; padding: 0 1; }"
@@ -310,7 +311,7 @@ class MonitorLine(Widget):
         return Text(" │ ".join(parts), no_wrap=True, overflow="ellipsis")
 
 
-class KeyBar(Widget):
+class KeyBar(Guarded, Widget):
     """The keys that matter now, as many as fit; help and quit always at its end. A click does what the key does."""
 
     DEFAULT_CSS = "KeyBar { height: 1; }"

@@ -8,12 +8,13 @@ from textual.widgets import Static
 
 from silo.judging.between import Between
 from silo_tui.model import text
+from silo_tui.unforeseen import Guarded
 
 MOST_LINES = 8
 _TITLES = ("at A", "B-A", "slope/s", "mean", "std", "rms", "min", "max")
 
 
-class BetweenTable(Static):
+class BetweenTable(Guarded, Static):
     """Hidden without cursor B."""
 
     DEFAULT_CSS = "BetweenTable { height: auto; display: none; }"

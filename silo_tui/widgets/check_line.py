@@ -8,8 +8,10 @@ from textual.binding import Binding
 from textual.reactive import reactive
 from textual.widget import Widget
 
+from silo_tui.unforeseen import Guarded
 
-class CheckLine(Widget, can_focus=True):
+
+class CheckLine(Guarded, Widget, can_focus=True):
     """`[x] label`; space, x or a click turn it over. A `>` in front shows the focus, also without colours."""
 
     DEFAULT_CSS = """

@@ -16,6 +16,7 @@ from textual.widget import Widget
 from silo_tui.model.big_plot import BigPlot
 from silo_tui.model.dots import BLANK
 from silo_tui.model.panel_picture import AXIS
+from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.plot_stack import CURSOR_A
 from silo_tui.widgets.series import series_style
 
@@ -24,7 +25,7 @@ BELOW = 4  # lines for them elsewhere
 RIGHT = 11  # cells for a second axis
 
 
-class DetailPlot(Widget):
+class DetailPlot(Guarded, Widget):
     """Draws a `BigPlot`, or says why there is none."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {"plot--quiet", "plot--line", "plot--cursor", "plot--title"}

@@ -25,6 +25,7 @@ from silo_tui.model.rows import RowList
 from silo_tui.model.table_columns import LiveRow, TableColumn, shown_columns
 from silo_tui.model.tree import entry_of, row_of
 from silo_tui.sessions.live import Session
+from silo_tui.unforeseen import Guarded
 
 FLAGS = 2
 DERIVED = "="  # the sign of what is computed from others
@@ -32,7 +33,7 @@ NOT_OF_DERIVED = (Field.ACTION, Field.BUFFER_TYPE, Field.BUFFER_SIZE)
 MAX_STRIPS = 4000
 
 
-class ElementTable(ScrollView, can_focus=True):
+class ElementTable(Guarded, ScrollView, can_focus=True):
     """Name, unit and options of the shown elements; holds the cursor."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
@@ -376,7 +377,7 @@ class ElementTable(ScrollView, can_focus=True):
         return room + words if right else words + room
 
 
-class TableHead(ScrollView):
+class TableHead(Guarded, ScrollView):
     """The heads of the columns, over the table."""
 
     DEFAULT_CSS = "TableHead { height: 1; width: 1fr; scrollbar-size: 0 0; }"

@@ -13,6 +13,7 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from silo_tui.model.fields import Field
+from silo_tui.unforeseen import Guarded
 
 # what Input binds keys to: backspace, arrows and the like
 EDITING = {
@@ -33,7 +34,7 @@ class LineSuggester(Suggester):
         return found[0] if found else None
 
 
-class Fleeting(Input):
+class Fleeting(Guarded, Input):
     """An input that is there only while somebody types in it.
 
     All its keys are taken as keys and not as bindings, and what was typed behind Enter, Esc or Tab is handed on: a slow

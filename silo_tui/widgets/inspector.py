@@ -20,6 +20,7 @@ from silo_tui.model.live import Reading, entry_text, fill_share
 from silo_tui.model.plots import signs_of, small_plot
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
+from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.bars import color
 
 MAX_PLOTS = 6
@@ -39,7 +40,7 @@ class Lines:
         self.lines += [[(each, style)] for each in others]
 
 
-class Inspector(Widget):
+class Inspector(Guarded, Widget):
     """Name, options with what is pending, values of all entries, plots of the first few."""
 
     DEFAULT_CSS = "Inspector { width: 40; padding: 0 1; }"

@@ -15,8 +15,10 @@ from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
+from silo_tui.unforeseen import Guarded
 
-class Lines(ScrollView, can_focus=True):
+
+class Lines(Guarded, ScrollView, can_focus=True):
     """Lines with a cursor on one of them."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {"lines--line", "lines--cursor"}

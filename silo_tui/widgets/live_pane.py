@@ -26,6 +26,7 @@ from silo_tui.model.table import Rows
 from silo_tui.model.tree import entry_of, row_of
 from silo_tui.sessions.live import Session
 from silo_tui.terminal import pace_of
+from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.element_table import ElementTable, TableHead
 
 VALUE, TREND = 11, 10
@@ -48,7 +49,7 @@ class PaneColumn:
     norm: "Callable[[LivePane, int], tuple[str, str]] | None" = None  # instead of `draw` beside statistics
 
 
-class LivePane(Widget):
+class LivePane(Guarded, Widget):
     """Draws the readings of the rows that the table shows; only lines that changed are painted again."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {
@@ -222,7 +223,7 @@ class LivePane(Widget):
         return self._trends[row]
 
 
-class LiveHead(Static):
+class LiveHead(Guarded, Static):
     """The heads of the live columns; a click asks for the order by one."""
 
     def __init__(self, pane: LivePane) -> None:

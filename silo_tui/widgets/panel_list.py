@@ -21,10 +21,11 @@ from silo_tui.model.panels import (
 )
 from silo_tui.model.plots import Plotted
 from silo_tui.model.source import PlotSource
+from silo_tui.unforeseen import Guarded
 from silo_tui.widgets.series import most_series
 
 
-class PanelList(Widget):
+class PanelList(Guarded, Widget):
     """The panels of a monitor and how many lines each takes; `PlotStack` draws them."""
 
     def __init__(self, plots: Sequence[Plotted], source: PlotSource) -> None:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -99,7 +100,7 @@ class FakeRows:
 
     def pin(self, names: Sequence[str], start_ns: int, end_ns: int) -> FakePin:
         self._ask()
-        held = FakePin(self, self.samples(names, start_ns, end_ns + 1))
+        held = FakePin(self, self._some(names, start_ns, end_ns + 1, "time", None))
         self.pins.append(held)
         return held
 
@@ -108,6 +109,16 @@ class FakeRows:
         pin: FakePin | None = None, reply_bytes: int = 2**20, told: Callable[[float], None] | None = None,
     ) -> dict[str, Samples]:  # fmt: skip
         self._ask()
+        shapes = {info.name: info.shape for info in self.infos}
+        found = {
+            name: replace(one, values=one.values.reshape(-1, *shapes.get(name, one.values.shape[1:])))
+            for name, one in self._some(names, start, end, by, pin).items()
+        }
+        if told is not None:
+            told(1.0)
+        return found
+
+    def _some(self, names: Sequence[str], start: int, end: int, by: str, pin: FakePin | None) -> dict[str, Samples]:
         found = {}
         for name in names:
             whole = self._held_samples(name) if pin is None else self._of_pin(pin, name)
@@ -116,8 +127,6 @@ class FakeRows:
             found[name] = Samples(
                 whole.ticks[some], whole.time_ns[some], whole.values[some], whole.divider, why=whole.why
             )
-        if told is not None:
-            told(1.0)
         return found
 
     def find(

@@ -49,6 +49,12 @@ def vector(name: str, unit: str, suffixes: str = "xyz", kind: str = "vector", **
     return ElementInfo(name, unit, kind, (len(suffixes),), entries, ElementOptions(**{"buffer_size": 4000, **options}))
 
 
+def array_of_one(name: str, unit: str = "-", **options: Any) -> ElementInfo:
+    return ElementInfo(
+        name, unit, "array", (1,), (Entry("", "<f8"),), ElementOptions(**{"buffer_size": 4000, **options})
+    )
+
+
 def robot_elements() -> list[ElementInfo]:
     both = Action.SAVE_AND_PUBLISH
     found = [

@@ -161,6 +161,9 @@ class Screen:
 async def _screen_of(app: SiloApp, size: tuple[int, int] = (80, 24)) -> AsyncIterator[Screen]:
     async with app.run_test(size=size, notifications=True) as pilot:
         yield Screen(app, pilot)
+        assert not app.unforeseen.errors, (
+            app.unforeseen.errors
+        )  # which a user is told of, and a test must not pass over
         app.release()
         app.exit()  # as who uses it does: what works in it ends before its screens go
         await pilot.app._task

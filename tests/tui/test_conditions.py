@@ -279,6 +279,44 @@ class TestLists:
             await screen.press("*", "K")
             await screen.until(lambda: ("acknowledge", "/log/LF/HAA/torque", "/log/a/cold") in fake.calls)
 
+    @pytest.mark.parametrize("key", ["x", "t", "!"])
+    async def test_where_what_is_marked_is_filtered_out_a_key_is_about_nothing(self, key, fake, opened):
+        fake.trigger_statuses = [FALL, BLIND, OFF]
+        async with opened(fake) as screen:
+            await screen.press("T")
+            await screen.shows("ARMED")
+            await screen.press("space", "space", "/")
+            await screen.type("spin")
+            await screen.press("enter", key)
+            await screen.shows("the filter leaves out what is marked")
+            assert not screen.app.screen.is_modal
+            assert not [call for call in fake.calls if call[0] in ("remove_trigger", "arm_trigger", "force_trigger")]
+
+    async def test_an_alarm_that_slipped_under_the_cursor_is_not_acknowledged_at_once(self, fake, opened):
+        fake.limit_statuses = [HOT, COLD]
+        async with opened(fake) as screen:
+            await screen.press("A")
+            await screen.shows("/a/cold")
+            fake.limit_statuses = [COLD]
+            await screen.press("r")
+            await screen.until(lambda: "torque" not in screen.text)
+            await screen.press("K")
+            await screen.shows("LF/HAA/torque is gone, a/cold stands there now")
+            assert not [call for call in fake.calls if call[0] == "acknowledge"]
+            await screen.press("K")
+            await screen.until(lambda: ("acknowledge", "/log/a/cold") in fake.calls)
+
+    async def test_a_new_alarm_above_leaves_the_cursor_on_its_line(self, fake, opened):
+        fake.limit_statuses = [COLD]
+        async with opened(fake) as screen:
+            await screen.press("A")
+            await screen.shows("/a/cold")
+            fake.limit_statuses = [HOT, COLD]
+            await screen.press("r")
+            await screen.shows("86.31")
+            await screen.press("K")
+            await screen.until(lambda: ("acknowledge", "/log/a/cold") in fake.calls)
+
     async def test_m_plots_the_signals_of_a_condition(self, fake, opened):
         name = fake.elements[0].name.removeprefix("/log/")
         fake.trigger_statuses = [TriggerStatus(TriggerOptions("one", f"abs({name}) > 1"), TriggerWord.ARMED)]

@@ -85,3 +85,46 @@ async def test_the_list_of_loggers_moves_looks_again_and_takes_commands(new_fake
         await screen.type("settings")
         await screen.press("enter")
         await screen.until(lambda: screen.app.screen.scope == "settings", "what was typed")
+
+
+class TestWhatAKeyIsAbout:
+    def test_the_marked_lines_that_are_shown_in_the_order_shown(self):
+        marks = Marks()
+        marks.keys = {"a", "c", "hidden"}
+        assert marks.meant(["c", "b", "a"], "b") == ["c", "a"]
+        assert marks.why_none(["c", "b", "a"], "b") == ""
+
+    def test_nothing_where_all_that_is_marked_is_filtered_out(self):
+        marks = Marks()
+        marks.keys = {"a"}
+        assert marks.meant(["b"], "b") == []
+        assert marks.why_none(["b"], "b").startswith("the filter leaves out what is marked")
+
+    def test_the_line_under_the_cursor_where_nothing_is_marked(self):
+        assert Marks().meant(["a", "b"], "b") == ["b"]
+        assert Marks().meant([], "") == []
+
+    def test_the_cursor_goes_with_its_line(self):
+        marks = Marks()
+        assert marks.follow("b", ["new", "a", "b"], 1) == 2
+        assert marks.meant(["new", "a", "b"], "b") == ["b"]
+
+    def test_not_the_line_that_slipped_under_the_cursor_until_the_key_comes_again(self):
+        marks = Marks()
+        assert marks.follow("b", ["a", "c"], 1) == 1
+        assert marks.meant(["a", "c"], "c") == []
+        assert (
+            marks.why_none(["a", "c"], "c") == "b is gone, c stands there now: nothing was done; once more is about it"
+        )
+        assert marks.meant(["a", "c"], "c") == ["c"]
+
+    def test_the_line_that_one_moves_to_after_that(self):
+        marks = Marks()
+        marks.follow("b", ["a", "c"], 1)
+        assert marks.meant(["a", "c"], "a") == ["a"]
+
+    def test_who_changed_what_is_shown_means_what_stands_there(self):
+        marks = Marks()
+        marks.follow("b", ["a", "c"], 1)
+        marks.settle()
+        assert marks.meant(["a", "c"], "c") == ["c"]

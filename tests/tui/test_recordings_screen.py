@@ -552,3 +552,34 @@ async def test_the_older_ones_come_when_one_goes_there_or_filters(opened, fake, 
         assert not lines_with(screen, "arm…_00003")
         await screen.press(*keys)
         await screen.shows("arm…_00003")
+
+
+@pytest.mark.parametrize("key", ["x", "w"])
+async def test_where_what_is_marked_is_filtered_out_a_key_is_about_nothing(key, opened, fake, logs):
+    async with opened(fake) as screen:
+        await at_recordings(screen)
+        await screen.press("space", "slash")
+        await screen.type("baseline")
+        await screen.press("enter", key)
+        await screen.shows("the filter leaves out what is marked")
+        assert not screen.app.screen.is_modal
+
+
+@pytest.mark.parametrize("key", ["x", "w"])
+async def test_what_is_being_written_is_neither_deleted_nor_fetched(key, opened, fake, logs, monkeypatch):
+    told = fake.recordings
+
+    def unfinished(most=1000):
+        found = told(most)
+        return msgspec.structs.replace(
+            found, recordings=[msgspec.structs.replace(one, unfinished=True) for one in found.recordings]
+        )
+
+    monkeypatch.setattr(fake, "recordings", unfinished)
+    async with opened(fake) as screen:
+        await screen.press("F")
+        await screen.shows("being written")
+        await screen.press(key)
+        await screen.shows("nothing to delete here" if key == "x" else "nothing to fetch here")
+        await screen.press("*", key)
+        assert not screen.app.screen.is_modal
