@@ -66,6 +66,39 @@ _KNOWN = {
     "min": (60.0, "s"),
     "h": (3600.0, "s"),
 }
+# words without a factor to others, that are no mistakes
+_COUNTED_WORDS = """
+    count counts tick ticks step steps sample samples frame frames cycle cycles pulse pulses rev turn turns digit LSB
+    bit bits byte bytes B kB MB GB px pixel pixels % ‰ ppm dB dBm degC °C degF °F lx lm day days var VA Wb G Gs mmHg
+    in inch ft yd mi mph kn lb lbf psi oz
+"""
+_COUNTED = frozenset(_COUNTED_WORDS.split())
+# what people write, by what it is called here
+_MEANT = {
+    "rad": "radian radians rd rads",
+    "deg": "degree degrees degs",
+    "m": "meter meters metre metres",
+    "s": "second seconds sec secs",
+    "ms": "msec msecs millisecond milliseconds",
+    "us": "usec usecs microsecond microseconds",
+    "min": "minute minutes mins",
+    "h": "hour hours hr hrs",
+    "N": "newton newtons",
+    "Nm": "newtonmeter newtonmeters newtonmetre newtonmetres n.m nm. n-m",
+    "V": "volt volts",
+    "A": "amp amps ampere amperes",
+    "W": "watt watts",
+    "J": "joule joules",
+    "Hz": "hertz",
+    "Pa": "pascal pascals",
+    "K": "kelvin",
+    "degC": "celsius centigrade",
+    "g": "gram grams",
+    "kg": "kilogram kilograms kgs kilo kilos",
+    "%": "percent",
+    "rpm": "revolutions/min",
+}
+_MEANT_BY = {given: word for word, others in _MEANT.items() for given in others.split()}
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 0.1, "k": 1e3, "M": 1e6, "G": 1e9}
 
 
@@ -105,6 +138,37 @@ def size(unit: str) -> float | None:
     """Return what one of this unit is in SI units without prefix (`ms`: 0.001); None where it isn't known."""
     mine, words = _meaning(unit)
     return mine if all(word == "cycle" or _known(word) for word in words) else None
+
+
+def doubt(unit: str) -> str:
+    """Return what is wrong with a unit that somebody gives, with the way out; "" for one whose words are known.
+
+    A word of somebody's own stands in brackets: `[parsec]`.
+    """
+    unknown = [
+        word
+        for word in _formula(unit)
+        if f"[{word}]" not in unit and not _known(word) and word not in _COUNTED and not word.isdigit()
+    ]
+    if not unknown:
+        return ""
+    meant = unit
+    for word in unknown:
+        meant = meant.replace(word, _meant(word))
+    own = unit
+    for word in unknown:
+        own = own.replace(word, f"[{word}]")
+    words = " and ".join(f"'{word}'" for word in unknown)
+    close = f", did you mean '{meant}'?" if meant != unit else ""
+    return f"unit '{unit}': silo doesn't know {words}{close}; a word of your own is written '{own}'"
+
+
+def _meant(word: str) -> str:
+    """The known word that somebody means; the word itself where there is none."""
+    lower = word.lower()
+    if lower in _MEANT_BY:
+        return _MEANT_BY[lower]
+    return next((known for known in (*_KNOWN, *sorted(_COUNTED)) if known.lower() == lower), word)
 
 
 def _times(one: Mapping[str, Fraction], other: Mapping[str, Fraction], exponent: Fraction | int = 1) -> Formula:

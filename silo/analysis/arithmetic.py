@@ -3,6 +3,7 @@
 `silo.analysis.operators` calls it, `silo.analysis.frames` for the stamps of vectors and orientations.
 """
 
+import math
 import sys
 import warnings
 from collections.abc import Callable
@@ -31,6 +32,7 @@ def combined(
     """Return what a function makes of a signal and another, a number or an array; `swapped` puts the other first."""
     if not isinstance(other, Samples):
         _check_operand(one, other, sign)
+        _warn_of_turn(one, other, sign)
     base, unit, words = one, _unit(one, other, sign, swapped), _words(other)
     mine: NDArray[Any] = wide(one)
     theirs: Any = other
@@ -202,7 +204,7 @@ def warn_outside(words: str) -> None:
 def _unit(one: Samples, other: Samples | float | NDArray[Any], sign: str, swapped: bool) -> str:
     """Return the unit of what is calculated. Raises `ElementError` where units don't go together."""
     if sign == "**":
-        return _power_unit(one, other)
+        return _exponent_unit(one) if swapped and not isinstance(other, Samples) else _power_unit(one, other)
     if sign in ("*", "/", "//"):
         theirs = other.unit if isinstance(other, Samples) else "-"
         left, right = (theirs, one.unit) if swapped else (one.unit, theirs)
@@ -222,10 +224,8 @@ def _unit(one: Samples, other: Samples | float | NDArray[Any], sign: str, swappe
 
 
 def _power_unit(base: Samples, exponent: Samples | float | NDArray[Any]) -> str:
-    if isinstance(exponent, Samples) and exponent.unit not in ("", "-"):
-        raise ElementError(
-            f"'{exponent.name}' can't be an exponent: it has the unit '{exponent.unit}'; drop it by .with_unit('-')"
-        )
+    if isinstance(exponent, Samples):
+        _exponent_unit(exponent)
     if base.unit in ("", "-"):
         return base.unit
     if isinstance(exponent, float | int | np.number) and np.isfinite(exponent) and np.isreal(exponent):
@@ -234,6 +234,27 @@ def _power_unit(base: Samples, exponent: Samples | float | NDArray[Any]) -> str:
         f"'{base.name}' has the unit '{base.unit}', so its exponent must be one finite number, the same for all "
         "samples; or drop the unit by .with_unit('-')"
     )
+
+
+def _exponent_unit(exponent: Samples) -> str:
+    """The unit of a plain number to the power of a signal: none, as the signal must have none."""
+    if exponent.unit not in ("", "-"):
+        raise ElementError(
+            f"'{exponent.name}' can't be an exponent: it has the unit '{exponent.unit}'; drop it by .with_unit('-')"
+        )
+    return "-"
+
+
+def _warn_of_turn(signal: Samples, number: object, sign: str) -> None:
+    """Warn of `q * 180 / np.pi`: numbers have no unit, so what is in degrees then would stay in `rad`."""
+    if sign not in ("*", "/") or not isinstance(number, float | np.floating) or signal.unit not in ("rad", "deg", "°"):
+        return
+    if any(math.isclose(number, turn, rel_tol=1e-4) for turn in (math.pi, math.pi / 180, 180 / math.pi)):
+        to = "deg" if signal.unit == "rad" else "rad"
+        warn_outside(
+            f"'{signal.name}' {sign} {number:.6g} stays in '{signal.unit}', as a number has no unit: to convert write "
+            f".to('{to}'), or say what it is in by .with_unit(...) first; this will be refused"
+        )
 
 
 def _check_shapes(one: Samples, other: Samples, mine: NDArray[Any], theirs: NDArray[Any], sign: str) -> None:

@@ -51,6 +51,9 @@ class Operators(Samples):
     def __pow__(self: Self, exponent: float) -> Self:
         return combined(self, exponent, operator.pow, "**")
 
+    def __rpow__(self: Self, base: float) -> Self:
+        return combined(self, base, operator.pow, "**", swapped=True)
+
     def __neg__(self: Self) -> Self:
         return replace(self, name=f"-{self.name}", values=-wide(self), labels={})
 
@@ -62,6 +65,12 @@ class Operators(Samples):
 
     def __floordiv__(self: Self, other: Operand[Self]) -> Self:
         return combined(self, other, operator.floordiv, "//")
+
+    def __rmod__(self: Self, other: Operand[Self]) -> Self:
+        return combined(self, other, operator.mod, "%", swapped=True)
+
+    def __rfloordiv__(self: Self, other: Operand[Self]) -> Self:
+        return combined(self, other, operator.floordiv, "//", swapped=True)
 
     # ----------------------------------------------------------------------------------------------- comparisons, logic
 

@@ -137,9 +137,10 @@ class Signal(Operators):
         text("unit", unit, "signal.in_unit('rad/s')")
         factor = units.factor(self.unit, unit)
         if factor is None:
+            doubts = "".join(f"; {words}" for words in map(units.doubt, (self.unit, unit)) if words)
             raise ElementError(
                 f"'{self.name}' is in '{self.unit}', which can't be converted to '{unit}'; if it is in '{unit}' in "
-                f"truth, say so by .with_unit('{unit}')"
+                f"truth, say so by .with_unit('{unit}'){doubts}"
             )
         return replace(self, unit=unit, values=self.values if factor == 1.0 else wide(self) * factor)
 
@@ -160,7 +161,10 @@ class Signal(Operators):
         Args:
             unit: what they are in, in truth; `-` for none.
         """
-        return replace(self, unit=text("unit", unit, "signal.with_unit('rad/s'), or '-' for none"))
+        given = text("unit", unit, "signal.with_unit('rad/s'), or '-' for none")
+        if wrong := units.doubt(given):
+            warn_outside(f"{wrong}; this will be refused")
+        return replace(self, unit=given)
 
     # ---------------------------------------------------------------------------------------------------- statistics
 

@@ -55,7 +55,7 @@ class Conditions(Configuration):
             whole_name = join_name(prefix, group, name)
         with self._lock:
             self._check_open()
-            one = Derived(whole_name, expression, unit.strip())
+            one = Derived(whole_name, expression, self._unit(whole_name, unit) if unit.strip() else "")
             self._take_derived(with_derived(self._extras, one, self._all_infos, prefix))
 
     def remove_derived(self, name: str) -> None:

@@ -40,6 +40,7 @@ from silo.model import (
 )
 from silo.settings.rules import refusal
 from silo.settings.words import apply_settings, read_options
+from silo.units import doubt
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed
@@ -61,6 +62,7 @@ class Configuration(metaclass=HidesOtherNames):
         self._updated = False
         self._reads_script = True
         self._closed = False
+        self._doubted: set[str] = set()  # units of which was told
 
     def _check_open(self) -> None:
         if self._closed:
@@ -200,7 +202,7 @@ class Configuration(metaclass=HidesOtherNames):
         single = len(parts) == 1
         info = ElementInfo(
             name=full,
-            unit=unit.strip() or "-",
+            unit=self._unit(full, unit),
             kind=kind_of(first.dtype, first.shape, kind) if single else STRUCT.name,
             shape=first.shape if single else (),
             entries=entries,
@@ -212,6 +214,15 @@ class Configuration(metaclass=HidesOtherNames):
             extras = self._extras if limits is None else self._limited(info, limits)
             self._table.add(Element(info, tuple(parts)))
             self._extras = extras
+
+    def _unit(self, name: str, given: str) -> str:
+        """The unit of a new element or derived signal; each that silo doesn't know is told once."""
+        unit = given.strip() or "-"
+        wrong = doubt(unit)
+        if wrong and unit not in self._doubted:
+            self._doubted.add(unit)
+            log.warning("element '%s': %s; this will be refused", name, wrong)
+        return unit
 
     def _limited(self, info: ElementInfo, bounds: Sequence[float | None]) -> Extras:
         """The extras with limits of a new element. Raises ElementError."""

@@ -1,5 +1,8 @@
 """What becomes of units when signals are calculated with: nothing is dropped, nothing is added that doesn't fit."""
 
+import math
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +10,7 @@ from hypothesis import strategies as st
 
 from silo import units
 from silo.analysis.signals import Signal
-from silo.errors import ElementError
+from silo.errors import ElementError, LogWarning
 
 
 def signal(unit, values=(1.0, 2.0, 3.0), name=None):
@@ -74,6 +77,18 @@ class TestProducts:
         with pytest.raises(ElementError, match=r"'/m' .*unit 'm'.*with_unit\('-'\)"):
             signal("m") ** np.array([1.0, 2.0, 3.0])
         assert (signal("-") ** np.array([1.0, 2.0, 3.0])).unit == "-"
+
+    @pytest.mark.parametrize("base", [2, 2.0, np.float64(2), np.int64(2)])
+    def test_the_exponent_of_a_number_must_have_no_unit(self, base):
+        for power in (lambda q: np.power(base, q), lambda q: base**q):
+            with pytest.raises(ElementError, match=r"'/m' can't be an exponent: it has the unit 'm'"):
+                power(signal("m"))
+            assert (power(signal("-")).unit, power(signal("-")).values.tolist()) == ("-", [2, 4, 8])
+
+    def test_a_number_stands_before_every_operator(self):
+        assert (7 % signal("-")).values.tolist() == [0, 1, 1]
+        assert (7 // signal("s")).values.tolist() == [7, 3, 2]
+        assert (7 // signal("s")).unit == "1/s"
 
     @pytest.mark.parametrize("text", ["a/(b", "m^", "*", "/s", "m//s", "(", "a)b", "5 of 7", "m/s/", "µ", "kg*-"])
     def test_what_is_no_formula_stays_one_opaque_word_that_still_cancels(self, text):
@@ -154,6 +169,53 @@ class TestConversion:
             signal("rad").in_unit("m")
         with pytest.raises(ElementError, match="'°C'"):
             signal("°C").in_unit("K")
+
+    def test_a_word_that_is_not_known_is_told_with_the_one_that_is_meant(self):
+        with pytest.raises(ElementError, match=r"doesn't know 'radians', did you mean 'rad'\?"):
+            signal("radians").to("deg")
+        with pytest.raises(ElementError, match=r"doesn't know 'sec', did you mean 'm/s'\?"):
+            signal("mm/s").to("m/sec")
+        with pytest.warns(LogWarning, match=r"did you mean 'rad'\?.*will be refused"):
+            signal("-").with_unit("rd")
+
+    @pytest.mark.parametrize(
+        "turned",
+        [
+            lambda q: q * 180 / np.pi,
+            lambda q: q * (180 / np.pi),
+            lambda q: 57.3 * q,
+            lambda q: np.multiply(q, 57.29578),
+            lambda q: q / (math.pi / 180),
+        ],
+    )
+    def test_degrees_that_would_stay_in_rad_are_told(self, turned):
+        with pytest.warns(LogWarning, match=r"stays in 'rad'.*\.to\('deg'\)"):
+            turned(signal("rad"))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            turned(signal("-"))
+            signal("rad") * 2.0
+            signal("rad") * 180
+
+    @pytest.mark.parametrize(
+        ("unit", "meant"),
+        [
+            ("radians", "rad"), ("rd", "rad"), ("Degrees", "deg"), ("rad/sec", "rad/s"), ("meters", "m"), ("hz", "Hz"),
+            ("RPM", "rpm"), ("Volt", "V"), ("kgs*m", "kg*m"), ("NM", "Nm"), ("celsius", "degC"),
+        ],
+    )  # fmt: skip
+    def test_what_is_meant_by_a_word(self, unit, meant):
+        assert f"did you mean '{meant}'?" in units.doubt(unit)
+        assert units.doubt(meant) == ""
+
+    @pytest.mark.parametrize(
+        "unit", ["", "-", "Nm", "m/s²", "kg m^2 s^-2", "[raw counts]", "[parsec]/s", "%", "count", "degC", "µs", "1/s"]
+    )
+    def test_known_words_and_those_in_brackets_are_no_doubt(self, unit):
+        assert units.doubt(unit) == ""
+
+    def test_another_word_is_doubted_with_the_way_to_write_it(self):
+        assert units.doubt("parsec/s").endswith("doesn't know 'parsec'; a word of your own is written '[parsec]/s'")
 
     def test_whole_numbers_become_fractions(self):
         assert signal("mm", [1, 2]).in_unit("m").values.tolist() == [0.001, 0.002]

@@ -233,3 +233,18 @@ def test_variables_in_silos_memory_survive_the_logger(new_logger):
     del logger
     q[:] = 5
     assert q.sum() == 15
+
+
+def test_a_unit_that_is_not_known_is_told_once_with_the_one_that_is_meant(new_logger, caplog):
+    logger = new_logger()
+    for name in ("a", "b"):
+        logger.array(name, unit="radians")
+    logger.array("mine", unit="[parsec]")
+    logger.array("c", unit="Nm")
+    logger.derive("d", "a * b", unit="rads")
+    told = [record.getMessage() for record in caplog.records if "unit" in record.getMessage()]
+    assert len(told) == 2
+    assert "/log/a" in told[0]
+    assert "did you mean 'rad'?" in told[0]
+    assert "will be refused" in told[0]
+    assert "/log/d" in told[1]
