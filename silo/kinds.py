@@ -19,6 +19,10 @@ from silo.errors import ElementError
 
 _XYZ = ("_x", "_y", "_z")
 _XYZW = ("_x", "_y", "_z", "_w")
+_WXYZ = ("_w", "_x", "_y", "_z")
+_POSE = (*(f"_position{axis}" for axis in _XYZ), *(f"_orientation{axis}" for axis in _XYZW))
+_TWIST = (*(f"_linear{axis}" for axis in _XYZ), *(f"_angular{axis}" for axis in _XYZ))
+_ANGLE_AXIS = ("_angle", *_XYZ)
 
 
 class Group(msgspec.Struct, frozen=True):
@@ -45,17 +49,18 @@ Found = tuple[str, tuple[int, ...], tuple[str, ...]]  # name, shape and suffixes
 class Kind(msgspec.Struct, frozen=True):
     """What is to know of one kind.
 
-    suffixes: of the values in the last dimension, in the order of files and of the ROS message's numbers; empty where
-    they are indices. shape: of an element that is put together again. orders: names under which `add` takes the kind,
-    each with the place in memory of every suffix. read_name: for kinds with parameters, name -> suffixes, None for
-    another kind. message: the ROS message for floats. array: without one, the numbers travel as one array, its
-    lengths before it under the names `sizes`. find: the element that begins at a place in a list of names.
+    suffixes: of the values in the last dimension, in the order of the ROS message's numbers; empty where they are
+    indices. shape: of an element that is put together again. orders: names under which `add` takes the kind, each with
+    the suffixes as they lie in memory, and so in files: what comes back is what was logged, number by number.
+    read_name: for kinds with parameters, name -> suffixes, None for another kind. message: the ROS message for floats.
+    array: without one, the numbers travel as one array, its lengths before it under the names `sizes`. find: the
+    element that begins at a place in a list of names.
     """
 
     name: str
     suffixes: tuple[str, ...] = ()
     shape: tuple[int, ...] = ()
-    orders: Mapping[str, tuple[int, ...]] = {}
+    orders: Mapping[str, tuple[str, ...]] = {}
     shown: str = ""
     read_name: Callable[[str], tuple[str, ...] | None] | None = None
     message: Message | None = None
@@ -67,7 +72,11 @@ class Kind(msgspec.Struct, frozen=True):
         """The element of this kind that begins at this place, None if there is none."""
         if self.find is not None:
             return self.find(names, place)
-        return _with_suffixes(names, place, self.suffixes, self.shape) if self.suffixes else None
+        for suffixes in self.orders.values():
+            found = _with_suffixes(names, place, suffixes, self.shape)
+            if found is not None:
+                return found
+        return None
 
 
 def _with_suffixes(names: Sequence[str], place: int, suffixes: tuple[str, ...], shape: tuple[int, ...]) -> Found | None:
@@ -171,7 +180,7 @@ VECTOR = Kind(
     "vector",
     suffixes=_XYZ,
     shape=(3,),
-    orders={"vector": (0, 1, 2)},
+    orders={"vector": _XYZ},
     message=Message("Vector3", "vector", (("float64", "x"), ("float64", "y"), ("float64", "z"))),
     array=True,
     find=_find_vector,
@@ -187,7 +196,7 @@ KINDS = (
         "quaternion",
         suffixes=_XYZW,
         shape=(4,),
-        orders={"quaternion": (0, 1, 2, 3), "quaternion_wxyz": (1, 2, 3, 0)},
+        orders={"quaternion": _XYZW, "quaternion_wxyz": _WXYZ},
         message=Message(
             "Quaternion",
             "quaternion",
@@ -196,18 +205,18 @@ KINDS = (
     ),
     Kind(
         "pose",
-        suffixes=(*(f"_position{axis}" for axis in _XYZ), *(f"_orientation{axis}" for axis in _XYZW)),
+        suffixes=_POSE,
         shape=(7,),
-        orders={"pose": tuple(range(7))},
+        orders={"pose": _POSE},
         message=Message(
             "Pose", "pose", (("geometry_msgs/Point", "position"), ("geometry_msgs/Quaternion", "orientation"))
         ),
     ),
     Kind(
         "twist",
-        suffixes=(*(f"_linear{axis}" for axis in _XYZ), *(f"_angular{axis}" for axis in _XYZ)),
+        suffixes=_TWIST,
         shape=(6,),
-        orders={"twist": tuple(range(6))},
+        orders={"twist": _TWIST},
         message=Message("Twist", "twist", (("geometry_msgs/Vector3", "linear"), ("geometry_msgs/Vector3", "angular"))),
     ),
     Kind(
@@ -217,7 +226,7 @@ KINDS = (
         read_name=_at_position_suffixes,
         find=_find_at_position,
     ),
-    Kind("angle_axis", suffixes=("_angle", *_XYZ), shape=(4,), orders={"angle_axis": (0, 1, 2, 3)}),
+    Kind("angle_axis", suffixes=_ANGLE_AXIS, shape=(4,), orders={"angle_axis": _ANGLE_AXIS}),
     MATRIX,
     VECTOR,
     COMPLEX,
@@ -232,8 +241,8 @@ def kind_named(name: str) -> Kind | None:
     return next((kind for kind in KINDS if kind.name == name), None)
 
 
-def kind_given(name: str) -> tuple[Kind, tuple[tuple[str, int], ...]] | None:
-    """The kind that `add` is given by this name, and its suffixes in the order of files, each with its place in memory.
+def kind_given(name: str) -> tuple[Kind, tuple[str, ...]] | None:
+    """The kind that `add` is given by this name, and its suffixes in the order of memory, which files keep.
 
     None for `""` and `array`: plain indices. Raises `ElementError` for a name that no kind has.
     """
@@ -241,10 +250,10 @@ def kind_given(name: str) -> tuple[Kind, tuple[tuple[str, int], ...]] | None:
         return None
     for kind in KINDS:
         if name in kind.orders:
-            return kind, tuple(zip(kind.suffixes, kind.orders[name], strict=True))
+            return kind, kind.orders[name]
         suffixes = kind.read_name(name) if kind.read_name else None
         if suffixes is not None:
-            return kind, tuple((suffix, place) for place, suffix in enumerate(suffixes))
+            return kind, suffixes
     near = get_close_matches(name.lower(), given_names(), 1, 0.6)
     hint = f"; did you mean '{near[0]}'?" if near else ""
     raise ElementError(f"unknown kind {shown(name)}; there are {', '.join(given_names())}{hint}")

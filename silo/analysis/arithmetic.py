@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo import units
-from silo.analysis.samples import Samples
+from silo.analysis.samples import Samples, in_order
 from silo.arguments import shown
 from silo.errors import ElementError, LogWarning
 
@@ -132,6 +132,7 @@ def aligned(one: One, other: Other, what: str, two_clocks: bool = False) -> tupl
     clock repeats itself to the nanosecond. Raises `ElementError`, which says what can't be done, where they have no
     time in common.
     """
+    other = in_order(other, one.components)
     if other.start_ns != one.start_ns:
         other, two_clocks = other.as_if_started(one.start_ns), True
     if np.array_equal(one.time_ns, other.time_ns):

@@ -14,6 +14,7 @@ from silo import units
 from silo.analysis.arithmetic import in_common
 from silo.analysis.log import Log
 from silo.analysis.reports import table
+from silo.analysis.samples import in_order
 from silo.analysis.signals import Signal
 from silo.arguments import real, shown, text
 from silo.calls import told, told_class
@@ -194,6 +195,7 @@ def _differences(one: Signal, other: Signal, shift_s: float, tolerance: float) -
     """The scalars of a signal of both, and which time both have where one goes on longer."""
     if one.values.dtype.kind not in "biufc" or other.values.dtype.kind not in "biufc":
         raise ElementError("its values are no numbers")
+    other = in_order(other, one.components)
     if one.components != other.components:
         raise ElementError(f"components {one.components or 'none'} and {other.components or 'none'}")
     if not units.same(one.unit, other.unit) and {one.unit, other.unit}.isdisjoint(("", "-")):

@@ -1,7 +1,7 @@
 """Rotations of signals: vectors into other frames, quaternions and Euler angles into each other.
 
-Built on scipy's `Rotation` (an extra). Quaternions are `x y z w`. Samples that are no rotation (NaN, length zero) give
-NaN and disturb no other.
+Built on scipy's `Rotation` (an extra). Quaternions are `x y z w`, or in another order if their components say so.
+Samples that are no rotation (NaN, length zero) give NaN and disturb no other.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.analysis.arithmetic import together
-from silo.analysis.samples import Samples
+from silo.analysis.samples import XYZW, Samples, in_order
 from silo.arguments import shown, text
 from silo.errors import ElementError
 from silo.files.extras import need
@@ -31,7 +31,7 @@ def rotate(vector: One, orientation: Samples, inverse: bool = False) -> One:
     """
     _expect(vector, 3, "a 3-vector")
     _expect(orientation, 4, "a quaternion")
-    left, right = together(vector, orientation, f"rotate '{vector.name}' by '{orientation.name}'")
+    left, right = together(vector, in_order(orientation, XYZW), f"rotate '{vector.name}' by '{orientation.name}'")
     good = _is_rotation(right.values)
     rotations = _rotation().from_quat(right.values[good].astype(np.float64))
     values = np.full((len(left), 3), np.nan)
@@ -77,7 +77,7 @@ def quaternion(signal: One, order: str = "ZYX", degrees: bool = False) -> One:
         values=result,
         kind="quaternion",
         unit="-",
-        components=("x", "y", "z", "w"),
+        components=XYZW,
     )
 
 
@@ -85,7 +85,8 @@ def inverse(orientation: One) -> One:
     """Return the inverse rotation."""
     _expect(orientation, 4, "a quaternion")
     values = _convert(orientation, 4, lambda rotations: rotations.inv().as_quat())
-    return replace(orientation, name=f"inverse({orientation.name})", values=values)
+    made = replace(in_order(orientation, XYZW), name=f"inverse({orientation.name})", values=values)
+    return in_order(made, orientation.components)
 
 
 def _rotation() -> Any:
@@ -93,9 +94,10 @@ def _rotation() -> Any:
 
 
 def _convert(orientation: Samples, width: int, function: Callable[[Any], NDArray[Any]]) -> NDArray[np.float64]:
-    good = _is_rotation(orientation.values)
+    quaternions = in_order(orientation, XYZW).values
+    good = _is_rotation(quaternions)
     values = np.full((len(orientation), width), np.nan)
-    values[good] = function(_rotation().from_quat(orientation.values[good].astype(np.float64)))
+    values[good] = function(_rotation().from_quat(quaternions[good].astype(np.float64)))
     return values
 
 

@@ -19,6 +19,7 @@ from silo.calls import told_class
 from silo.errors import ElementError
 from silo.recording import NO_FAILURES, Failures
 
+XYZW = ("x", "y", "z", "w")
 MOST_SAMPLES = 100_000_000  # of a resampled signal
 
 Self = TypeVar("Self", bound="Samples")
@@ -130,7 +131,7 @@ class Samples:
             self,
             name=f"{self.name}_{name}",
             values=self.values.reshape(len(self), -1)[:, places],
-            kind="quaternion" if components == ("x", "y", "z", "w") else "vector",
+            kind="quaternion" if sorted(components) == sorted(XYZW) else "vector",
             components=components,
         )
 
@@ -344,3 +345,14 @@ def new_times(signal: Samples, times: object) -> NDArray[np.int64]:
     if given.ndim > 1:
         raise ElementError(f"times to resample '{signal.name}' at must have one dimension, got shape {given.shape}")
     return signal.stamps(given)
+
+
+def in_order(signal: Self, components: tuple[str, ...]) -> Self:
+    """Return the signal with its components in this order, where it has just these; else as it is.
+
+    Quaternions stand as they lay in memory, `x y z w` or `w x y z`.
+    """
+    if signal.components == components or sorted(signal.components) != sorted(components) or signal.values.ndim != 2:
+        return signal
+    places = [signal.components.index(one) for one in components]
+    return replace(signal, values=signal.values[:, places], components=components)

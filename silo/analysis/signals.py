@@ -338,7 +338,7 @@ class Signal(Operators):
         """Return a 3-vector in the frame that the quaternion leads to. Needs scipy.
 
         Args:
-            orientation: quaternions `x y z w`.
+            orientation: quaternions, `x y z w` or as their components say.
             inverse: rotate back.
 
         Raises:

@@ -3,6 +3,8 @@
 The store into the stamp, which takes whole numbers of 64 bits alone, is the only check of a tick: it costs nothing.
 """
 
+import logging
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -12,6 +14,20 @@ import numpy as np
 from silo.arguments import INT64, shown
 from silo.errors import ElementError, StateError
 
+logger = logging.getLogger("silo")
+
+FIRST_LOOK_TICKS = 10
+LAST_LOOK_TICKS = 10_000
+NEAR = 5.0  # how far the rate of a loop may be from the logger's frequency
+# what a clock returned, where its nanoseconds are so many times too few
+_UNITS = {
+    1e9: "seconds as int",
+    1e6: "milliseconds as int",
+    1e3: "microseconds as int",
+    1e-3: "milliseconds as float",
+    1e-6: "microseconds as float",
+    1e-9: "nanoseconds as float",
+}
 NOTHING = object()  # what a clock returned that failed
 _WAY_OUT = "this tick is not logged, the next one asks again"
 
@@ -50,6 +66,56 @@ def _in_nanoseconds(clock: Callable[[], float]) -> Callable[[], int]:
             raise clock_failed(seconds, error) from error
 
     return now
+
+
+def looked_at(clock: Callable[[], int], name: str, frequency_hz: float) -> Callable[[], int]:
+    """Return a program's own clock, which tells at the tenth tick if its ticks are apart by another unit of time.
+
+    Then it takes itself out of `collect()`, whose later ticks ask the clock alone.
+    """
+    if clock is time.time_ns:
+        return clock
+    ticks, first_ns, next_look = 0, 0, FIRST_LOOK_TICKS
+
+    def now() -> int:
+        nonlocal ticks, first_ns, next_look
+        stamp = clock()
+        if not isinstance(stamp, int | np.integer):
+            return stamp  # `collect()` refuses it
+        ticks += 1
+        if ticks == 1:
+            first_ns = stamp
+        elif ticks >= next_look:
+            if stamp != first_ns or ticks > LAST_LOOK_TICKS:
+                _tell_unit(name, (stamp - first_ns) / (ticks - 1), frequency_hz)
+                names = sys._getframe(1).f_globals
+                if names.get("clock") is now:
+                    names["clock"] = clock
+            next_look *= 2  # a coarse clock stands still for some ticks
+        return stamp
+
+    return now
+
+
+def _tell_unit(name: str, step_ns: float, frequency_hz: float) -> None:
+    likely = likely_unit(step_ns, frequency_hz)
+    if likely:
+        logger.warning(
+            "%s: its clock says that ticks are %g s apart, at %g Hz they should be %g s: it seems to return %s; it "
+            "must return int nanoseconds or float seconds (time.time_ns, time.time); all times are wrong so",
+            name,
+            step_ns / 1e9,
+            frequency_hz,
+            1 / frequency_hz,
+            likely,
+        )
+
+
+def likely_unit(step_ns: float, frequency_hz: float) -> str:
+    """What a clock returned whose ticks are so far apart; empty where they are as the frequency says, or anything."""
+    expected_ns = 1e9 / frequency_hz
+    near = (word for factor, word in _UNITS.items() if expected_ns / NEAR <= step_ns * factor <= expected_ns * NEAR)
+    return next(near, "")
 
 
 def clock_failed(now: object, error: Exception) -> StateError:

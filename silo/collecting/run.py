@@ -13,6 +13,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from silo.collecting.clocks import looked_at
 from silo.collecting.generate import Collect, generate
 from silo.collecting.marks import no_mark
 from silo.collecting.pieces import words_at
@@ -76,7 +77,12 @@ class Run:
         if self._announced:
             announce_segment(self.segment.path)
         generated = generate(
-            plan, self.segment, clock, on_stop, after_end, serialized=options.threads is Threads.SERIALIZED
+            plan,
+            self.segment,
+            looked_at(clock, options.name, options.frequency_hz),
+            on_stop,
+            after_end,
+            serialized=options.threads is Threads.SERIALIZED,
         )
         self.collect, self._retire = generated.collect, generated.retire
         self.mark = self.segment.mark

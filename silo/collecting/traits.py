@@ -133,7 +133,9 @@ def _items(dtype: np.dtype[Any], shape: tuple[int, ...], strides: tuple[int, ...
     if not shape or shape[-1] != len(layout):
         raise ElementError(f"kind {kind!r} has {len(layout)} values in its last dimension, the shape is {shape}")
     leading = _items(dtype, shape[:-1], strides[:-1], kinds.ARRAY.name)
-    return [(f"{head}{suffix}", base + place * strides[-1]) for head, base in leading for suffix, place in layout]
+    return [
+        (f"{head}{suffix}", base + place * strides[-1]) for head, base in leading for place, suffix in enumerate(layout)
+    ]
 
 
 def _kind_of_numbers(dtype: np.dtype[Any], shape: tuple[int, ...]) -> str:

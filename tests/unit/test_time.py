@@ -176,3 +176,59 @@ def test_new_values_carry_the_stamps_of_their_ticks(ticking):
     logger.start()
     collect(logger, 9)
     assert logger.read_new_values("x").time_ns.tolist() == [0, 4, 8]
+
+
+# ------------------------------------------------------------------------------------- clocks of another unit
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (10, "milliseconds as int"),
+        (10_000, "microseconds as int"),
+        (12, "milliseconds as int"),
+        (10.0, "milliseconds as float"),
+        (1e4, "microseconds as float"),
+        (1e7, "nanoseconds as float"),
+    ],
+)
+def test_a_clock_of_another_unit_is_told_of_at_the_tenth_tick(new_logger, caplog, step, words):
+    times = iter(step * tick for tick in range(100))
+    logger = new_logger(clock=lambda: next(times))
+    logger.start()
+    collect(logger, 9)
+    assert caplog.text == ""
+    logger.collect()
+    assert f"it seems to return {words}" in caplog.text
+    caplog.clear()
+    collect(logger, 50)
+    assert caplog.text == ""
+
+
+@pytest.mark.parametrize("step", [10_000_000, 0.01, 25_000_000, 3_000_000, 1, 100_000])
+def test_a_clock_that_is_right_or_only_its_own_is_not_told_of(new_logger, caplog, step):
+    times = iter(step * tick for tick in range(100))
+    logger = new_logger(clock=lambda: next(times))
+    logger.start()
+    collect(logger, 60)
+    assert caplog.text == ""
+
+
+def test_a_clock_of_whole_seconds_is_told_of_as_soon_as_it_moves(new_logger, caplog):
+    times = iter(tick // 100 for tick in range(1000))
+    logger = new_logger(clock=lambda: next(times))
+    logger.start()
+    collect(logger, 400)
+    assert "it seems to return seconds as int" in caplog.text
+
+
+def test_later_ticks_ask_the_clock_alone(new_logger):
+    times = iter(range(0, 10**10, 10**7))
+
+    def clock():
+        return next(times)
+
+    logger = new_logger(clock=clock)
+    logger.start()
+    collect(logger, 10)
+    assert logger.present_run.collect.__globals__["clock"] is clock

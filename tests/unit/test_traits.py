@@ -99,10 +99,10 @@ def test_a_quaternion_is_x_y_z_w():
     assert suffixes(np.zeros(4), kind="quaternion") == ["_x", "_y", "_z", "_w"]
 
 
-def test_a_quaternion_with_w_first_in_memory_is_written_x_y_z_w():
+def test_a_quaternion_with_w_first_in_memory_keeps_its_order():
     (part,) = parts_of(np.zeros(4), kind="quaternion_wxyz")
     scalars = part.scalars(strides_of(part.source))
-    assert [(scalar.suffix, scalar.offset) for scalar in scalars] == [("_x", 8), ("_y", 16), ("_z", 24), ("_w", 0)]
+    assert [(scalar.suffix, scalar.offset) for scalar in scalars] == [("_w", 0), ("_x", 8), ("_y", 16), ("_z", 24)]
 
 
 def test_an_angle_axis_is_angle_x_y_z():
