@@ -402,6 +402,7 @@ class Status(msgspec.Struct, frozen=True):
     control: Control | None = None  # who alone may change it now; None: nobody took control
     one_operator: bool = False  # whether changes need control: `serve(control="one")`
     unheld: dict[str, int] = {}  # elements whose array nobody but silo holds, the first ten, and the tick it was seen
+    idle_s: float = 0.0  # while it runs: since its last tick, or its start
 
 
 class Table(msgspec.Struct, frozen=True):

@@ -103,6 +103,7 @@ def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s
 
 def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ...]:
     from silo.ipc.member import size
+    from silo.pace import idle_words
 
     told, run_s, unseen_s = one.summary, one.run_s(now_ns), one.unseen_s(now_s)
     if told is None:
@@ -110,10 +111,11 @@ def _cells(one: "Member", name: str, now_s: float, now_ns: int) -> tuple[str, ..
         return (name, one.word, *["-"] * 4, one.sign, seen, one.problem.split("\n")[0])
     seen = "now" if one.here else f"{show_duration(unseen_s)} ago"
     alarms = f" {told.alarms}" if one.sign and one.sign == told.alarm else ""
-    what = " ".join(one.people) if one.here and not one.dead else _after(one)
+    idle = [idle_words(one.idle_s(now_s))] if one.stalled else []
+    what = " ".join([*idle, *one.people]) if one.here and not one.dead else _after(one)
     return (
         name, one.word, show_duration(run_s) if run_s is not None else "-",
-        f"{told.measured_hz or told.frequency_hz:.4g}" if one.running else "-", str(told.lost),
+        one.rate, str(told.lost),
         size(told.disk_free_bytes) if told.disk_bytes else "-", f"{one.sign}{alarms}", seen, what,
     )  # fmt: skip
 
@@ -170,12 +172,14 @@ def changed(found: "FleetNow", chosen: "Sequence[Member]", known: "dict[str, Kno
 def sentence(one: "Member") -> str:
     """Return all that is known of a logger in a line."""
     from silo.ipc.member import size
+    from silo.pace import idle_words
 
     told = one.summary
     if told is None:
         return f"{one.word}{f': {one.problem}' if one.problem else ''}".replace("\n", " ")
-    parts = [one.word if not one.lost else f"silent, was {told.state.value}"]
-    parts += [f"{told.measured_hz or told.frequency_hz:.4g} Hz"] if one.running else []
+    word = f"{told.state.value}, {idle_words(told.idle_s)}" if one.stalled else one.word
+    parts = [word if not one.lost else f"silent, was {told.state.value}"]
+    parts += [f"{one.rate} Hz"] if one.running and not one.stalled else []
     parts += [f"lost {told.lost}"]
     parts += [f"{size(told.disk_free_bytes)} free"] if told.disk_bytes else []
     parts += [f"{told.alarm} {told.alarms}"] if told.alarms else []

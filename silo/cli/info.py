@@ -22,6 +22,7 @@ from silo.cli.common import (
 )
 from silo.errors import ConnectionLostError
 from silo.files.formats import LOG_ENDINGS, OPEN_PART_ENDING, SQLITE_ENDING, is_bag_folder
+from silo.pace import idle_words, is_stalled
 
 if TYPE_CHECKING:
     from silo.model import ElementInfo, Status
@@ -94,9 +95,9 @@ def _show_status(status: "Status") -> None:
     unsaved = "" if status.saved or not status.ticks else f", not saved ({_held(status)})"
     rows = [
         ("logger", f"{status.logger} on {status.host}, user {status.user}"),
-        ("state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}"),
+        ("state", f"{status.state.value}{f' ({status.reason})' if status.reason else ''}{_stalled(status)}"),
         *_recording(status),
-        ("frequency", f"{status.frequency_hz:g} Hz, measured {status.measured_hz:.4g} Hz"),
+        ("frequency", f"{status.frequency_hz:g} Hz{_measured(status)}"),
         ("logged", f"{status.ticks} ticks{f' in {logged_for(status)}' if logged_for(status) != '-' else ''}{unsaved}"),
         ("lost", f"{status.lost} samples"),
         *_failed(status),
@@ -113,6 +114,25 @@ def _show_status(status: "Status") -> None:
         ("revision", str(status.revision)),
     ]
     show_rows(rows)
+
+
+def _stalled(status: "Status") -> str:
+    """What is said of a logger that runs and doesn't tick."""
+    if not is_stalled(status.idle_s, status.frequency_hz):
+        return ""
+    return f", {idle_words(status.idle_s)}: its program is frozen, or doesn't call collect()"
+
+
+def _measured(status: "Status") -> str:
+    """How fast it really ticks, while it runs."""
+    if status.state.value != "running":
+        return ""
+    idle = is_stalled(status.idle_s, status.frequency_hz)
+    return (
+        f", measured {0.0 if idle else status.measured_hz:.4g} Hz"
+        if idle or status.measured_hz
+        else ", not measured yet"
+    )
 
 
 def _recording(status: "Status") -> list[tuple[str, str]]:

@@ -75,6 +75,7 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
     if not answers:
         _tell_orphans(answers)
         raise ConnectionLostError(not_found_text(pattern, discovery))
+    answers.sort(key=_is_stalled, reverse=True)  # a program that is frozen wants to be looked at first
     _show_table(answers)
     tell_unreachable(discovery)
     for answer in answers:
@@ -211,7 +212,17 @@ def _tell_journals(folder: str) -> None:
         )
 
 
+def _is_stalled(answer: "Answer") -> bool:
+    """Whether it runs but doesn't tick."""
+    from silo.pace import is_stalled
+
+    return answer.status is not None and is_stalled(answer.status.idle_s, answer.status.frequency_hz)
+
+
 def _ls_row(answer: "Answer") -> tuple[str, ...]:
+    from silo.ipc.member import NO_TICK
+    from silo.pace import whole_duration
+
     found, status = answer.found, answer.status
     if status is None:
         down = show_duration(time.time() - found.since) if answer.state == "helper down" else "-"
@@ -220,9 +231,9 @@ def _ls_row(answer: "Answer") -> tuple[str, ...]:
     return (
         found.name,
         found.host or status.host,
-        status.state.value,
+        f"{NO_TICK} {whole_duration(status.idle_s)}" if _is_stalled(answer) else status.state.value,
         logged_for(status),
-        f"{status.measured_hz or status.frequency_hz:.4g}" if status.state.value == "running" else "-",
+        "0" if _is_stalled(answer) else f"{status.measured_hz:.4g}" if status.measured_hz else "-",
         str(status.ticks),
         str(status.lost),
         f"{status.enabled}/{status.elements}",

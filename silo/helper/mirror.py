@@ -9,6 +9,7 @@ import functools
 import os
 import socket
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -82,6 +83,7 @@ class Mirror:
         self.host = host or socket.gethostname()
         self.user = user_name(os.getuid())
         self.measured_hz = 0.0
+        self._ticked: tuple[str, int, float] = ("", -1, 0.0)  # a run, its ticks, and when there were so many first
         self.durable: tuple[str, int] = ("", 0)  # a run, and how many of its ticks; set by the journal thread
         self.control: Callable[[], tuple[Control | None, bool]] = lambda: (None, False)
         self.recorders = 0  # that are under way; set by the thread that watches them
@@ -268,6 +270,20 @@ class Mirror:
                 return low - 1 if low and self._reader.stamp_of(low - 1) else -1
         return -1
 
+    def idle_s(self, ticks: int) -> float:
+        """Return for how long there have been no more than so many ticks, as far as that was asked; 0 where it stands.
+
+        Whatever clock stamps the ticks.
+        """
+        now_s = time.monotonic()
+        if self.now.state is not State.RUNNING:
+            self._ticked = ("", -1, now_s)
+            return 0.0
+        run, known, since_s = self._ticked
+        if (run, known) != (self.run, ticks):
+            self._ticked, since_s = (self.run, ticks, now_s), now_s
+        return now_s - since_s
+
     def _saved_ticks(self, reader: SegmentReader) -> int:
         own = self._saved[1] if self._saved[0] == self.segment else 0
         return max(own, reader.saved_ticks)
@@ -322,6 +338,7 @@ class Mirror:
             failed=sum(read.failed.values()),
             control=control,
             one_operator=one_operator,
+            idle_s=self.idle_s(read.ticks),
             failed_most=dict(sorted(read.failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
             unheld=dict(sorted(read.unheld.items())[:FAILED_NAMES]),
         )

@@ -68,6 +68,7 @@ class Publisher:
         self._watched: object = None
         self._told = ""
         self._ticks: deque[tuple[float, int]] = deque()
+        self._idle_s = 0.0  # since the last tick
         self._lost_seen, self._lost_due_s = 0, 0.0
         self._topics_due_s = 0.0
         self._release_due_s = 0.0
@@ -249,7 +250,9 @@ class Publisher:
         if reader is None or self._mirror.now.state is not State.RUNNING:
             self._ticks.clear()
             self._mirror.measured_hz = 0.0
+            self._idle_s = 0.0
             return
+        self._idle_s = self._mirror.idle_s(reader.ticks)
         self._ticks.append((now_s, reader.ticks))
         while len(self._ticks) > 2 and now_s - self._ticks[0][0] > HZ_WINDOW_S:
             self._ticks.popleft()
@@ -282,7 +285,7 @@ class Publisher:
         try:
             if not matching(view.publisher):
                 return
-            frame = view.frame(self._mirror.now, self._watcher, self._mirror.measured_hz, now_s)
+            frame = view.frame(self._mirror.now, self._watcher, self._mirror.measured_hz, now_s, self._idle_s)
             if frame is not None and self._is_open(view):
                 view.publisher.put(frame)
         except (zenoh.ZError, SegmentError):

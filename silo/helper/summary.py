@@ -16,6 +16,7 @@ from silo.helper.topics import matching
 from silo.ipc.keys import Root
 from silo.ipc.published import Summary
 from silo.model import State
+from silo.pace import is_stalled
 
 PERIOD_S = 1.0
 AGAIN_S = 10.0
@@ -82,9 +83,11 @@ def differs(told: Summary, found: Summary) -> bool:
     """Return whether a summary says something that one would want to see at once."""
     steady = abs(found.measured_hz - told.measured_hz) <= STEADY_SHARE * told.measured_hz
     full = abs(found.disk_free_bytes - told.disk_free_bytes) <= STEADY_SHARE * found.disk_bytes
+    stalls = is_stalled(found.idle_s, found.frequency_hz) is not is_stalled(told.idle_s, told.frequency_hz)
     same = msgspec.structs.replace(
         found,
         ticks=told.ticks,
+        idle_s=found.idle_s if stalls else told.idle_s,
         measured_hz=told.measured_hz if steady else found.measured_hz,
         disk_free_bytes=told.disk_free_bytes if full else found.disk_free_bytes,
     )

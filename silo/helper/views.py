@@ -146,7 +146,7 @@ class View:
         return layout
 
     def frame(
-        self, now: LoggerSnapshot, reader: SegmentReader | None, measured_hz: float, now_s: float
+        self, now: LoggerSnapshot, reader: SegmentReader | None, measured_hz: float, now_s: float, idle_s: float = 0.0
     ) -> bytes | None:
         """The next frame, encoded; None if nothing moved since the last one."""
         layout = self._layout
@@ -186,6 +186,7 @@ class View:
                 sizes=self._sizes,
                 failed=self._newest.failed() if self._newest else {},
                 not_live=self._liveness.missing() if self._liveness else {},
+                idle_s=idle_s,
             )
         )
 

@@ -239,7 +239,7 @@ class Way:
 
 def _saying(found: Summary) -> Change:
     now_s = time.monotonic()
-    return lambda known: known and replace(known, summary=found, problem="", seen_s=now_s)
+    return lambda known: known and replace(known, summary=found, problem="", seen_s=now_s, told_s=now_s)
 
 
 def _failing(why: str) -> Change:

@@ -23,6 +23,7 @@ class Frame:
     sizes of the held recording by place in `elements`, where they aren't the table's.
     `failed`: by place in `elements`, at how many ticks an element could not be read, of those that ever failed.
     `not_live`: by place in `elements` why the newest value isn't of now. `unpublished` are those that are off.
+    `idle_s`: since the last tick, while it runs.
     """
 
     elements: tuple[str, ...]
@@ -50,6 +51,7 @@ class Frame:
     missed: int
     failed: dict[int, int] = field(default_factory=dict)
     not_live: dict[int, NotLive] = field(default_factory=dict)
+    idle_s: float = 0.0
 
     @property
     def running(self) -> bool:

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from silo.ipc.found import Found
 from silo.ipc.published import Summary
 from silo.model import State
+from silo.pace import is_stalled
 
 SLOW_SHARE = 0.95  # of the nominal rate, as in surveys (which need NumPy)
 FULL_SHARE = 0.95  # of a disk
 RED = ("HH", "LL")
+NO_TICK = "no tick"
 
 
 class Stands(enum.IntEnum):
@@ -18,14 +20,15 @@ class Stands(enum.IntEnum):
 
     DEAD = 0
     SILENT = 1  # it went without a word, or the link is cut
-    MUTE = 2  # it is there, and tells nothing of itself
-    RED = 3  # a limit
-    FULL = 4  # its disk, nearly
-    YELLOW = 5
-    SLOW = 6
-    LOST = 7  # samples
-    FINE = 8
-    CLOSED = 9
+    STALLED = 2  # it runs, and doesn't tick
+    MUTE = 3  # it is there, and tells nothing of itself
+    RED = 4  # a limit
+    FULL = 5  # its disk, nearly
+    YELLOW = 6
+    SLOW = 7
+    LOST = 8  # samples
+    FINE = 9
+    CLOSED = 10
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,8 @@ class Member:
     """A logger of the fleet. `here`: its helper process lives, and so does the link to it.
 
     `summary` is the newest, from before it was lost as well; None where it gave none, and `problem` says why.
-    `seen_s` is when it gave its last sign of life, `since_s` since when it is here or not (of `time.monotonic`).
+    `seen_s` is when it gave its last sign of life, `since_s` since when it is here or not, `told_s` of when its summary
+    is (all of `time.monotonic`).
     """
 
     found: Found
@@ -42,6 +46,7 @@ class Member:
     problem: str = ""
     seen_s: float = 0.0
     since_s: float = 0.0
+    told_s: float = 0.0
 
     @property
     def key(self) -> str:
@@ -82,7 +87,25 @@ class Member:
             return "dead" if self.dead else "closed"
         if self.summary is None:
             return "no answer" if self.problem else "..."
-        return self.summary.state.value
+        return NO_TICK if self.stalled else self.summary.state.value
+
+    @property
+    def stalled(self) -> bool:
+        """Whether it runs but doesn't tick: its program is frozen, or doesn't call collect()."""
+        one = self.summary
+        return one is not None and self.running and is_stalled(one.idle_s, one.frequency_hz)
+
+    def idle_s(self, now_s: float) -> float:
+        """Return for how long it has had no tick, where it is stalled; else 0."""
+        return self.summary.idle_s + max(0.0, now_s - self.told_s) if self.summary and self.stalled else 0.0
+
+    @property
+    def rate(self) -> str:
+        """How fast it ticks as far as that was measured, in Hz; `-` where it doesn't run, or nobody knows yet."""
+        one = self.summary
+        if one is None or not self.running or not (one.measured_hz or self.stalled):
+            return "-"
+        return f"{0.0 if self.stalled else one.measured_hz:.4g}"
 
     @property
     def running(self) -> bool:
@@ -111,13 +134,14 @@ class Member:
             return Stands.MUTE if self.problem else Stands.FINE
         alarms = (Stands.RED if one.alarm in RED else Stands.YELLOW) if one.alarms else Stands.FINE
         disk = Stands.FULL if full is not None and full >= FULL_SHARE else Stands.FINE
-        rate = Stands.SLOW if self.slow else Stands.FINE
+        rate = Stands.STALLED if self.stalled else Stands.SLOW if self.slow else Stands.FINE
         return min(alarms, disk, rate, Stands.LOST if one.lost else Stands.FINE)
 
     @property
     def sign(self) -> str:
         """The worst in two letters, as lists show it; empty for nothing."""
         signs = {Stands.SLOW: "<<", Stands.LOST: "XX", Stands.FULL: "##", Stands.SILENT: "~~", Stands.MUTE: "~~"}
+        signs[Stands.STALLED] = "!!"
         if self.stands in (Stands.RED, Stands.YELLOW) and self.summary is not None:
             return self.summary.alarm
         return signs.get(self.stands, "")

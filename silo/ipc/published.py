@@ -51,6 +51,7 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     recording lacks the element (0).
     `failed` has by its position in `values` at how many ticks an element could not be read, of those that ever failed.
     `not_live` has by its position in `values` why an element's newest value isn't of now, of those where it isn't.
+    `idle_s` is that of `Status`.
     """
 
     number: int
@@ -74,6 +75,7 @@ class ViewFrame(msgspec.Struct, frozen=True, omit_defaults=True):
     sizes: dict[int, int] = {}
     failed: dict[int, int] = {}
     not_live: dict[int, NotLive] = {}
+    idle_s: float = 0.0
 
 
 class Summary(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
@@ -102,6 +104,7 @@ class Summary(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     reason: str = ""
     closed: bool = False
     control: str = ""  # who alone may change it now; empty where nobody took control
+    idle_s: float = 0.0
 
     @classmethod
     def of(cls, status: Status) -> "Summary":

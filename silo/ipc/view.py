@@ -172,6 +172,7 @@ class View:
             missed=self._missed,
             failed=newest.failed,
             not_live=newest.not_live,
+            idle_s=newest.idle_s,
         )
 
     def close(self) -> None:

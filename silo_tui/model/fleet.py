@@ -4,19 +4,20 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from silo.ipc.member import Member, Stands, size
+from silo.ipc.member import NO_TICK, Member, Stands, size
 from silo.model import State
+from silo.pace import idle_words
 from silo_tui.model import text
 from silo_tui.model.conditions import ago
 from silo_tui.model.lists import Order
 
 STATES = {
     "running": "● RUNNING", "stopped": "■ STOPPED", "dead": "✖ DEAD", "silent": "○ SILENT", "closed": "- CLOSED",
-    "no answer": "? MUTE", "...": "…",
+    "no answer": "? MUTE", "...": "…", NO_TICK: "‼ NO TICK",
 }  # fmt: skip
 WIDE = 110  # from which on there is room for the size of what is left
 STATE_WIDTH, LEAST_WHO = 9, 4
-BAD = (Stands.DEAD, Stands.SILENT, Stands.RED)
+BAD = (Stands.DEAD, Stands.SILENT, Stands.STALLED, Stands.RED)
 CAUTION = (Stands.MUTE, Stands.FULL, Stands.YELLOW, Stands.SLOW, Stands.LOST)
 
 
@@ -84,14 +85,16 @@ def row(one: Line, names: int, width: int, now_s: float, now_ns: int) -> str:
     disk = f"{100 * share:.0f}%" if share is not None else ""
     disk += f" {size(told.disk_free_bytes)}" if share is not None and width >= WIDE else ""
     sign = f"{member.sign}{f' {told.alarms}' if told.alarms and member.sign == told.alarm else ''}"
-    rate = told.measured_hz or told.frequency_hz
+    ran = told.state is State.RUNNING and not member.stalled and told.measured_hz
+    rate = f"{told.measured_hz:.1f}" if ran else member.rate if member.running else ""
     tail = _tail(
         text.duration(run_s) if run_s is not None else was,
-        f"{rate:.1f}" if told.state is State.RUNNING else "",
+        rate,
         text.count(told.lost), disk, sign, "now" if member.here else ago(member.unseen_s(now_s)), width,
     )  # fmt: skip
     recorded = [f"REC {told.recorders}"] if told.recorders else []
-    return begin + tail + " ".join([*recorded, *member.people])
+    idle = [idle_words(member.idle_s(now_s))] if member.stalled else []
+    return begin + tail + " ".join([*idle, *recorded, *member.people])
 
 
 def cut_middle(name: str, width: int) -> str:

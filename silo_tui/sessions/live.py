@@ -66,6 +66,7 @@ class Session:
         self.live = LiveValues()
         self.columns = ColumnStore((), 1, 1)
         self.measured_hz = 0.0
+        self.idle_s = 0.0  # since the last tick, as far as the logger told
         self.ticks = 0
         self.lost_total = 0
         self.frame_time_ns = 0
@@ -309,7 +310,7 @@ class Session:
         if frame is None:
             return None
         self.frame_time_ns, self.ticks = frame.time_ns, frame.tick
-        self.measured_hz, self.lost_total = frame.measured_hz, frame.lost_total
+        self.measured_hz, self.lost_total, self.idle_s = frame.measured_hz, frame.lost_total, frame.idle_s
         if frame.column_ns == self.columns.column_ns:  # else it is of the view before
             if frame.since_ns:
                 self.columns.live_since_ns = frame.since_ns
@@ -336,6 +337,7 @@ class Session:
         self.status = status
         self.table.prefix = status.prefix.rstrip("/")
         self.measured_hz, self.ticks, self.lost_total = status.measured_hz, status.ticks, status.lost
+        self.idle_s = status.idle_s
 
     async def take_event(self, event: Event) -> None:
         """Follow what happened in the logger."""

@@ -10,6 +10,7 @@ from textual.widget import Widget
 
 from silo.ipc.surveys import SLOW_SHARE
 from silo.model import State
+from silo.pace import idle_words, is_stalled
 from silo_tui.actions import BY_ID, Command, commands_for, footer_for, with_keys
 from silo_tui.model import text
 from silo_tui.model.conditions import head_words
@@ -142,16 +143,20 @@ class StatusBar(Guarded, Widget):
         session, status, variables = self.session, self.session.status, self.app.theme_variables
         if not (self.mode or status.recorders) or wide:  # what isn't normal needs the room
             add(3, f"  {status.enabled}/{status.elements}" + (" elements" if wide else ""), "")
-        rate = session.measured_hz if session.running and session.measured_hz else status.frequency_hz
-        slow = session.running and 0 < session.measured_hz < SLOW_SHARE * status.frequency_hz
-        if slow:
+        rate = session.measured_hz
+        slow = session.running and 0 < rate < SLOW_SHARE * status.frequency_hz
+        if session.running and is_stalled(session.idle_s, status.frequency_hz):
+            add(0, f"  ‼ {idle_words(session.idle_s)}", f"bold {color(variables, 'error')}")
+        elif slow:
             caution = f"bold {color(variables, 'warning')}"
             jittery = session.jitter_s and wide
             jitter = f", jitter {text.span(float(f'{session.jitter_s:.2g}'))}" if jittery else ""
             add(0, f"  {rate:.4g} Hz <<", caution)
             add(2, f" of {status.frequency_hz:.4g}{jitter}", caution)
         else:
-            add(5, f"  {rate:.4g} Hz", "")
+            measured = session.running and rate
+            nominal = f"of {status.frequency_hz:.4g} Hz" if session.running else f"{status.frequency_hz:.4g} Hz"
+            add(5, f"  {rate:.4g} Hz" if measured else f"  {nominal}", "")
         if wide:
             add(1, f"  {text.count(session.ticks)} ticks", "")
 
