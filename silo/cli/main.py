@@ -50,6 +50,7 @@ COMMANDS = {
     "plot": LazyCommand("Saved files", "silo.cli.files", "plot_command", "Draw signals of a log."),
     "stats": LazyCommand("Saved files", "silo.cli.files", "stats_command", "Minimum, maximum, mean ... of signals."),
     "check": LazyCommand("Saved files", "silo.cli.check", "check_command", "Judge limits and conditions on a log."),
+    "verify": LazyCommand("Saved files", "silo.cli.verify", "verify", "Find what is missing or twice in a log folder."),
     "diff": LazyCommand("Saved files", "silo.cli.files", "diff_command", "Show how two logs differ."),
     "foxglove": LazyCommand(
         "Other viewers", "silo.cli.foxglove", "foxglove", "Show a logger in Foxglove, PlotJuggler."

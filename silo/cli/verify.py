@@ -1,0 +1,59 @@
+"""`silo verify FOLDER`: whether all that was to be kept is there, once."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import msgspec
+
+from silo.cli.common import json_option, show_rows
+
+if TYPE_CHECKING:
+    from silo.helper.verifying import RunCovered, Verified
+
+EXIT_NOT_WHOLE = 1
+
+
+@click.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path), default=".")
+@json_option
+def verify(folder: Path, as_json: bool) -> int:
+    """Hold the recordings, captures, saved logs and the event log of a log folder against one another.
+
+    Named is every tick that was to be recorded or captured and is in no file, what stands twice, totals that disagree,
+    and files that can't be read. What the event log tells to be lost stands apart. Nothing is changed.
+
+    \b
+    Examples:
+      silo verify logs
+      silo verify logs --json | jq .problems
+
+    \b
+    Exit codes:
+      0  whole, or what is missing was told        1  something is missing, twice, damaged, or disagrees
+    """
+    from silo.helper.verifying import verify as held_against
+
+    found = held_against(folder)
+    if as_json:
+        click.echo(msgspec.json.encode(found).decode())
+    else:
+        _show(found)
+    return EXIT_NOT_WHOLE if found.problems else 0
+
+
+def _show(found: "Verified") -> None:
+    heads = ["logger", "run", "ticks", "recorded", "saved", "captured", "in memory"]
+    show_rows([heads, *map(_row, found.runs)], right=(2, 3, 4, 5, 6))
+    for one in found.told:
+        click.echo(f"told: {one.text}; {one.told}")
+    for one in found.problems:
+        click.echo(f"{one.kind}: {one.text}")
+    runs = f"{len(found.runs)} run{'s' if len(found.runs) != 1 else ''}"
+    told = f", {len(found.told)} told before" if found.told else ""
+    click.echo(f"{len(found.problems)} problems in {runs}{told}" if found.problems else f"{runs}: whole{told}")
+
+
+def _row(run: "RunCovered") -> list[str]:
+    counts = (run.ticks, run.recorded, run.saved, run.captured, run.in_memory)
+    return [run.logger, run.run, *(str(one) if one else "-" for one in counts)]

@@ -1,0 +1,404 @@
+"""What stands in a log folder, held against one another: recordings, captures, saved logs, event log and runs.
+
+Looks for ticks that were collected and are in no file though they were to be, for what stands twice, and for totals
+that disagree. What somebody told to be missing is told again, apart from that. Reads, never changes.
+"""
+
+import contextlib
+import mmap
+import re
+import struct
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import msgspec
+import zstandard
+
+from silo.collecting.segment_reader import SegmentReader
+from silo.collecting.spans import Span, doubled, merged, spans_text, without
+from silo.errors import LogNotFoundError, SegmentError, SiloError
+from silo.files.event_log import event_log_path, loggers_with_events, older_event_log, read_events
+from silo.files.formats import read_recording
+from silo.files.naming import find_logs
+from silo.files.part_scan import PartScan, scan_part
+from silo.helper.capture_list import CaptureEntry, read_captures
+from silo.ipc.published import EventKind
+from silo.model import DAMAGED, LoggedEvent
+from silo.recording import Recording
+from silo.runtime import list_segments
+
+# what tells of a loss, once "0 lost" is taken out
+_LOSS = re.compile(r"lost|missing|not recorded|left out|could not|couldn't|gone|overwritten|deleted|blind|not saved")
+_NO_LOSS = re.compile(r"\b0 (samples )?lost\b")
+_TELL_LOSS = frozenset(
+    kind.value
+    for kind in (EventKind.LOST, EventKind.RECORDING, EventKind.RECORDING_FAILED, EventKind.BLIND, EventKind.CRASHED,
+                 EventKind.RECOVERED, EventKind.SAVE_FAILED, EventKind.DELETED, EventKind.FILES_DELETED)
+)  # fmt: skip
+_TOTALS = re.compile(r"recording '(?P<name>[^']+)'.*?(?P<parts>\d+) files, (?P<samples>\d+) samples")
+_ENDED = re.compile(r"recording '(?P<name>[^']+)'.*(ended|stopped|files, \d+ samples)")
+_FIRED = re.compile(r"trigger '(?P<name>[^']+)' fired")
+_CAPTURED = re.compile(r"capture (?P<number>\d+) of '(?P<name>[^']+)', ticks (?P<first>\d+) to (?P<last>\d+)")
+_DIED = ("program died", "program died, recovered later", "program ended without saving")
+
+
+class Verdict(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Something that is not as it should be, or that was told to be so.
+
+    `kind`: "missing", "twice", "disagrees", "damaged". `spans` are ticks of `run`, both ends included. `told` says who
+    told it; empty: nobody did.
+    """
+
+    kind: str
+    text: str
+    logger: str = ""
+    run: str = ""
+    spans: tuple[Span, ...] = ()
+    told: str = ""
+
+
+class RunCovered(msgspec.Struct, frozen=True):
+    """A run: how many ticks of it are known to be collected, and how many of these stand where."""
+
+    logger: str
+    run: str
+    ticks: int
+    recorded: int
+    saved: int
+    captured: int
+    in_memory: int
+
+
+class Verified(msgspec.Struct, frozen=True):
+    """What was found. `problems` are what nobody told, `told` what somebody did."""
+
+    folder: str
+    runs: tuple[RunCovered, ...]
+    problems: tuple[Verdict, ...]
+    told: tuple[Verdict, ...]
+
+
+@dataclass
+class _Part:
+    """A part of an endless recording; `rows` of each ring are stretches of (first, one after the last)."""
+
+    path: Path
+    scan: PartScan
+
+    @property
+    def recorder(self) -> str:
+        return self.scan.facts.recorder if self.scan.facts is not None else ""
+
+    def ticks(self) -> list[Span]:
+        """The ticks of which any ring has a row."""
+        dividers = {ring.ring: ring.divider for ring in self.scan.facts.value_rings} if self.scan.facts else {}
+        return merged(
+            (first * dividers[ring], (end - 1) * dividers[ring])
+            for ring, stretches in self.scan.rows.items()
+            for first, end in stretches
+            if ring in dividers
+        )
+
+
+@dataclass
+class _Run:
+    """All that is known of a run."""
+
+    logger: str
+    run: str
+    started_ns: int = 0
+    ticks: int = 0
+    events: list[LoggedEvent] = field(default_factory=list)
+    parts: list[_Part] = field(default_factory=list)
+    saved: list[tuple[Path, Span, str]] = field(default_factory=list)  # and why
+    captured: list[tuple[Path, Recording]] = field(default_factory=list)
+    memory: list[Span] = field(default_factory=list)
+    ended: bool = False  # nobody logs in it any more
+
+    def told(self, words: Sequence[str] = ()) -> str:
+        """Who told of a loss in this run: the first event that does, with one of these words where there are any."""
+        for event in self.events:
+            text = _NO_LOSS.sub("", event.text)
+            if event.kind == DAMAGED or (
+                event.kind in _TELL_LOSS and _LOSS.search(text) and (not words or any(word in text for word in words))
+            ):
+                return f"event {event.number}: {event.text}"
+        return ""
+
+
+class _Folder:
+    """What stands in a folder, by run."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.runs: dict[str, _Run] = {}
+        self.verdicts: list[Verdict] = []
+        self.captures: dict[str, list[CaptureEntry]] = {}
+        self.loggers = loggers_with_events(folder)
+        for logger in self.loggers:
+            self._take_events(logger)
+            self.captures[logger] = read_captures(folder, logger)
+        self._take_parts()
+        self._take_logs()
+        self._take_memory()
+        if not self.runs and not self.loggers:
+            raise LogNotFoundError(f"{folder}: there are no logs, no recordings and no event log in it")
+
+    def run_of(self, logger: str, run: str, started_ns: int = 0) -> _Run:
+        """The run of that id, or of that start where the file has no id of it."""
+        if not run:
+            known = (one for one in self.runs.values() if started_ns and one.started_ns == started_ns)
+            run = next((one.run for one in known if one.logger == logger), f"started {started_ns}")
+        found = self.runs.setdefault(run, _Run(logger, run))
+        found.started_ns = found.started_ns or started_ns
+        return found
+
+    def _take_events(self, logger: str) -> None:
+        lines: Counter[bytes] = Counter()
+        for path in (older_event_log(self.folder, logger), event_log_path(self.folder, logger)):
+            with contextlib.suppress(FileNotFoundError):
+                lines.update(filter(None, path.read_bytes().splitlines()))
+        again = sum(count - 1 for count in lines.values())
+        if again:
+            text = f"{again} lines of the event log of '{logger}' stand in it twice"
+            self.verdicts.append(Verdict("twice", text, logger))
+        for event in read_events(self.folder, logger):
+            if event.kind == DAMAGED:
+                self.verdicts.append(Verdict("damaged", event.text, logger, event.run, told="the event log"))
+            if not event.run:
+                continue
+            run = self.run_of(logger, event.run)
+            run.events.append(event)
+            run.ticks = max(run.ticks, event.tick + 1)
+            run.ended |= event.kind in (EventKind.STOPPED.value, EventKind.CRASHED.value)
+            if event.kind == EventKind.STARTED.value:
+                run.started_ns = event.time_ns
+
+    def _take_parts(self) -> None:
+        for path in sorted([*self.folder.glob("*.mcap*"), *self.folder.glob("*/*.mcap*")]):
+            if not path.is_file() or path.parent.name.endswith(".rosbag2"):
+                continue
+            try:
+                scan = _scanned(path)
+            except (SiloError, OSError, ValueError, struct.error, zstandard.ZstdError, msgspec.MsgspecError) as error:
+                self.verdicts.append(Verdict("damaged", f"{path.relative_to(self.folder)} can't be read: {error}"))
+                continue
+            if scan.facts is None:
+                continue  # a bag
+            about = scan.facts.recording
+            run = self.run_of(about.logger, scan.facts.run, about.started_ns)
+            run.parts.append(_Part(path, scan))
+            run.ticks = max([run.ticks, *(last + 1 for _, last in run.parts[-1].ticks())])
+
+    def _take_logs(self) -> None:
+        with contextlib.suppress(LogNotFoundError):
+            for path in find_logs(self.folder):
+                try:
+                    recording = read_recording(path)
+                except SiloError as error:
+                    self.verdicts.append(Verdict("damaged", f"{path.name} can't be read: {error}"))
+                    continue
+                self._take_log(path, recording)
+
+    def _take_log(self, path: Path, recording: Recording) -> None:
+        ids = Counter(event.run for event in recording.events if event.run)
+        run = self.run_of(recording.logger, ids.most_common(1)[0][0] if ids else "", recording.started_ns)
+        run.ticks = max(run.ticks, recording.offset)
+        if recording.extras.capture is not None:
+            run.captured.append((path, recording))
+        elif len(recording.time_ns):
+            span = (recording.offset - len(recording.time_ns), recording.offset - 1)
+            run.saved.append((path, span, recording.why))
+
+    def _take_memory(self) -> None:
+        for path in list_segments(self.folder):
+            with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(path)) as reader:
+                if Path(reader.schema.folder).resolve() != self.folder.resolve():
+                    continue
+                run = self.run_of(reader.schema.logger, reader.schema.run)
+                run.ticks = max(run.ticks, reader.ticks)
+                run.ended |= not reader.alive()
+                if reader.ticks:
+                    run.memory.append((max(0, reader.rows(0, 0, 1).first), reader.ticks - 1))
+
+
+def _scanned(path: Path) -> PartScan:
+    with path.open("rb") as file:
+        if not path.stat().st_size:
+            return PartScan()
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            view = memoryview(data)
+            try:
+                return scan_part(view)
+            finally:
+                view.release()
+
+
+def verify(folder: Path) -> Verified:
+    """Hold all that stands in a log folder against one another. Raises LogNotFoundError, OSError."""
+    there = _Folder(folder)
+    verdicts = list(there.verdicts)
+    runs = sorted(there.runs.values(), key=lambda run: (run.logger, run.started_ns))
+    for run in runs:
+        verdicts += _recordings(run, _recorded_around(run, runs))
+        verdicts += _captures(run, there.captures.get(run.logger, []))
+        verdicts += _saved(run)
+        verdicts += _events(run, there)
+    verdicts += _totals(runs)
+    return Verified(
+        str(folder),
+        tuple(map(_covered, runs)),
+        tuple(one for one in verdicts if not one.told),
+        tuple(one for one in verdicts if one.told),
+    )
+
+
+def _covered(run: _Run) -> RunCovered:
+    spans = {
+        "recorded": merged(span for part in run.parts for span in part.ticks()),
+        "saved": merged(span for _, span, _ in run.saved),
+        "captured": merged(_span_of(recording) for _, recording in run.captured if len(recording.time_ns)),
+        "in_memory": merged(run.memory),
+    }
+    return RunCovered(
+        run.logger, run.run, run.ticks,
+        **{name: sum(last + 1 - first for first, last in found) for name, found in spans.items()},
+    )  # fmt: skip
+
+
+def _span_of(recording: Recording) -> Span:
+    return recording.offset - len(recording.time_ns), recording.offset - 1
+
+
+# ---------------------------------------------------------------------------------------------------------- recordings
+
+
+def _recorded_around(run: _Run, runs: Iterable[_Run]) -> set[str]:
+    """The recorders that recorded runs both before and after this one: they were to record it, too."""
+    before = {part.recorder for one in runs if one.logger == run.logger and one.started_ns < run.started_ns
+              for part in one.parts}  # fmt: skip
+    after = {part.recorder for one in runs if one.logger == run.logger and one.started_ns > run.started_ns
+             for part in one.parts}  # fmt: skip
+    return before & after if run.started_ns else set()
+
+
+def _recordings(run: _Run, around: set[str]) -> Iterator[Verdict]:
+    own = {part.recorder for part in run.parts}
+    for name in sorted(around - own):
+        if run.ticks:
+            yield _missing(run, name, [(0, run.ticks - 1)])
+    for name in sorted(own):
+        yield from _recording(run, name, [part for part in run.parts if part.recorder == name])
+
+
+def _recording(run: _Run, name: str, parts: list[_Part]) -> Iterator[Verdict]:
+    missing: list[Span] = []
+    again: list[Span] = []
+    rings = {ring.ring: ring for part in parts if part.scan.facts for ring in part.scan.facts.value_rings}
+    # one that was ended in this run has what it has
+    ended = any((found := _ENDED.match(event.text)) and found["name"] == name for event in run.events)
+    for number, ring in rings.items():
+        rows = [(first, end - 1) for part in parts for first, end in part.scan.rows.get(number, ())]
+        begins = [one.begin for part in parts if part.scan.facts for one in part.scan.facts.rings if one.ring == number]
+        end = max([0, *(last + 1 for _, last in rows)])
+        if run.ended and not ended:
+            end = max(end, -(-run.ticks // ring.divider))
+        memory = [(-(-first // ring.divider), last // ring.divider) for first, last in run.memory]
+        lacks = without([(min(begins), end - 1)], [*rows, *memory]) if end > min(begins) else []
+        missing += [(first * ring.divider, last * ring.divider) for first, last in lacks]
+        again += [(first * ring.divider, last * ring.divider) for first, last in doubled(rows)]
+    if missing:
+        yield _missing(run, name, merged(missing))
+    if again:
+        spans = merged(again)
+        text = f"recording '{name}': {spans_text(spans)} of run {run.run} stand in two parts"
+        yield Verdict("twice", text, run.logger, run.run, tuple(spans))
+
+
+def _missing(run: _Run, name: str, spans: list[Span]) -> Verdict:
+    text = f"recording '{name}': {spans_text(spans)} of run {run.run}, of {run.ticks} ticks, are in no part"
+    return Verdict("missing", text, run.logger, run.run, tuple(spans), run.told([f"'{name}'", "recording", "recorder"]))
+
+
+def _totals(runs: Iterable[_Run]) -> Iterator[Verdict]:
+    """What the event log told last of each recording, and what its parts have, where these are all there."""
+    told: dict[tuple[str, str], tuple[LoggedEvent, int, int]] = {}
+    parts: dict[tuple[str, str], list[PartScan]] = {}
+    for run in runs:
+        for part in run.parts:
+            parts.setdefault((run.logger, part.recorder), []).append(part.scan)
+        for event in run.events:
+            found = _TOTALS.match(event.text)
+            if found is not None:
+                told[run.logger, found["name"]] = event, int(found["parts"]), int(found["samples"])
+    for (logger, name), (event, count, samples) in told.items():
+        scans = parts.get((logger, name), [])
+        there = sum(scan.facts.samples(scan.counts) for scan in scans if scan.facts is not None)
+        if len(scans) == count and there != samples:
+            text = f"recording '{name}': {samples} samples were told (event {event.number}), its parts have {there}"
+            yield Verdict("disagrees", text, logger, event.run)
+
+
+# ------------------------------------------------------------------------------------------------------------ captures
+
+
+def _captures(run: _Run, listed: list[CaptureEntry]) -> Iterator[Verdict]:
+    fires = Counter(
+        (recording.extras.capture.trigger, fire)
+        for _, recording in run.captured
+        if recording.extras.capture is not None
+        for fire in recording.extras.capture.fires
+    )
+    for (trigger, fire), count in fires.items():
+        if count > 1:
+            text = f"trigger '{trigger}' fired once at tick {fire} of run {run.run}, and {count} captures have it"
+            yield Verdict("twice", text, run.logger, run.run, ((fire, fire),))
+    written = [(found["name"], int(found["first"]), int(found["last"])) for event in run.events
+               if event.kind == EventKind.CAPTURED.value and (found := _CAPTURED.match(event.text))]  # fmt: skip
+    told: Counter[tuple[str, int]] = Counter()
+    for event in run.events:
+        found = _FIRED.match(event.text) if event.kind == EventKind.TRIGGERED.value else None
+        if found is None or " times, " in event.text:
+            continue
+        name = found["name"]
+        told[name, event.tick] += 1
+        if fires[name, event.tick] or any(
+            name == one and first <= event.tick <= last for one, first, last in written
+        ):  # one that is gone was taken away by somebody, or as it keeps no more
+            continue
+        text = f"trigger '{name}' fired at tick {event.tick} of run {run.run}, and no capture has it"
+        about = run.told([f"'{name}'", "triggers"])
+        if not about and not run.ended:
+            continue  # it may be under way
+        yield Verdict("missing", text, run.logger, run.run, ((event.tick, event.tick),), about)
+    for (name, tick), count in told.items():
+        if count > 1:
+            text = f"trigger '{name}' is told {count} times to have fired at tick {tick} of run {run.run}"
+            yield Verdict("twice", text, run.logger, run.run, ((tick, tick),))
+    for entry in listed:
+        if entry.run == run.run and not entry.files and run.ended:
+            text = f"capture {entry.number} of '{entry.trigger}' in run {run.run} was begun and never written"
+            yield Verdict("missing", text, run.logger, run.run, told=run.told([f"'{entry.trigger}'"]))
+
+
+# --------------------------------------------------------------------------------------------------- logs, event log
+
+
+def _saved(run: _Run) -> Iterator[Verdict]:
+    again = [path.name for path, _, why in run.saved if why in _DIED]
+    if len(again) > 1:
+        text = f"what the program of run {run.run} left was saved {len(again)} times: {', '.join(again)}"
+        yield Verdict("twice", text, run.logger, run.run)
+
+
+def _events(run: _Run, there: _Folder) -> Iterator[Verdict]:
+    kinds = Counter(event.kind for event in run.events)
+    # of what comes from a helper process, which tells of starts; what is older than the log is in none
+    oldest_ns = min((event.time_ns for one in there.runs.values() for event in one.events if one.logger == run.logger),
+                    default=0)  # fmt: skip
+    known = (run.parts or run.captured) and run.logger in there.loggers and run.started_ns >= oldest_ns > 0
+    if known and not kinds[EventKind.STARTED.value]:
+        text = f"run {run.run} was recorded or captured, and the event log doesn't say that it was started"
+        yield Verdict("missing", text, run.logger, run.run)

@@ -1,0 +1,246 @@
+"""`silo verify`: what is missing, twice, damaged or disagrees in a folder of recordings, captures, logs and events."""
+
+import itertools
+import json
+import shutil
+import warnings
+from pathlib import Path
+
+import pytest
+
+import silo
+from silo.cli.main import run
+from silo.collecting.segment_reader import SegmentReader
+from silo.files.event_log import append_events, event_log_path
+from silo.helper.capture_files import write_capture
+from silo.helper.capture_list import CaptureEntry, CaptureList
+from silo.helper.segment_judge import SegmentJudge
+from silo.helper.verifying import verify
+from silo.model import LoggedEvent
+from silo.recorder.orders import RecordOrder
+
+
+class Kept:
+    """A folder with a run that was recorded by hand, and its event log."""
+
+    def __init__(self, robot, truth, folder: Path) -> None:
+        self.robot, self.truth, self.folder = robot, truth, folder
+        self.numbers = itertools.count(1)
+
+    def begin(self):
+        self.robot.start()
+        self.run = self.robot.log.present_run.id
+        self.happens("started", "started", 0)
+        return self.recorder()
+
+    def recorder(self):
+        return self.truth.direct(self.robot, RecordOrder("bot", str(self.folder / "rec")))
+
+    def happens(self, kind: str, text: str, tick: int) -> None:
+        event = LoggedEvent(kind, text, 2_000_000_000_000_000_000 + tick, tick, 0, "bot", self.run, next(self.numbers))
+        append_events(self.folder, "bot", [event])
+
+    def recorded(self, ticks: int, *, stopped: bool = True) -> None:
+        """Record so many ticks, all of them."""
+        direct = self.begin()
+        self.robot.ticks(ticks)
+        direct.step()
+        direct.finish()
+        self.robot.log.close()
+        if stopped:
+            self.happens("stopped", "stopped", ticks - 1)
+
+    @property
+    def part(self) -> Path:
+        (path,) = (self.folder / "rec").glob("*.mcap")
+        return path
+
+    def found(self):
+        """Kind and ticks of each problem, and of each that was told."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = verify(self.folder)
+        return [[(one.kind, one.spans) for one in some] for some in (found.problems, found.told)]
+
+
+@pytest.fixture
+def kept(robot, truth, tmp_path):
+    return Kept(robot, truth, tmp_path)
+
+
+def test_a_folder_in_which_all_is_there_once_is_whole(kept, capsys):
+    kept.recorded(300)
+    assert kept.found() == [[], []]
+    assert run(["verify", str(kept.folder)]) == 0
+    shown = capsys.readouterr().out
+    assert "1 run: whole" in shown
+    assert " 300" in shown
+
+
+def test_ticks_that_were_collected_after_the_last_part_are_missing(kept, capsys):
+    kept.recorded(300, stopped=False)
+    kept.happens("stopped", "stopped", 339)
+    assert kept.found() == [[("missing", ((300, 339),))], []]
+    assert run(["verify", "--json", str(kept.folder)]) == 1
+    (problem,) = json.loads(capsys.readouterr().out)["problems"]
+    assert "40 ticks (300-339) of run" in problem["text"]
+
+
+def test_what_somebody_told_to_be_lost_is_told_apart(kept):
+    kept.recorded(300, stopped=False)
+    kept.happens("recording", "recording 'bot': its recorder died; 40 ticks are lost", 339)
+    kept.happens("stopped", "stopped", 339)
+    assert kept.found() == [[], [("missing", ((300, 339),))]]
+
+
+def test_nothing_lost_is_no_word_of_a_loss(kept):
+    kept.recorded(300, stopped=False)
+    kept.happens("recording", "recording 'bot' goes on; 0 lost", 339)
+    kept.happens("stopped", "stopped", 339)
+    assert kept.found()[0] == [("missing", ((300, 339),))]
+
+
+def test_a_recording_that_somebody_ended_before_the_run_lacks_nothing(kept):
+    kept.recorded(300, stopped=False)
+    kept.happens("recording", "recording 'bot' ended: 1 files, 1800 samples, 0 lost", 299)
+    kept.happens("stopped", "stopped", 999)
+    assert [kind for kind, _ in kept.found()[0]] != ["missing"]
+
+
+def test_a_hole_between_two_parts_is_missing(kept, tmp_path, truth):
+    robot = kept.robot = truth.robot(tmp_path / "small", size=50)
+    direct = kept.begin()
+    robot.ticks(40)
+    direct.step()
+    direct.finish()
+    robot.ticks(500)
+    direct = kept.recorder()
+    robot.ticks(10)
+    direct.step()
+    direct.finish()
+    robot.log.close()
+    kept.happens("stopped", "stopped", 549)
+    ((kind, ((first, last),)),) = kept.found()[0]
+    assert (kind, first) == ("missing", 40)
+    assert 490 < last < 540
+
+
+def test_a_run_between_two_that_were_recorded_is_missing_as_a_whole(kept):
+    kept.recorded(100)
+    between = "c0ffee"
+    event = LoggedEvent("started", "started", 2_100_000_000_000_000_000, 0, 0, "bot", between, 50)
+    append_events(kept.folder, "bot", [event, LoggedEvent("stopped", "stopped", event.time_ns, 77, 0, "", between, 51)])
+    kept.robot = kept.truth.robot(kept.folder)
+    kept.recorded(60)
+    event = LoggedEvent("started", "started", 2_200_000_000_000_000_000, 0, 0, "bot", kept.run, 60)
+    append_events(kept.folder, "bot", [event])
+    assert ("missing", ((0, 77),)) in kept.found()[0]
+
+
+def test_ticks_that_stand_in_two_parts_are_told(kept):
+    kept.recorded(300)
+    shutil.copy(kept.part, kept.part.with_name("bot_20260101_00-00-00_00099.mcap"))
+    assert kept.found() == [[("twice", ((0, 299),))], []]
+
+
+def test_a_part_that_is_damaged_from_its_begin_is_told(kept):
+    kept.recorded(300)
+    kept.part.with_name("bot_20260101_00-00-00_00099.mcap").write_bytes(b"nothing of ours")
+    assert kept.found() == [[("damaged", ())], []]
+
+
+def test_totals_that_are_not_those_of_the_parts_disagree(kept):
+    kept.recorded(300, stopped=False)
+    kept.happens("recording", "recording 'bot' ended; 1 files, 5 samples, 0 lost", 299)
+    kept.happens("stopped", "stopped", 299)
+    assert [kind for kind, _ in kept.found()[0]] == ["disagrees"]
+
+
+def test_a_line_of_the_event_log_that_stands_twice_is_told(kept):
+    kept.recorded(300)
+    path = event_log_path(kept.folder, "bot")
+    path.write_bytes(path.read_bytes() + path.read_bytes().splitlines(keepends=True)[0])
+    assert kept.found() == [[("twice", ())], []]
+
+
+def test_a_line_of_the_event_log_that_is_damaged_is_told_by_the_log_itself(kept):
+    kept.recorded(300)
+    with event_log_path(kept.folder, "bot").open("ab") as file:
+        file.write(b"{}\n")
+    assert kept.found() == [[], [("damaged", ())]]
+
+
+def test_a_recorded_run_of_whose_start_the_event_log_lacks_is_told(kept):
+    kept.recorded(300)
+    path = event_log_path(kept.folder, "bot")
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(lines[1].replace(b"2000000000000000299", b"1") + lines[1])
+    assert [kind for kind, _ in kept.found()[0]] == ["missing"]
+
+
+def test_where_nothing_of_silo_is_that_is_said(tmp_path, capsys):
+    assert run(["verify", str(tmp_path)]) == 1
+    assert "there are no logs, no recordings and no event log in it" in capsys.readouterr().err
+
+
+class TestCaptures:
+    @pytest.fixture
+    def spiked(self, tmp_path, runtime_folder):
+        """A logger with one capture of a fire at tick 300, whose event says so."""
+        log = silo.Logger("bot", frequency=1000, max_time=0, folder=tmp_path, script=tmp_path / "none.yaml")
+        x = log.array("x", (), buffer_size=3000)
+        log.trigger("spike", "x > 50", pre="20ms", post="10ms")
+        log.start()
+        for tick in range(500):
+            x[...] = 100.0 if tick == 300 else 0.0
+            log.collect()
+        reader = SegmentReader(log.segment_path)
+        (spool,) = SegmentJudge(reader, log.elements).step().whole
+        self.run = reader.schema.run
+        self.events = [
+            LoggedEvent("started", "started", reader.schema.started_ns, 0, run=self.run, number=1),
+            LoggedEvent("triggered", "trigger 'spike' fired at tick 300", 2, 300, run=self.run, number=2),
+            LoggedEvent("stopped", "stopped", 3, 499, run=self.run, number=3),
+        ]
+        append_events(tmp_path, "bot", self.events)
+        happened = [event for event in self.events if event.kind == "triggered"]
+        self.files = write_capture(spool, str(tmp_path), CaptureList(str(tmp_path), "bot"), happened).files
+        log.close()
+        return tmp_path
+
+    def found(self, folder):
+        found = verify(folder)
+        return [[(one.kind, one.spans) for one in some] for some in (found.problems, found.told)]
+
+    def test_a_fire_that_is_captured_is_whole(self, spiked):
+        assert self.found(spiked) == [[], []]
+
+    def test_a_fire_without_its_capture_is_missing(self, spiked):
+        Path(self.files[0].path).unlink()
+        assert self.found(spiked) == [[("missing", ((300, 300),))], []]
+
+    def test_a_capture_that_was_told_and_is_gone_was_taken_away_by_somebody(self, spiked):
+        Path(self.files[0].path).unlink()
+        text = "capture 1 of 'spike', ticks 280 to 310: gone.silo"
+        append_events(spiked, "bot", [LoggedEvent("captured", text, 4, 300, run=self.run, number=4)])
+        assert self.found(spiked) == [[], []]
+
+    def test_a_fire_whose_capture_was_told_to_be_lost_is_told_apart(self, spiked):
+        Path(self.files[0].path).unlink()
+        text = "capture 1 of 'spike', ticks 280 to 310, is lost: the helper process died"
+        append_events(spiked, "bot", [LoggedEvent("blind", text, 4, 300, run=self.run, number=4)])
+        assert self.found(spiked) == [[], [("missing", ((300, 300),))]]
+
+    def test_one_fire_in_two_captures_is_told(self, spiked):
+        path = Path(self.files[0].path)
+        shutil.copy(path, path.with_name("bot_20260101_00-00-00_00099_spike_1.silo"))
+        assert self.found(spiked) == [[("twice", ((300, 300),))], []]
+
+    def test_a_fire_that_is_told_twice_is_told(self, spiked):
+        event = LoggedEvent("triggered", "trigger 'spike' fired at tick 300", 9, 300, run=self.run, number=9)
+        append_events(spiked, "bot", [event])
+        assert self.found(spiked) == [[("twice", ((300, 300),))], []]
+
+    def test_a_capture_that_was_begun_only_is_missing(self, spiked):
+        CaptureList(str(spiked), "bot").note(CaptureEntry(self.run, "spike", 2, "name"))
+        assert self.found(spiked) == [[("missing", ())], []]
