@@ -22,7 +22,7 @@ from silo.cli.common import (
 )
 from silo.errors import ElementError, RefusedError
 from silo.patterns import matching, pattern_matcher
-from silo.settings.words import Settings, apply_settings, completions, help_rows, is_setting, read_settings
+from silo.settings.words import Settings, apply_settings, completions, help_rows, is_setting, rate_words, read_settings
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client
@@ -105,6 +105,8 @@ def _set(
     places = select([element.name for element in table.elements], patterns)
     chosen = [table.elements[place] for place in places]
     options = apply_settings(settings, [(element.name, element.options) for element in chosen], status.frequency_hz)
+    if words := rate_words(settings, options[0].divider, status.frequency_hz):
+        click.echo(words, err=True)
     changes = diff_options(chosen, options)
     edits = [Edit(e.name, new) for e, new in zip(chosen, options, strict=True) if e.options != new]
     what = f"{many(len(edits), 'element')} of {len(chosen)} that match"

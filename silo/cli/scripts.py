@@ -105,9 +105,10 @@ def check(path: Path, logger: str | None) -> None:
     _warn(found.warnings)
     if logger is not None:
         with connect(logger) as client:
-            unknown = apply_script(found, client.table().elements, client.status().frequency_hz).unknown
-        if unknown:
-            raise ScriptError("\n".join(f"{path}:{one}".replace(":line ", ":", 1) for one in unknown))
+            plan = apply_script(found, client.table().elements, client.status().frequency_hz)
+        _warn([f"{path}:{words}" for words in plan.rates])
+        if plan.unknown:
+            raise ScriptError("\n".join(f"{path}:{one}".replace(":line ", ":", 1) for one in plan.unknown))
     click.echo(f"{path}: fine, {many(len(found.elements), 'element')}")
 
 

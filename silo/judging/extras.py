@@ -1,12 +1,11 @@
 """Derived signals and limits that belong to a log: checked when they are given, bound when rows are read."""
 
-import re
 from collections.abc import Sequence
 
 import msgspec
 import numpy as np
 
-from silo import units
+from silo.amounts import both_meanings, seconds_of
 from silo.arguments import real, shown, whole
 from silo.errors import ElementError
 from silo.judging.binding import Bound, Catalogue, Known, bind
@@ -23,17 +22,16 @@ MOST_STALE_S = MOST_TRIGGER_S = 86_400.0
 
 WORD_BYTES = 8  # a time stamp
 
-_TIME = re.compile(r"\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*([a-zµμ]*)\s*")
-
 
 def seconds(argument: str, given: object, most_s: float) -> float:
     """Return a time given in seconds, or as text with its unit (`20ms`). Raises ElementError."""
     if isinstance(given, str):
-        found = _TIME.fullmatch(given)
-        factor = units.factor(found[2], "s") if found and found[2] else None
-        if found is None or factor is None:
-            raise ElementError(f"{argument} must be a time such as 0.5s or 20ms, got {shown(given)}")
-        given = float(found[1]) * factor
+        found = seconds_of(given)
+        if found is None:
+            raise ElementError(
+                f"{argument} must be a time such as 0.5s or 20ms, got {shown(given)}{both_meanings(given)}"
+            )
+        given = found
     return real(argument, given, 0, most_s, "s")
 
 

@@ -39,7 +39,7 @@ from silo.model import (
     join_name,
 )
 from silo.settings.rules import refusal
-from silo.settings.words import apply_settings, read_options
+from silo.settings.words import Settings, apply_settings, rate_words, read_options
 from silo.units import doubt
 
 if TYPE_CHECKING:
@@ -192,6 +192,8 @@ class Configuration(metaclass=HidesOtherNames):
         options = new_options(
             full, self.options.frequency_hz, self.options.max_time_s, enabled, divider, action, buffer_type, buffer_size
         )
+        if isinstance(divider, str):
+            self._tell_rate(full, read_options({"divider": divider}, full), options.divider)
         parts = describe(source, full, attr=attr, kind=kind, labels=label_map(labels), string_bytes=room)
         entries = parts[0].entries() if len(parts) == 1 else tuple(one for part in parts for one in part.entries())
         if labels and not any(entry.labels for entry in entries):
@@ -223,6 +225,11 @@ class Configuration(metaclass=HidesOtherNames):
             self._doubted.add(unit)
             log.warning("element '%s': %s; this will be refused", name, wrong)
         return unit
+
+    def _tell_rate(self, name: str, asked: Settings, divider: int) -> None:
+        """Tell what became of a rate that no divider gives."""
+        if words := rate_words(asked, divider, self.options.frequency_hz):
+            log.warning("element '%s': %s", name, words)
 
     def _limited(self, info: ElementInfo, bounds: Sequence[float | None]) -> Extras:
         """The extras with limits of a new element. Raises ElementError."""
@@ -322,6 +329,8 @@ class Configuration(metaclass=HidesOtherNames):
             settings = read_options(options, rows[0][0] if rows else "")
             made = apply_settings(settings, rows, self.options.frequency_hz)
             changed = self._table.change(dict(zip(places, made, strict=True)))
+            if made:
+                self._tell_rate(rows[0][0], settings, made[0].divider)
             self._tell()
             return changed
 
@@ -432,6 +441,8 @@ class Configuration(metaclass=HidesOtherNames):
             self._tell()
         for warning in script.warnings:
             log.warning("%s", warning)
+        for words in plan.rates:
+            log.warning("%s:%s", file, words)
         for unknown in plan.unknown:
             log.warning("%s: %s", file, unknown)
         return [unknown.name for unknown in plan.unknown]

@@ -23,7 +23,7 @@ from silo.errors import SaveError, ScriptError
 from silo.model import NO_EXTRAS, ElementInfo, ElementOptions, Extras, FieldChange
 from silo.settings.script_extras import format_extras, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
-from silo.settings.words import Settings, phrase
+from silo.settings.words import Settings, phrase, rate_words
 from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
 
 MAX_SCRIPT_BYTES = 8 * 2**20  # about 60,000 elements; libyaml reads 1 - 2 MB/s
@@ -75,6 +75,7 @@ class ScriptPlan:
 
     options: tuple[ElementOptions, ...]
     unknown: tuple[UnknownName, ...]
+    rates: tuple[str, ...] = ()  # what became of rates that no divider gives, each with its line
 
 
 # ------------------------------------------------------------------------------------------------------------ reading
@@ -142,13 +143,17 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
     listed = {element.name: element for element in script.elements}
     options: list[ElementOptions] = []
     problems: list[tuple[int, str]] = []
+    rates: list[str] = []
     for info in table:
         element = listed.get(info.name)
         if element is None:
             options.append(msgspec.structs.replace(info.options, enabled=True))
             continue
-        made, wrong = _settings(element).on(info.name, info.options, frequency_hz)
+        asked = _settings(element)
+        made, wrong = asked.on(info.name, info.options, frequency_hz)
         options.append(made)
+        if words := rate_words(asked, made.divider, frequency_hz):
+            rates.append(f"{element.line}: element '{info.name}': {words}")
         problems += [(element.line, f"element '{one.name}': {one.reason}") for one in wrong]
     if problems:
         raise ScriptError(_message(script.path, problems))
@@ -159,7 +164,7 @@ def apply_script(script: Script, table: Sequence[ElementInfo], frequency_hz: flo
         UnknownName(element.name, element.line, _nearest(element.name, names) if place < MAX_SUGGESTIONS else "")
         for place, element in enumerate(missing)
     )
-    return ScriptPlan(tuple(options), unknown)
+    return ScriptPlan(tuple(options), unknown, tuple(rates))
 
 
 def _settings(element: ScriptElement) -> Settings:

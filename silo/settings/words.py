@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from enum import Enum
 
+from silo.amounts import AMOUNT, COUNTS, SECONDS, tell_bare_m
 from silo.arguments import shown, truth, whole_hint, whole_number
 from silo.errors import ElementError
 from silo.model import Action, BufferType, ElementOptions, Problem, buffer_size_for
@@ -20,9 +21,8 @@ from silo.settings.rules import OPTION, OPTIONS, RANGES, Option, OptionValue, re
 _KEYS = {key: option for option in OPTIONS for key in option.keys}
 _ENABLED = OPTION["enabled"]
 _BARE = tuple(word.word for word in _ENABLED.words)  # `on` and `off` need no key
-_SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "min": 60.0, "h": 3600.0}
-_SCALES = {"": 1.0, "k": 1e3, "m": 1e6}
-_NUMBER = re.compile(r"\s*([=*/+-]?)\s*([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*(ms|sec|s|min|h|hz|k|m|)\s*", re.IGNORECASE)
+_NUMBER = re.compile(rf"\s*([=*/+-]?)\s*{AMOUNT}\s*", re.IGNORECASE | re.ASCII)
+_UNITS = {*SECONDS, *COUNTS, "hz"}
 _DIGITS = re.compile(r"[0-9]{1,300}")
 
 
@@ -96,6 +96,17 @@ def _shown(number: float) -> str:
     return f"{number:.0f}" if 1 <= abs(number) < 1e15 else f"{number:.6g}"
 
 
+def rate_words(settings: Settings, divider: int, frequency_hz: float) -> str:
+    """What a rate became where no divider gives it: `divider=30Hz became 3: 33.3 Hz of 100 Hz`; "" where it is met."""
+    asked = settings.divider
+    if not isinstance(asked, Change) or asked.operator != "Hz":
+        return ""
+    rate_hz = frequency_hz / divider
+    if math.isclose(rate_hz, asked.amount, rel_tol=1e-3):
+        return ""
+    return f"divider={asked.typed or f'{asked.amount:g}Hz'} became {divider}: {rate_hz:.4g} Hz of {frequency_hz:g} Hz"
+
+
 def apply_settings(
     settings: Settings, elements: Iterable[tuple[str, ElementOptions]], frequency_hz: float
 ) -> list[ElementOptions]:
@@ -155,13 +166,14 @@ def read_text(option: Option, text: str, *, relative: bool = True) -> OptionValu
         return value
     typed = text.strip()
     match = _NUMBER.fullmatch(typed)
-    if match is None:
+    if match is None or match[3].lower() not in _UNITS:
         raise _unreadable(option, typed, relative)
     operator, digits, unit = match[1].replace("=", ""), match[2], match[3].lower()
-    if unit in _SECONDS:
+    tell_bare_m(f"{option.keys[0]}={typed}:", digits + match[3], "millions", "M")
+    if unit in SECONDS:
         if "s" not in option.units or operator:
             raise _unreadable(option, typed, relative, "a time only sets the buffer size")
-        return Change("s", float(digits) * _SECONDS[unit], typed)
+        return Change("s", float(digits) * SECONDS[unit], typed)
     if unit == "hz":
         if "Hz" not in option.units or operator:
             raise _unreadable(option, typed, relative, "a rate only sets the divider")
@@ -171,10 +183,10 @@ def read_text(option: Option, text: str, *, relative: bool = True) -> OptionValu
     if operator and not relative:
         raise _unreadable(option, typed, relative, "a change of the value before has no place here")
     if operator:
-        return Change(operator, float(digits) * _SCALES[unit], typed)
+        return Change(operator, float(digits) * COUNTS[unit], typed)
     if not unit and _DIGITS.fullmatch(digits):
         return int(digits)
-    number = round(float(digits) * _SCALES[unit], 6)  # 1.001k is 1000.9999999999999 in floating point
+    number = round(float(digits) * COUNTS[unit], 6)  # 1.001k is 1000.9999999999999 in floating point
     if not number.is_integer():
         raise UnreadableError(option.problem(shorten(typed)))
     return int(number)

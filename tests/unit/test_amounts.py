@@ -1,9 +1,79 @@
-"""Times as they are told."""
+"""Times as they are told, and amounts as they are written: one grammar for every door."""
 
 import pytest
 
-from silo.amounts import duration
+from silo import amounts
+from silo.amounts import duration, read_keep, read_seconds, read_split
 from silo.collecting.holdings import Holdings
+from silo.errors import ElementError
+from silo.judging.extras import seconds
+from silo.settings.words import read_settings
+
+
+@pytest.fixture(autouse=True)
+def _nothing_was_told(monkeypatch):
+    monkeypatch.setattr(amounts, "_told", set())
+
+
+DOORS = {
+    "size": lambda text: read_settings([f"size={text}"]).buffer_size.amount,
+    "split": lambda text: read_split(text)[1],
+    "for": lambda text: read_seconds("--for", text),
+    "pre": lambda text: seconds("pre", text, 86400.0),
+}
+
+
+@pytest.mark.parametrize("door", DOORS)
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("10s", 10),
+        ("10 sec", 10),
+        ("1500ms", 1.5),
+        ("10min", 600),
+        ("2h", 7200),
+        ("1d", 86400),
+        ("1.5e1s", 15),
+        ("2H", 7200),
+    ],
+)
+def test_a_time_is_the_same_behind_every_door(door, text, expected):
+    assert DOORS[door](text) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("door", ["for", "pre"])
+def test_a_bare_m_is_refused_with_both_meanings_where_it_was_never_taken(door):
+    with pytest.raises(ElementError, match=r"a bare m is minutes to some, a million to others: 10 minutes are '10min'"):
+        DOORS[door]("10m")
+
+
+@pytest.mark.parametrize(
+    ("read", "words"),
+    [
+        (lambda: read_settings(["size=10m"]).buffer_size == 10_000_000, "write 10M, or 10min"),
+        (lambda: read_split("10m") == (10_000_000, 0.0), "write 10MB, or 10min"),
+        (lambda: read_keep("10m") == 10_000_000, "write 10MB, or 10min"),
+    ],
+)
+def test_a_bare_m_is_told_once_with_both_meanings_where_it_was_taken(read, words, caplog):
+    assert read()
+    assert read()
+    (record,) = caplog.records
+    assert words in record.getMessage()
+    assert "will be refused" in record.getMessage()
+
+
+def test_a_large_m_is_a_million_and_nothing_is_told(caplog):
+    assert read_settings(["size=10M"]).buffer_size == 10_000_000
+    assert read_split("10M") == (10_000_000, 0.0)
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("text", ["10x", "10parsec", "s", "", "1e", "--3", "10 m m", "٣s"])
+def test_other_words_are_refused_by_all(text):
+    for door in DOORS.values():
+        with pytest.raises((ElementError, AttributeError)):
+            door(text or "x")
 
 
 @pytest.mark.parametrize(

@@ -248,3 +248,20 @@ def test_a_unit_that_is_not_known_is_told_once_with_the_one_that_is_meant(new_lo
     assert "did you mean 'rad'?" in told[0]
     assert "will be refused" in told[0]
     assert "/log/d" in told[1]
+
+
+def test_what_a_rate_became_is_told_where_no_divider_gives_it(new_logger, caplog, tmp_path):
+    logger = new_logger(frequency=100)
+    for name, divider in (("a", "30Hz"), ("b", "50Hz"), ("c", "33.333 Hz"), ("d", 3)):
+        logger.array(name, divider=divider)
+    logger.update()
+    logger.set("b", divider="80Hz")
+    script = tmp_path / "rates.yaml"
+    script.write_text("log_elements:\n  - name: /log/d\n    enabled: true\n    divider: 45Hz\n")
+    logger.load_script(script)
+    told = [record.getMessage() for record in caplog.records if "became" in record.getMessage()]
+    assert told == [
+        "element '/log/a': divider=30Hz became 3: 33.33 Hz of 100 Hz",
+        "element '/log/b': divider=80Hz became 1: 100 Hz of 100 Hz",
+        f"{script}:2: element '/log/d': divider=45Hz became 2: 50 Hz of 100 Hz",
+    ]
