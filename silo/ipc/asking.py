@@ -9,7 +9,7 @@ import zenoh
 
 from silo.errors import ConnectionLostError
 from silo.ipc.clocks import UNKNOWN, TheirClock
-from silo.ipc.exchange import encoded, key_of
+from silo.ipc.exchange import encoded, key_of, payload_of
 from silo.ipc.keys import Root
 from silo.ipc.messages import Do, Request
 from silo.ipc.sessions import Borrowed
@@ -28,8 +28,9 @@ class Pending:
     ) -> None:
         timeout_s += mine.slack_s
         # not a ring: it loses what it holds when the query ends
+        self._key = key_of(request, root, mine.user)
         self._replies = mine.session.get(
-            key_of(request, root, mine.user),
+            self._key,
             zenoh.handlers.FifoChannel(4),
             payload=encoded(request, clock.after(timeout_s)),
             timeout=timeout_s,
@@ -39,12 +40,14 @@ class Pending:
     def poll(self) -> tuple[bool, bytes | None]:
         """Return whether it has come to its end, and with what."""
         try:
-            reply = self._replies.try_recv()
+            while (reply := self._replies.try_recv()) is not None:
+                if reply.err is not None:  # its time is up
+                    return True, None
+                if (payload := payload_of(reply, self._key)) is not None:
+                    return True, payload
         except zenoh.ZError:
             return True, None
-        if reply is None:
-            return False, None
-        return True, reply.ok.payload.to_bytes() if reply.ok is not None else None
+        return False, None
 
 
 class Asking(Generic[Tag]):

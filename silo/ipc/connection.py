@@ -26,6 +26,7 @@ from silo.ipc.asking import Pending
 from silo.ipc.clocks import TheirClock
 from silo.ipc.discovery import namesakes, seen_now
 from silo.ipc.exchange import exchange, root_at
+from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign
 from silo.ipc.found import Found
 from silo.ipc.messages import AnyReply, Do, Hello, HelloReply, Request
 from silo.ipc.published import Event
@@ -80,6 +81,7 @@ class Connection:
         self._clock = TheirClock()
         self._problem = ""  # why the helper process that is there now can't be asked
         self.sessions = 0  # counts up with every session: views must be opened anew
+        self._foreign = Foreign("an event")
         self._known: set[str] = set()  # who was there when we came: other robots, whatever their names
         self._open(found, timeout_s)
         self._known = {_mark(other) for other in self._namesakes()} | {_mark(self.found)}
@@ -293,14 +295,24 @@ class Connection:
 
     def _hand_out_events(self) -> None:
         while (sample := self._events.try_recv()) is not None:
-            try:
-                event = _event_decoder.decode(sample.payload.to_bytes())
-            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
-                log.exception("an event that this version of silo doesn't know")
+            event = self._event_of(sample)
+            if event is None:
                 continue
             if event.status is not None:
                 self._dead = event.status.state is State.DEAD
             self._call_back(self._event_callbacks, event)
+
+    def _event_of(self, sample: zenoh.Sample) -> Event | None:
+        try:
+            event: Event = _event_decoder.decode(sample.payload.to_bytes())
+        except NOT_UNDERSTOOD as error:
+            try:
+                self._foreign.leave_out(str(sample.key_expr), error)
+            except ConnectionLostError as many:
+                log.warning("%s", many)  # requests go on
+            return None
+        self._foreign.understood()
+        return event
 
     def _call_back(self, callbacks: list[Callable[[Any], None]], value: Event | bool) -> None:
         for callback in list(callbacks):

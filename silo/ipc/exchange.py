@@ -12,6 +12,7 @@ import zenoh
 from silo.errors import ConnectionLostError, GoesOnError, RefusedError, VersionError
 from silo.ipc import keys
 from silo.ipc.clocks import UNKNOWN, TheirClock
+from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.found import Found
 from silo.ipc.messages import (
     AnyReply,
@@ -100,6 +101,12 @@ def root_at(borrowed: Borrowed, found: Found, timeout_s: float) -> keys.Root:
     raise ConnectionLostError(f"logger '{found.name}' doesn't say who it is: its helper process is ending; try again")
 
 
+def payload_of(reply: zenoh.Reply, key: str) -> bytes | None:
+    """Return what a reply says if it is under the very key that was asked: rules keep all but its robot from that."""
+    answer = reply.ok
+    return answer.payload.to_bytes() if answer is not None and str(answer.key_expr) == key else None
+
+
 class NoAnswerError(ConnectionLostError):
     """Nobody answers under that key: the helper process has ended, or rules keep the request from it."""
 
@@ -130,8 +137,8 @@ def exchange(
     except zenoh.ZError as error:
         raise ConnectionLostError(f"lost the connection to {who}: {error}") from error
     for reply in replies:
-        if reply.ok is not None:
-            return decode_reply(reply.ok.payload.to_bytes(), who)
+        if (found := payload_of(reply, key)) is not None:
+            return decode_reply(found, who)
     if replies:
         raise ConnectionLostError(
             f"{who} did not answer within {timeout_s:g} s: its helper process is frozen or overloaded; try again"
@@ -150,7 +157,7 @@ def decode_reply(payload: bytes, who: str) -> AnyReply:
     """
     try:
         reply: AnyReply = _reply_decoder.decode(payload)
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError) as error:
+    except NOT_UNDERSTOOD as error:
         _check_peer(payload, who)
         raise ConnectionLostError(
             f"{who} answers in words that this version of silo doesn't know ({error}): "
@@ -165,7 +172,7 @@ def _check_peer(payload: bytes, who: str) -> None:
     """Raise VersionError if this is the hello of a helper process of another protocol."""
     try:
         peer = _peer_decoder.decode(payload)
-    except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+    except NOT_UNDERSTOOD:
         return  # not even that can be read
     problem = robot_problem(who, peer.protocol, peer.oldest, peer.version)
     if peer.type == HelloReply.__name__ and problem:

@@ -18,6 +18,7 @@ from silo.ipc import keys
 from silo.ipc.asking import Asking
 from silo.ipc.discovery import nobody_there
 from silo.ipc.exchange import checked_reply, client_name, decode_reply, root_at
+from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.found import Found
 from silo.ipc.member import Member
 from silo.ipc.messages import GetSummary
@@ -206,9 +207,11 @@ class Way:
         while (sample := summaries.try_recv()) is not None:
             try:
                 found = _decoder.decode(sample.payload.to_bytes())
-            except (msgspec.MsgspecError, RecursionError, UnicodeDecodeError):
+            except NOT_UNDERSTOOD:
                 continue  # of a silo that says it otherwise: its row says what was asked for
-            newest[self._key(keys.root_of(str(sample.key_expr)))] = found
+            root = keys.robot_of(str(sample.key_expr))
+            if root is not None:
+                newest[self._key(root)] = found
         if newest:
             self._told.change([(key, _saying(found)) for key, found in newest.items()])
 

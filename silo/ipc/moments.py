@@ -3,6 +3,7 @@
 import numpy as np
 
 from silo.errors import ConnectionLostError
+from silo.ipc.foreign import NOT_UNDERSTOOD
 from silo.ipc.messages import FoundIn, MomentsFound, SpanFacts, SpanMeasured
 from silo.judging.between import NAN, Between
 from silo.judging.moments import Found
@@ -17,7 +18,7 @@ def _found(one: FoundIn) -> Found:
     try:
         time_ns = np.frombuffer(one.time_ns, "<i8").astype(np.int64)
         values = np.frombuffer(one.values, one.dtype) if one.values else np.zeros(len(time_ns), one.dtype)
-    except (ValueError, TypeError) as error:
+    except NOT_UNDERSTOOD as error:
         raise ConnectionLostError(f"the helper process tells of moments that make no sense: {error}") from error
     if len(values) != len(time_ns) or not 0 <= one.before <= one.total - len(time_ns):
         raise ConnectionLostError(f"the helper process tells of moments of {one.name} that make no sense")

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from silo.calls import told_class
 from silo.errors import ConnectionLostError, RefusedError
+from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
 from silo.ipc.keys import Root
 from silo.ipc.messages import KeepPin, OpenStream, PinOpened, SampleRows, StreamOpened
 from silo.ipc.sampled import SampledEntry, SampledName, SampledRows, StreamFrame
@@ -54,7 +55,15 @@ NO_SAMPLES = Samples(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 
 def samples_of(name: SampledName, rows: SampledRows, missed: int = 0) -> Samples:
     """Return what rows have of a name, in arrays of its own. Raises ConnectionLostError for rows that make no sense."""
+    with understood(f"rows of {name.name}", "the helper process"):
+        _check_rows(rows)
+        return _samples_of(name, rows, missed)
+
+
+def _samples_of(name: SampledName, rows: SampledRows, missed: int) -> Samples:
     words = len(rows.data) // 8 // rows.count if rows.count else 0
+    if any(entry.offset < STAMP_BYTES or np.dtype(entry.dtype).hasobject for entry in name.entries):
+        raise ValueError("an entry lies where none can be")
     ends = [entry.offset + np.dtype(entry.dtype).itemsize for entry in name.entries]
     if rows.count and (words * 8 * rows.count != len(rows.data) or max([STAMP_BYTES, *ends]) > 8 * words):
         raise ConnectionLostError(f"the helper process sends rows of {name.name} that make no sense")
@@ -139,7 +148,11 @@ class Gathering:
             self._rows.setdefault(rows.group, []).append(rows)
 
     def samples(self) -> dict[str, Samples]:
-        """Return what has come, by name."""
+        """Return what has come, by name. Raises ConnectionLostError for what makes no sense."""
+        with understood("samples", "the helper process"):
+            return self._samples()
+
+    def _samples(self) -> dict[str, Samples]:
         found: dict[str, list[Samples]] = {name: [] for name in self._wished}
         for name in self._names:
             rows = self._rows.get(name.group) or [SampledRows(name.group, 0, 0, b"")]
@@ -167,7 +180,9 @@ class Batch(Mapping[str, Samples]):
 
     def __getitem__(self, name: str) -> Samples:
         if name not in self._made:
-            self._made[name] = joined([samples_of(*part) for part in self._parts[name]])
+            parts = [samples_of(*part) for part in self._parts[name]]
+            with understood(f"rows of {name}", "the helper process"):
+                self._made[name] = joined(parts)
         return self._made[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -201,6 +216,7 @@ class Stream:
         self._expected: dict[tuple[str, str, int], int] = {}  # by run, name and which of its groups
         self._refused = ""
         self._closed = False
+        self._foreign = Foreign("a frame")
 
     @property
     def renewal(self) -> OpenStream:
@@ -268,7 +284,12 @@ class Stream:
 
     def _next(self) -> Batch | None:
         while self._frames:
-            self._unread.append(_decoded(self._frames.popleft()))
+            try:
+                self._unread.append(_decoded(self._frames.popleft()))
+            except ConnectionLostError as error:
+                self._foreign.leave_out(f"stream {self.request.stream}", error)
+                continue
+            self._foreign.understood()
         while self._opened and self._unread:
             frame = self._unread[0]
             if frame.generation > max(self._opened):
@@ -324,11 +345,19 @@ class Stream:
 def _decoded(data: bytes) -> StreamFrame:
     try:
         frame: StreamFrame = _decoder.decode(data)
-    except (msgspec.MsgspecError, RecursionError) as error:
+        for rows in frame.rows:
+            _check_rows(rows)
+    except NOT_UNDERSTOOD as error:
         raise ConnectionLostError(
             f"the helper process sends frames that this version of silo doesn't understand: {error}"
         ) from error
     return frame
+
+
+def _check_rows(rows: SampledRows) -> None:
+    """Raise ValueError for rows that can't be reckoned with."""
+    if not (0 <= rows.first < 2**62 and 0 <= rows.count <= len(rows.data) // STAMP_BYTES):
+        raise ValueError(f"{rows.count} rows from {rows.first} on in {len(rows.data)} bytes")
 
 
 @told_class("pin")

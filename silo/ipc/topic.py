@@ -1,6 +1,7 @@
 """The client's end of a topic: every sample of a published element, in batches of arrays."""
 
 import asyncio
+import math
 import threading
 import time
 from collections.abc import AsyncIterator, Callable, Iterator
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from silo.arguments import real
 from silo.calls import told_class
 from silo.errors import ConnectionLostError, ElementError
+from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign
 from silo.ipc.keys import Root, unescape
 from silo.ipc.sessions import undeclare
 
@@ -63,6 +65,7 @@ class Topic:
         self._lock = threading.Lock()
         self._subscriber: zenoh.Subscriber[zenoh.Handler[zenoh.Sample]] | None = None
         self._next = -1
+        self._foreign = Foreign("a batch")
 
     def attach(self, session: zenoh.Session, root: Root, client_id: str) -> None:
         """Subscribe in a session; the one before is closed already.
@@ -156,7 +159,12 @@ class Topic:
         batches: list[Batch] = []
         with self._lock:
             while self._subscriber is not None and (sample := self._subscriber.try_recv()) is not None:
-                batch = decode_batch(sample)
+                try:
+                    batch = decode_batch(sample)
+                except ConnectionLostError as error:
+                    self._foreign.leave_out(str(sample.key_expr), error)
+                    continue
+                self._foreign.understood()
                 if 0 <= self._next < batch.first:
                     self.missed += batch.first - self._next
                 self._next = batch.first + len(batch.time_ns)
@@ -182,15 +190,28 @@ class Topic:
 def decode_batch(sample: zenoh.Sample) -> Batch:
     """Return the arrays of a sample. Raises ConnectionLostError for an encoding that isn't silo's."""
     payload = sample.payload.to_bytes()
-    try:
-        dtype, shape = _layout(str(sample.encoding))
-    except (TypeError, ValueError) as error:
-        raise ConnectionLostError(f"this topic has the encoding '{sample.encoding}', which makes no sense") from error
-    count = len(payload) // (8 + dtype.itemsize * int(np.prod(shape)))
-    values = np.frombuffer(payload, dtype, offset=8 * count).reshape(count, *shape)
     attached = sample.attachment
-    first = int.from_bytes(attached.to_bytes(), "little") if attached is not None else 0
-    return Batch(first, np.frombuffer(payload, "<i8", count), values)
+    number = attached.to_bytes() if attached is not None else b""
+    return batch_of(payload, str(sample.encoding), number)
+
+
+def batch_of(payload: bytes, encoding: str, number: bytes) -> Batch:
+    """Return the arrays of bytes in an encoding; `number` is that of the first sample.
+
+    Raises ConnectionLostError for what isn't silo's, or makes no sense.
+    """
+    try:
+        dtype, shape = _layout(encoding)
+        size = 8 + dtype.itemsize * math.prod(shape)
+        count, over = divmod(len(payload), size)
+        if over or dtype.hasobject or min(shape, default=0) < 0 or len(number) > 8:
+            raise ValueError(f"{len(payload)} bytes are no samples of {size}")
+        values = np.frombuffer(payload, dtype, offset=8 * count).reshape(count, *shape)
+    except NOT_UNDERSTOOD as error:
+        raise ConnectionLostError(
+            f"this topic has the encoding '{encoding[:200]}', which makes no sense: {error}"
+        ) from error
+    return Batch(int.from_bytes(number, "little"), np.frombuffer(payload, "<i8", count), values)
 
 
 def _layout(encoding: str) -> tuple[np.dtype[Any], tuple[int, ...]]:

@@ -1,5 +1,6 @@
 """The client's end of a view: frames as arrays, merged to one per call, and the arrays of a history."""
 
+import functools
 import threading
 from collections.abc import Callable, Sequence
 
@@ -9,31 +10,33 @@ import zenoh
 
 from silo.calls import told_class
 from silo.columns import MAX_COLUMNS, ColumnGrid, HistoryColumns, Marks, grid_of
-from silo.errors import ConnectionLostError
+from silo.ipc.foreign import NOT_UNDERSTOOD, Foreign, understood
 from silo.ipc.frames import Frame
 from silo.ipc.keys import Root
 from silo.ipc.messages import Columns, OpenView, ViewOpened
 from silo.ipc.published import ViewFrame
 from silo.ipc.sessions import undeclare
 
+LARGEST = 2**63 - 1
 RING = 64  # 6 s at 10 Hz: who reads less often gets the newest and a gap
 
 _decoder = msgspec.msgpack.Decoder(ViewFrame)
 
 
 def history_columns(columns: Columns) -> HistoryColumns:
-    """The arrays of a reply."""
+    """The arrays of a reply. Raises ConnectionLostError for those that make no sense."""
     shape = (len(columns.names), columns.count)
-    return HistoryColumns(
-        tuple(columns.names),
-        columns.first,
-        columns.column_ns,
-        np.frombuffer(columns.low, "<f8").reshape(shape),
-        np.frombuffer(columns.high, "<f8").reshape(shape),
-        _marks(columns.marks, shape),
-        columns.bases,
-        columns.until_ns,
-    )
+    with understood("a history", "the helper process"):
+        return HistoryColumns(
+            tuple(columns.names),
+            columns.first,
+            columns.column_ns,
+            np.frombuffer(columns.low, "<f8").reshape(shape),
+            np.frombuffer(columns.high, "<f8").reshape(shape),
+            _marks(columns.marks, shape),
+            columns.bases,
+            columns.until_ns,
+        )
 
 
 def _marks(data: bytes, shape: tuple[int, int]) -> Marks | None:
@@ -60,6 +63,7 @@ class View:
         self._merged_number = 0
         self._cut = True  # whether the next frame doesn't continue the one that was handed out last
         self._refused = ""
+        self._foreign = Foreign("a frame")
 
     # ---------------------------------------------------------------------------------------------- by the client
 
@@ -111,16 +115,13 @@ class View:
         with self._lock:
             if self._opened is None or self._subscriber is None:
                 return None
-            try:
+            with understood("frames", "the helper process"):
                 return self._frame(self._opened, self._subscriber)
-            except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError) as error:
-                raise ConnectionLostError(
-                    f"the helper process sends frames that this version of silo doesn't understand: {error}"
-                ) from error
 
     def _frame(self, opened: ViewOpened, subscriber: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]") -> Frame | None:
         frames = [*self._unread, *self._new_frames(subscriber)]
-        mine = [frame for frame in frames if frame.generation == opened.generation]
+        fits = functools.partial(_fits, opened=opened, elements=len(self.request.values))
+        mine = [frame for frame in frames if frame.generation == opened.generation and fits(frame)]
         # after an edit or a start, frames may come before the answer that explains them
         self._unread = [frame for frame in frames if frame.generation > opened.generation][-RING:]
         if self._unread:
@@ -130,7 +131,12 @@ class View:
     def _new_frames(self, subscriber: "zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]") -> list[ViewFrame]:
         frames: list[ViewFrame] = []
         while (sample := subscriber.try_recv()) is not None:
-            frame = _decoder.decode(sample.payload.to_bytes())
+            try:
+                frame = _sound(_decoder.decode(sample.payload.to_bytes()))
+            except NOT_UNDERSTOOD as error:
+                self._foreign.leave_out(str(sample.key_expr), error)
+                continue
+            self._foreign.understood()
             if self._number and frame.number > self._number + 1:
                 self._missed += frame.number - self._number - 1
             self._number = frame.number
@@ -188,6 +194,27 @@ class View:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _sound(frame: ViewFrame) -> ViewFrame:
+    """Return a frame whose numbers can be reckoned with. Raises ValueError."""
+    numbers = (frame.number, frame.time_ns, frame.first, frame.since_ns, frame.tick)
+    if not all(-LARGEST <= one <= LARGEST for one in numbers) or not 0 <= frame.count <= MAX_COLUMNS:
+        raise ValueError("its numbers are out of range")
+    return frame
+
+
+def _fits(frame: ViewFrame, opened: ViewOpened, elements: int) -> bool:
+    """Return whether a frame has as much as its view: one that has not is nobody's who opened it."""
+    cells = len(opened.plots) * frame.count
+    return (
+        len(frame.held) == len(frame.lost) == 8 * elements
+        and len(frame.newest) == 8 * len(opened.entries)
+        and len(frame.low) == len(frame.high) == 8 * cells
+        and len(frame.marks) in (0, cells)
+        and all(0 <= at < len(opened.entries) for at in frame.texts)
+        and all(0 <= at < elements for at in (*frame.sizes, *frame.failed, *frame.not_live))
+    )
 
 
 def _begin_ns(frame: ViewFrame, column_ns: int) -> int:
