@@ -19,7 +19,7 @@ DOORS = {
     "size": lambda text: read_settings([f"size={text}"]).buffer_size.amount,
     "split": lambda text: read_split(text)[1],
     "for": lambda text: read_seconds("--for", text),
-    "pre": lambda text: seconds("pre", text, 86400.0),
+    "pre": lambda text: seconds("pre", text, 1e6),
 }
 
 
