@@ -32,7 +32,10 @@ class Pausing(Arranging):
             return
         if at_ns is not None and at_ns < source.begin_ns:
             self._at_ns = source.begin_ns
-        if start_ns + self._column_ns < source.begin_ns and end_ns - source.begin_ns < self.window.span_ns // 2:
+        half_empty = (
+            start_ns + self._column_ns < source.begin_ns and end_ns - source.begin_ns < self.window.span_ns // 2
+        )
+        if half_empty and self._edge_at(end_ns) != end_ns:  # a window wider than all that is held stays where it is
             self._show(end_ns)
 
     @property

@@ -147,10 +147,14 @@ class StandingStill(SiloScreen):
 
     def _show(self, end_ns: int) -> None:
         """Put the right edge of the window there, as far as there is something to see."""
-        span_ns = self.window.span_ns - self._column_ns
-        self.window.paused_end_ns = min(self._newest_ns, max(end_ns, self._oldest_ns + span_ns))
+        self.window.paused_end_ns = self._edge_at(end_ns)
         self._show_moment()
         self.request_view()
+
+    def _edge_at(self, end_ns: int) -> int:
+        """Return where the right edge of the window is that is wanted there: where something is to be seen."""
+        span_ns = self.window.span_ns - self._column_ns
+        return min(self._newest_ns, max(end_ns, self._oldest_ns + span_ns))
 
     def _show_moment(self) -> None:
         """Show the cursor's column in the window that is on the screen."""

@@ -137,3 +137,23 @@ async def test_n_and_z_go_through_the_entries_of_a_vector_in_plots(new_fake, ope
         await screen.until(
             lambda: np.isfinite(screen.app.screen.stack.store.low).any(axis=1).sum() == 3, "columns of all three"
         )
+
+
+def dots(screen):
+    return sum("\u2800" < char <= "\u28ff" for char in screen.text)
+
+
+@pytest.mark.parametrize("wider", [0, 1, 2, 4])
+async def test_held_beyond_what_there_is_the_large_plot_shows_what_the_small_one_shows(wider, fake, opened):
+    fake.run(60.0)
+    async with opened(fake) as screen:
+        await screen.press("m")
+        await screen.until(lambda: dots(screen) > 20)
+        await screen.press(*["-"] * wider)
+        await screen.until(lambda: dots(screen) > 10)
+        await screen.press("space")
+        await screen.shows("all here")
+        await screen.until(lambda: dots(screen) > 10)
+        await screen.press("enter")
+        await screen.until(lambda: screen.app.screen.scope == "detail")
+        await screen.until(lambda: dots(screen) > 10, "curves in the large plot")
