@@ -50,7 +50,8 @@ class Feed:
         self._pending = threading.Semaphore(MOST_PENDING)
         self._stream: Stream | None = None
         self._streamed: frozenset[str] = frozenset()
-        self._last_tick: dict[tuple[str, str], int] = {}
+        self._seen_run = ""  # the newest one, of which `_last_tick` is, by element
+        self._last_tick: dict[str, int] = {}
         self._table: Sequence[ElementInfo] | None = None
         self.missed = 0
         self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
@@ -153,8 +154,10 @@ class Feed:
         """What of it was not passed on by the stream before."""
         if not len(samples):
             return samples
-        last = self._last_tick.get((run, name), -1)
-        self._last_tick[run, name] = max(last, int(samples.ticks[-1]))
+        if run != self._seen_run:
+            self._seen_run, self._last_tick = run, {}
+        last = self._last_tick.get(name, -1)
+        self._last_tick[name] = max(last, int(samples.ticks[-1]))
         if samples.ticks[0] > last:
             return samples
         first = int(np.searchsorted(samples.ticks, last, side="right"))

@@ -66,7 +66,9 @@ class Stream:
             self._cursors[key] = before.get(key, reader.head(group.ring) if from_now and reader is not None else 0)
         gone = dict.fromkeys(set(self.request.names).difference(known), "it is no longer in the table")
         missing = {**picked.missing, **gone}
-        self.opened = StreamOpened(self.request.stream, self.opened.generation + 1, picked.names, missing)
+        if (picked.names, missing) != (self.opened.names, self.opened.missing) or self.opened.generation < 0:
+            # else frames are read as before, and their client needs no other words to read them by
+            self.opened = StreamOpened(self.request.stream, self.opened.generation + 1, picked.names, missing)
         self._table, self._run, self._reader, self._groups = now.generation, run, reader, picked.groups
 
     def _key(self, group: Group) -> tuple[int | str, int]:

@@ -6,8 +6,9 @@ import pytest
 import silo
 from silo.errors import RefusedError
 from silo.ipc.client import Client
-from silo.ipc.messages import RefusedWhy
+from silo.ipc.messages import ClosePin, RefusedWhy
 from silo.model import BufferType, Edit, ElementOptions
+from tests.waiting import wait_until
 
 LOOPING, FIXED = BufferType.LOOPING, BufferType.FIXED
 
@@ -232,3 +233,26 @@ def test_a_pin_that_was_closed_is_no_more(bench, client):
     with pytest.raises(RefusedError, match="no more") as error:
         client.samples(["/log/x"], pin=pin)
     assert error.value.why is RefusedWhy.NOT_FOUND
+
+
+def test_a_pin_that_its_helper_process_does_not_know_is_not_asked_for_again_and_again(bench, client):
+    client.start()
+    bench.ticks(20)
+    pin = client.pin(["/log/x"], 0, bench.now_ns)
+    # its lease ends without this client, as one does behind a link that was cut for long
+    client._call(ClosePin(pin=pin.id))
+    client._leases.renew_soon(pin)
+    wait_until(lambda: "no more" in pin.refused)
+    wait_until(lambda: pin not in client._leases._due_s)
+    pin.close()
+
+
+def test_a_stream_is_read_by_the_words_with_which_it_was_opened(bench, client):
+    client.start()
+    with client.stream(["/log/kept", "/log/x"]) as stream:
+        bench.ticks(10)
+        taken(stream, "/log/x", 10)
+        client.restart("discard")
+        bench.ticks(10)
+        assert taken(stream, "/log/x", 10)[0] == list(range(10))
+        assert list(stream._opened) == [0]  # nothing about its frames has changed

@@ -14,9 +14,11 @@ from silo.ipc.messages import (
     CloseStream,
     CloseView,
     Done,
+    KeepPin,
     OpenStream,
     OpenView,
     Refused,
+    RefusedWhy,
     Request,
     StreamOpened,
     TakeControl,
@@ -50,11 +52,11 @@ class Leases:
         with self._lock:
             self._due_s[view] = time.monotonic() + RENEW_S
 
-    def drop(self, held: "Held") -> None:
+    def drop(self, leased: Leased) -> None:
         """Renew a lease no more, and leave it to others to say so."""
         with self._lock:
-            self._due_s.pop(held, None)
-            self._renewals.pop(held, None)
+            self._due_s.pop(leased, None)
+            self._renewals.pop(leased, None)
 
     def forget(self, view: "View | Stream | Pin") -> None:
         """Let a lease end, and say so to the helper process."""
@@ -116,5 +118,6 @@ class Leases:
                 accept(reply)
         elif isinstance(reply, Refused):
             view.refuse(reply.text)
-            if isinstance(view.renewal, TakeControl):
-                self.drop(view)  # somebody else has it, and asking again and again helps nobody
+            is_gone = isinstance(view.renewal, KeepPin) and reply.why is RefusedWhy.NOT_FOUND
+            if is_gone or isinstance(view.renewal, TakeControl):
+                self.drop(view)  # it is no more, or somebody else has it: asking again and again helps nobody
