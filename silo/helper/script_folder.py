@@ -1,6 +1,12 @@
-"""Scripts on the robot's side: only YAML files inside the folder of the logger's script, whatever a client asks for."""
+"""Scripts on the robot's side: silo's own YAML files inside a folder for them, whatever a client asks for.
 
+That is the folder of the logger's script where it has one; where it stands in the folder that the program was started
+in, or at home, one beside it: what else is there is nobody's business. Nothing hidden, no YAML file of anybody else.
+"""
+
+import logging
 import os
+import re
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +18,11 @@ MAX_LISTED = 500
 MAX_DEPTH = 3  # folders below the script's own
 MAX_VISITED = 5_000  # a script beside a data set must not make listing slow
 MAX_TEXT_BYTES = 2 * 2**20
+MAX_HEAD_BYTES = 64 * 1024  # in which a script that is listed says that it is one
+_IS_SCRIPT = re.compile(r"""^\ufeff?\s*\{?\s*["']?log_elements["']?\s*:""", re.MULTILINE)
+
+log = logging.getLogger("silo.helper")
+_told: set[Path] = set()  # scripts in the old place that were told of
 
 
 class ScriptRefusedError(Exception):
@@ -22,10 +33,35 @@ class ScriptRefusedError(Exception):
         self.refused = Refused(why, text)
 
 
+def folder_of(own_script: Path) -> Path:
+    """Return where clients read and write scripts."""
+    own = own_script.parent
+    return own / f"{own_script.stem}.scripts" if own in _SHARED else own
+
+
+def _shared() -> tuple[Path, ...]:
+    try:
+        return (Path.cwd(), Path.home())
+    except (OSError, RuntimeError):  # deleted, or nobody's
+        return ()
+
+
+_SHARED = _shared()  # folders that hold anything
+
+
 def list_scripts(own_script: Path) -> list[str]:
-    """Return scripts in the folder of `own_script` and below it, relative to it; at most 500, hidden ones left out."""
-    folder = own_script.parent
-    return sorted(str(path.relative_to(folder)) for path in _walk(folder))[:MAX_LISTED]
+    """Return scripts in their folder and below it, relative to it; at most 500, hidden ones left out.
+
+    For one release those that stand in the old place are there too, beside the logger's script.
+    """
+    own, *old = ([*_walk(place)] for place in _places(own_script))
+    found = [(path, folder_of(own_script)) for path in own]
+    found += [(path, own_script.parent) for path in (old[0] if old else []) if path not in own]
+    return sorted({str(path.relative_to(place)) for path, place in found})[:MAX_LISTED]
+
+
+def _places(own_script: Path) -> list[Path]:
+    return list(dict.fromkeys([folder_of(own_script), own_script.parent]))
 
 
 def _walk(folder: Path) -> Iterator[Path]:
@@ -52,7 +88,29 @@ def _walk(folder: Path) -> Iterator[Path]:
 
 
 def _is_script(entry: os.DirEntry[str], folder: Path) -> bool:
-    return entry.name.lower().endswith(SUFFIXES) and entry.is_file() and _inside(Path(entry.path), folder)
+    if not (entry.name.lower().endswith(SUFFIXES) and entry.is_file() and _inside(Path(entry.path), folder)):
+        return False
+    try:
+        return is_script(_head(Path(entry.path)))
+    except OSError:
+        return False
+
+
+def is_script(text: str) -> bool:
+    """Return whether this is a script of silo, or nothing at all: any other YAML file is somebody else's."""
+    said = (line.strip() for line in text.splitlines())
+    return _IS_SCRIPT.search(text) is not None or all(not line or line.startswith("#") for line in said)
+
+
+def _head(path: Path) -> str:
+    with os.fdopen(_opened(path), "rb") as file:
+        return file.read(MAX_HEAD_BYTES).decode(errors="replace")
+
+
+def _opened(path: Path) -> int:
+    """Open a file to read it. Raises OSError."""
+    # without O_NONBLOCK, opening a named pipe would wait forever; links that lead on were followed when it was checked
+    return os.open(path.resolve(), os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
 
 
 def resolve(asked: str, own_script: Path) -> Path:
@@ -62,20 +120,34 @@ def resolve(asked: str, own_script: Path) -> Path:
     """
     if not asked:
         return own_script
-    folder = own_script.parent
+    folder = folder_of(own_script)
     where = f"scripts are *.yaml and *.yml files in {folder} or below"
     if len(asked) > 1000 or not asked.isprintable():
         raise ScriptRefusedError(RefusedWhy.INVALID, f"this is not the path of a script: {asked[:80]!r}; {where}")
-    path = folder / asked
+    path = _meant(asked, own_script)
     if path == own_script:
         return own_script
-    if ".." in Path(asked).parts or not path.is_relative_to(folder):
+    place = next((one for one in _places(own_script) if path.is_relative_to(one)), None)
+    if ".." in Path(asked).parts or place is None:
         raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is outside of the script folder; {where}")
+    if any(part.startswith(".") for part in path.relative_to(place).parts):
+        raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is hidden, and no script; {where}")
     if path.suffix.lower() not in SUFFIXES:
         raise ScriptRefusedError(RefusedWhy.INVALID, f"{asked}: does not end in .yaml or .yml; {where}")
-    if not _inside(path, folder):
+    if not _inside(path, place):
         raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: leads out of the script folder by a link; {where}")
+    if place != folder and not (path.is_file() and is_script(_text_of(path))):
+        raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{asked}: is outside of the script folder; {where}")
+    if place != folder and path not in _told:
+        _told.add(path)
+        log.warning("%s: scripts of clients stand in %s: move it there, the next silo doesn't look here", path, folder)
     return path
+
+
+def _meant(asked: str, own_script: Path) -> Path:
+    """Return the path that is meant: in the folder, or of a script that stands in the old place."""
+    places = [place / asked for place in _places(own_script)]
+    return next((path for path in places if os.path.lexists(path)), places[0])
 
 
 def _inside(path: Path, folder: Path) -> bool:
@@ -85,8 +157,7 @@ def _inside(path: Path, folder: Path) -> bool:
 def read_text(path: Path) -> str:
     """Return the text of a script. Raises ScriptRefusedError where there is none that can be read."""
     try:
-        # without O_NONBLOCK, opening a named pipe would wait forever
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        descriptor = _opened(path)
         with os.fdopen(descriptor, "rb") as file:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
                 raise ScriptRefusedError(RefusedWhy.INVALID, f"{path}: is not a file")
@@ -100,11 +171,17 @@ def read_text(path: Path) -> str:
         raise ScriptRefusedError(RefusedWhy.FAILED, f"{path}: can't be read: {error.strerror}") from error
     if len(data) > MAX_TEXT_BYTES:
         raise ScriptRefusedError(RefusedWhy.INVALID, f"{path}: larger than {MAX_TEXT_BYTES // 2**20} MB")
-    return data.decode(errors="replace")
+    text = data.decode(errors="replace")
+    if not is_script(text):
+        raise ScriptRefusedError(RefusedWhy.FORBIDDEN, f"{path}: is no script of silo, it has no `log_elements:`")
+    return text
 
 
-def check_target(path: Path, *, overwrite: bool) -> None:
-    """Raise ScriptRefusedError if a script must not be written there; its folder is made where missing."""
+def check_target(path: Path, own_script: Path, *, overwrite: bool) -> None:
+    """Raise ScriptRefusedError if a script must not be written there; its folder is made where missing.
+
+    What the program itself calls its script may be replaced whatever it is.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -118,3 +195,14 @@ def check_target(path: Path, *, overwrite: bool) -> None:
             raise ScriptRefusedError(
                 RefusedWhy.EXISTS, f"{path} exists already; choose another name, or confirm that it is replaced"
             )
+        if path != own_script and not is_script(_text_of(path)):
+            text = f"{path}: is no script of silo, it has no `log_elements:`; choose another name; nothing was changed"
+            raise ScriptRefusedError(RefusedWhy.FORBIDDEN, text)
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return _head(path)
+    except OSError as error:
+        text = f"{path}: can't be read: {error.strerror}; nothing was changed"
+        raise ScriptRefusedError(RefusedWhy.FAILED, text) from error

@@ -21,7 +21,7 @@ _NAME = re.compile(r"[\w][\w.+ -]{0,79}")
 
 def folder_of(own_script: Path) -> Path:
     """Return where views are kept."""
-    return own_script.parent / FOLDER
+    return own_script.parent / FOLDER  # none of whose files is anybody else's: names are plain, and links refused
 
 
 def names(own_script: Path) -> list[str]:

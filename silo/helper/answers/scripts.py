@@ -33,7 +33,7 @@ TRIES = 10  # each is in vain only if the robot program changed its table within
 @answers_to(ListScripts)
 def _list_scripts(parts: Parts, _: ListScripts) -> Scripts:
     own = _own_script(parts)
-    return Scripts(str(own.parent), script_folder.list_scripts(own), own.name)
+    return Scripts(str(script_folder.folder_of(own)), script_folder.list_scripts(own), own.name)
 
 
 @answers_to(ReadScript)
@@ -112,7 +112,7 @@ def _save_script(parts: Parts, request: SaveScript) -> Done:
     from silo.settings.script import kept_text, write_script
 
     path = script_folder.resolve(request.path, _own_script(parts))
-    script_folder.check_target(path, overwrite=request.overwrite)
+    script_folder.check_target(path, _own_script(parts), overwrite=request.overwrite)
     now = parts.mirror.now
     kept = write_script(path, now.table.elements, now.robot.extras)
     text = f"script saved: {path}{kept_text(kept)}"
