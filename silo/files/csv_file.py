@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, write_all
 from silo.files.csv_facts import pack, sidecar_of
-from silo.files.csv_reader import read_csv
+from silo.files.csv_reader import TIME_NS, read_csv
 from silo.recording import Progress, RecordedElement, Recording
 
 __all__ = ["Layout", "read_csv", "write_csv"]
@@ -51,8 +51,9 @@ def write_csv(
 ) -> None:
     """Save a recording as CSV, atomically.
 
-    `columns`: a header, then one line per tick: `time` (seconds since 1970 with nine decimals, exact) and one column
-    per entry. `rows`: the original's layout, one line per entry with one cell per tick, `time_s` and `time_ns` first.
+    `columns`: a header, then one line per tick: `time` (seconds since 1970 with nine decimals, exact), one column per
+    entry, and `time_ns` (the same time in whole nanoseconds: seconds that are read as doubles are off by up to 223 ns).
+    `rows`: the original's layout, one line per entry with one cell per tick, `time_s` and `time_ns` first.
     Bools and enumerations are numbers, dates are counts of their unit. Elements without a sample are left out.
     Units, labels, types and buffers stand in `<path>.json` beside it.
     `progress` is called with the fraction written. Raises `SaveError` when the system refuses.
@@ -88,11 +89,14 @@ def _refuse_objects(elements: Sequence[RecordedElement]) -> None:
 def _columns(recording: Recording, elements: Sequence[RecordedElement]) -> Iterator[tuple[float, bytes]]:
     """Pieces of the file with the fraction that is then written."""
     names = [entry.name for element in elements for entry in element.entries]
-    yield 0.0, ",".join(["time", *(_quoted(name) for name in names)]).encode("utf-8", "backslashreplace") + b"\n"
+    yield (
+        0.0,
+        ",".join(["time", *(_quoted(name) for name in names), TIME_NS]).encode("utf-8", "backslashreplace") + b"\n",
+    )
     stamps = len(recording.time_ns)
-    large = stamps * (len(names) + 1) >= POLARS_FROM
+    large = stamps * (len(names) + 2) >= POLARS_FROM
     make = _polars_lines if large and _polars_can(elements) else _plain_lines
-    rows = max(1, CHUNK_CELLS // (len(names) + 1))
+    rows = max(1, CHUNK_CELLS // (len(names) + 2))
     for start in range(0, stamps, rows):
         stop = min(stamps, start + rows)
         cells = [
@@ -159,6 +163,7 @@ def _polars_lines(time_ns: NDArray[np.int64], cells: Sequence[_Cells]) -> bytes:
                 spread[key] = indices.set(indices < 0, None)
             series = series.gather(spread[key])
         columns.append(series)
+    columns.append(polars.Series(TIME_NS, time_ns))
     text = io.BytesIO()
     # batches of 64 lines: with the 1024 by default wide logs take 2.5 times as long
     polars.DataFrame(columns).write_csv(text, include_header=False, quote_style="non_numeric", batch_size=64)
@@ -174,6 +179,7 @@ def _plain_lines(time_ns: NDArray[np.int64], cells: Sequence[_Cells]) -> bytes:
             column[cell.places] = texts
             texts = column
         columns.append(texts)
+    columns.append(list(map(str, time_ns.tolist())))
     lines = map(",".join, zip(*columns, strict=True))
     return ("\n".join(lines) + "\n").encode("utf-8", "backslashreplace")
 
@@ -185,14 +191,18 @@ def _time_texts(time_ns: NDArray[np.int64]) -> list[str]:
 
 
 def _texts(values: NDArray[Any]) -> list[str]:
-    """Each value in the shortest text that is exactly it."""
+    """Each value in the shortest text that is exactly it; `NaN`, as what reads tables takes `nan` for a text."""
     if values.dtype.kind == "U":
         return [_quoted(text) for text in values.tolist()]
     if values.dtype.kind == "f" and values.dtype.itemsize != 8:
         # the shortest text of a narrow float, not that of the double next to it
         texts: list[str] = values.astype("U").tolist()
-        return texts
-    return [repr(value) for value in values.tolist()]
+    else:
+        texts = [repr(value) for value in values.tolist()]
+    if values.dtype.kind == "f":
+        for place in np.flatnonzero(np.isnan(values)).tolist():
+            texts[place] = "NaN"
+    return texts
 
 
 def _quoted(text: str) -> str:

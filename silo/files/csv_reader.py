@@ -24,6 +24,8 @@ from silo.kinds import regroup
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, RecordedEntry, Recording
 
+TIME_NS = "time_ns"  # the last column: the first one in whole nanoseconds
+_ROUNDED_NS = 1000  # by which seconds that went through a double may be off
 _SECOND = 1_000_000_000
 _MOST_NS = 2**63
 _LINES_AT_ONCE = 4096
@@ -68,9 +70,8 @@ def _parsed(data: bytes, path: Path) -> Recording:
     if plain is not None:
         head, numbers = plain
         time_ns = _time(_text(head[0]), numbers.first)
-        return _as_recording(
-            path, "/log", [_text(cell) for cell in head[1:]], numbers.columns, time_ns, facts, warnings
-        )
+        names, columns, time_ns = _counted([_text(cell) for cell in head[1:]], numbers.columns, time_ns)
+        return _as_recording(path, "/log", names, columns, time_ns, facts, warnings)
     records = _records(data)
     head = next(records, [])
     if not head:
@@ -79,7 +80,7 @@ def _parsed(data: bytes, path: Path) -> Recording:
         names, columns, time_ns = _from_rows(head, records, warnings)
         prefix = _text(head[0]).removesuffix("time_s").removesuffix("/")
     else:
-        names, columns, time_ns = _from_columns(head, records, warnings)
+        names, columns, time_ns = _counted(*_from_columns(head, records, warnings))
         prefix = "/log"
     return _as_recording(path, prefix, names, columns, time_ns, facts, warnings)
 
@@ -94,10 +95,26 @@ def _plain_table(data: bytes, facts: bytes | None) -> tuple[list[bytes], Numbers
     if facts is not None:
         try:
             types = types_of(unpack(facts))
+            if types is not None and _text(head[-1]) == TIME_NS:
+                types = [*types, np.dtype(np.int64)]
         except NotThisTableError:
             return None
     numbers = read_numbers(data, len(head), types)
     return None if numbers is None else (head, numbers)
+
+
+def _counted(
+    names: list[str], columns: Sequence[Column], time_ns: NDArray[np.int64]
+) -> tuple[list[str], Sequence[Column], NDArray[np.int64]]:
+    """The columns of signals, and the stamps by that of nanoseconds, where it agrees with the first one."""
+    if not names or names[-1] != TIME_NS:
+        return names, columns, time_ns
+    cells = columns[-1]
+    counted = cells.values if isinstance(cells, Filled) else _numbers(cells)
+    fits = counted is not None and counted.dtype == np.int64 and len(counted) == len(time_ns)
+    if counted is None or not fits or (np.abs(counted - time_ns) > _ROUNDED_NS).any():
+        return names[:-1], columns[:-1], time_ns  # somebody edited the seconds, or the file was cut there
+    return names[:-1], columns[:-1], counted
 
 
 def _as_recording(

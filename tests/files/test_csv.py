@@ -201,7 +201,7 @@ def test_a_line_that_is_cut_off_is_told_and_left_out(plan, recorded, tmp_path):
     (tmp_path / "x.csv").write_text(text[: text.rindex(",")])
     recording = read_csv(tmp_path / "x.csv")
     assert len(recording.time_ns) == 4
-    assert "record 6 has 2 cells" in recording.warnings[0]
+    assert "record 6 has 3 cells" in recording.warnings[0]
 
 
 @pytest.mark.slow
@@ -248,3 +248,34 @@ def test_what_is_no_table_is_an_error_that_names_the_file(tmp_path):
         read_csv(tmp_path / "x.csv")
     with pytest.raises(LogNotFoundError, match="no file"):
         read_csv(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_other_readers_see_numbers_and_exact_nanoseconds(plan, recorded, tmp_path, monkeypatch, large):
+    polars, pandas = pytest.importorskip("polars"), pytest.importorskip("pandas")
+    monkeypatch.setattr(csv_file, "POLARS_FROM", 0 if large else 10**9)
+    recording = recorded([plan("/log/a", size=20), plan("/log/b", "<f4", size=20)], 20)
+    for element in recording.elements:
+        element.entries[0].values[3] = np.nan
+    path = tmp_path / "x.csv"
+    write_csv(recording, path)
+    for frame in (polars.read_csv(path), pandas.read_csv(path)):
+        assert np.asarray(frame["time_ns"]).tolist() == recording.time_ns.tolist()
+        for name in ("/log/a", "/log/b"):
+            assert np.asarray(frame[name]).dtype.kind == "f"
+            assert np.isnan(np.asarray(frame[name])[3])
+
+
+def test_times_of_a_table_that_went_through_doubles_are_exact_again(plan, recorded, tmp_path):
+    recording = recorded([plan("/log/a", size=20)], 20)
+    path = tmp_path / "x.csv"
+    write_csv(recording, path)
+    head, *lines = path.read_text().splitlines()
+    rounded = [",".join([repr(float(cells[0])), *cells[1:]]) for cells in (line.split(",") for line in lines)]
+    path.write_text("\n".join([head, *rounded]) + "\n")
+    again = read_csv(path)
+    assert again.time_ns.tolist() == recording.time_ns.tolist()
+    assert [element.name for element in again.elements] == ["/log/a"]
+    moved = [",".join([str(float(cells[0]) + 5), *cells[1:]]) for cells in (line.split(",") for line in lines)]
+    path.write_text("\n".join([head, *moved]) + "\n")
+    assert abs(read_csv(path).time_ns - recording.time_ns - 5 * 10**9).max() < 1000

@@ -61,8 +61,14 @@ def test_a_value_that_was_edited_is_taken(path):
         (lambda lines: lines[:-1], "its time stamps are others"),
         (lambda lines: [lines[0].replace("mode", "made"), *lines[1:]], "its columns are others"),
         (lambda lines: [*lines[:-1], lines[-1].replace("1700000000.1", "1800000000.1")], "its time stamps are others"),
-        (lambda lines: [lines[0], lines[1].rpartition(",")[0] + ",\n", *lines[2:]], "has its samples at other ticks"),
-        (lambda lines: [lines[0], lines[1].rpartition(",")[0] + ",x\n", *lines[2:]], "are no <M8"),
+        (
+            lambda lines: [lines[0], lines[1].rsplit(",", 2)[0] + ",," + lines[1].rsplit(",", 1)[1], *lines[2:]],
+            "has its samples at other ticks",
+        ),
+        (
+            lambda lines: [lines[0], lines[1].rsplit(",", 2)[0] + ",x," + lines[1].rsplit(",", 1)[1], *lines[2:]],
+            "are no <M8",
+        ),
     ],
 )
 def test_facts_of_another_table_are_left_out_with_a_warning(change, why, path):
