@@ -124,6 +124,32 @@ def _has_writer(path: Path) -> bool:
         os.close(descriptor)
 
 
+# ------------------------------------------------------------------------------- files of silo where others may write
+
+
+def open_own(path: str | os.PathLike[str], flags: int, mode: int = 0o600) -> int:
+    """Open a file of silo's own in a folder where others may put things: no link is followed, no pipe waited for.
+
+    Raises OSError, with words for what somebody planted there.
+    """
+    try:
+        descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, mode)
+    except OSError as error:
+        if error.errno != errno.ELOOP:
+            raise
+        raise OSError(errno.ELOOP, "it is a link, which silo doesn't follow: remove it", str(path)) from None
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        return descriptor
+    os.close(descriptor)
+    raise OSError(errno.EINVAL, "it is no file: remove it", str(path))
+
+
+def read_own(path: str | os.PathLike[str]) -> bytes:
+    """Return what stands in such a file. Raises OSError."""
+    with os.fdopen(open_own(path, os.O_RDONLY), "rb") as file:
+        return file.read()
+
+
 # ---------------------------------------------------------------------------------------------- who writes a file
 
 # A lock of the open file, not of the process: it ends with the writer, however that ends, is seen from every container

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from silo.collecting.schema import SegmentSchema
 from silo.recording import Failures
-from silo.runtime import has_writer
+from silo.runtime import has_writer, open_own
 
 JOURNAL_SUFFIX = ".journal"
 GONE_SUFFIX = ".gone"  # added to the name of one that is being deleted
@@ -122,7 +122,7 @@ def remove_journals(schema: SegmentSchema, but: Path | None = None) -> None:
 def is_written(path: Path) -> bool:
     """Whether a process writes this journal right now."""
     try:
-        descriptor = os.open(path / SCHEMA_FILE, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        descriptor = open_own(path / SCHEMA_FILE, os.O_RDONLY)
     except OSError:
         return False
     try:

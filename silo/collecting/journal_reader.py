@@ -40,7 +40,7 @@ from silo.collecting.snapshot import snapshot
 from silo.errors import SegmentError
 from silo.model import BufferType, LoggedEvent
 from silo.recording import NO_FAILURES, Failures, Recording
-from silo.runtime import boot_id
+from silo.runtime import boot_id, open_own, read_own
 
 READ_BYTES = 1 << 20
 SPOOL_BYTES = 16 << 20  # rows that take more are read into a file
@@ -104,7 +104,7 @@ class JournalReader:
         stream = _Stream()
         for path in paths:
             try:
-                descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+                descriptor = open_own(path, os.O_RDONLY)
             except FileNotFoundError:
                 continue  # not there yet when the power went
             except OSError as error:
@@ -240,7 +240,7 @@ class JournalReader:
 def read_head(path: Path) -> Head:
     """Of what a journal holds rows. Raises SegmentError where that is damaged."""
     try:
-        data = (path / SCHEMA_FILE).read_bytes()
+        data = read_own(path / SCHEMA_FILE)
     except OSError as error:
         raise SegmentError(f"{path}: can't open the journal ({error.strerror})") from error
     size, check = int.from_bytes(data[:8], "little"), int.from_bytes(data[8:16], "little")

@@ -88,7 +88,7 @@ class JournalWriter:
         """The folder with an empty schema file, which we hold: no sweep takes it."""
         for _ in range(100):
             with contextlib.suppress(FileExistsError, FileNotFoundError):
-                if not self.path.is_dir():
+                if self.path.is_symlink() or not self.path.is_dir():
                     self._disk.make_folder(self.path)
                 descriptor = self._disk.create(self.path / SCHEMA_FILE)
                 if lock_as_writer(descriptor) and is_at(descriptor, self.path / SCHEMA_FILE):

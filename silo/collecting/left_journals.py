@@ -29,7 +29,7 @@ from silo.collecting.left_behind import BusyError, SavedMeanwhileError, StaleSeg
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, StateError
 from silo.model import LoggerOptions
-from silo.runtime import boot_id, has_writer, is_at, lock_as_writer, pid_namespace, process_start
+from silo.runtime import boot_id, has_writer, is_at, lock_as_writer, open_own, pid_namespace, process_start
 
 
 def is_journal(path: str | os.PathLike[str]) -> bool:
@@ -119,7 +119,7 @@ def _removed_if_empty(path: Path) -> bool:
         if _has_rows(path):
             return False
         try:
-            descriptor = os.open(path / SCHEMA_FILE, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
+            descriptor = open_own(path / SCHEMA_FILE, os.O_RDWR)
         except FileNotFoundError:
             path.rmdir()
             return True
@@ -144,7 +144,7 @@ def claimed_journal(path: Path, *, wait: bool = False) -> Iterator[JournalReader
     it may `wait`), SavedMeanwhileError if another has saved it, SegmentError for one that is damaged.
     """
     try:
-        descriptor = os.open(path / SCHEMA_FILE, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = open_own(path / SCHEMA_FILE, os.O_RDONLY)
     except FileNotFoundError:
         raise _saved_meanwhile(path) from None
     except OSError as error:

@@ -72,7 +72,8 @@ def write_bag(recording: Recording, path: str | os.PathLike[str], progress: Prog
         with (folder / name).open("xb", buffering=0) as file:
             metadata = _write_mcap(file, recording, channels, name, progress)
         body = "".join(f"  {line}\n" for line in metadata.splitlines())
-        (folder / "metadata.yaml").write_text(f"rosbag2_bagfile_information:\n{body}", encoding="utf-8")
+        with (folder / "metadata.yaml").open("x", encoding="utf-8") as facts:
+            facts.write(f"rosbag2_bagfile_information:\n{body}")
 
 
 def _utf8(recording: Recording) -> Recording:

@@ -16,6 +16,7 @@ import msgspec
 
 from silo.model import DAMAGED, LoggedEvent
 from silo.recording import Recording, with_events
+from silo.runtime import open_own
 
 MOST_BYTES = 4_000_000
 ENDING = ".events.jsonl"
@@ -71,7 +72,7 @@ def append_events(folder: str | os.PathLike[str], logger: str, events: Sequence[
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[int]:
     while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        descriptor = open_own(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX)
             if _is_still(path, descriptor):
@@ -84,7 +85,7 @@ def _locked(path: Path) -> Iterator[int]:
 def _is_still(path: Path, descriptor: int) -> bool:
     """Whether the open file has that name: another process may have begun a new one."""
     try:
-        return os.path.samestat(path.stat(), os.fstat(descriptor))
+        return os.path.samestat(path.lstat(), os.fstat(descriptor))
     except FileNotFoundError:
         return False
 
@@ -125,7 +126,7 @@ def _files(path: Path, older: Path) -> list[list[bytes]]:
 
 def _opened(path: Path, opened: contextlib.ExitStack) -> int | None:
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = open_own(path, os.O_RDONLY)
     except FileNotFoundError:
         return None
     opened.callback(os.close, descriptor)
@@ -153,7 +154,7 @@ def _settled_lines(descriptor: int) -> list[bytes]:
 def newest_number(folder: str | os.PathLike[str], logger: str) -> int:
     """Return the number of the newest line, 0 where there is none, or none that can be read."""
     for path in (event_log_path(folder, logger), older_event_log(folder, logger)):
-        with contextlib.suppress(OSError), path.open("rb") as file:
+        with contextlib.suppress(OSError), os.fdopen(open_own(path, os.O_RDONLY), "rb") as file:
             file.seek(max(0, os.fstat(file.fileno()).st_size - _END_BYTES))
             numbers = [event.number for event in decoded(file.read().splitlines())]
             if numbers:

@@ -15,6 +15,7 @@ from pathlib import Path
 from silo.errors import LogNotFoundError, SaveError
 from silo.files.atomic import reason
 from silo.files.formats import LOG_ENDINGS, is_bag_folder
+from silo.runtime import open_own
 
 _STEM = re.compile(r"(?P<logger>.+)_(?P<when>\d{8}_\d\d-\d\d-\d\d)_(?P<run>\d{5,})")
 
@@ -27,7 +28,7 @@ def next_run_number(folder: str | os.PathLike[str], logger: str) -> int:
     """
     counter = Path(folder) / f".{check_name(logger)}_fileNumber"
     try:
-        descriptor = os.open(counter, os.O_RDWR | os.O_CREAT, 0o666)
+        descriptor = open_own(counter, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             # released by close, also when the process dies
             fcntl.flock(descriptor, fcntl.LOCK_EX)

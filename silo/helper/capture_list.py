@@ -14,6 +14,8 @@ from pathlib import Path
 
 import msgspec
 
+from silo.runtime import open_own, read_own
+
 MOST_BYTES = 200_000
 MOST_BEGUN = 20  # captures without files that are remembered: of a process one is under way, others failed
 _TAIL = 256  # bytes before what is new that must be as they were: else the file was written anew
@@ -147,8 +149,7 @@ class CaptureList:
 
     @contextlib.contextmanager
     def _locked(self) -> Iterator[int]:
-        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
-        descriptor = os.open(self._path, flags, 0o644)
+        descriptor = open_own(self._path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             with contextlib.suppress(OSError):  # a file system that knows no locks
                 fcntl.flock(descriptor, fcntl.LOCK_EX)
@@ -168,7 +169,7 @@ def read_captures(folder: str | os.PathLike[str], logger: str) -> list[CaptureEn
     """Return the captures of a logger as its list has them, without touching it. Raises OSError."""
     found: dict[tuple[str, str, int], CaptureEntry] = {}
     with contextlib.suppress(FileNotFoundError):
-        for entry in _decoded(Path(folder, f".{logger}.captures.jsonl").read_bytes()):
+        for entry in _decoded(read_own(Path(folder, f".{logger}.captures.jsonl"))):
             found[entry.run, entry.trigger, entry.number] = entry
     return list(found.values())
 

@@ -27,7 +27,7 @@ from silo.helper.capture_list import CaptureEntry, read_captures
 from silo.ipc.published import EventKind
 from silo.model import DAMAGED, LoggedEvent
 from silo.recording import Recording
-from silo.runtime import list_segments
+from silo.runtime import list_segments, read_own
 
 # what tells of a loss, once "0 lost" is taken out
 _LOSS = re.compile(r"lost|missing|not recorded|left out|could not|couldn't|gone|overwritten|deleted|blind|not saved")
@@ -159,7 +159,7 @@ class _Folder:
         lines: Counter[bytes] = Counter()
         for path in (older_event_log(self.folder, logger), event_log_path(self.folder, logger)):
             with contextlib.suppress(FileNotFoundError):
-                lines.update(filter(None, path.read_bytes().splitlines()))
+                lines.update(filter(None, read_own(path).splitlines()))
         again = sum(count - 1 for count in lines.values())
         if again:
             text = f"{again} lines of the event log of '{logger}' stand in it twice"

@@ -14,6 +14,7 @@ import msgspec
 from silo.collecting.segment_reader import SegmentReader
 from silo.files.event_log import decoded, event_log_path, older_event_log, read_events
 from silo.model import MARKER, LoggedEvent
+from silo.runtime import open_own, read_own
 
 STOPPED, CRASHED = "stopped", "crashed"  # kinds: nothing of the run is told after these but what became of its files
 LAST_WORDS_S = 2.0  # how long what is told of the end of a run may take: the disk of the log may hang
@@ -44,10 +45,10 @@ class _Tail:
             if not self.is_open:
                 self._open()
                 with contextlib.suppress(FileNotFoundError):
-                    if not os.path.samestat(self._older.stat(), os.fstat(self._descriptor)):
-                        found += self._older.read_bytes().splitlines()
+                    if not os.path.samestat(self._older.lstat(), os.fstat(self._descriptor)):
+                        found += read_own(self._older).splitlines()
             found += self._rest()
-            while not os.path.samestat(self._path.stat(), os.fstat(self._descriptor)):
+            while not os.path.samestat(self._path.lstat(), os.fstat(self._descriptor)):
                 found += self._rest()  # what came between: nobody writes to one that has another name
                 self.close()
                 self._open()
@@ -56,7 +57,7 @@ class _Tail:
 
     def _open(self) -> None:
         self._begun = b""
-        self._descriptor = os.open(self._path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+        self._descriptor = open_own(self._path, os.O_RDONLY)
 
     def _rest(self) -> list[bytes]:
         found: list[bytes] = []

@@ -1,0 +1,72 @@
+"""Links and pipes that somebody planted in the log folder under silo's own names: nothing goes through them."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from silo.errors import SaveError
+from silo.files.event_log import append_events, event_log_path, newest_number, older_event_log, read_events
+from silo.files.naming import next_run_number
+from silo.helper.capture_list import read_captures
+from silo.runtime import open_own, read_own
+
+
+@pytest.fixture
+def victim(tmp_path: Path) -> Path:
+    (tmp_path / "home").mkdir()
+    made = tmp_path / "home" / "precious"
+    made.write_text("mine\n")
+    return made
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "logs").mkdir()
+    return tmp_path / "logs"
+
+
+def test_a_planted_counter_is_not_written_through(folder, victim) -> None:
+    (folder / ".x_fileNumber").symlink_to(victim)
+    with pytest.raises(SaveError, match="link, which silo doesn't follow"):
+        next_run_number(folder, "x")
+    (folder / ".y_fileNumber").symlink_to(victim.with_name("new"))
+    with pytest.raises(SaveError, match="link, which silo doesn't follow"):
+        next_run_number(folder, "y")
+    assert victim.read_text() == "mine\n"
+    assert not victim.with_name("new").exists()
+
+
+def test_a_planted_event_log_is_neither_written_nor_read_through(folder, victim) -> None:
+    for path in (event_log_path(folder, "x"), older_event_log(folder, "x")):
+        path.symlink_to(victim)
+    with pytest.raises(OSError, match="link, which silo doesn't follow"):
+        append_events(folder, "x", [])
+    with pytest.raises(OSError, match="link, which silo doesn't follow"):
+        read_events(folder, "x")
+    assert newest_number(folder, "x") == 0
+    assert victim.read_text() == "mine\n"
+
+
+def test_a_planted_list_of_captures_is_not_read_through(folder, victim) -> None:
+    (folder / ".x.captures.jsonl").symlink_to(victim)
+    with pytest.raises(OSError, match="link, which silo doesn't follow"):
+        read_captures(folder, "x")
+
+
+def test_a_planted_pipe_holds_up_nobody(folder) -> None:
+    os.mkfifo(folder / ".x_fileNumber")
+    with pytest.raises(SaveError, match="it is no file"):
+        next_run_number(folder, "x")
+    os.mkfifo(folder / ".x.events.jsonl")
+    with pytest.raises(OSError, match="it is no file"):
+        read_own(folder / ".x.events.jsonl")
+
+
+def test_a_file_of_ones_own_is_opened_as_ever(folder) -> None:
+    descriptor = open_own(folder / "a", os.O_RDWR | os.O_CREAT)
+    os.write(descriptor, b"a")
+    os.close(descriptor)
+    assert read_own(folder / "a") == b"a"
+    with pytest.raises(FileNotFoundError):
+        read_own(folder / "b")
