@@ -155,7 +155,7 @@ class Recording:
         frequency_hz: control ticks per second, None where unknown.
         started_ns: the wall clock at start, 0 where unknown.
         time_looping: whether the oldest ticks were overwritten.
-        warnings: what is missing or damaged.
+        warnings: what is missing or damaged; of a bag a list that grows by what is found when values are read.
         extras: derived signals, limits and triggers.
         why: it was saved, in a few words.
         events: what happened in this run, marks and all, in the order of time; their ticks may lie outside of those
@@ -170,7 +170,7 @@ class Recording:
     frequency_hz: float | None = None
     started_ns: int = 0
     time_looping: bool = False
-    warnings: tuple[str, ...] = field(default=())
+    warnings: Sequence[str] = field(default=())
     why: str = ""
     extras: Extras = NO_EXTRAS
     events: tuple[LoggedEvent, ...] = ()
@@ -243,6 +243,67 @@ def places_on(axis: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[np.
     """Where rising stamps stand on an axis that `common_axis` made of them, and of others."""
     again = np.arange(len(stamps)) - np.searchsorted(stamps, stamps)  # the how many-th of equal ones
     return np.searchsorted(axis, stamps) + again
+
+
+MOST_SPANS = 15  # of failures: the first ones, and the last
+
+
+def failures_at(failures: Failures, ticks: NDArray[np.int64], step: int) -> Failures:
+    """Failures with more ticks, which rise; those that are `step` apart or less make one stretch."""
+    if not len(ticks):
+        return failures
+    cuts = np.flatnonzero(np.diff(ticks) > step)
+    firsts, lasts = np.append(ticks[:1], ticks[cuts + 1]), np.append(ticks[cuts], ticks[-1:])
+    spans = sorted({*failures.spans, *zip(firsts.tolist(), lasts.tolist(), strict=True)})
+    shown = spans if len(spans) <= MOST_SPANS else [*spans[: MOST_SPANS - 1], spans[-1]]
+    return Failures(failures.count + len(ticks), tuple(shown))
+
+
+def with_gaps(values: NDArray[Any], missing: NDArray[np.bool_]) -> NDArray[Any]:
+    """Values, shape `(m,)`, with NaN or NaT where they are missing; what has none of them keeps its last value.
+
+    Before the first value that one stands.
+    """
+    if not missing.any():
+        return values
+    there = np.flatnonzero(~missing)
+    if values.dtype.kind in "fcmM" or not len(there):
+        made = values.copy()
+        if values.dtype.kind in "fcmM":
+            made[missing] = np.nan if values.dtype.kind in "fc" else np.array("NaT", values.dtype)
+        return np.asarray(made)
+    before = np.searchsorted(there, np.arange(len(values)), side="right") - 1
+    held: NDArray[Any] = np.asarray(values)[there[np.maximum(before, 0)]]
+    return held
+
+
+def read_whole(recording: Recording) -> None:
+    """Have all values read, so that `recording.warnings` has all that is damaged in them."""
+    for element in recording.elements:
+        for entry in element.entries:
+            _ = entry.values
+
+
+def unmasked(recording: Recording) -> Recording:
+    """The recording without masks, which no file has: what is missing is a failure, and keeps its last value."""
+    lazy = any(isinstance(entry, LazyEntry) for element in recording.elements for entry in element.entries)
+    if not lazy:
+        return recording
+    zero = recording.offset - len(recording.time_ns)
+    return replace(recording, elements=[_unmasked(element, zero) for element in recording.elements])
+
+
+def _unmasked(element: RecordedElement, zero: int) -> RecordedElement:
+    values = [entry.values for entry in element.entries]
+    if not any(isinstance(column, np.ma.MaskedArray) for column in values):
+        return element
+    missing = np.logical_or.reduce([np.ma.getmaskarray(column) for column in values])
+    entries = tuple(
+        RecordedEntry(entry.name, entry.entry, with_gaps(np.ma.getdata(column), np.ma.getmaskarray(column)))
+        for entry, column in zip(element.entries, values, strict=True)
+    )
+    ticks = zero + element.first + np.flatnonzero(missing) * element.divider
+    return plain_element(element, entries=entries, failures=failures_at(element.failures, ticks, element.divider))
 
 
 MOST_EVENTS = 10_000  # of a recording: the newest

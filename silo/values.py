@@ -7,6 +7,7 @@
 | datetime, timedelta | as they count, exact; NaT is a NaN | ISO 8601, `NaT` |
 | complex | real part | `1+2j` |
 | strings, bytes | a NaN | UTF-8, other bytes as `\\xff` |
+| missing (masked) | a NaN | empty |
 
 Live values, files, charts and the shell commands use it alike; it knows none of them.
 """
@@ -35,8 +36,27 @@ class Numbers:
     base: int = 0
 
 
+def with_nan(values: NDArray[Any]) -> NDArray[Any]:
+    """Return masked values as float64 with NaN where they are missing, of any shape; all others as they are."""
+    if not isinstance(values, np.ma.MaskedArray):
+        return values
+    made: NDArray[Any] = np.ma.filled(values.astype(np.float64 if values.dtype.kind in "biu" else values.dtype), np.nan)
+    return made
+
+
+def missing_in(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return where values are missing, of their shape; only what has no NaN and no NaT says so by a mask."""
+    return np.ma.getmaskarray(values)
+
+
 def numbers(values: NDArray[Any]) -> Numbers:
     """Return any values as numbers; what is no number is NaN. The table at the top of the module is the rule."""
+    if isinstance(values, np.ma.MaskedArray):
+        there = ~missing_in(values)
+        known = numbers(np.asarray(values.data)[there])
+        offsets = np.full(len(values), np.nan)
+        offsets[there] = known.offsets
+        return Numbers(offsets, known.base)
     kind = values.dtype.kind
     if kind in "Mm":
         missing = np.isnat(values)
@@ -98,6 +118,8 @@ def newest_values(column: NDArray[Any]) -> tuple[Floats, dict[int, str]]:
 
 def text_of(value: Any) -> str:
     """Return one value of a column as text, everywhere the same: bytes that are no UTF-8 as escapes."""
+    if value is None or value is np.ma.masked:
+        return ""
     if isinstance(value, bytes):
         return value.rstrip(b"\0").decode("utf-8", "backslashreplace")
     if isinstance(value, np.timedelta64):

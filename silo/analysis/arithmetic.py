@@ -85,13 +85,18 @@ def compared(
     return replace(
         made,
         name=name,
-        values=np.asarray(values, bool),
+        values=_truths(values, sign),
         time_ns=base.time_ns,
         start_ns=base.start_ns,
         divider=base.divider,
         unit="-",
         labels={},
     )
+
+
+def _truths(values: Any, sign: str) -> NDArray[np.bool_]:
+    """Truths of a comparison: as with a NaN, what is missing is only unequal."""
+    return np.asarray(np.ma.filled(values, sign == "!="), bool)
 
 
 def _texts_compared(one: One, other: object, function: Callable[[Any, Any], Any], sign: str) -> One:

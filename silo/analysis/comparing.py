@@ -20,6 +20,7 @@ from silo.arguments import real, shown, text
 from silo.calls import told, told_class
 from silo.display import html_table
 from silo.errors import ElementError
+from silo.values import with_nan
 
 Event = Callable[[Log], "Signal | float"]
 
@@ -214,7 +215,7 @@ def _differences(one: Signal, other: Signal, shift_s: float, tolerance: float) -
 
 def _difference(mine: Signal, theirs: Signal, tolerance: float, one: Signal, other: Signal) -> SignalDifference:
     """Of two signals at the same stamps; `one` and `other` are the whole ones, for a plot."""
-    first, second = mine.values, theirs.values
+    first, second = with_nan(mine.values), with_nan(theirs.values)
     gap = second.astype(float) - first.astype(float)
     same = (first == second) | (np.isnan(first.astype(float)) & np.isnan(second.astype(float)))
     gap = np.where(same, 0.0, gap)

@@ -13,6 +13,7 @@ from silo.analysis.samples import Samples
 from silo.errors import ElementError
 from silo.files.extras import need
 from silo.recording import places_on
+from silo.values import missing_in, with_nan
 
 _WHAT = "tables"
 
@@ -38,7 +39,7 @@ def signal_to_polars(signal: Samples) -> Any:
 def signal_to_xarray(signal: Samples) -> Any:
     """Return a DataArray over `time` (and `component`, or `row` and `column`)."""
     xarray = need("xarray", "analysis", _WHAT)
-    values = signal.values
+    values = with_nan(signal.values)
     dims = {1: ["time"], 2: ["time", "component"], 3: ["time", "row", "column"]}.get(
         values.ndim, ["time", *(f"axis_{axis}" for axis in range(values.ndim - 1))]
     )
@@ -65,7 +66,7 @@ def log_to_pandas(signals: Mapping[str, Samples], time_ns: NDArray[np.int64]) ->
             whole = len(column) == len(time_ns)
             if not whole and column.values.dtype.kind in "iu" and column.texts is None:
                 # pandas' nullable integers: as doubles, large ones would change
-                series = series.astype({"i": "Int64", "u": "UInt64"}[series.dtype.kind])
+                series = series.astype({"i": "Int64", "u": "UInt64"}[column.values.dtype.kind])
             columns[name] = series if whole else series.reindex(range(len(time_ns)))
     frame = pandas.DataFrame(columns, index=range(len(time_ns)))
     frame.index = index
@@ -141,14 +142,24 @@ def _ticks(signal: Samples, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _pandas_column(pandas: Any, column: _Column, index: Any) -> Any:
     if column.texts is not None:
-        categories = list(dict.fromkeys([*column.labels.values(), *column.texts.tolist()]))
+        categories = list(dict.fromkeys([*column.labels.values(), *column.texts[~missing_in(column.values)].tolist()]))
         return pandas.Series(pandas.Categorical(column.texts, categories=categories), index=index)
     values = column.values
+    missing = missing_in(values)
+    if missing.any():
+        # pandas' nullable types
+        data, kind = np.asarray(values.data), {"i": "Int64", "u": "UInt64", "b": "boolean"}[values.dtype.kind]
+        return pandas.Series(data, index=index).astype(kind).mask(missing)
     # what silo reads from a file may be unaligned and read-only
     return pandas.Series(values.tolist() if values.dtype.kind in "UV" else values.copy(), index=index)
 
 
 def _polars_column(polars: Any, name: str, column: _Column) -> Any:
+    missing = missing_in(column.values)
+    if missing.any():
+        whole = _Column(np.asarray(column.values.data), column.labels, column.texts)
+        series = _polars_column(polars, name, whole)
+        return polars.select(polars.when(polars.Series(~missing)).then(series).alias(name)).to_series()
     if column.texts is not None:
         return polars.Series(name, column.texts.tolist(), dtype=polars.String).cast(polars.Categorical)
     values = column.values

@@ -14,6 +14,7 @@ from silo import units
 from silo.analysis.arithmetic import combined, compared, wide
 from silo.analysis.samples import Samples
 from silo.errors import ElementError
+from silo.values import with_nan
 
 One = TypeVar("One", bound=Samples)
 
@@ -54,7 +55,7 @@ def ufunc_of(signal: One, ufunc: np.ufunc, method: str, inputs: tuple[Any, ...],
             "array = array + signal.values"
         )
     if method != "__call__" or set(keywords) - {"out", "dtype", "where"} or keywords.get("where", True) is not True:
-        plain = [one.values if isinstance(one, Samples) else one for one in inputs]
+        plain = [_plain(one) for one in inputs]
         _check_together(ufunc.__name__, inputs)
         return getattr(ufunc, method)(*plain, **keywords)
     if len(inputs) == 1:
@@ -85,7 +86,9 @@ def logical(one: One, other: Any, function: Callable[[Any, Any], Any], sign: str
     truths = kinds == ["b", "b"]
 
     def apply(left: Any, right: Any) -> Any:
-        return function(np.asarray(left, bool), np.asarray(right, bool)) if truths else function(left, right)
+        if truths:
+            return function(np.asarray(np.ma.filled(left, False), bool), np.asarray(np.ma.filled(right, False), bool))
+        return function(left, right)
 
     made: One = combined(bare[0], bare[1], apply, sign, swapped)
     return made
@@ -182,7 +185,7 @@ def _signals(given: Any) -> Iterator[Samples]:
 
 def _plain(given: Any) -> Any:
     if isinstance(given, Samples):
-        return given.values
+        return with_nan(given.values)  # most functions of NumPy would take what stands under a mask
     if isinstance(given, list | tuple):
         return type(given)([_plain(one) for one in given])
     if isinstance(given, dict):

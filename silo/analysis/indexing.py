@@ -92,7 +92,8 @@ def _masked(signal: One, mask: Samples) -> One:
             f"'{mask.name}' can't choose samples of '{signal.name}': their time stamps differ; write "
             f"mask.resample(signal) first"
         )
-    return replace(signal, values=signal.values[mask.values], time_ns=signal.time_ns[mask.values], divider=1)
+    there = np.asarray(np.ma.filled(mask.values, False))
+    return replace(signal, values=signal.values[there], time_ns=signal.time_ns[there], divider=1)
 
 
 def _stretch(signal: One, key: slice, clip: Any) -> One:

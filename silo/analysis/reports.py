@@ -84,6 +84,7 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
     """Describe a whole log."""
     times = recording.time_ns
     span = float(times[-1] - times[0]) / 1e9 if len(times) else 0.0
+    elements = tuple(_describe(recording, element) for element in recording.elements)  # which may find damage
     return LogReport(
         path=path,
         size_bytes=size_bytes,
@@ -94,8 +95,8 @@ def report(recording: Recording, path: str, size_bytes: int) -> LogReport:
         rate_hz=(len(times) - 1) / span if span > 0 else None,
         frequency_hz=recording.frequency_hz,
         lost=sum(element.lost for element in recording.elements),
-        warnings=recording.warnings,
-        elements=tuple(_describe(recording, element) for element in recording.elements),
+        warnings=tuple(recording.warnings),
+        elements=elements,
         failed=sum(element.failures.count for element in recording.elements),
         events=tuple(events_of(recording, int(times[0]) if len(times) else 0)),
     )
@@ -149,7 +150,7 @@ def statistics(signal: Picked) -> SignalStats:
         texts = Counter(text_of(value) for value in signal.values.tolist())
         common = tuple(f"'{text}' {count}x" for text, count in texts.most_common(3))
     elif names:
-        numbers = Counter(signal.values.tolist())
+        numbers = Counter(number for number in signal.values.tolist() if number is not None)
         common = tuple(f"{names.get(number, number)} {count}x" for number, count in numbers.most_common(3))
     finite = values[np.isfinite(values)]
     plain = SignalStats(signal.name, signal.unit, len(values), 0, None, None, None, None, None, common)
@@ -240,7 +241,7 @@ def _values_differ(a: Picked, b: Picked, when: Samples, tolerance: float) -> str
         first, second = a.as_numbers()[0], b.as_numbers()[0]
         with np.errstate(invalid="ignore", over="ignore"):
             # the raw values: integers beyond 2**53 are not told apart as floats
-            same = a.values == b.values
+            same = np.ma.filled(a.values == b.values, False)
             gap = np.where(same, 0.0, np.maximum(np.abs(first - second), np.finfo(float).tiny))
         gap[np.isnan(first) & np.isnan(second)] = 0.0
         # of NaN against a number the difference is NaN, which is not within any tolerance

@@ -18,6 +18,7 @@ from silo.arguments import INT64, shown, whole
 from silo.calls import told_class
 from silo.errors import ElementError
 from silo.recording import NO_FAILURES, Failures
+from silo.values import missing_in, with_nan
 
 XYZW = ("x", "y", "z", "w")
 MOST_SAMPLES = 100_000_000  # of a resampled signal
@@ -33,7 +34,8 @@ class Samples:
     Attributes:
         name: of the element, or how it was computed.
         values: shape `(m,)` for a scalar, `(m, 3)` for a vector of three, `(m, rows, columns)` for a matrix; an element
-            of mixed types is a structured array.
+            of mixed types is a structured array. Masked (`numpy.ma`) where samples are missing of a type that has no
+            NaN, as in bags of others.
         time_ns: shape `(m,)`: time stamps, ns.
         unit: `-` for none.
         kind: how the components belong together (`silo.kinds`).
@@ -69,7 +71,8 @@ class Samples:
         return f"<{type(self).__name__} {self.name}{unit} {self.dtype} {self.values.shape}{span}>"
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        values = self.values.astype(dtype, copy=False) if dtype is not None else self.values
+        plain = with_nan(self.values)  # NumPy would show what stands under a mask
+        values = plain.astype(dtype, copy=False) if dtype is not None else plain
         return values.copy() if copy else values
 
     @property
@@ -86,6 +89,10 @@ class Samples:
     @property
     def texts(self) -> NDArray[np.str_]:
         """Each value as text: of an enumeration its label, or the number where it has none."""
+        missing = missing_in(self.values)
+        if missing.any():
+            found = replace(self, values=np.asarray(self.values.data)).texts
+            return np.where(missing, "", found)
         if not self.labels:
             return self.values.astype("U")
         names, places = np.unique(self.values, return_inverse=True)
@@ -157,7 +164,7 @@ class Samples:
         Raises:
             ElementError: they are no real numbers.
         """
-        values = self.numbers(purpose)
+        values = with_nan(self.numbers(purpose))
         if values.dtype.kind == "c":
             raise ElementError(f"can't {purpose} complex '{self.name}': take .component('real') or ('imag')")
         flat = values.reshape(len(self), -1) if len(self) else values.reshape(0, max(1, len(self.components)))

@@ -26,10 +26,16 @@ def assembled(element: RecordedElement) -> NDArray[Any]:
     if len(types) > 1 and any(column.dtype.kind != "U" for column in columns):
         return _flat_record(element, columns)
     if int(np.prod(shape)) != len(columns):
-        return columns[0] if len(columns) == 1 else np.stack(columns, axis=-1)
+        return columns[0] if len(columns) == 1 else _stacked(columns)
     # one column stays what it is, a view of the file
-    stacked = columns[0] if len(columns) == 1 else np.stack(columns, axis=-1)
+    stacked = columns[0] if len(columns) == 1 else _stacked(columns)
     return stacked.reshape(count, *shape)
+
+
+def _stacked(columns: list[NDArray[Any]]) -> NDArray[Any]:
+    masked = any(isinstance(column, np.ma.MaskedArray) for column in columns)
+    made: NDArray[Any] = np.ma.stack(columns, axis=-1) if masked else np.stack(columns, axis=-1)
+    return made
 
 
 def component_names(element: RecordedElement) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from silo.arguments import shown, text
 from silo.calls import told_class
 from silo.display import html_table
 from silo.errors import ElementError, UnknownNameError
+from silo.values import with_nan
 
 # what others call it
 _OTHER_NAMES = {
@@ -421,6 +422,11 @@ class Signal(Operators):
             low = "its start" if start_s is None else f"{start_s:g} s"
             high = "its end" if stop_s is None else f"{stop_s:g} s"
             raise ElementError(f"'{self.name}' has no sample from {low} to {high}; it {self.span}")
+        if isinstance(values, np.ma.MaskedArray) and not (exact and values.count(axis=0).all()):
+            values = with_nan(values)
+        if isinstance(values, np.ma.MaskedArray):
+            # integers stay exact
+            return np.asarray(values.min(axis=0) if function is np.nanmin else values.max(axis=0))[()]
         if not exact and values.dtype.kind != "c":
             values = values.astype(np.promote_types(values.dtype, np.float64), copy=False)
         empty = np.isnan(values).all(axis=0) if values.dtype.kind in "fc" else np.False_

@@ -247,9 +247,12 @@ def _find(which: str) -> Path:
 
 
 def _read(path: Path) -> "Recording":
+    from silo.files.bag_index import keep_quiet
     from silo.files.formats import read_recording
 
-    return read_recording(path)
+    recording = read_recording(path)
+    keep_quiet(recording)  # `_warn` comes last
+    return recording
 
 
 def _windowed(

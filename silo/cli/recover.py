@@ -58,6 +58,7 @@ def recover(
         raise click.UsageError(f"--list shows what is found in folders; {single[0]} is none")
     if only_list:
         _show_parts(folders, as_json)
+        _show_set_aside(paths or [look_in, *_known_folders()], as_json)
         _show(stale, as_json)
     else:
         closed = _close_parts(folders, as_json)
@@ -117,6 +118,14 @@ def _show_parts(folders: Sequence[Path], as_json: bool) -> None:
                 click.echo(text, err=as_json)
 
 
+def _show_set_aside(folders: Sequence[Path], as_json: bool) -> None:
+    from silo.files.atomic import set_aside
+
+    for folder in dict.fromkeys(path.resolve() for path in folders if path.is_dir()):
+        for path in set_aside(folder):
+            click.echo(f"{path}  a bag that lost its name as a conversion was killed", err=as_json)
+
+
 def _close_parts(folders: Sequence[Path], as_json: bool) -> bool:
     """Close what killed recorders left open; returns whether there was anything."""
     done = False
@@ -142,7 +151,7 @@ def _known_folders() -> list[Path]:
 
 def _sweep(folders: Sequence[Path]) -> None:
     from silo.collecting.left_journals import sweep_journals
-    from silo.files.atomic import sweep_parts
+    from silo.files.atomic import put_back, sweep_parts
     from silo.ipc.folders import own_folders
     from silo.ipc.session import sweep
     from silo.runtime import runtime_dir, sweep_unfinished
@@ -151,6 +160,8 @@ def _sweep(folders: Sequence[Path]) -> None:
         sweep(own)
     removed = sweep_unfinished(runtime_dir())
     for folder in dict.fromkeys(path.resolve() for path in folders):
+        for path in put_back(folder):
+            click.echo(f"{path}: has its name again: a conversion that was to replace it was killed", err=True)
         removed += sweep_unfinished(folder) + sweep_parts(folder)
     for path in removed:
         click.echo(f"{path}: was never finished, its process died; removed", err=True)

@@ -4,6 +4,7 @@ Every writer of `silo.files` goes through here. The work happens under a hidden 
 which is flushed to the disk and then renamed; on any failure, Ctrl-C included, it is removed.
 """
 
+import ctypes
 import errno
 import fcntl
 import hashlib
@@ -19,6 +20,9 @@ from typing import BinaryIO
 from silo.errors import SaveError
 
 PART_ENDING = ".part"
+SWAP_ENDING = ".swap"  # a folder in which a new one is made that takes the name of an old one
+_OLD_ENDING = ".old"  # what silo up to 0.1 called an old bag while the new one was written
+_AT_FDCWD, _RENAME_EXCHANGE = -100, 2
 
 
 @contextmanager
@@ -114,31 +118,146 @@ def _claim(path: Path) -> int | None:
     return descriptor
 
 
+@contextmanager
+def replaced_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """A path at which a folder is to be made, which takes the place of the folder `path` when the block ends well.
+
+    There is no moment at which neither stands under the name, where the file system can exchange two names. Where it
+    can't, the old one lies in a folder beside it for that moment; what a kill leaves, `put_back` puts right. Raises
+    `SaveError`; then the old one stands there.
+    """
+    final = Path(path)
+    swap = _temporary_name(final, SWAP_ENDING)
+    new, old = swap / "new" / final.name, swap / "old" / final.name
+    try:
+        with _made_part(swap):
+            new.parent.mkdir()
+            yield new
+            if not _exchanged(new, final):
+                old.parent.mkdir()
+                final.rename(old)
+                try:
+                    new.rename(final)
+                except BaseException:
+                    old.rename(final)
+                    raise
+            _sync_folder(final.parent)
+    except SaveError as error:
+        raise SaveError(str(error).replace(os.fspath(new), os.fspath(final))) from error
+    except OSError as error:
+        raise _refused(final, error, "the old one stands there") from error
+    finally:
+        if os.path.lexists(final):
+            _remove(swap)
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Exchange two names in one step; False where the system or the file system can't. Raises OSError."""
+    try:
+        rename = ctypes.CDLL(None, use_errno=True).renameat2
+    except (OSError, AttributeError):
+        return False  # a C library without it
+    names = (os.fsencode(one), os.fsencode(other))
+    if rename(_AT_FDCWD, names[0], _AT_FDCWD, names[1], _RENAME_EXCHANGE) == 0:
+        return True
+    number = ctypes.get_errno()
+    if number in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EPERM, errno.EXDEV):
+        return False
+    raise OSError(number, os.strerror(number), str(other))
+
+
+def put_back(folder: str | os.PathLike[str]) -> list[Path]:
+    """Give folders in `folder` their names back that a kill kept from being replaced; returns them."""
+    done = []
+    for swap in _left(folder, (SWAP_ENDING, _OLD_ENDING)):
+        with _dead(swap) as dead:
+            if not dead:
+                continue
+            for held in _held(swap):
+                final = Path(folder, held.name if held != swap else _bag_name(swap))
+                with suppress(OSError):
+                    if not os.path.lexists(final):
+                        held.rename(final)
+                        done.append(final)
+    return done
+
+
+def set_aside(folder: str | os.PathLike[str]) -> list[Path]:
+    """Return the folders that `put_back` would give their names back, by these names."""
+    names = [
+        Path(folder, held.name if held != swap else _bag_name(swap))
+        for swap in _left(folder, (SWAP_ENDING, _OLD_ENDING))
+        for held in _held(swap)
+    ]
+    return [name for name in names if not os.path.lexists(name)]
+
+
+def _held(swap: Path) -> list[Path]:
+    """The old folder that is to get its name back."""
+    if swap.suffix == _OLD_ENDING:
+        return [] if _is_being_replaced(swap) else [swap]
+    with suppress(OSError):
+        return list((swap / "old").iterdir())
+    return []
+
+
+def _is_being_replaced(old: Path) -> bool:
+    """Whether a silo of 0.1, which locked nothing, is at it."""
+    number = old.name.split("-")[1]
+    return number.isdecimal() and Path("/proc", number).exists()
+
+
+def _bag_name(old: Path) -> str:
+    """The name that a bag had: its file is called so."""
+    names = sorted(path.name for path in old.glob("*_0.mcap"))
+    return names[0].removesuffix("_0.mcap") if names else f"{old.name[1:]}.rosbag2"
+
+
+def _left(folder: str | os.PathLike[str], endings: tuple[str, ...]) -> list[Path]:
+    names: list[str] = []
+    with suppress(OSError):
+        names = os.listdir(folder)  # noqa: PTH208  # of 10,000 logs no paths are made
+    return [Path(folder, name) for name in sorted(names) if name.startswith(".silo-") and name.endswith(endings)]
+
+
+@contextmanager
+def _dead(part: Path) -> Iterator[bool]:
+    """Whether the writer of something died: it is locked by him, and by us within the block."""
+    descriptor = -1
+    dead = False
+    # what can't be opened isn't ours, or another one removes it just now
+    with suppress(OSError):
+        descriptor = os.open(part, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        dead = os.path.samestat(os.fstat(descriptor), part.lstat())
+    try:
+        yield dead
+    finally:
+        if descriptor >= 0:
+            os.close(descriptor)
+
+
 def sweep_parts(folder: str | os.PathLike[str]) -> list[Path]:
     """Remove temporary files and folders in `folder` whose writers died; returns them.
 
     One that is being written is locked by its writer and stays, whatever process or container that is in; so does
-    everything in a file system that knows no locks.
+    everything in a file system that knows no locks. What was to be replaced and has lost its name gets it back first.
     """
-    names: list[str] = []
-    with suppress(OSError):
-        names = os.listdir(folder)  # noqa: PTH208  # of 10,000 logs no paths are made
-    parts = [name for name in names if name.startswith(".silo-") and name.endswith(PART_ENDING)]
-    return [part for name in sorted(parts) if _removed_if_dead(part := Path(folder, name))]
+    put_back(folder)
+    return [part for part in _left(folder, (PART_ENDING, SWAP_ENDING)) if _removed_if_dead(part)]
 
 
 def _removed_if_dead(part: Path) -> bool:
-    # what can't be opened or removed isn't ours, or another one removes it just now
-    with suppress(OSError):
-        descriptor = os.open(part, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.samestat(os.fstat(descriptor), part.lstat()):
-                _remove(part)
-                return not part.exists()
-        finally:
-            os.close(descriptor)
-    return False
+    with _dead(part) as dead:
+        if not dead or (part.suffix == SWAP_ENDING and _nameless(part)):
+            return False
+        _remove(part)
+        return not part.exists()
+
+
+def _nameless(swap: Path) -> bool:
+    """Whether it holds the only copy of what has no name."""
+    return any(not os.path.lexists(swap.parent / held.name) for held in _held(swap))
 
 
 @contextmanager
@@ -198,7 +317,7 @@ def reason(error: OSError) -> str:
     return error.strerror or str(error)
 
 
-def _refused(final: Path, error: OSError) -> SaveError:
+def _refused(final: Path, error: OSError, left: str = "nothing was left under that name") -> SaveError:
     """What failed, why, and the way out."""
     advice = "choose another folder"
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
@@ -207,7 +326,7 @@ def _refused(final: Path, error: OSError) -> SaveError:
         advice = "raise the limit of this process for files (`ulimit -f`) or choose another folder"
     elif error.errno == errno.ENAMETOOLONG:
         advice = "choose a shorter name"
-    return SaveError(f"can't save '{final}': {reason(error)}; {advice}; nothing was left under that name")
+    return SaveError(f"can't save '{final}': {reason(error)}; {advice}; {left}")
 
 
 def _free(folder: Path) -> str:
@@ -216,9 +335,9 @@ def _free(folder: Path) -> str:
     return ""
 
 
-def _temporary_name(final: Path) -> Path:
+def _temporary_name(final: Path, ending: str = PART_ENDING) -> Path:
     # short and random: a final name of 255 bytes leaves no room for an ending
-    return final.parent / f".silo-{os.getpid()}-{secrets.token_hex(4)}{PART_ENDING}"
+    return final.parent / f".silo-{os.getpid()}-{secrets.token_hex(4)}{ending}"
 
 
 def _remove(part: Path) -> None:

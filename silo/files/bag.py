@@ -309,7 +309,7 @@ def recording_facts(recording: Recording, channels: Sequence[Channel]) -> Record
         frequency_hz=recording.frequency_hz,
         started_ns=recording.started_ns,
         time_looping=recording.time_looping,
-        warnings=recording.warnings,
+        warnings=tuple(recording.warnings),
         why=recording.why,
         extras=recording.extras,
         events=recording.events,

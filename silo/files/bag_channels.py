@@ -4,21 +4,21 @@ Facts say where in which message each value stands, the message index where in i
 """
 
 import struct
-import zlib
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
 from silo.files.bag_facts import ElementFacts, EntryFacts, RecordingFacts
 from silo.files.bag_groups import RECORD_HEAD
+from silo.files.mcap_chunks import RECORD, walked
+from silo.files.mcap_write import MESSAGE_OPCODE
 from silo.files.ros_types import STRING
 from silo.files.silo_format import dtype_from
 from silo.files.wide import from_wire
 
-INDEX_ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
+_OVERLAP = 3  # a message begins with opcode, length and channel, 11 bytes: the words from 0 and from here have them all
 
 
 class Values:
@@ -33,6 +33,7 @@ class Values:
         """Begin anew, with room for so many samples."""
         self.arrays = [np.zeros(room, dtype=entry_dtype(entry)) for entry in self.facts.entries]
         self.filled = [0] * len(self.facts.entries)
+        self.missing = np.zeros(room, bool)
 
     def add(self, index: int, values: NDArray[Any]) -> None:
         """Append values of one entry."""
@@ -40,35 +41,28 @@ class Values:
         self.arrays[index][start : start + len(values)] = values
         self.filled[index] = start + len(values)
 
+    def skip(self, index: int, count: int) -> None:
+        """Append so many samples of an entry that can't be read."""
+        start = self.filled[index]
+        self.filled[index] = min(start + count, len(self.missing))
+        self.missing[start : start + count] = True
+
+    def fill_up(self) -> None:
+        """Append what is missing at the end."""
+        for index, filled in enumerate(self.filled):
+            self.skip(index, len(self.missing) - filled)
+
     @property
     def whole(self) -> int:
         """Samples that all entries have."""
         return min(self.filled, default=0)
 
 
-def unpack_chunk(body: memoryview) -> bytes:
-    """The records of a chunk. Raises ValueError or ZstdError for one that is damaged."""
-    _, _, size, checksum, length = struct.unpack_from("<QQQII", body)
-    compression = bytes(body[32 : 32 + length])
-    (packed,) = struct.unpack_from("<Q", body, 32 + length)
-    content = body[40 + length : 40 + length + packed]
-    if compression == b"zstd":
-        if zstandard.frame_content_size(bytes(content[:32])) != size:
-            raise ValueError("a chunk is damaged: it has not the size that it announces")
-        chunk = zstandard.decompress(content)
-    elif compression:
-        raise ValueError(f"a chunk is compressed with {compression.decode(errors='replace')!r}, not with zstd")
-    else:
-        chunk = bytes(content)
-    if zlib.crc32(chunk) != checksum:
-        raise ValueError("a chunk is damaged: wrong checksum")
-    return chunk
-
-
 class ChannelReader:
     """Takes the values of one channel out of chunks."""
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, channel: int, size: int) -> None:
+        self._channel = channel
         self._size = RECORD_HEAD + size
         self._targets: list[tuple[EntryFacts, Values, int]] = []
 
@@ -83,9 +77,9 @@ class ChannelReader:
         formats: list[Any] = [e.wire if e.wire_count == 1 else (e.wire, (e.wire_count,)) for e in entries]
         return np.dtype(
             {
-                "names": [str(k) for k in range(len(entries))],
-                "formats": formats,
-                "offsets": [RECORD_HEAD + entry.offset for entry in entries],
+                "names": [*(str(k) for k in range(len(entries))), "head", "channel"],
+                "formats": [*formats, "<u8", "<u8"],
+                "offsets": [*(RECORD_HEAD + entry.offset for entry in entries), 0, _OVERLAP],
                 "itemsize": self._size,
             }
         )
@@ -94,29 +88,62 @@ class ChannelReader:
     def _columns(self) -> list[tuple[str, np.dtype[Any], Values, int]]:
         return [(str(k), entry_dtype(entry), values, index) for k, (entry, values, index) in enumerate(self._targets)]
 
-    def add(self, chunk: bytes, offsets: NDArray[np.uint64]) -> None:
-        """Take the values of the messages at these places in a chunk."""
+    def add(self, chunk: bytes, offsets: NDArray[np.uint64]) -> bool:
+        """Take the values of the messages at these places in a chunk; return whether they are of this channel.
+
+        Where an index that has no checksum points elsewhere, the messages are looked for among the records of the
+        chunk, which has one. As many that can't be found are skipped.
+        """
         if len(offsets) == 0:
-            return
-        if int(offsets.max()) >= len(chunk):
-            raise ValueError("a message index points out of its chunk")
-        places = offsets.astype(np.int64)
+            return True
+        if self._take(chunk, offsets.astype(np.int64)):
+            return True
+        found = walked(chunk, len(chunk))[0].get(self._channel)
+        if found is not None and len(found) == len(offsets) and self._take(chunk, found["offset"].astype(np.int64)):
+            return True
+        self.skip(len(offsets))
+        return False
+
+    def skip(self, count: int) -> None:
+        """Leave out so many messages, of a chunk that is damaged."""
+        for _, values, index in self._targets:
+            values.skip(index, count)
+
+    def _take(self, chunk: bytes, places: NDArray[np.int64]) -> bool:
+        """Take the values of messages; nothing, where something else stands there."""
+        if int(places.max()) + max(self._size, RECORD_HEAD) > len(chunk) or int(places.min()) < 0:
+            return False
         if self._targets[0][0].wire == STRING:
-            self._add_strings(chunk, places)
-            return
+            return self._take_strings(chunk, places)
         rows = _overlapping(chunk, self._layout)[places]
+        head, channel = self._expected
+        if not ((rows["head"] == head) & (rows["channel"] == channel)).all():
+            return False
         for name, dtype, values, index in self._columns:
             values.add(index, from_wire(rows[name], dtype))
+        return True
 
-    def _add_strings(self, chunk: bytes, places: NDArray[np.int64]) -> None:
+    @cached_property
+    def _expected(self) -> tuple[int, int]:
+        """What stands where a message of this channel begins: opcode, length and channel, as two overlapping words."""
+        start = RECORD.pack(MESSAGE_OPCODE, self._size - RECORD.size) + struct.pack("<H", self._channel)
+        return struct.unpack_from("<Q", start)[0], struct.unpack_from("<Q", start, _OVERLAP)[0]
+
+    def _take_strings(self, chunk: bytes, places: NDArray[np.int64]) -> bool:
         entry, values, index = self._targets[0]
         start = places + RECORD_HEAD + entry.offset + 4
+        channels = _overlapping(chunk, np.dtype("<u2"))[places + RECORD.size]
+        if int(start.max()) > len(chunk) or (channels != self._channel).any():
+            return False
         lengths = _overlapping(chunk, np.dtype("<u4"))[start - 4].astype(np.int64) - 1
+        if (lengths < 0).any() or (start + lengths > len(chunk)).any():
+            return False
         texts: list[Any] = [chunk[at : at + size] for at, size in zip(start.tolist(), lengths.tolist(), strict=True)]
         dtype = entry_dtype(entry)
         if dtype.kind == "U":
             texts = [text.decode() for text in texts]
         values.add(index, np.array(texts, dtype=dtype))
+        return True
 
 
 def _overlapping(chunk: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -134,7 +161,7 @@ def channel_readers(facts: RecordingFacts, elements: list[Values]) -> dict[int, 
     for values in elements:
         for index, entry in enumerate(values.facts.entries):
             if entry.channel not in readers:
-                readers[entry.channel] = ChannelReader(facts.channel_sizes[entry.channel])
+                readers[entry.channel] = ChannelReader(entry.channel, facts.channel_sizes[entry.channel])
             readers[entry.channel].aim(entry, values, index)
     return readers
 

@@ -5,8 +5,9 @@ asks for several gets the rest in one more pass. Used by `silo.files.bag_read`.
 """
 
 import struct
+import warnings
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
@@ -17,15 +18,17 @@ import msgspec
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Statistics
 from numpy.typing import NDArray
 
-from silo.errors import FileFormatError
-from silo.files.bag_channels import INDEX_ENTRY, Values, channel_readers, unpack_chunk
+from silo.errors import FileFormatError, LogWarning
+from silo.files.bag_channels import Values, channel_readers
 from silo.files.bag_facts import RecordingFacts
+from silo.files.mcap_chunks import INDEX_ENTRY, unpack_chunk
 from silo.files.mcap_write import MAGIC
-from silo.recording import RecordedElement, RecordedEntry
+from silo.recording import RecordedElement, RecordedEntry, Recording, failures_at, with_gaps
 
 ALONE = 3  # so many elements are read one by one; each costs about as much as unpacking all chunks
 _HEAD = struct.Struct("<BQ")  # of a record: opcode, length
@@ -57,6 +60,13 @@ def read_index(data: memoryview) -> Index | None:
     # the footer counts up to its checksum, which others may leave out
     if checksum and zlib.crc32(data[start : end + _FOOTER.size - 4]) != checksum:
         return None
+    try:
+        return _summary(data, start, end)
+    except (McapError, ValueError, struct.error):
+        return None  # it has no checksum, or one of what is wrong: the file is read by its records
+
+
+def _summary(data: memoryview, start: int, end: int) -> Index:
     attachments: dict[str, tuple[int, int]] = {}
     counts: Mapping[int, int] = {}
     chunks: list[tuple[int, int, NDArray[np.void]]] = []
@@ -91,21 +101,63 @@ def damage_told(file: Path) -> Iterator[None]:
     """Turn what a damaged file leads to, whose fields may hold anything, into FileFormatError."""
     try:
         yield
-    except (struct.error, ValueError, IndexError, OverflowError, TypeError, MemoryError) as error:
-        raise FileFormatError(f"{file}: {error}") from error
-    except (zstandard.ZstdError, msgspec.MsgspecError) as error:
-        raise FileFormatError(f"{file}: damaged: {error}") from error
+    except DAMAGE as error:
+        raise FileFormatError(f"{file}: {told_damage(error)}") from error
+    except MemoryError as error:
+        raise FileFormatError(f"{file}: it takes more memory than there is") from error
+
+
+# what a file leads to whose fields may hold anything
+DAMAGE = (
+    struct.error, ValueError, LookupError, ArithmeticError, TypeError, RecursionError, EOFError, McapError,
+    zstandard.ZstdError, msgspec.MsgspecError,
+)  # fmt: skip
+
+
+def told_damage(error: BaseException) -> str:
+    """Return what is wrong with a file, in words."""
+    text = str(error)
+    if isinstance(error, ValueError) and not isinstance(error, UnicodeError | msgspec.MsgspecError):
+        return text
+    if isinstance(error, LookupError):
+        return f"damaged: it names {text}, which isn't there"
+    return f"damaged: {text or type(error).__name__}"
+
+
+class Told(list[str]):
+    """What is missing or damaged in a file; what is found once it is open is a `LogWarning` too."""
+
+    def __init__(self, file: Path, texts: Iterable[str] = ()) -> None:
+        super().__init__(texts)
+        self.file = file
+        self.loud = False
+
+    def add(self, text: str) -> None:
+        """Tell something, once."""
+        if text not in self:
+            self.append(text)
+            if self.loud:
+                warnings.warn(f"{self.file}: {text}", LogWarning, stacklevel=2)
+
+
+def keep_quiet(recording: Recording) -> None:
+    """Have what is found later stand in the recording's warnings alone, for who prints these himself."""
+    if isinstance(recording.warnings, Told):
+        recording.warnings.loud = False
 
 
 class BagElements(Sequence[RecordedElement]):
     """The elements of a bag, each read when it is first asked for; `names` are there at once."""
 
-    def __init__(self, file: Path, data: memoryview, facts: RecordingFacts, index: Index) -> None:
+    def __init__(self, file: Path, data: memoryview, facts: RecordingFacts, index: Index, ticks: int) -> None:
         self._file = file
+        self._zero = facts.offset - ticks
         self._data = data
         self._facts = facts
         self._index = index
         self._made: dict[int, RecordedElement] = {}
+        self.warnings = Told(file, facts.warnings)
+        self.warnings.loud = True
 
     @property
     def names(self) -> list[str]:
@@ -153,20 +205,51 @@ class BagElements(Sequence[RecordedElement]):
             here = offsets[np.isin(offsets["channel"], wanted)]
             if not len(here):
                 continue
-            chunk = unpack_chunk(record_at(self._data, place, Opcode.CHUNK))
-            for at in here["offset"].tolist():
-                body = record_at(self._data, at, Opcode.MESSAGE_INDEX)
-                channel, size = struct.unpack_from("<HI", body)
-                readers[channel].add(chunk, np.frombuffer(body[6 : 6 + size], INDEX_ENTRY)["offset"])
-        short = [values.facts.name for values in elements if values.facts.entries and values.whole < values.facts.count]
-        if short:
-            raise ValueError(f"damaged: {', '.join(short[:5])} has fewer samples than its table says")
-        return [recorded(values) for values in elements]
+            chunk = self._chunk(place)
+            for channel, at in zip(here["channel"].tolist(), here["offset"].tolist(), strict=True):
+                entries = self._entries(channel, at)
+                if chunk is None:
+                    readers[channel].skip(len(entries))
+                elif not readers[channel].add(chunk, entries["offset"]):
+                    self._tell(f"an index at byte {at:,} is damaged: {len(entries):,} samples can't be found by it")
+        for values in elements:
+            if values.facts.entries and values.whole < values.facts.count:
+                missing = values.facts.count - values.whole
+                self._tell(f"'{values.facts.name}' has {missing:,} samples less than its table says")
+                values.fill_up()
+        return [recorded(values, self._zero) for values in elements]
+
+    def _chunk(self, place: int) -> bytes | None:
+        try:
+            return bytes(unpack_chunk(record_at(self._data, place, Opcode.CHUNK)))
+        except DAMAGE as error:
+            self._tell(f"what was logged in the chunk at byte {place:,} can't be read ({told_damage(error)})")
+            return None
+
+    def _entries(self, channel: int, at: int) -> NDArray[np.void]:
+        """Where the messages of a channel begin in a chunk; nothing of an index that is damaged."""
+        try:
+            body = record_at(self._data, at, Opcode.MESSAGE_INDEX)
+            found, size = struct.unpack_from("<HI", body)
+            if found == channel:
+                return np.frombuffer(body[6 : 6 + size], INDEX_ENTRY)
+        except DAMAGE:
+            pass
+        self._tell(f"an index at byte {at:,} is damaged")
+        return np.empty(0, INDEX_ENTRY)
+
+    def _tell(self, what: str) -> None:
+        self.warnings.add(f"{what}: {GAPS}")
 
 
-def recorded(values: Values) -> RecordedElement:
-    """An element with the samples of it that are whole."""
+GAPS = "NaN, or the last value, stands there instead"
+
+
+def recorded(values: Values, zero: int) -> RecordedElement:
+    """An element with the samples of it that are whole; `zero` is the tick of the recording's first time stamp."""
     facts = values.facts
+    missing = values.missing[: values.whole]
+    ticks = zero + facts.first + np.flatnonzero(missing) * facts.divider
     return RecordedElement(
         name=facts.name,
         unit=facts.unit,
@@ -176,11 +259,11 @@ def recorded(values: Values) -> RecordedElement:
         buffer_type=facts.buffer_type,
         first=facts.first,
         entries=tuple(
-            RecordedEntry(entry.name, entry.entry, array[: values.whole])
+            RecordedEntry(entry.name, entry.entry, with_gaps(array[: values.whole], missing))
             for entry, array in zip(facts.entries, values.arrays, strict=True)
         ),
         description=facts.description,
         lost=facts.lost,
         dtype=facts.dtype,
-        failures=facts.failures,
+        failures=failures_at(facts.failures, ticks, facts.divider),
     )

@@ -9,7 +9,7 @@ message stands; so a chunk is read with one indexed load per channel, and `open_
 import mmap
 import os
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.bag_channels import INDEX_ENTRY, ChannelReader, Values, channel_readers, unpack_chunk
+from silo.files.bag_channels import ChannelReader, Values, channel_readers
 from silo.files.bag_facts import (
     FACTS_ATTACHMENT,
     FACTS_VERSION,
@@ -27,7 +27,18 @@ from silo.files.bag_facts import (
     unpack_facts,
     unpack_times,
 )
-from silo.files.bag_index import BagElements, Index, damage_told, read_index, record_at, recorded
+from silo.files.bag_index import (
+    DAMAGE,
+    GAPS,
+    BagElements,
+    Index,
+    damage_told,
+    read_index,
+    record_at,
+    recorded,
+    told_damage,
+)
+from silo.files.mcap_chunks import INDEX_ENTRY, records, unpack_chunk
 from silo.files.mcap_write import MAGIC
 from silo.files.part_facts import PART_ATTACHMENT, unpack_part
 from silo.files.part_read import read_part
@@ -114,7 +125,8 @@ def _read_by_index(file: Path, data: memoryview, index: Index | None) -> Recordi
     ):
         return None
     times = unpack_times(_attached(data, index, TIME_ATTACHMENT))
-    return _recording(facts, times, BagElements(file, data, facts, index), facts.warnings)
+    elements = BagElements(file, data, facts, index, len(times))
+    return _recording(facts, times, elements, elements.warnings)
 
 
 def _attached(data: memoryview, index: Index, name: str) -> bytes:
@@ -134,8 +146,9 @@ def _read(data: memoryview) -> Recording:  # noqa: PLR0912  # a branch per recor
     elements: list[Values] = []
     readers: dict[int, ChannelReader] = {}
     chunk: bytes | None = None
-    complete = False
-    for opcode, body in _records(data):
+    known = complete = False
+    damaged: list[str] = []
+    for opcode, at, body in records(data, len(MAGIC)):
         if opcode == Opcode.ATTACHMENT:
             name, _, content = attachment(body)
             if name == FACTS_ATTACHMENT:
@@ -151,12 +164,21 @@ def _read(data: memoryview) -> Recording:  # noqa: PLR0912  # a branch per recor
                 times = unpack_times(content)
         elif opcode == Opcode.CHUNK:
             # in bags of silo, facts come first
-            chunk = unpack_chunk(body) if facts is not None else None
-        elif opcode == Opcode.MESSAGE_INDEX and chunk is not None:
+            known, chunk = facts is not None, None
+            if known:
+                try:
+                    chunk = bytes(unpack_chunk(body))
+                except DAMAGE as error:
+                    damaged.append(f"what was logged in the chunk at byte {at:,} can't be read ({told_damage(error)})")
+        elif opcode == Opcode.MESSAGE_INDEX and known:
             channel, size = struct.unpack_from("<HI", body)
             entries = np.frombuffer(body[6 : 6 + size], dtype=INDEX_ENTRY)
-            if channel in readers:
-                readers[channel].add(chunk, entries["offset"])
+            if channel not in readers:
+                continue
+            if chunk is None:
+                readers[channel].skip(len(entries))
+            elif not readers[channel].add(chunk, entries["offset"]):
+                damaged.append(f"an index at byte {at:,} is damaged: {len(entries):,} samples can't be found by it")
         elif opcode == Opcode.DATA_END:
             complete = bytes(data[-len(MAGIC) :]) == MAGIC
             break
@@ -164,19 +186,9 @@ def _read(data: memoryview) -> Recording:  # noqa: PLR0912  # a branch per recor
         raise _NotOursError("this bag was not written by silo, or was cut off before its table")
     if times is None:
         raise ValueError("cut off before its time stamps")
-    return _recording(facts, times, tuple(map(recorded, elements)), _warnings(facts, elements, complete))
-
-
-def _records(data: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Opcode and content of each whole record; stops at the first that is cut off."""
-    at = len(MAGIC)
-    while at + 9 <= len(data):
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        at += 9
-        if at + length > len(data):
-            return
-        yield opcode, data[at : at + length]
-        at += length
+    zero = facts.offset - len(times)
+    told = (*_warnings(facts, elements, complete), *(f"{what}: {GAPS}" for what in damaged))
+    return _recording(facts, times, tuple(recorded(values, zero) for values in elements), told)
 
 
 def _warnings(facts: RecordingFacts, elements: list[Values], complete: bool) -> tuple[str, ...]:
@@ -190,7 +202,7 @@ def _warnings(facts: RecordingFacts, elements: list[Values], complete: bool) -> 
 
 
 def _recording(
-    facts: RecordingFacts, times: NDArray[np.int64], elements: Sequence[RecordedElement], warnings: tuple[str, ...]
+    facts: RecordingFacts, times: NDArray[np.int64], elements: Sequence[RecordedElement], warnings: Sequence[str]
 ) -> Recording:
     return Recording(
         logger=facts.logger,

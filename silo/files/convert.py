@@ -4,15 +4,13 @@ Which formats there are says `silo.files.formats`.
 """
 
 import os
-import secrets
-import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from silo.arguments import path as checked_path
-from silo.errors import SaveError
+from silo.errors import FileFormatError, SaveError
+from silo.files.atomic import replaced_folder
 from silo.files.formats import format_of, is_bag_folder, read_recording, writer_for
 from silo.recording import Progress, Recording
 
@@ -39,9 +37,12 @@ def convert(
         raise SaveError(f"'{final}' exists already; add --force to replace it, or choose another name")
     recording = change(_with_what_is_not_known(read_recording(source), Path(source)))
     recording = replace(recording, why=CONVERTED)
+    if not recording.elements and recording.warnings:
+        raise FileFormatError(f"'{source}': nothing in it can be read, nothing was written: {recording.warnings[-1]}")
     if final.is_dir():
-        with _set_aside(final):
-            write(recording, final, progress)
+        _check_is_bag_alone(final)
+        with replaced_folder(final) as new:
+            write(recording, new, progress)
     else:
         write(recording, final, progress)
     return recording
@@ -57,20 +58,11 @@ def _with_what_is_not_known(recording: Recording, source: Path) -> Recording:
     return replace(recording, warnings=(*recording.warnings, text))
 
 
-@contextmanager
-def _set_aside(folder: Path) -> Iterator[None]:
-    """Give the name of a bag folder free for a new one; whatever goes wrong, the old one gets its name back."""
+def _check_is_bag_alone(folder: Path) -> None:
+    """Raise `SaveError` for a folder that holds anything else than a bag: it must not be lost with it."""
     others = sorted(one.name for one in folder.iterdir() if one.name != "metadata.yaml" and one.suffix != ".mcap")
     if not is_bag_folder(folder) or others or folder.resolve() == Path.cwd():
         holds = f", it holds {others[0]}" if others else ""
         raise SaveError(
             f"'{folder}' is a folder, but not of a bag alone{holds}: it is not replaced; choose another name"
         )
-    old = folder.with_name(f".silo-{os.getpid()}-{secrets.token_hex(4)}.old")
-    folder.rename(old)
-    try:
-        yield
-    except BaseException:
-        old.rename(folder)
-        raise
-    shutil.rmtree(old)

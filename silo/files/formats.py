@@ -79,7 +79,7 @@ class Format(msgspec.Struct, frozen=True):
         function = _function(self.writer)
 
         def write(recording: "Recording", path: Path, progress: "Progress | None") -> None:
-            from silo.recording import has_own_stamps
+            from silo.recording import has_own_stamps, read_whole, unmasked
 
             if not self.own_times and has_own_stamps(recording):
                 raise SaveError(
@@ -87,10 +87,12 @@ class Format(msgspec.Struct, frozen=True):
                     f"log.resample(100).save({path.name!r}) or `silo convert --rate 100`; "
                     f"{_list([one.ending for one in FORMATS if one.own_times])} keep the times of each"
                 )
+            read_whole(recording)
             if recording.extras.derived:
                 from silo.files.derived import with_derived
 
                 recording = with_derived(recording)
+            recording = unmasked(recording)
             function(recording, path, progress=progress)
 
         return write

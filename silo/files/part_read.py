@@ -13,13 +13,15 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from silo.files.bag_channels import INDEX_ENTRY, Values, channel_readers, unpack_chunk
+from silo.files.bag_channels import Values, channel_readers
+from silo.files.bag_index import DAMAGE, told_damage
+from silo.files.mcap_chunks import INDEX_ENTRY, unpack_chunk
 from silo.files.mcap_write import MAGIC
 from silo.files.part_events import events_of
 from silo.files.part_facts import EVENTS_RING, PartFacts, RingFacts
 from silo.files.part_scan import first_row, part_records, ring_of
 from silo.model import UNHELD, BufferType, LoggedEvent
-from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording
+from silo.recording import NO_FAILURES, Failures, RecordedElement, RecordedEntry, Recording, with_gaps
 
 _MOST_SPANS = 15
 
@@ -80,10 +82,15 @@ def read_part(data: memoryview, facts: PartFacts) -> Recording:
     for values in elements:
         values.reserve(max((counts.get(entry.channel, 0) for entry in values.facts.entries), default=0))
     readers = channel_readers(facts.recording, elements)
+    damaged: list[str] = []
     for record in chunks:
         ring = ring_of(facts, record)
         assert ring is not None
-        chunk = unpack_chunk(record.body)
+        try:
+            chunk = bytes(unpack_chunk(record.body))
+        except DAMAGE as error:
+            damaged.append(f"what was logged in the chunk at byte {record.at:,} can't be read ({told_damage(error)})")
+            continue
         if ring.ring == EVENTS_RING:
             events += events_of(chunk, record.index[0], ring.begin, begin_tick, facts.run)
             continue
@@ -94,14 +101,16 @@ def read_part(data: memoryview, facts: PartFacts) -> Recording:
                 rings[ring.ring].add(first_row(ring, chunk, index), entries)
             readers[channel].add(chunk, entries["offset"])
     joined = {number: ring.join() for number, ring in rings.items()}
-    found = _recording(facts, joined, elements, closed=bytes(data[-len(MAGIC) :]) == MAGIC)
+    found = _recording(facts, joined, elements, damaged, closed=bytes(data[-len(MAGIC) :]) == MAGIC)
     # what was found of sources while the part was written: its description came before
     told = tuple(dict.fromkeys(event.text for event in events if event.kind == UNHELD))
     ordered = tuple(sorted(events, key=lambda event: (event.time_ns, event.number)))
     return replace(found, events=ordered, warnings=(*found.warnings, *told))
 
 
-def _recording(facts: PartFacts, rings: dict[int, _Joined], elements: list[Values], *, closed: bool) -> Recording:
+def _recording(
+    facts: PartFacts, rings: dict[int, _Joined], elements: list[Values], damaged: list[str], *, closed: bool
+) -> Recording:
     about = facts.recording
     filled = [ring for ring in rings.values() if len(ring.rows)]
     first = min((int(ring.ticks[0]) for ring in filled), default=0)
@@ -113,14 +122,15 @@ def _recording(facts: PartFacts, rings: dict[int, _Joined], elements: list[Value
             "the file is not finished: it is being recorded, or its recorder was killed (`silo recover` closes it, so "
             "that other readers read it too)"
         )
+    warnings += damaged
     read = [_element(values, ring_by_channel, first) for values in elements if values.whole]
     lost = sum(element.lost for element in read)
     if lost:
         spans = sorted({span for ring in filled for span in ring.holes})
         shown = ", ".join(f"{low}-{high}" for low, high in spans[:5]) + (", ..." if len(spans) > 5 else "")
         warnings.append(
-            f"{lost} samples were lost as the recorder could not keep up (ticks {shown}): NaN, or the last value, "
-            "stands there instead"
+            f"{lost} samples {'are damaged, or ' if damaged else ''}were lost as the recorder could not keep up "
+            f"(ticks {shown}): NaN, or the last value, stands there instead"
         )
     return Recording(
         logger=about.logger,
@@ -178,10 +188,7 @@ def _element(values: Values, rings: dict[int, _Joined], first: int) -> RecordedE
 def _with_holes(values: NDArray[Any], rows: NDArray[np.int64]) -> NDArray[Any]:
     """One value per row from the first to the last; those that are missing are NaN or NaT, else the one before."""
     places = rows[: len(values)] - rows[0]
-    at = np.searchsorted(places, np.arange(int(places[-1]) + 1), side="right") - 1
-    filled = values[at]
-    if values.dtype.kind in "fcmM":
-        missing = np.ones(len(filled), bool)
-        missing[places] = False
-        filled[missing] = np.nan if values.dtype.kind in "fc" else np.array("NaT", values.dtype)
-    return filled
+    room = int(places[-1]) + 1
+    spread, missing = np.zeros(room, values.dtype), np.ones(room, bool)
+    spread[places], missing[places] = values, False
+    return with_gaps(spread, missing)

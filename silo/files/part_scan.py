@@ -18,7 +18,7 @@ from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Sche
 from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
-from silo.files.bag_channels import INDEX_ENTRY, unpack_chunk
+from silo.files.mcap_chunks import INDEX_ENTRY, unpack_chunk
 from silo.files.mcap_write import MAGIC, Begun, chunk_index
 from silo.files.part_events import last_number
 from silo.files.part_facts import EVENTS_RING, PART_ATTACHMENT, PartFacts, RingFacts, row_of, unpack_part
@@ -129,7 +129,8 @@ def scan_part(data: memoryview) -> PartScan:
     scan.begun.size = len(MAGIC)
     for record in part_records(data):
         if record.opcode == Opcode.CHUNK:
-            if not _take_chunk(scan, record):
+            # one that is damaged ends the file where nothing whole comes behind it; the first one has the definitions
+            if not _take_chunk(scan, record) and not scan.begun.channels:
                 return scan
         elif record.opcode == Opcode.DATA_END:
             scan.finished = bytes(data[-len(MAGIC) :]) == MAGIC and len(data) > record.end
@@ -176,7 +177,7 @@ def rows_after(data: memoryview) -> tuple[PartFacts, dict[int, int]] | None:
         return None
     rows = {ring.ring: ring.begin for ring in facts.rings}
     for ring, body, index in last.values():
-        rows[ring.ring] = _row_after(ring, unpack_chunk(body), index)
+        rows[ring.ring] = _row_after(ring, bytes(unpack_chunk(body)), index)
     return facts, rows
 
 
@@ -193,12 +194,12 @@ def _indexed(facts: PartFacts | None, data: memoryview, at: int) -> tuple[RingFa
 
 
 def _take_chunk(scan: PartScan, record: PartRecord) -> bool:
-    """Take in a chunk with its index; False if it is damaged, with which the file ends."""
+    """Take in a chunk with its index; False if it is damaged."""
     ring = ring_of(scan.facts, record) if scan.facts is not None else None
     if ring is None:
         return False
     try:
-        data = unpack_chunk(record.body)
+        data = bytes(unpack_chunk(record.body))
     except (zstandard.ZstdError, ValueError, struct.error):
         return False
     if not _is_right(data, record.index):

@@ -247,8 +247,8 @@ class TestLazily:
     def test_opening_unpacks_only_what_tells_lengths(self, tmp_path, monkeypatch):
         path = mcap_bag(tmp_path / "bag.mcap", 2000, chunk_size=20_000)
         unpacked = []
-        whole = mcap_file._unpacked
-        monkeypatch.setattr(mcap_file, "_unpacked", lambda body: unpacked.append(1) or whole(body))
+        whole = mcap_file.unpack_chunk
+        monkeypatch.setattr(mcap_file, "unpack_chunk", lambda body: unpacked.append(1) or whole(body))
         log = opened(path)
         chunks = len(log.recording.elements[0].reader._parts[0].stored.file._blocks)
         assert chunks > 30
@@ -260,8 +260,8 @@ class TestLazily:
         path = mcap_bag(tmp_path / "bag.mcap", 2000, chunk_size=2_000)
         log = opened(path)
         unpacked = []
-        whole = mcap_file._unpacked
-        monkeypatch.setattr(mcap_file, "_unpacked", lambda body: unpacked.append(1) or whole(body))
+        whole = mcap_file.unpack_chunk
+        monkeypatch.setattr(mcap_file, "unpack_chunk", lambda body: unpacked.append(1) or whole(body))
         assert len(log["camera/width"]) == 20
         assert log["camera/width"].max() == 4
         assert 0 < len(unpacked) <= 20

@@ -2,6 +2,7 @@
 
 import json
 import resource
+import subprocess
 import sys
 from dataclasses import replace
 
@@ -12,8 +13,12 @@ import polars as pl
 import pyarrow.parquet as pq
 import pytest
 import scipy.io
+from click.testing import CliRunner
 
+import silo
+from silo.cli.main import cli
 from silo.errors import FileFormatError, LogNotFoundError, SaveError, SiloError
+from silo.files.atomic import sweep_parts
 from silo.files.bag import write_bag
 from silo.files.convert import convert
 from silo.files.formats import format_of, read_recording, writer_for
@@ -325,3 +330,80 @@ def test_a_missing_library_says_what_to_install(ending, module, source, tmp_path
     with pytest.raises(SiloError, match=r'pip install "silo-logger\[convert\]"'):
         convert(source, tmp_path / f"out{ending}")
     assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from silo.files import atomic, convert
+
+def kill(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+where = sys.argv[3]
+if where == "before":
+    atomic._exchanged = kill
+if where == "behind":
+    whole = atomic._exchanged
+    atomic._exchanged = lambda one, other: whole(one, other) and kill()
+if where.startswith("between"):  # the file system exchanges nothing: killed at that rename
+    atomic._exchanged = lambda one, other: False
+    left, rename = int(where[-1]), Path.rename
+    def renamed(path, target):
+        global left
+        if path.name == "bag.rosbag2" or Path(target).name == "bag.rosbag2":
+            left -= 1
+            if not left:
+                kill()
+        return rename(path, target)
+    Path.rename = renamed
+convert.convert(sys.argv[1], sys.argv[2], kill if where == "writing" else None, force=True)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["writing", "before", "behind", "between 1", "between 2", "between 3", "between 4"])
+def test_a_kill_while_a_bag_is_replaced_hides_no_bag(where, source, tmp_path):
+    target = tmp_path / "bag.rosbag2"
+    convert(source, target)
+    made = subprocess.run([sys.executable, "-c", KILLED, source, target, where], check=False, capture_output=True)
+    assert made.returncode == -9 or where == "between 4", made.stderr.decode()
+    for path in sweep_parts(tmp_path):
+        assert path.name.startswith(".silo-")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag.rosbag2", "in.mcap"]
+    assert len(silo.open_log(target)) == len(silo.open_log(source))
+
+
+@pytest.mark.slow
+def test_recover_gives_a_bag_its_name_back(source, tmp_path):
+    target = tmp_path / "bag.rosbag2"
+    convert(source, target)
+    subprocess.run([sys.executable, "-c", KILLED, source, target, "between 3"], check=False, capture_output=True)
+    assert not target.exists()
+    listed = CliRunner().invoke(cli, ["recover", "--list", str(tmp_path)])
+    assert f"{target}  a bag that lost its name" in listed.output
+    assert not target.exists()
+    found = CliRunner().invoke(cli, ["recover", str(tmp_path)])
+    assert f"{target}: has its name again" in found.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag.rosbag2", "in.mcap"]
+
+
+def test_an_old_bag_that_an_earlier_silo_left_hidden_gets_its_name_back(source, tmp_path):
+    convert(source, tmp_path / "walk")
+    (tmp_path / "walk").rename(tmp_path / f".silo-{2**22 + 1}-abcdef01.old")
+    assert sweep_parts(tmp_path) == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mcap", "walk"]
+
+
+def test_a_disk_that_is_full_leaves_the_old_bag_and_names_it(source, tmp_path):
+    target = tmp_path / "bag.rosbag2"
+    convert(source, target)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (600, before[1]))
+    try:
+        with pytest.raises(SaveError, match=rf"can't save '{target}'"):
+            convert(source, target, force=True)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag.rosbag2", "in.mcap"]
+    assert len(silo.open_log(target)) == len(silo.open_log(source))

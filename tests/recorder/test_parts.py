@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
 from silo.amounts import read_keep, read_split
@@ -16,7 +17,7 @@ from silo.errors import ElementError, SaveError
 from silo.files.atomic import write_all
 from silo.files.bag import write_bag
 from silo.files.bag_read import read_bag
-from silo.files.part_scan import rows_after, scan_part
+from silo.files.part_scan import part_records, rows_after, scan_part
 from silo.model import RecorderState
 from silo.recorder.closing import close_part, close_parts, left_parts
 from silo.recorder.ledger import Ledger, left_free
@@ -278,15 +279,27 @@ def test_a_part_that_is_being_written_is_not_closed_by_others(robot, tmp_path, t
 
 
 @pytest.mark.parametrize("where", [0.3, 0.6, 0.9])
-def test_damage_ends_a_part_at_the_last_whole_chunk_before_it(killed, truth, where) -> None:
+def test_damage_ends_a_part_or_costs_it_what_is_damaged(killed, truth, where) -> None:
     data = bytearray(killed.read_bytes())
     for place in range(int(len(data) * where), int(len(data) * where) + 20):
         data[place] ^= 0x55
     killed.write_bytes(data)
     closed, problems = close_parts(killed.parent)
     assert problems == []
-    assert truth.span(read_bag(closed[0].path))[1] in (0, 100, 200, 300)
+    assert truth.span(read_bag(closed[0].path))[1] in (0, 100, 200, 300, 400)
     truth.by_others(closed[0].path)
+
+
+def test_what_comes_behind_a_damaged_chunk_is_kept(killed, truth) -> None:
+    data = bytearray(killed.read_bytes())
+    chunks = [record for record in part_records(memoryview(bytes(data))) if record.opcode == Opcode.CHUNK]
+    hurt = chunks[len(chunks) // 2]
+    data[(hurt.at + hurt.end) // 2] ^= 0x55
+    killed.write_bytes(data)
+    found = read_bag(close_part(killed).path)
+    assert truth.span(found) == (0, 400)
+    assert any("chunk at byte" in text and "damaged" in text for text in found.warnings)
+    assert any(element.lost for element in found.elements)
 
 
 def test_zeros_behind_what_was_written_as_a_power_cut_leaves_them_are_cut_off(killed, truth) -> None:

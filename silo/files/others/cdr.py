@@ -14,13 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from silo.files.others.message_types import MOST_VALUES, Message, Node, Number, Path, Repeated, Stamp, Text
-from silo.files.others.topics import Equal
+from silo.files.others.topics import Bad, Equal
 
 Bytes = NDArray[np.uint8]
 
 
-__all__ = ["MOST_VALUES", "Layout", "Place", "columns_of", "layout_of", "lengths_of"]
+__all__ = ["MOST_VALUES", "Columns", "Layout", "Place", "any_whole", "columns_of", "layout_of", "lengths_of", "without"]
 
+_MOST_PARTS = 20_000  # texts and lists of one message: of each, one step of Python is taken
+_MOST_TEXT_BYTES = 64 << 20  # of a column; each message has room for the longest
+_PADDING = 3  # bytes up to the next word, as middlewares leave them at the end
 _HEAD = 4  # of a message: how it is encoded; what follows is aligned from behind it
 _STAMP = np.dtype([("sec", "<i4"), ("nanosec", "<u4")])
 
@@ -41,16 +44,26 @@ class Layout(NamedTuple):
     order: str
 
 
-def layout_of(message: Message, row: bytes) -> Layout:
-    """Walk through one message. Raises ValueError for one that is none of this type."""
-    if len(row) < _HEAD or row[0] or row[1] > 1:
-        raise ValueError(f"a message is encoded in another way than CDR ({row[:_HEAD].hex()})")
-    made = Layout({}, [], "<" if row[1] else ">")
+def layout_of(message: Message, row: bytes) -> tuple[Layout, str]:
+    """Walk through one message. Of one that is none of this type the layout goes as far as the walk, and says why."""
+    made = Layout({}, [], "<" if len(row) > 1 and row[1] else ">")
     try:
-        _walk(message, row, _HEAD, (), made)
+        _fill(message, row, made)
+    except ValueError as error:
+        return made, str(error)
+    return made, ""
+
+
+def _fill(message: Message, row: bytes, made: Layout) -> None:
+    """Raises ValueError for a message that is none of this type."""
+    if len(row) < _HEAD or row[0] or row[1] > 1:
+        raise ValueError(f"it is encoded in another way than CDR ({row[:_HEAD].hex()})")
+    try:
+        left = len(row) - _walk(message, row, _HEAD, (), made)
     except struct.error:
-        raise ValueError("a message ends before its last field") from None
-    return made
+        raise ValueError("it ends before its last field") from None
+    if left > _PADDING:
+        raise ValueError(f"{left} bytes are left over behind the last field: it is of another type")
 
 
 def _walk(node: Node, row: bytes, at: int, path: Path | None, made: Layout) -> int:
@@ -89,10 +102,23 @@ def _walk_repeated(node: Repeated, row: bytes, at: int, path: Path | None, made:
             made.places[path] = Place(at, made.order + inner.dtype, count)
         return _inside(row, at + size * count)
     if count > len(row):
-        raise ValueError("a message announces more than it holds")
-    for number in range(count):
+        raise ValueError("it announces more than it holds")
+    met: dict[int, tuple[int, int]] = {}
+    number = 0
+    while number < count:
         each = (*path, str(number)) if path is not None and isinstance(inner, Text) else None
+        lengths, place = len(made.lengths), (at - _HEAD) % 8
+        before = at
         at = _walk(inner, row, at, each, made)
+        number += 1
+        if len(made.lengths) > lengths:
+            continue
+        # without lengths in it, what begins at the same place of a word is as long again
+        first, begin = met.setdefault(place, (number - 1, before))
+        if first < number - 1:
+            turns = (count - number) // (number - 1 - first)
+            number, at = number + turns * (number - 1 - first), _inside(row, at + turns * (before - begin))
+            met.clear()
     if path is not None and isinstance(inner, Text):
         made.places[path] = Place(at, "texts", count)
     return at
@@ -102,6 +128,8 @@ def _length(row: bytes, at: int, made: Layout) -> tuple[int, int]:
     at = _aligned(at, 4)
     (length,) = struct.unpack_from(f"{made.order}I", row, at)
     made.lengths.append((at, length))
+    if len(made.lengths) > _MOST_PARTS:
+        raise ValueError(f"it has more than {_MOST_PARTS:,} texts and lists")
     return length, at + 4
 
 
@@ -111,55 +139,86 @@ def _aligned(at: int, size: int) -> int:
 
 def _inside(row: bytes, at: int) -> int:
     if at > len(row):
-        raise ValueError("a message ends before its last field")
+        raise ValueError("it ends before its last field")
     return at
 
 
 # ------------------------------------------------------------------------------------------------------------- columns
 
 
-def columns_of(
-    message: Message, paths: Mapping[Path, int], groups: Iterable[Equal], total: int, longer: set[Path] | None = None
-) -> dict[Path, NDArray[Any]]:
+class Columns(NamedTuple):
+    """What is wanted of all messages of a topic, how many they are, and what is found out on the way.
+
+    `paths` says how many values an array has, 0 for all else, `dtypes` NumPy types (`S` for texts). `longer` gets the
+    paths of arrays that have more in some messages, `cut` those of texts that are too long for a column, `bad` the
+    messages that can't be read.
+    """
+
+    paths: Mapping[Path, int]
+    dtypes: Mapping[Path, str]
+    total: int
+    longer: set[Path]
+    cut: set[Path]
+    bad: Bad
+
+    @classmethod
+    def wanted(cls, paths: Mapping[Path, int], dtypes: Mapping[Path, str], total: int, bad: Bad) -> "Columns":
+        """Return columns of which nothing is found out yet."""
+        return cls(paths, dtypes, total, set(), set(), bad)
+
+
+def columns_of(message: Message, wanted: Columns, groups: Iterable[Equal]) -> dict[Path, NDArray[Any]]:
     """Return the values at some paths of all messages, shape `(total,)`, or `(total, k)` where `paths` says a k > 0.
 
-    Of an array that has fewer values in some messages, numbers are floats and NaN stands for those that aren't there,
-    texts are empty. `longer` gets the paths of arrays that have more in some. Raises ValueError for messages that are
-    none of this type.
+    What a message doesn't have, as its array is shorter or as it can't be read, is NaN, NaT, an empty text, or masked:
+    integers stay integers.
     """
-    found: dict[Path, list[tuple[NDArray[np.int64], NDArray[Any]]]] = {path: [] for path in paths}
-    for which, layout, rows in _alike(message, groups):
-        for path, count in paths.items():
-            if longer is not None and layout.places[path].values > count:
-                longer.add(path)
+    found: dict[Path, list[tuple[NDArray[np.int64], NDArray[Any]]]] = {path: [] for path in wanted.paths}
+    longest = max(256, _MOST_TEXT_BYTES // max(wanted.total, 1))
+    for which, layout, rows in _alike(message, groups, wanted.bad):
+        for path, count in wanted.paths.items():
+            if layout.places[path].values > count:
+                wanted.longer.add(path)
             values = _values(layout, rows, path, count)
-            if values is not None:
-                found[path].append((which, values))
-    return {path: _joined(parts, total, paths[path]) for path, parts in found.items()}
+            if values is None:
+                continue
+            if values.dtype.kind == "S" and values.dtype.itemsize > longest:
+                wanted.cut.add(path)
+                values = values.astype(f"S{longest}")
+            found[path].append((which, values))
+    return {path: _joined(parts, wanted, path) for path, parts in found.items()}
 
 
-def lengths_of(message: Message, paths: Sequence[Path], groups: Iterable[Equal]) -> dict[Path, int]:
+def any_whole(message: Message, groups: Iterable[Equal], bad: Bad) -> bool:
+    """Return whether one of some messages can be read."""
+    return any(True for _ in _alike(message, groups, bad))
+
+
+def lengths_of(message: Message, paths: Sequence[Path], groups: Iterable[Equal], bad: Bad) -> dict[Path, int]:
     """Return the largest number of values in the arrays at some paths."""
     most = dict.fromkeys(paths, 0)
-    for _, layout, _ in _alike(message, groups):
+    for _, layout, _ in _alike(message, groups, bad):
         for path in paths:
             most[path] = max(most[path], layout.places[path].values)
     return most
 
 
-def _alike(message: Message, groups: Iterable[Equal]) -> Iterator[tuple[NDArray[np.int64], Layout, Bytes]]:
+def _alike(message: Message, groups: Iterable[Equal], bad: Bad) -> Iterator[tuple[NDArray[np.int64], Layout, Bytes]]:
     """Messages of one layout each: which they are, the layout, their bytes."""
     for of_one_size in groups:
         which, rows = of_one_size
         while len(rows):
-            layout = layout_of(message, rows[0].tobytes())
+            layout, why = layout_of(message, rows[0].tobytes())
+            # how far a walk comes hangs on what the lengths are that it meets: all that have the same end the same way
             same = (rows[:, :2] == rows[0, :2]).all(axis=1)
             for at, _ in layout.lengths:
                 same &= (rows[:, at : at + 4] == rows[0, at : at + 4]).all(axis=1)
-            if same.all():
+            if why:
+                bad.append((which[same], why))
+            elif same.all():
                 yield which, layout, rows
-                break
-            yield which[same], layout, rows[same]
+            else:
+                yield which[same], layout, rows[same]
             which, rows = which[~same], rows[~same]
 
 
@@ -189,15 +248,23 @@ def _cut(rows: Bytes, at: int, dtype: np.dtype[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(rows[:, at : at + dtype.itemsize]).view(dtype)[:, 0]
 
 
-def _joined(parts: Sequence[tuple[NDArray[np.int64], NDArray[Any]]], total: int, count: int) -> NDArray[Any]:
-    shape = (total, count) if count else (total,)
-    if not parts:
-        return np.full(shape, np.nan)
-    dtype = np.result_type(*(values.dtype for _, values in parts))
-    filled = sum(values.size for _, values in parts) == int(np.prod(shape))
-    if not filled and dtype.kind in "biu":
-        dtype = np.dtype(np.float64)
-    made = np.zeros(shape, dtype) if filled or dtype.kind != "f" else np.full(shape, np.nan, dtype)
+def _joined(parts: Sequence[tuple[NDArray[np.int64], NDArray[Any]]], wanted: Columns, path: Path) -> NDArray[Any]:
+    count = wanted.paths[path]
+    shape = (wanted.total, count) if count else (wanted.total,)
+    declared = wanted.dtypes.get(path, "f8")
+    types = [values.dtype for _, values in parts] or [np.dtype("S1" if declared == "S" else declared)]
+    dtype = np.result_type(*types)
+    made, missing = np.zeros(shape, dtype), np.ones(shape, bool)
     for which, values in parts:
-        made[(which, slice(values.shape[1])) if count else which] = values
-    return made
+        place = (which, slice(values.shape[1])) if count else which
+        made[place], missing[place] = values, False
+    return without(made, missing)
+
+
+def without(values: NDArray[Any], missing: NDArray[np.bool_]) -> NDArray[Any]:
+    """Values of which some are missing: NaN or NaT where the type has it, an empty text, else a masked array."""
+    if not missing.any():
+        return values
+    if values.dtype.kind in "fmM":
+        values[missing] = np.nan if values.dtype.kind == "f" else np.array("NaT", values.dtype)
+    return values if values.dtype.kind in "fmMS" else np.ma.masked_array(values, missing)

@@ -1,49 +1,49 @@
 """An MCAP file of others: which topics it has, when their messages were logged, and their bytes.
 
 By the summary and the message indices where the file has them: then a topic costs the chunks that hold messages of it.
-A file without, or one that was cut off, is walked through once.
+A file without, or one that was cut off, is walked through once. What is damaged costs the chunk, or the message, that
+it is in.
 """
 
 import struct
-import zlib
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
-import lz4.frame
 import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from silo.files.bag_channels import INDEX_ENTRY
-from silo.files.bag_index import read_index, record_at
+from silo.files.bag_index import DAMAGE, Told, read_index, record_at, told_damage
+from silo.files.mcap_chunks import INDEX_ENTRY, RECORD, records, unpack_chunk, walked
 from silo.files.mcap_write import MAGIC
-from silo.files.others.topics import SOME, Equal, Topic
+from silo.files.others.topics import SOME, Bad, Equal, Topic
 
-_HEAD = struct.Struct("<BQ")
+_HEAD = RECORD
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _BEGIN = _HEAD.size + _MESSAGE.size  # of what a message holds, from its record on
 _CACHE_BYTES = 128 << 20
 _SMALL = 512  # bytes of a message: of larger ones, copying one by one is as quick as indices of their bytes
+# of all chunks of a file together: a small file of many chunks may announce terabytes
+_MOST_BYTES = 256 << 20
+_MOST_RATIO = 1000
 
 Entries = NDArray[np.void]  # of `INDEX_ENTRY`: log times, and where in the block the records begin
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Block:
     """A chunk (the place of its record), or the file itself (-1); where the message index of each channel begins, or
     the entries themselves.
     """
 
     place: int
-    indices: Mapping[int, int]
-    entries: Mapping[int, Entries]
+    indices: dict[int, int]
+    entries: dict[int, Entries]
 
     def holds(self, channel: int) -> bool:
         return channel in self.indices or channel in self.entries
@@ -52,14 +52,21 @@ class _Block:
 class McapFile:
     """One file, mapped into memory."""
 
-    def __init__(self, path: Path, data: memoryview) -> None:
+    def __init__(self, path: Path, data: memoryview, told: Told) -> None:
         self.path = path
-        self.warnings: list[str] = []
+        self._told = told
         self._data = data
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._chunks: OrderedDict[int, bytes | memoryview] = OrderedDict()
-        self._blocks = self._indexed() or self._scanned()
+        self._bad: dict[int, str] = {}  # chunks that can't be unpacked, by their places
+        self._room = max(_MOST_BYTES, _MOST_RATIO * len(data))
+        self._unpacked: set[int] = set()
+        indexed = self._indexed()
+        self._blocks = self._scanned() if indexed is None else indexed
+        unknown = {channel for block in self._blocks for channel in (*block.indices, *block.entries)}
+        for channel in sorted(unknown - self._channels.keys()):
+            self._told.add(f"'{path.name}' has messages of channel {channel}, whose description is damaged")
 
     def topics(self) -> list[Topic]:
         """Return what the file has messages of, in the order of the channels."""
@@ -86,7 +93,7 @@ class McapFile:
         if index is None or not index.chunks:
             return None
         start = struct.unpack_from("<Q", self._data, len(self._data) - len(MAGIC) - 20)[0]
-        for opcode, _, body in _records(self._data, start):
+        for opcode, _, body in records(self._data, start):
             self._learn(opcode, body)
         blocks = []
         for place, _, offsets in index.chunks:
@@ -101,29 +108,44 @@ class McapFile:
         """The blocks of the whole file, from the first record to the last that is whole."""
         blocks: list[_Block] = []
         outside: dict[int, list[tuple[int, int]]] = {}
+        damaged: _Block | None = None  # a chunk that can't be walked: the index behind it says what it held
         end = False
-        for opcode, at, body in _records(self._data, len(MAGIC)):
+        for opcode, at, body in records(self._data, len(MAGIC)):
+            if opcode == Opcode.MESSAGE_INDEX and damaged is not None and len(body) >= 2:
+                damaged.indices[struct.unpack_from("<H", body)[0]] = at
             if opcode == Opcode.CHUNK:
-                found: dict[int, list[tuple[int, int]]] = {}
-                for inner, place, record in _records(memoryview(_unpacked(body)), 0):
+                damaged = None
+                blocks.append(_Block(at, {}, {}))
+                try:
+                    blocks[-1].entries, others = walked(self._chunk(at), len(body))
+                except ValueError:
+                    damaged = blocks[-1]
+                    continue
+                for inner, record in others:
                     self._learn(inner, record)
-                    if inner == Opcode.MESSAGE:
-                        _note(found, place, record)
-                blocks.append(_Block(at, {}, _entries(found)))
-            elif opcode == Opcode.MESSAGE:
-                _note(outside, at, body)
+            elif opcode == Opcode.MESSAGE and len(body) >= _MESSAGE.size:
+                channel, _, log_time, _ = _MESSAGE.unpack_from(body)
+                outside.setdefault(channel, []).append((log_time, at))
             elif opcode == Opcode.DATA_END:
                 end = True
                 break
             else:
                 self._learn(opcode, body)
+        for block in blocks:
+            if block.place in self._bad and not block.indices:
+                self._tell_chunk(block.place)
         if not end:
-            self.warnings.append(f"'{self.path.name}' is cut off: what it holds up to there is read")
+            self._told.add(f"'{self.path.name}' is cut off: what it holds up to there is read")
         elif bytes(self._data[-len(MAGIC) :]) != MAGIC:
-            self.warnings.append(f"'{self.path.name}' is cut off: its index is missing, all messages are there")
-        return [*blocks, _Block(-1, {}, _entries(outside))] if outside else blocks
+            self._told.add(f"'{self.path.name}' is cut off: its index is missing, all messages are there")
+        entries = {channel: np.array(pairs, INDEX_ENTRY) for channel, pairs in outside.items()}
+        return [*blocks, _Block(-1, {}, entries)] if entries else blocks
+
+    def _tell_chunk(self, place: int) -> None:
+        self._told.add(f"'{self.path.name}': the messages of the chunk at byte {place:,} are lost ({self._bad[place]})")
 
     def _learn(self, opcode: int, body: memoryview) -> None:
+        """Take in a description; of one that is damaged, the messages stay without."""
         try:
             if opcode == Opcode.SCHEMA:
                 schema = Schema.read(ReadDataStream(BytesIO(body)))
@@ -131,35 +153,87 @@ class McapFile:
             elif opcode == Opcode.CHANNEL:
                 channel = Channel.read(ReadDataStream(BytesIO(body)))
                 self._channels[channel.id] = channel
-        except McapError as error:
-            raise ValueError(f"damaged: a description of a topic ends too early {error}") from error
+        except DAMAGE as error:
+            self._told.add(f"'{self.path.name}': a description of a topic can't be read ({told_damage(error)})")
 
     # ----------------------------------------------------------------------------------------------------- messages
 
     def entries(self, block: int, channel: int) -> Entries:
-        """Return the index entries of a channel in a block."""
+        """Return the index entries of a channel in a block; of an index that is damaged, by the messages themselves."""
         one = self._blocks[block]
-        if channel not in one.indices:
-            return one.entries.get(channel, np.empty(0, INDEX_ENTRY))
-        body = record_at(self._data, one.indices[channel], Opcode.MESSAGE_INDEX)
-        _, size = struct.unpack_from("<HI", body)
-        return np.frombuffer(body[6 : 6 + size], INDEX_ENTRY)
+        if channel not in one.entries and channel in one.indices:
+            found = self._index_at(one.indices[channel], channel)
+            if found is None:
+                one.entries[channel] = self._searched(one, channel)
+            else:
+                return found
+        return one.entries.get(channel, np.empty(0, INDEX_ENTRY))
+
+    def _index_at(self, place: int, channel: int) -> Entries | None:
+        try:
+            body = record_at(self._data, place, Opcode.MESSAGE_INDEX)
+            found, size = struct.unpack_from("<HI", body)
+            if found == channel and size == len(body) - 6:
+                return np.frombuffer(body[6:], INDEX_ENTRY)
+        except DAMAGE:
+            pass
+        return None
+
+    def _searched(self, block: _Block, channel: int) -> Entries:
+        try:
+            chunk = self._chunk(block.place)
+            return walked(chunk, self._packed(block.place))[0].get(channel, np.empty(0, INDEX_ENTRY))
+        except ValueError as error:
+            self._bad.setdefault(block.place, str(error))
+            self._tell_chunk(block.place)
+            return np.empty(0, INDEX_ENTRY)
+
+    def _packed(self, place: int) -> int:
+        return len(record_at(self._data, place, Opcode.CHUNK))
 
     def blocks_of(self, channel: int) -> list[int]:
         """Return which blocks have messages of a channel."""
         return [number for number, block in enumerate(self._blocks) if block.holds(channel)]
 
     def content(self, block: int) -> bytes | memoryview:
-        """Return the records of a block; the newest chunks are kept, as topics share them."""
+        """Return the records of a block; the newest chunks are kept, as topics share them.
+
+        Raises ValueError for one that is damaged.
+        """
+        place = self._blocks[block].place
+        return self._data if place < 0 else self._chunk(place)
+
+    def placed(self, block: int, channel: int) -> Entries:
+        """Return the index entries of a channel in a block by the messages themselves. Raises ValueError."""
         place = self._blocks[block].place
         if place < 0:
-            return self._data
+            return self.entries(block, channel)
+        return walked(self._chunk(place), self._packed(place))[0].get(channel, np.empty(0, INDEX_ENTRY))
+
+    def _chunk(self, place: int) -> bytes | memoryview:
+        if place in self._bad:
+            raise ValueError(self._bad[place])
         if place not in self._chunks:
-            self._chunks[place] = _unpacked(record_at(self._data, place, Opcode.CHUNK))
-            while len(self._chunks) > 1 and sum(map(len, self._chunks.values())) > _CACHE_BYTES:
-                self._chunks.popitem(last=False)
+            try:
+                self._chunks[place] = self._unpack(place)
+            except DAMAGE as error:
+                # it is not tried again for every topic
+                self._bad[place] = told_damage(error)
+                raise ValueError(self._bad[place]) from error
         self._chunks.move_to_end(place)
         return self._chunks[place]
+
+    def _unpack(self, place: int) -> bytes | memoryview:
+        body = record_at(self._data, place, Opcode.CHUNK)
+        (size,) = struct.unpack_from("<Q", body, 16)
+        if place not in self._unpacked:
+            if size > self._room:
+                raise ValueError(f"the chunks of {len(self._data):,} bytes announce more than so few can hold")
+            self._unpacked.add(place)
+            self._room -= size
+        while self._chunks and sum(map(len, self._chunks.values())) + size > _CACHE_BYTES:
+            self._chunks.popitem(last=False)
+        return unpack_chunk(body)
 
 
 @dataclass(frozen=True)
@@ -169,43 +243,89 @@ class McapChannel:
     file: McapFile
     number: int
 
+    @property
+    def damage(self) -> str:
+        """What is known to be missing, in words: nothing that the file does not tell itself."""
+        return ""
+
     def stamps(self) -> NDArray[np.int64]:
         """Return their log times."""
         found = [self.file.entries(block, self.number)["time"] for block in self.file.blocks_of(self.number)]
         return np.concatenate([np.empty(0, np.uint64), *found]).astype(np.int64)
 
-    def messages(self) -> Iterator[Equal]:
-        """Return what they hold, those of one size together. Raises ValueError for a damaged chunk."""
+    def messages(self, bad: Bad) -> Iterator[Equal]:
+        """Return what they hold, those of one size together; `bad` gets those that can't be read."""
         sizes: dict[int, list[tuple[NDArray[np.int64], NDArray[np.uint8]]]] = {}
-        first = 0
-        for block in self.file.blocks_of(self.number):
-            offsets = self.file.entries(block, self.number)["offset"].astype(np.int64)
-            for which, rows in _contents(self.file.content(block), offsets):
-                sizes.setdefault(rows.shape[1], []).append((which + first, rows))
-            first += len(offsets)
+        for which, rows in self._groups(self.file.blocks_of(self.number), None, bad):
+            sizes.setdefault(rows.shape[1], []).append((which, rows))
         for parts in sizes.values():
             yield np.concatenate([which for which, _ in parts]), np.concatenate([rows for _, rows in parts])
 
-    def some(self) -> Iterator[Equal]:
+    def some(self, bad: Bad) -> Iterator[Equal]:
         """Return the first messages of the first, a middle and the last block."""
         blocks = self.file.blocks_of(self.number)
+        chosen = sorted({blocks[0], blocks[len(blocks) // 2], blocks[-1]} if blocks else ())
+        return self._groups(chosen, SOME, bad)
+
+    def _groups(self, blocks: list[int], most: int | None, bad: Bad) -> Iterator[Equal]:
         first = 0
-        for block in sorted({blocks[0], blocks[len(blocks) // 2], blocks[-1]} if blocks else ()):
-            offsets = self.file.entries(block, self.number)["offset"][:SOME].astype(np.int64)
-            for which, rows in _contents(self.file.content(block), offsets):
-                yield which + first, rows
-            first += len(offsets)
+        for block in blocks:
+            entries = self.file.entries(block, self.number)[:most]
+            every = np.arange(first, first + len(entries))
+            first += len(entries)
+            try:
+                content = self.file.content(block)
+                right = _right(content, self.number, entries)
+                if not right.all():
+                    entries, right = self._found_again(block, content, entries, right)
+            except ValueError as error:
+                bad.append((every, str(error)))
+                continue
+            if not right.all():
+                bad.append((every[~right], "its index points at something else than a message of this topic"))
+            for which, rows in _contents(content, entries["offset"][right].astype(np.int64)):
+                yield every[right][which], rows
+
+    def _found_again(
+        self, block: int, content: bytes | memoryview, entries: Entries, right: NDArray[np.bool_]
+    ) -> tuple[Entries, NDArray[np.bool_]]:
+        """The entries by the messages themselves, where these are as many as a damaged index has."""
+        found = self.file.placed(block, self.number)[: len(entries)]
+        if len(found) < len(entries):
+            return entries, right
+        same = found["time"] == entries["time"]  # else it stands at another time than it was logged at
+        return found, same & _right(content, self.number, found)
+
+
+_RECORD = np.dtype(
+    {
+        "names": ["opcode", "length", "channel", "time"],
+        "formats": ["u1", "<u8", "<u2", "<u8"],
+        "offsets": [0, 1, 9, 15],
+        "itemsize": _BEGIN,
+    }
+)
+
+
+def _right(block: bytes | memoryview, channel: int, entries: Entries) -> NDArray[np.bool_]:
+    """Which entries point at whole messages of the channel: an index has no checksum."""
+    if len(block) < _BEGIN:
+        return np.zeros(len(entries), bool)
+    room = len(block) - _BEGIN
+    inside = entries["offset"] <= room
+    every: NDArray[np.void] = np.ndarray((room + 1,), _RECORD, block, 0, (1,))
+    found = every[np.where(inside, entries["offset"], 0).astype(np.int64)]
+    left = len(block) - _HEAD.size - np.where(inside, entries["offset"], 0)
+    whole = (found["length"] >= _MESSAGE.size) & (found["length"] <= left)
+    mine = (found["opcode"] == Opcode.MESSAGE) & (found["channel"] == channel) & (found["time"] == entries["time"])
+    return np.asarray(inside & whole & mine)
 
 
 def _contents(block: bytes | memoryview, offsets: NDArray[np.int64]) -> Iterator[Equal]:
     """What the messages whose records begin there hold, those of one size together."""
     data = np.frombuffer(block, np.uint8)
-    if len(offsets) and int(offsets.max()) + _BEGIN > len(data):
-        raise ValueError("an index points out of its chunk")
     heads = data[offsets[:, None] + np.arange(_HEAD.size)]
     lengths = np.ascontiguousarray(heads[:, 1:]).view("<u8")[:, 0].astype(np.int64)
-    if (heads[:, 0] != Opcode.MESSAGE).any() or (offsets + _HEAD.size + lengths > len(data)).any():
-        raise ValueError("an index points at something else than a message")
     for length in np.unique(lengths).tolist():
         which = np.flatnonzero(lengths == length)
         begins, size = offsets[which] + _BEGIN, length - _MESSAGE.size
@@ -213,45 +333,3 @@ def _contents(block: bytes | memoryview, offsets: NDArray[np.int64]) -> Iterator
             yield which, data[begins[:, None] + np.arange(size)]
         else:
             yield which, np.stack([data[begin : begin + size] for begin in begins.tolist()])
-
-
-def _records(data: memoryview, at: int) -> Iterator[tuple[int, int, memoryview]]:
-    """Opcode, place and body of each whole record from there on."""
-    while at + _HEAD.size <= len(data):
-        opcode, length = _HEAD.unpack_from(data, at)
-        if at + _HEAD.size + length > len(data):
-            return
-        yield opcode, at, data[at + _HEAD.size : at + _HEAD.size + length]
-        at += _HEAD.size + length
-
-
-def _note(found: dict[int, list[tuple[int, int]]], at: int, body: memoryview) -> None:
-    channel, _, log_time, _ = _MESSAGE.unpack_from(body)
-    found.setdefault(channel, []).append((log_time, at))
-
-
-def _entries(found: Mapping[int, Sequence[tuple[int, int]]]) -> dict[int, Entries]:
-    return {channel: np.array(pairs, INDEX_ENTRY) for channel, pairs in found.items()}
-
-
-def _unpacked(body: memoryview) -> bytes | memoryview:
-    """The records of a chunk. Raises ValueError for one that is damaged, or packed in a way that isn't known."""
-    _, _, size, checksum, length = struct.unpack_from("<QQQII", body)
-    compression = bytes(body[32 : 32 + length]).decode(errors="replace")
-    (packed,) = struct.unpack_from("<Q", body, 32 + length)
-    content = body[40 + length : 40 + length + packed]
-    chunk: bytes | memoryview
-    if compression == "zstd":
-        chunk = zstandard.ZstdDecompressor().decompress(bytes(content), max_output_size=size)
-    elif compression == "lz4":
-        try:
-            chunk = lz4.frame.decompress(content)
-        except RuntimeError as error:
-            raise ValueError(f"a chunk is damaged: {error}") from error
-    elif compression:
-        raise ValueError(f"a chunk is compressed with {compression!r}, not with zstd or lz4")
-    else:
-        chunk = content  # mapped: what nobody asks for is looked at for its checksum alone
-    if len(chunk) != size or (checksum and zlib.crc32(chunk) != checksum):
-        raise ValueError("a chunk is damaged: wrong checksum")
-    return chunk

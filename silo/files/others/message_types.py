@@ -18,6 +18,7 @@ NUMBERS = {
     "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
 MOST_VALUES = 4096  # of an array that is a signal
+_NOTHING = "structure_needs_at_least_one_member"  # what IDL, and so CDR, has in place of a message without fields
 
 
 class UnknownTypeError(ValueError):
@@ -85,9 +86,12 @@ def message_type(name: str, definition: str, encoding: str) -> Message:
 
 
 def _message(name: str, known: Mapping[str, Any], above: Path) -> Message:
+    if name.rpartition("/")[2] == "wstring":  # as which the parser takes it
+        raise UnknownTypeError("silo reads no wstring: middlewares write them in ways of their own")
     if name in above or name not in known:
         raise UnknownTypeError(f"the type {name} in it is not known")
     constants, fields = known[name]
+    fields = fields or [(_NOTHING, (1, ("uint8", 0)))]
     made = tuple((label, _node(what, known, (*above, name))) for label, what in fields)
     return Message(name, tuple((label, _labelled(label, node, made, constants)) for label, node in made))
 
@@ -191,7 +195,7 @@ def signals_of(message: Message) -> tuple[list[Wanted], list[Path]]:
 def _signals(message: Message, above: Path, given: str) -> Iterator[Wanted | Path]:
     units = _UNITS.get(message.name, {})
     for label, node in message.fields:
-        if label == "structure_needs_at_least_one_member":
+        if label == _NOTHING:
             continue
         name, unit = (*above, label), units.get(label, given)
         if isinstance(node, Message):

@@ -5,25 +5,24 @@ elements of the topic. `stamped_by_header` gives the same by the stamps in the m
 """
 
 import mmap
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from silo.errors import FileFormatError, LogNotFoundError, LogWarning
+from silo.errors import FileFormatError, LogNotFoundError
 from silo.files.atomic import reason
-from silo.files.bag_index import damage_told
+from silo.files.bag_index import Told, damage_told
 from silo.files.others import cdr, json_text
 from silo.files.others.mcap_file import McapFile
 from silo.files.others.message_types import Message, Path, UnknownTypeError, Wanted, message_type, signals_of
 from silo.files.others.sqlite_file import SqliteFile
-from silo.files.others.topics import Equal, Topic
+from silo.files.others.topics import Bad, Equal, Topic, Unpacked
 from silo.files.silo_values import file_recording
 from silo.model import BufferType, Entry
 from silo.recording import RecordedElement, Recording, common_axis, lazy_entry
@@ -38,37 +37,51 @@ def open_others(path: FilePath) -> Recording:
 
     Raises `LogNotFoundError`, `FileFormatError` where nothing of it can be read, and `SiloError` without `rosbags`.
     """
-    files = _files(path)
+    told = Told(path)
     with damage_told(path):
         topics: dict[str, list[tuple[FilePath, Topic]]] = {}
-        for file in files:
+        for file in _files(path, told):
             for topic in file.topics():
                 topics.setdefault(topic.name, []).append((file.path, topic))
-        unknown: list[str] = []
+        if not topics:
+            raise FileFormatError(f"'{path}' is no log of silo, and holds no message{_because(told)}")
+        unknown: dict[str, str] = {}
+        damaged: list[str] = []
         left: list[str] = []
         readers: list[TopicReader] = []
         for name, parts in topics.items():
-            try:
-                reader = _reader(name, parts)
-            except UnknownTypeError as error:
-                unknown.append(f"{name} ({parts[0][1].type or 'no type'}: {error})")
-                continue
-            left += [f"{name}/{'/'.join(field)}" for field in reader.left]
-            readers.append(reader)
-        if not topics:
-            cut = "; ".join(warning for file in files if isinstance(file, McapFile) for warning in file.warnings)
-            raise FileFormatError(f"'{path}' is no log of silo, and holds no message{f' ({cut})' if cut else ''}")
-        told = [warning for file in files if isinstance(file, McapFile) for warning in file.warnings]
-        told += _told(unknown, left)
+            for called, those in _by_schema(name, parts, unknown, told):
+                try:
+                    reader = _reader(called, those, told)
+                except UnknownTypeError as error:
+                    unknown[called] = f"{those.parts[0][1].type or 'no type'}: {error}"
+                    damaged += [called] if isinstance(error, DamagedTopicError) else []
+                    continue
+                left += [f"{called}/{'/'.join(field)}" for field in reader.left]
+                readers.append(reader)
+        if not readers and damaged:
+            why = f"{_some(_named(unknown))}{_because(told)}"
+            raise FileFormatError(f"{path}: damaged, nothing in it can be read: {why}")
+        for text in _told(_named(unknown), left):
+            told.add(text)
         elements = tuple(element for reader in readers for element in reader.elements())
+    told.loud = True
     return file_recording(
         lambda: common_axis([reader.log_ns for reader in readers]),
         logger=path.stem,
         offset=0,
         elements=elements,
         prefix="",
-        warnings=tuple(told),
+        warnings=told,
     )
+
+
+def _because(told: Sequence[str]) -> str:
+    return f" ({'; '.join(told[:_MOST_TOLD])})" if told else ""
+
+
+def _named(unknown: Mapping[str, str]) -> list[str]:
+    return [f"{name} ({why})" for name, why in unknown.items()]
 
 
 def stamped_by_header(recording: Recording) -> Recording:
@@ -103,7 +116,34 @@ def _some(words: Sequence[str]) -> str:
 # --------------------------------------------------------------------------------------------------------------- files
 
 
-def _files(path: FilePath) -> list[McapFile | SqliteFile]:
+class _File(Protocol):
+    """A file of a bag."""
+
+    @property
+    def path(self) -> FilePath:
+        """Where it is."""
+
+    def topics(self) -> list[Topic]:
+        """Return what it has messages of."""
+
+
+@dataclass(frozen=True)
+class _Packed:
+    """A file whose messages are compressed one by one."""
+
+    file: _File
+
+    @property
+    def path(self) -> FilePath:
+        """Where it is."""
+        return self.file.path
+
+    def topics(self) -> list[Topic]:
+        """Return what it has messages of."""
+        return [replace(topic, stored=Unpacked(topic.stored)) for topic in self.file.topics()]
+
+
+def _files(path: FilePath, told: Told) -> list[_File]:
     about: dict[str, Any] = {}
     paths = [path]
     if path.is_dir():
@@ -115,17 +155,27 @@ def _files(path: FilePath) -> list[McapFile | SqliteFile]:
         raise FileFormatError(f"'{path}' is compressed as a whole: unpack it by `zstd -d {packed[0].name}` there")
     if not paths:
         raise FileFormatError(f"'{path}' is a folder without a bag in it: there is neither an .mcap nor a .db3 file")
-    mode = str(about.get("compression_mode") or "").lower()
-    return [_file(one, packed=mode == "message") for one in paths]
+    by_message = str(about.get("compression_mode") or "").lower() == "message"
+    found: list[_File] = []
+    for one in paths:
+        try:
+            file = _file(one, told)
+        except FileFormatError as error:
+            if len(paths) == 1:
+                raise
+            told.add(f"'{one.name}' can't be read, the other files of the bag are: {error}")
+            continue
+        found.append(_Packed(file) if by_message else file)
+    return found
 
 
-def _file(path: FilePath, *, packed: bool) -> McapFile | SqliteFile:
+def _file(path: FilePath, told: Told) -> McapFile | SqliteFile:
     if path.suffix == ".db3":
-        return SqliteFile(path, packed=packed)
+        return SqliteFile(path)
     try:
         with path.open("rb") as opened, damage_told(path):
             data = memoryview(mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ))
-            return McapFile(path, data)
+            return McapFile(path, data, told)
     except OSError as error:
         raise LogNotFoundError(f"can't open '{path}': {reason(error)}") from error
 
@@ -142,23 +192,78 @@ def _metadata(folder: FilePath) -> dict[str, Any]:
 # -------------------------------------------------------------------------------------------------------------- topics
 
 
-def _reader(name: str, parts: Sequence[tuple[FilePath, Topic]]) -> "TopicReader":
+class DamagedTopicError(UnknownTypeError):
+    """Not one message of a topic can be read."""
+
+
+@dataclass(frozen=True)
+class _Alike:
+    """Messages of a topic that are of one schema, in all files; `message` is their type, None of JSON."""
+
+    parts: list[tuple[FilePath, Topic]]
+    message: Message | None
+
+
+def _by_schema(
+    name: str, parts: Sequence[tuple[FilePath, Topic]], unknown: dict[str, str], told: Told
+) -> list[tuple[str, _Alike]]:
+    """What a topic has messages of, under the names that they get: one by itself is called as the topic.
+
+    `unknown` gets what can't be read, `told` that there are several.
+    """
+    found: list[_Alike] = []
+    refused: dict[str, str] = {}
+    types: dict[tuple[str, ...], Message | None] = {}
+    for path, topic in parts:
+        key = (topic.type, topic.definition, topic.language, topic.encoding)
+        try:
+            if key not in types:
+                types[key] = _type_of(topic)
+        except UnknownTypeError as error:
+            refused.setdefault(topic.type, f"{topic.type or 'no type'}: {error}")
+            continue
+        message = types[key]
+        one = next((one for one in found if one.message == message), None)
+        if one is None:
+            found.append(one := _Alike([], message))
+        one.parts.append((path, topic))
+    named = [(name if not at else f"{name}#{at + 1}", one) for at, one in enumerate(found)]
+    if len(named) > 1:
+        words = ", ".join(f"{called} ({one.parts[0][1].type})" for called, one in named)
+        told.add(f"{name} has messages of {len(named)} types, which are topics of their own: {words}")
+    for at, why in enumerate(refused.values()):
+        unknown[name if not found and not at else f"{name}#{len(found) + at + 1}"] = why
+    return named
+
+
+def _type_of(topic: Topic) -> Message | None:
+    """The type of a topic's messages, None of JSON. Raises `UnknownTypeError`."""
+    if topic.encoding == "json":
+        return None
+    if topic.encoding != "cdr":
+        raise UnknownTypeError(f"silo reads no {topic.encoding or 'unnamed'} messages")
+    if topic.definition and topic.language not in ("ros2msg", "ros2idl", ""):
+        raise UnknownTypeError(f"silo reads no definitions in {topic.language}")
+    return message_type(topic.type, topic.definition, topic.language)
+
+
+def _reader(name: str, alike: _Alike, told: Told) -> "TopicReader":
     """Raises `UnknownTypeError` for a topic that can't be read."""
-    path, first = parts[0]
-    alike = [topic for _, topic in parts if (topic.type, topic.encoding) == (first.type, first.encoding)]
-    if first.encoding == "json":
-        wanted, left = json_text.signals_of(_looked_at(alike))
-        return TopicReader(name, path, alike, None, wanted, left)
-    if first.encoding != "cdr":
-        raise UnknownTypeError(f"silo reads no {first.encoding or 'unnamed'} messages")
-    if first.definition and first.language not in ("ros2msg", "ros2idl", ""):
-        raise UnknownTypeError(f"silo reads no definitions in {first.language}")
-    message = message_type(first.type, first.definition, first.language)
+    path, message = alike.parts[0][0], alike.message
+    parts = [topic for _, topic in alike.parts]
+    if message is None:
+        bad: Bad = []
+        wanted, left, odd = json_text.signals_of(_every(parts, bad), bad)
+        if bad and not wanted:
+            raise DamagedTopicError(f"{len(bad):,} messages, of which none can be read: {bad[0][1]}")
+        for text in odd:
+            told.add(f"{name}{text}")
+        return TopicReader(name, path, parts, None, wanted, left, told)
     wanted, left = signals_of(message)
     endless = [one.name for one in wanted if one.count < 0]
-    some = _looked_at(alike) if endless else []
-    joints = _joints(message, some) if first.type == _JOINTS else ()
-    lengths = cdr.lengths_of(message, endless, some) if endless else {}
+    some = _looked_at(parts, message, all_blocks=bool(endless))
+    joints = _joints(message, some) if message.name == _JOINTS else ()
+    lengths = cdr.lengths_of(message, endless, some, []) if endless else {}
     kept: list[Wanted] = []
     empty: list[Path] = []
     for one in wanted:
@@ -173,26 +278,50 @@ def _reader(name: str, parts: Sequence[tuple[FilePath, Topic]]) -> "TopicReader"
             kept.append(replace(one, suffixes=tuple(suffixes), count=len(suffixes)))
         else:
             kept.append(one)
-    return TopicReader(name, path, alike, message, kept, left, joints, empty)
+    return TopicReader(name, path, parts, message, kept, left, told, joints, empty)
 
 
-def _looked_at(parts: Sequence[Topic]) -> list[Equal]:
-    """A few messages of a topic, numbered through all files in the order in which they stand there."""
+def _looked_at(parts: Sequence[Topic], message: Message, *, all_blocks: bool) -> list[Equal]:
+    """A few messages of a topic, numbered through all files in the order in which they stand there.
+
+    Of all of them, if those can't be read. Raises `DamagedTopicError` where none can.
+    """
+    bad: Bad = []
     found: list[Equal] = []
     for topic in parts:
         total = 1 + max((int(which.max()) for which, _ in found), default=-1)
-        found += [(which + total, rows) for which, rows in topic.stored.some()]
-    return found
+        for which, rows in topic.stored.some(bad):
+            found.append((which + total, rows))
+            if not all_blocks and cdr.any_whole(message, found, bad):
+                return found
+    if cdr.any_whole(message, found, bad):
+        return found
+    every = list(_every(parts, bad))
+    if not cdr.any_whole(message, every, bad) and bad:
+        total = sum(len(topic.stored.stamps()) for topic in parts)
+        raise DamagedTopicError(f"{total:,} messages, of which none can be read: {bad[-1][1]}")
+    return every
+
+
+def _every(parts: Sequence[Topic], bad: Bad) -> Iterator[Equal]:
+    """All messages of a topic, numbered through all files."""
+    first = 0
+    for part in parts:
+        wrong: Bad = []
+        for which, rows in part.stored.messages(wrong):
+            yield which + first, rows
+        bad += [(which + first, why) for which, why in wrong]
+        first += len(part.stored.stamps())
 
 
 def _joints(message: Message, some: Sequence[Equal]) -> tuple[str, ...]:
     """The names of joints in some messages, in the order in which they come."""
     found: dict[bytes, None] = {}
-    most = cdr.lengths_of(message, [("name",)], some)[("name",)]
+    most = cdr.lengths_of(message, [("name",)], some, [])[("name",)]
     if most:
         total = 1 + max(int(which.max()) for which, _ in some)
-        names = cdr.columns_of(message, {("name",): most}, some, total)[("name",)]
-        found = dict.fromkeys(names.ravel().tolist())
+        wanted = cdr.Columns.wanted({("name",): most}, {("name",): "S"}, total, [])
+        found = dict.fromkeys(cdr.columns_of(message, wanted, some)[("name",)].ravel().tolist())
     return tuple(name.decode("utf-8", "backslashreplace") for name in found if name)
 
 
@@ -207,6 +336,7 @@ class TopicReader:
         message: Message | None,
         wanted: Sequence[Wanted],
         left: Sequence[Path],
+        told: Told,
         joints: Sequence[str] = (),
         empty: Sequence[Path] = (),  # arrays without a value in all messages that were looked at
         headed: "TopicReader | None" = None,
@@ -217,6 +347,7 @@ class TopicReader:
         self._parts = parts
         self._message = message
         self._wanted = wanted
+        self._told = told
         self._joints = joints
         self._empty = empty
         self._read = headed  # whose columns these are, in another order
@@ -226,7 +357,15 @@ class TopicReader:
         if not any(one.name == _HEADER for one in self._wanted):
             return self
         return TopicReader(
-            self.name, self.path, self._parts, self._message, self._wanted, self.left, self._joints, headed=self
+            self.name,
+            self.path,
+            self._parts,
+            self._message,
+            self._wanted,
+            self.left,
+            self._told,
+            self._joints,
+            headed=self,
         )
 
     def elements(self) -> "list[TopicElement]":
@@ -265,6 +404,9 @@ class TopicReader:
         with damage_told(self.path):
             found = [part.stored.stamps() for part in self._parts]
         stamps = np.concatenate([np.empty(0, np.int64), *found])
+        for part in self._parts:
+            if part.stored.damage:
+                self._told.add(f"{self.name}: {part.stored.damage}")
         if len(stamps) < 2 or bool((stamps[1:] >= stamps[:-1]).all()):
             return stamps, None
         order = np.argsort(stamps, kind="stable")
@@ -284,8 +426,9 @@ class TopicReader:
     def _headed(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The stamps of the headers in order, and which message each is of. One that was not set is the log time."""
         assert self._read is not None
-        stamps = self._read.values(_HEADER).view(np.int64)
-        stamps = np.where(stamps == 0, self.log_ns, stamps)
+        measured = self._read.values(_HEADER)
+        stamps = measured.view(np.int64)
+        stamps = np.where(np.isnat(measured) | (stamps == 0), self.log_ns, stamps)
         order = np.argsort(stamps, kind="stable")
         return stamps[order], order
 
@@ -296,37 +439,53 @@ class TopicReader:
     @cached_property
     def _columns(self) -> Mapping[Path, NDArray[Any]]:
         total = len(self.log_ns)
+        bad: Bad = []
         with damage_told(self.path):
             if self._message is None:
-                found = json_text.columns_of(self._wanted, self._messages(), total)
+                found = json_text.columns_of(self._wanted, self._messages(bad), total, bad)
             else:
                 paths = {path: one.count for one in self._wanted for path in one.paths}
-                longer: set[Path] = set()
+                dtypes = {path: one.dtype for one in self._wanted for path in one.paths}
                 looked = paths | dict.fromkeys(self._empty, 0)
-                every = cdr.columns_of(self._message, looked, self._messages(), total, longer)
+                wanted = cdr.Columns.wanted(looked, dtypes, total, bad)
+                every = cdr.columns_of(self._message, wanted, self._messages(bad))
                 found = {path: every[path] for path in paths}
-                if longer and not self._joints:
-                    words = _some([f"{self.name}/{'/'.join(path)}" for path in sorted(longer)])
-                    self._warn(f"arrays that are longer in some messages are cut to their usual length: {words}")
+                if wanted.longer and not self._joints:
+                    self._tell("arrays that are longer in some messages are cut to their usual length", wanted.longer)
+                if wanted.cut:
+                    self._tell("texts that are very long in some messages are cut", wanted.cut)
+        self._tell_bad(bad, total)
         return self._by_joint(found) if self._joints else found
 
-    def _warn(self, what: str) -> None:
-        warnings.warn(f"{self.path}: {what}", LogWarning, stacklevel=2)
+    def _tell(self, what: str, paths: Iterable[Path]) -> None:
+        self._told.add(f"{what}: {_some([f'{self.name}/' + '/'.join(path) for path in sorted(paths)])}")
 
-    def _messages(self) -> Iterator[Equal]:
+    def _tell_bad(self, bad: Bad, total: int) -> None:
+        """Say of messages that can't be read which they are, when they were logged, and why."""
+        reasons: dict[str, list[NDArray[np.int64]]] = {}
+        for which, why in bad:
+            reasons.setdefault(why if len(reasons) < _MOST_TOLD else next(iter(reasons)), []).append(which)
+        for why, parts in reasons.items():
+            which = np.unique(np.concatenate(parts))
+            which = which[which < total]
+            if not len(which):
+                continue
+            first, last = (str(np.datetime64(int(self.log_ns[at]), "ns")) for at in (which[0], which[-1]))
+            moment = f"number {which[0]:,} (from 0), logged at {first} UTC"
+            if len(which) > 1:
+                moment = f"numbers {which[0]:,} to {which[-1]:,} (from 0), logged from {first} to {last} UTC"
+            self._told.add(f"{self.name}: {len(which):,} of {total:,} messages can't be read, {moment}: {why}")
+
+    def _messages(self, bad: Bad) -> Iterator[Equal]:
+        """All messages, by their places in the order of time; `bad` gets the places of those that can't be read."""
         order = self._logged[1]
-        rank = None
+        places = np.arange(len(self._logged[0]))
         if order is not None:
-            rank = np.empty(len(order), np.int64)
-            rank[order] = np.arange(len(order))
-        first = 0
-        for part in self._parts:
-            count = 0
-            for which, rows in part.stored.messages():
-                places = which + first
-                count += len(which)
-                yield places if rank is None else rank[places], rows
-            first += count
+            places[order] = np.arange(len(order))
+        wrong: Bad = []
+        for which, rows in _every(self._parts, wrong):
+            yield places[which], rows
+        bad += [(places[which], why) for which, why in wrong]
 
     def _by_joint(self, found: dict[Path, NDArray[Any]]) -> dict[Path, NDArray[Any]]:
         """Values of joints under the names that each message gives them: publishers take turns on this topic."""
@@ -336,7 +495,7 @@ class TopicReader:
             rows, alike = np.unique(names, axis=0, return_inverse=True)
             unseen = sorted({name.decode("utf-8", "replace") for name in rows.ravel().tolist()} - {"", *self._joints})
             if unseen:
-                self._warn(f"joints of {self.name} that come in late are left out: {_some(unseen)}")
+                self._told.add(f"joints of {self.name} that come in late are left out: {_some(unseen)}")
             for path in (("position",), ("velocity",), ("effort",)):
                 if path not in found:
                     continue

@@ -3,27 +3,26 @@
 import contextlib
 import os
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
 from silo.errors import FileFormatError
-from silo.files.others.topics import SOME, Equal, Topic
+from silo.files.others.topics import SOME, Bad, Equal, Topic, equal
 
 MARK = b"SQLite format 3\0"
 _DEFINITIONS = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
 
 
 class SqliteFile:
-    """One file; `packed` says whether each message is compressed by itself."""
+    """One file."""
 
-    def __init__(self, path: Path, *, packed: bool) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
-        self.packed = packed
         # a write-ahead log needs a folder that can be written; where there is none, nobody writes the file either
         how = "mode=ro" if os.access(path.parent, os.W_OK) else "mode=ro&immutable=1"
         try:
@@ -38,6 +37,16 @@ class SqliteFile:
             return self._database.execute(query, values).fetchall()
         except sqlite3.Error as error:
             raise ValueError(f"damaged: {error}") from error
+
+    def rows_there(self, query: str, *values: object) -> tuple[list[tuple[object, ...]], str]:
+        """Return what a query finds up to where the file is damaged, and how it is."""
+        found: list[tuple[object, ...]] = []
+        try:
+            for row in self._database.execute(query, values):
+                found.append(row)  # noqa: PERF402  # what was found before an error is kept
+        except (sqlite3.Error, ValueError, OverflowError) as error:
+            return found, f"damaged: {error}"
+        return found, ""
 
     def topics(self) -> list[Topic]:
         """Return the topics that have messages."""
@@ -59,35 +68,46 @@ class SqliteTopic:
     file: SqliteFile
     number: int
 
+    @cached_property
+    def _logged(self) -> tuple[list[int], NDArray[np.int64], str]:
+        """Numbers of the rows, their log times, and what is wrong with the file behind them."""
+        query = "SELECT id, timestamp FROM messages WHERE topic_id = ? ORDER BY timestamp, id"
+        found, why = self.file.rows_there(query, self.number)
+        whole = [
+            (number, stamp)
+            for number, stamp in found
+            if isinstance(number, int) and isinstance(stamp, int) and -(2**63) <= stamp < 2**63
+        ]
+        if len(whole) < len(found):
+            why = f"{len(found) - len(whole)} messages have no time"
+        return [number for number, _ in whole], np.array([stamp for _, stamp in whole], np.int64), why
+
     def stamps(self) -> NDArray[np.int64]:
         """Return their log times."""
-        found = self.file.rows("SELECT timestamp FROM messages WHERE topic_id = ? ORDER BY timestamp, id", self.number)
-        return np.array([stamp for (stamp,) in found], np.int64)
+        return self._logged[1]
 
-    def messages(self) -> Iterator[Equal]:
-        """Return what they hold, those of one size together. Raises ValueError for one that is damaged."""
-        return self._equal("SELECT data FROM messages WHERE topic_id = ? ORDER BY timestamp, id")
+    @property
+    def damage(self) -> str:
+        """What is missing, in words."""
+        return self._logged[2]
 
-    def some(self) -> Iterator[Equal]:
+    def messages(self, bad: Bad) -> Iterator[Equal]:
+        """Return what they hold, those of one size together; `bad` gets those that can't be read."""
+        return self._equal("SELECT id, data FROM messages WHERE topic_id = ? ORDER BY timestamp, id", bad)
+
+    def some(self, bad: Bad) -> Iterator[Equal]:
         """Return the first messages."""
-        return self._equal(f"SELECT data FROM messages WHERE topic_id = ? LIMIT {SOME}")
+        query = f"SELECT id, data FROM messages WHERE topic_id = ? ORDER BY timestamp, id LIMIT {SOME}"
+        return self._equal(query, bad, SOME)
 
-    def _equal(self, query: str) -> Iterator[Equal]:
-        found = [data for (data,) in self.file.rows(query, self.number)]
-        contents = [data for data in found if isinstance(data, bytes)]
-        if len(contents) < len(found):
-            raise ValueError("a message is no bytes")
-        if self.file.packed:
-            unpack = zstandard.ZstdDecompressor()
-            contents = [unpack.decompressobj().decompress(data) for data in contents]
+    def _equal(self, query: str, bad: Bad, most: int | None = None) -> Iterator[Equal]:
+        found, why = self.file.rows_there(query, self.number)
+        data = {number: content for number, content in found if isinstance(number, int)}
+        contents: list[tuple[int, bytes]] = []
+        for place, number in enumerate(self._logged[0][:most]):
+            content = data.get(number)
+            if isinstance(content, bytes):
+                contents.append((place, content))
+            else:
+                bad.append((np.array([place]), "it is no bytes" if number in data else why or "it is gone"))
         yield from equal(contents)
-
-
-def equal(contents: Sequence[bytes]) -> Iterator[Equal]:
-    """Return messages of one size together: which they are, and their bytes."""
-    sizes: dict[int, list[int]] = {}
-    for number, content in enumerate(contents):
-        sizes.setdefault(len(content), []).append(number)
-    for size, which in sizes.items():
-        rows = np.frombuffer(b"".join([contents[number] for number in which]), np.uint8)
-        yield np.array(which, np.int64), rows.reshape(len(which), size)

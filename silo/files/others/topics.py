@@ -1,13 +1,17 @@
 """What any bag has: topics, each with messages somewhere in a file."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import zstandard
 from numpy.typing import NDArray
 
+from silo.files.mcap_chunks import MOST_RATIO, MOST_ROOM
+
 Equal = tuple[NDArray[np.int64], NDArray[np.uint8]]  # which messages, and their bytes, shape `(n, size)`
+Bad = list[tuple[NDArray[np.int64], str]]  # which messages can't be read, and why
 
 
 SOME = 64  # messages that are looked at to know how long arrays are
@@ -16,13 +20,17 @@ SOME = 64  # messages that are looked at to know how long arrays are
 class Messages(Protocol):
     """The messages of a topic in one file, in the order in which they stand there."""
 
+    @property
+    def damage(self) -> str:
+        """What is known to be missing, in words."""
+
     def stamps(self) -> NDArray[np.int64]:
         """Return the log times."""
 
-    def messages(self) -> Iterable[Equal]:
-        """Return what they hold, those of one size together."""
+    def messages(self, bad: Bad) -> Iterable[Equal]:
+        """Return what they hold, those of one size together; `bad` gets those that can't be read."""
 
-    def some(self) -> Iterable[Equal]:
+    def some(self, bad: Bad) -> Iterable[Equal]:
         """Return what a few of them hold."""
 
 
@@ -36,3 +44,57 @@ class Topic:
     language: str
     definition: str
     stored: Messages
+
+
+def equal(contents: Sequence[tuple[int, bytes]]) -> Iterator[Equal]:
+    """Return messages of one size together: which they are, and their bytes."""
+    sizes: dict[int, list[tuple[int, bytes]]] = {}
+    for place, content in contents:
+        sizes.setdefault(len(content), []).append((place, content))
+    for size, those in sizes.items():
+        rows = np.frombuffer(b"".join([content for _, content in those]), np.uint8)
+        yield np.array([place for place, _ in those], np.int64), rows.reshape(len(those), size)
+
+
+@dataclass(frozen=True)
+class Unpacked:
+    """Messages that are compressed one by one."""
+
+    stored: Messages
+
+    @property
+    def damage(self) -> str:
+        """What is known to be missing, in words."""
+        return self.stored.damage
+
+    def stamps(self) -> NDArray[np.int64]:
+        """Return the log times."""
+        return self.stored.stamps()
+
+    def messages(self, bad: Bad) -> Iterator[Equal]:
+        """Return what they hold, those of one size together; `bad` gets those that can't be read."""
+        return self._unpacked(self.stored.messages(bad), bad)
+
+    def some(self, bad: Bad) -> Iterator[Equal]:
+        """Return what a few of them hold."""
+        return self._unpacked(self.stored.some(bad), bad)
+
+    def _unpacked(self, groups: Iterable[Equal], bad: Bad) -> Iterator[Equal]:
+        contents: list[tuple[int, bytes]] = []
+        for which, rows in groups:
+            for place, row in zip(which.tolist(), rows, strict=True):
+                try:
+                    contents.append((place, _unpacked(row.tobytes())))
+                except (ValueError, zstandard.ZstdError) as error:  # noqa: PERF203  # each may be damaged
+                    bad.append((np.array([place]), str(error)))
+        yield from equal(contents)
+
+
+def _unpacked(data: bytes) -> bytes:
+    """What a message is that is compressed by itself. Raises ValueError or ZstdError."""
+    most = max(MOST_ROOM, MOST_RATIO * len(data))
+    with zstandard.ZstdDecompressor().stream_reader(data) as stream:
+        content: bytes = stream.read(most + 1)
+    if len(content) > most:
+        raise ValueError(f"{len(data):,} bytes unpack to more than {most:,}")
+    return content
