@@ -403,6 +403,10 @@ class Status(msgspec.Struct, frozen=True):
     one_operator: bool = False  # whether changes need control: `serve(control="one")`
     unheld: dict[str, int] = {}  # elements whose array nobody but silo holds, the first ten, and the tick it was seen
     idle_s: float = 0.0  # while it runs: since its last tick, or its start
+    held_runs: int = 0  # runs before the present one that recorders or triggers are not done with
+    held_bytes: int = 0  # their memory
+    held_runs_most: int = 0  # how many may be held, and how many bytes; 0 where that isn't known
+    held_bytes_most: int = 0
 
 
 class Table(msgspec.Struct, frozen=True):

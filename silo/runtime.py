@@ -21,6 +21,9 @@ from silo.errors import SegmentError
 SEGMENT_SUFFIX = ".segment"
 UNFINISHED_SUFFIX = f"{SEGMENT_SUFFIX}.new"
 DOWN_SUFFIX = ".down"
+HELD_SUFFIX = ".held"  # of a run whose program is done with it, and a consumer is not: `silo.collecting.held`
+RECORDERS_SUFFIX = ".recorders"  # of the list of what records a logger
+JUDGE_SUFFIX = ".judge"  # of what the judge knows of a run
 _BYTE_LOCK = struct.Struct("hhqqi4x")  # `struct flock` of the kernel
 
 
@@ -81,6 +84,23 @@ def list_segments(folder: Path | None = None) -> list[Path]:
     if folder is not None:
         found += sorted(folder.absolute().glob(f".*{SEGMENT_SUFFIX}"))
     return list(dict.fromkeys(found))
+
+
+def list_held() -> list[Path]:
+    """Return the files of runs that are held, those in log folders by their links."""
+    found = []
+    for path in sorted(runtime_dir().glob(f"*{HELD_SUFFIX}")):
+        if not path.is_symlink():
+            found.append(path)
+        elif path.exists():
+            found.append(path.readlink())
+        elif not _segment_of(path.readlink()).exists():  # else it is about to get that name
+            path.unlink(missing_ok=True)
+    return found
+
+
+def _segment_of(held: Path) -> Path:
+    return held.with_name(held.name.removesuffix(HELD_SUFFIX) + SEGMENT_SUFFIX)
 
 
 def _forget_announced(link: Path) -> None:

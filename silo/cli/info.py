@@ -108,6 +108,7 @@ def _show_status(status: "Status") -> None:
         *_endless(status),
         ("time limit", limit),
         ("memory", f"{status.segment_bytes / 1e6:.1f} MB"),
+        *_held_runs(status),
         ("folder", status.folder),
         ("script", status.script),
         ("process", f"{status.pid}, helper {status.helper_pid}"),
@@ -171,6 +172,14 @@ def _endless(status: "Status") -> list[tuple[str, str]]:
     if not status.recorders:
         return []
     return [("recorded", f"{many(status.recorders, 'recording')} under way: `silo record {status.logger} --ls`")]
+
+
+def _held_runs(status: "Status") -> list[tuple[str, str]]:
+    """A line of the memory of runs that are over, and are still read by recorders or triggers."""
+    if not status.held_bytes_most:
+        return []
+    held = f"{many(status.held_runs, 'earlier run')}, {status.held_bytes / 1e6:.1f} MB"
+    return [("held", f"{held}, of at most {status.held_runs_most} runs, {status.held_bytes_most / 1e6:.0f} MB")]
 
 
 def _durable(status: "Status") -> list[tuple[str, str]]:

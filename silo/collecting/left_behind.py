@@ -11,13 +11,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from silo.collecting.held import hold, is_due, remove
 from silo.collecting.holdings import Holdings, segment_holdings
 from silo.collecting.journal import remove_journals
-from silo.collecting.schema import SegmentSchema
+from silo.collecting.schema import Control, SegmentSchema
 from silo.collecting.segment_reader import SegmentReader
 from silo.errors import SegmentError, StateError
 from silo.model import LoggerOptions, Storage
-from silo.runtime import is_at, list_segments, runtime_dir, sweep_unfinished, withdraw_segment
+from silo.runtime import is_at, list_segments, runtime_dir, sweep_unfinished
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,8 @@ def sweep_segments(folder: Path | None = None) -> list[Path]:
 
 def _remove_if_worthless(path: Path) -> bool:
     with contextlib.suppress(SegmentError, StateError, OSError), contextlib.closing(SegmentReader(path)) as reader:
-        if not reader.alive() and not has_unsaved(reader):
+        # what somebody still has to read stays for the next helper process, or `silo recover`
+        if not reader.alive() and not has_unsaved(reader) and not is_due(reader.schema):
             with claimed(reader):
                 discard(reader)
                 return True
@@ -106,11 +108,16 @@ def _remove_if_worthless(path: Path) -> bool:
 
 
 def discard(reader: SegmentReader) -> None:
-    """Delete a segment whose data is in a file, or that holds none, and its journals; these first."""
+    """Delete a segment whose data is in a file, or that holds none, and its journals; these first.
+
+    It is held instead where a recorder, or the judge, is not done with it.
+    """
     remove_journals(reader.schema)
-    reader.path.unlink(missing_ok=True)
-    if reader.path.name.startswith("."):  # in a log folder: found by a link
-        withdraw_segment(reader.path)
+    if is_due(reader.schema):
+        with contextlib.suppress(OSError):
+            hold(reader.path)
+            return
+    remove(reader.path)
 
 
 def has_unsaved(reader: SegmentReader) -> bool:
@@ -151,6 +158,6 @@ def mark_saved(reader: SegmentReader) -> None:
     """Note in the segment of a dead writer that all its ticks stand in a file, for those that have it open."""
     descriptor = os.open(f"/proc/self/fd/{reader.fileno()}", os.O_WRONLY | os.O_CLOEXEC)
     try:
-        os.pwrite(descriptor, reader.ticks.to_bytes(8, "little"), reader.saved_ticks_offset)
+        os.pwrite(descriptor, reader.ticks.to_bytes(8, "little"), reader.control_offset(Control.SAVED_TICKS))
     finally:
         os.close(descriptor)

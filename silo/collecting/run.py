@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from silo.collecting.clocks import looked_at
 from silo.collecting.generate import Collect, generate
+from silo.collecting.held import held_name
 from silo.collecting.marks import no_mark
 from silo.collecting.pieces import words_at
 from silo.collecting.plan import Element, Plan, make_plan
@@ -52,10 +53,11 @@ class Run:
         after_end: Collect,
         extras: Extras = NO_EXTRAS,
         before: "Run | None" = None,
+        number: int = 0,
     ) -> None:
         """Lay out, allocate and touch the buffers. Raises SegmentError where there is no room for them.
 
-        before: the logger's last run, whose layout is taken where the table is the same.
+        before: the logger's last run, whose layout is taken where the table is the same; number: of this one.
         """
         unchanged = before is not None and before._elements is elements
         plan = before.plan.again() if before and unchanged else _laid_out(options, elements)
@@ -68,7 +70,7 @@ class Run:
             announce_segment(path)
         self.segment = Segment(
             path,
-            self._schema(options, plan, extras),
+            self._schema(options, plan, extras, number),
             plan.first_rows,
             options.memory_limit_mb * 1_000_000,
             in_memory=options.storage is not Storage.FILE,
@@ -102,10 +104,10 @@ class Run:
             folder, dot = runtime_dir(), ""
         names = (f"{dot}{options.name}.{os.getpid()}.{number}{SEGMENT_SUFFIX}" for number in _numbers)
         # pids come again, in containers at every start: a predecessor's recording keeps its name
-        return next(path for path in map(folder.joinpath, names) if not path.exists())
+        return next(path for path in map(folder.joinpath, names) if not path.exists() and not held_name(path).exists())
 
     @staticmethod
-    def _schema(options: LoggerOptions, plan: Plan, extras: Extras) -> SegmentSchema:
+    def _schema(options: LoggerOptions, plan: Plan, extras: Extras, number: int) -> SegmentSchema:
         pid = os.getpid()
         return SegmentSchema(
             logger=options.name,
@@ -129,6 +131,7 @@ class Run:
             run=secrets.token_hex(8),
             pid_namespace=pid_namespace(),
             extras=extras,
+            number=number,
         )
 
     @property
@@ -167,20 +170,24 @@ class Run:
         """No more ticks in this process, a forked child; the segment goes on being its parent's."""
         self._retire()
 
-    def drop(self) -> None:
-        """Delete the segment, which readers that have it mapped keep, and let go of the program's variables."""
+    def drop(self, *, held: bool = False) -> Path | None:
+        """Delete the segment, which readers that have it mapped keep, and let go of the program's variables.
+
+        `held`: it stays under another name, which is returned, for those who still have to read it.
+        """
         self._retire()
         self.collect = self._retire = _nothing
         self.mark = no_mark
         self.plan = dataclasses.replace(self.plan, references=())
         self._elements, self._watched = None, Watched.of(())
         self._unheld.end()
-        self.segment.unlink()
-        if self._announced:
+        kept = self.segment.unlink(held=held)
+        if self._announced and kept is None:
             withdraw_segment(self.segment.path)
         if self._reader is not None:
             self._reader.close()
             self._reader = None
+        return kept
 
 
 def _laid_out(options: LoggerOptions, elements: Sequence[Element]) -> Plan:

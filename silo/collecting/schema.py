@@ -57,6 +57,7 @@ class Control(enum.IntEnum):
     STOP_REASON = 1
     CHUNKS = 2
     SAVED_TICKS = 3
+    DROPPED = 4  # 1 where the rows of a run that was held went: the file tells of it, and holds none
 
 
 class RingControl(enum.IntEnum):
@@ -159,6 +160,7 @@ class SegmentSchema(msgspec.Struct, frozen=True, weakref=True):
     marks: int = -1
     mark_slots: int = 0
     unheld: int = -1
+    number: int = 0  # of the run among those of its logger, from 1; 0 in older segments
 
 
 def page_up(size_bytes: int) -> int:

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from silo.collecting.failures import BLOCK_WORDS
+from silo.collecting.held import hold
 from silo.collecting.marks import MARKS_BYTES, SLOTS, Mark, marker, no_mark
 from silo.collecting.reasons import LostWhy, StopReason
 from silo.collecting.schema import (
@@ -302,15 +303,21 @@ class Segment:
         self._ended = True
         self._wanted.set()
 
-    def unlink(self) -> None:
-        """Delete the file and let go of its memory, which readers keep; `ticks` and `lost` stay what they are."""
+    def unlink(self, *, held: bool = False) -> Path | None:
+        """Delete the file and let go of its memory, which readers keep; `ticks` and `lost` stay what they are.
+
+        `held`: it gets another name instead, which is returned: somebody still has to read it.
+        """
         self._end_chunks()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join()  # it holds the chunk that it made last
         self._failed = self.failures
         self._counted = self.ticks, self.lost_rows
-        with contextlib.suppress(FileNotFoundError):
-            self.path.unlink()
+        kept = None
+        with contextlib.suppress(OSError):
+            kept = hold(self.path) if held else None
+        if kept is None:
+            self.path.unlink(missing_ok=True)
         with self._allocating:
             if self._fd >= 0:
                 os.close(self._fd)
@@ -319,6 +326,7 @@ class Segment:
             self.mark = no_mark
             self._next.clear()
             self._first.clear()
+        return kept
 
 
 def _held_by_dead() -> str:

@@ -242,10 +242,20 @@ class SegmentReader:
         """Ticks that stood in a file at the last save."""
         return self._control_word(Control.SAVED_TICKS)
 
+    def control_offset(self, word: Control) -> int:
+        """Where in the file a word of its own stands."""
+        return 8 * (self._control + word)
+
     @property
-    def saved_ticks_offset(self) -> int:
-        """Where in the file that is noted."""
-        return 8 * (self._control + Control.SAVED_TICKS)
+    def rows_offset(self) -> int:
+        """Where in the file rows begin: before that is all that tells of them."""
+        places = [ring.offset for ring in self.schema.rings if ring.buffer_type is not BufferType.GROWING]
+        return min([*places, self._chunk_data])
+
+    @functools.cached_property
+    def dropped(self) -> bool:
+        """Whether the rows of a run that was held went, for want of room: this is another file than was written."""
+        return self._control_word(Control.DROPPED) != 0
 
     @property
     def last_time_ns(self) -> int:
@@ -328,7 +338,7 @@ class SegmentReader:
         head = self.head(ring)
         if layout.buffer_type is BufferType.FIXED and head > layout.capacity:
             raise self._damaged(f"ring {ring} says that it holds {head} rows, {layout.capacity} fit in")
-        begin = max(since, 0)
+        begin = max(since, head if self.dropped else 0)
         if layout.buffer_type is BufferType.LOOPING:
             begin = max(begin, head - layout.capacity + UNSAFE_ROWS)
         end = max(head if limit is None else min(head, begin + limit), begin)

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import zenoh
 
+from silo.collecting.segment_reader import SegmentReader
 from silo.errors import ConnectionLostError, SegmentError, SiloError
 from silo.helper.answers import Answers
 from silo.helper.control import Control
@@ -26,6 +27,7 @@ from silo.helper.crash import after_crash
 from silo.helper.door import Door
 from silo.helper.event_log import EventLog
 from silo.helper.events import Events, plain
+from silo.helper.held_runs import HeldRuns, tell_left
 from silo.helper.journaling import Journaling
 from silo.helper.judge import Judge
 from silo.helper.marks import Marks
@@ -103,6 +105,7 @@ class Helper:
         self._exit_code = 0
         self._judge: Judge | None = None
         self._recording: Recording | None = None
+        self._held: HeldRuns | None = None
         self._marks: Marks | None = None
         self._operators: Operators | None = None
 
@@ -151,14 +154,18 @@ class Helper:
 
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
         mirror = Mirror(first, self._root.host)
+        held = self._held = HeldRuns(mirror, self._poke)
         self._take_runs(mirror)
+        held.take()  # one that was not handed over
         events = Events(session, self._root, mirror, EventLog(first.folder, first.logger))
         marks = self._marks = Marks(mirror, events)
         publisher = Publisher(session, self._root, mirror, events)
         saver = Saver(mirror, events, self._robot)
         journaling = Journaling(mirror, events)
         judge = self._judge = Judge(mirror, events)
-        recording = self._recording = Recording(mirror, events)
+        recording = self._recording = Recording(mirror, events, held)
+        self._take_left(held.find(), events)
+        held.add(recording.needs)
         people = self._people(path, mirror, events)
         answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording, people[1])
         control = Control(session, self._root, answers, *people, publisher.name_client)
@@ -171,10 +178,10 @@ class Helper:
         with contextlib.ExitStack() as at_end:  # the last one first
             for stop in (events.log.stop, marks.stop):
                 at_end.callback(stop)
-            for wait in (saver.stop, predecessors.stop):
-                at_end.callback(wait, SAVE_GRACE_S)
             at_end.callback(publisher.stop)
-            at_end.callback(recording.wait, SAVE_GRACE_S)
+            at_end.callback(held.release, at_end=True)
+            for wait in (saver.stop, predecessors.stop, recording.wait):
+                at_end.callback(wait, SAVE_GRACE_S)
             for stop in (answers.stop, control.stop, journaling.stop):
                 at_end.callback(stop)
             at_end.callback(judge.stop, "the helper process ended", within_s=CAPTURES_GRACE_S)
@@ -185,27 +192,23 @@ class Helper:
                 _tell_death(path, publisher)
             marks.stop()  # recordings have them, too
             # a helper process that comes after this one goes on with what was recorded, unless the logger is closed
-            recording.stop(forget=ended is not _Ended.FILES_DELETED and not self._term_s)
-            if ended is _Ended.FILES_DELETED:
-                self._exit_code = FILES_DELETED
-                judge.stop("the helper process was replaced", hand_over=True)
-                journaling.stop()
-                saver.stop()
-            elif ended is _Ended.GOODBYE:
-                ending = "the helper process was ended" if self._gave_up else "the program closed its logger"
-                # what a successor goes on with is not dropped
-                within_s = math.inf if self._gave_up else CAPTURES_GRACE_S
-                judge.stop(ending, hand_over=self._gave_up, within_s=within_s)
-                journaling.stop()
-                _tell_end(events, publisher)
-                saver.stop(SAVE_GRACE_S)
-            else:
+            forget = ended is not _Ended.FILES_DELETED and not self._term_s
+            recording.stop(forget=forget, died=ended is _Ended.DIED)
+            if ended is _Ended.DIED:
                 self._robot.lost()
                 judge.stop("the robot program died")
                 saver.finish()
                 journaling.stop()
                 news = after_crash(mirror, events)
-                self._linger(publisher, DEAD_WITHOUT_CLIENTS_S if news else 0.0)
+                self._linger(publisher, held, DEAD_WITHOUT_CLIENTS_S if news else 0.0)
+                return
+            deleted = ended is _Ended.FILES_DELETED
+            self._exit_code = FILES_DELETED if deleted else 0
+            _stop_judge(judge, deleted=deleted, gave_up=self._gave_up)
+            journaling.stop()
+            if not deleted:
+                _tell_end(events, publisher)
+            saver.stop(None if deleted else SAVE_GRACE_S)
 
     # ------------------------------------------------------------------------------------------- while it lives
 
@@ -220,6 +223,8 @@ class Helper:
             readable = select.select(waited, [], [], timeout_s)[0]
             if self._wake in readable:
                 os.eventfd_read(self._wake)
+            if self._wake in readable or not readable:
+                self._look_at_held(events)
             if self._operators is not None:
                 self._operators.watch()
             if not readable and self._term_s and time.monotonic() >= self._term_s + TERM_GRACE_S:
@@ -250,6 +255,8 @@ class Helper:
         taken = self._robot.taken_runs()
         for offer, descriptor in taken:
             _take_run(mirror, offer, descriptor)
+            if self._held is not None:
+                self._held.take()
             if self._marks is not None:
                 self._marks.take_run()
             if self._judge is not None:
@@ -258,6 +265,25 @@ class Helper:
                 self._recording.follow_present()
             self._deleted = "" if offer.named else offer.run
         return bool(taken)
+
+    def _look_at_held(self, events: Events) -> None:
+        """Let go of runs that nobody needs any more, and take in those that came by no message."""
+        if self._held is not None:
+            self._take_left(self._held.find(), events)
+            self._held.release()
+
+    def _take_left(self, left: list[SegmentReader], events: Events) -> None:
+        """Have runs read that ended while there was no helper process."""
+        for reader in left:
+            tell_left(reader, events)
+            if self._marks is not None:
+                self._marks.take_left(reader)
+            if self._recording is not None:
+                self._recording.follow_present()
+
+    def _poke(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.eventfd_write(self._wake, 1)
 
     def _files_deleted(self, mirror: Mirror, events: Events, saver: Saver, path: Path) -> bool:
         """Save what somebody deleted the names of; True if clients can't find this process any more either."""
@@ -282,16 +308,9 @@ class Helper:
         saver: Saver,
     ) -> None:
         if isinstance(message, RobotState):
-            before, now = mirror.take(message)
-            if self._marks is not None and now.robot.state is State.STOPPED:
-                self._marks.take()  # nothing of a run is told after its end
-            if self._recording is not None:
-                self._recording.follow_present()
-            _tell_changes(events, before, now)
+            self._take_state(message, mirror, events)
         elif isinstance(message, LetGo):
-            if self._marks is not None:
-                self._marks.let_go()
-            mirror.let_go()
+            self._let_go(message, mirror)
         elif isinstance(message, LinkReply):
             late = self._robot.answered(message)
             if late is not None:
@@ -308,6 +327,26 @@ class Helper:
                 self._robot.send(LinkReply(message.number, SaveStarted(job.number)))
                 saver.submit(job)
 
+    def _take_state(self, message: RobotState, mirror: Mirror, events: Events) -> None:
+        before, now = mirror.take(message)
+        if self._held is not None:
+            self._held.take()
+        if self._marks is not None and now.robot.state is State.STOPPED:
+            self._marks.take()  # nothing of a run is told after its end
+        if self._recording is not None:
+            self._recording.follow_present()
+        _tell_changes(events, before, now)
+        if now.robot.segment != before.robot.segment:
+            self._look_at_held(events)
+
+    def _let_go(self, message: LetGo, mirror: Mirror) -> None:
+        if self._held is not None:
+            self._held.let_go(held_alone=message.held_alone)
+        if not message.held_alone:
+            if self._marks is not None:
+                self._marks.let_go()
+            mirror.let_go()
+
     def _record(self, number: int, request: StartRecorder | StopRecorder) -> None:
         assert self._recording is not None
         if isinstance(request, StartRecorder):
@@ -318,7 +357,7 @@ class Helper:
 
     # ------------------------------------------------------------------------------------------- after its end
 
-    def _linger(self, publisher: Publisher, without_clients_s: float) -> None:
+    def _linger(self, publisher: Publisher, held: HeldRuns, without_clients_s: float) -> None:
         """Go on answering while somebody is there to read what happened, or may come for it."""
         ended_s = time.monotonic()
         while not self._term_s:
@@ -326,19 +365,28 @@ class Helper:
             if since_s > (DEAD_WITH_CLIENTS_S if publisher.clients else without_clients_s):
                 return
             if select.select([self._wake], [], [], DEAD_POLL_S)[0]:
-                return
+                os.eventfd_read(self._wake)
+                held.release(at_end=True)
 
     def _on_term(self, _number: int, _frame: object) -> None:
         # a service manager sends SIGTERM to robot and helper at once: what the robot logged must be saved before
         self._term_s = time.monotonic()
-        with contextlib.suppress(BlockingIOError):
-            os.eventfd_write(self._wake, 1)
+        self._poke()
 
 
 def _tell_death(path: Path, publisher: Publisher) -> None:
     """First of all: who looks for the program may find its next start already, and saving takes time."""
     dead_mark(path).touch()
     publisher.summary.die()
+
+
+def _stop_judge(judge: Judge, *, deleted: bool, gave_up: bool) -> None:
+    if deleted:
+        judge.stop("the helper process was replaced", hand_over=True)
+        return
+    ending = "the helper process was ended" if gave_up else "the program closed its logger"
+    # what a successor goes on with is not dropped
+    judge.stop(ending, hand_over=gave_up, within_s=math.inf if gave_up else CAPTURES_GRACE_S)
 
 
 def _tell_end(events: Events, publisher: Publisher) -> None:

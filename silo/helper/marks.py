@@ -58,6 +58,13 @@ class Marks:
                 self._known = self._events.log.marks_of(reader.schema.run) if reader is not None else set()
             self._reader = reader
 
+    def take_left(self, reader: SegmentReader) -> None:
+        """Take those of a run that ended while there was no helper process."""
+        known = self._events.log.marks_of(reader.schema.run)
+        for mark in reader.stamped_marks():
+            if (mark.time_ns, mark.tick, mark.text) not in known:
+                self._events.publish_mark(mark)
+
     def let_go(self) -> None:
         """Take what is left of the run and free its memory."""
         self.take()

@@ -75,6 +75,16 @@ class LoggerSnapshot:
         return self._derived.get(name) if place is None else self.table.elements[place]
 
 
+@dataclass(frozen=True)
+class HeldNow:
+    """Runs before the present one that are held, and how many may be."""
+
+    runs: int = 0
+    size_bytes: int = 0
+    most_runs: int = 0
+    most_bytes: int = 0
+
+
 class Mirror:
     """What all threads of the helper know of the logger."""
 
@@ -89,6 +99,7 @@ class Mirror:
         self.recorders = 0  # that are under way; set by the thread that watches them
         self.alarm: tuple[str, int] = ("", 0)  # the worst limit that is violated, and how many are; set by the judge
         self.disk: tuple[int, int] = (0, 0)  # bytes that are free where files are saved, and all; by their own thread
+        self.held = HeldNow()  # set by the main thread
         self.clients: tuple[Present, ...] = ()  # who is connected; set by the publisher
         self._generation = 0
         self._saved: tuple[str, int] = ("", 0)
@@ -341,6 +352,10 @@ class Mirror:
             idle_s=self.idle_s(read.ticks),
             failed_most=dict(sorted(read.failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
             unheld=dict(sorted(read.unheld.items())[:FAILED_NAMES]),
+            held_runs=self.held.runs,
+            held_bytes=self.held.size_bytes,
+            held_runs_most=self.held.most_runs,
+            held_bytes_most=self.held.most_bytes,
         )
 
 

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import msgspec
 
+from silo.collecting.held import Program
+from silo.collecting.segment_reader import SegmentReader
 from silo.model import NO_EXTRAS, Extras, RecorderState
 from silo.recorder.orders import (
     MAX_PACKET_BYTES,
@@ -24,6 +26,7 @@ from silo.recorder.orders import (
     encode,
     extras_file,
 )
+from silo.recorder.written import Sums, read_written
 
 # glibc answers each large block that is freed by keeping larger ones: within 3 minutes 54 MB became 68
 HEAP = {"MALLOC_ARENA_MAX": "2", "MALLOC_MMAP_THRESHOLD_": str(2**20), "MALLOC_TRIM_THRESHOLD_": str(2**20)}
@@ -32,11 +35,17 @@ log = logging.getLogger("silo.helper")
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """What a helper process leaves for its successor of each recorder."""
+    """What a helper process leaves for its successor of each recorder.
+
+    `program` is whose runs it records, empty in older lists; of an order that is over, but not done, `ending` says why:
+    the runs that there are are recorded to their end, and none that come.
+    """
 
     order: RecordOrder
     by: str
     since_ns: int
+    program: Program = Program()
+    ending: str = ""
 
 
 class Spare:
@@ -80,10 +89,11 @@ class RecorderProcess:
         """Start it. Raises OSError."""
         self.kept = kept
         self.report = Report(RecorderState.WAITING)
-        self.before = Report(RecorderState.WAITING)  # sums of the processes before this one
-        self.run = ""  # that was handed over last
-        self._extras = NO_EXTRAS  # with it, or since
-        self.ending = False  # it was told to end
+        self.runs: list[str] = []  # that it is to record and has not, oldest first
+        self.known: set[str] = set()  # those, and those that it needs no more, or never did
+        self._handed: set[str] = set()  # of them, to the process that lives
+        self._extras = NO_EXTRAS  # of the newest, with it, or since
+        self._ending: Finish | None = None
         self.useless_lives = 0  # in a row, in which it did not come to record
         self.again_s = 0.0  # when it is started again, 0 while it lives
         self.reported = threading.Event()
@@ -95,6 +105,11 @@ class RecorderProcess:
         """What it is to do."""
         return self.kept.order
 
+    @property
+    def ending(self) -> bool:
+        """Whether it was told to end."""
+        return self._ending is not None
+
     def start(self, order: RecordOrder, spare: Spare | None = None) -> None:
         """Start a process, or have one that is there do it. Raises OSError."""
         fresh = spare if spare is not None and spare.is_there else Spare()
@@ -102,9 +117,9 @@ class RecorderProcess:
         self.socket.setblocking(False)
         self.again_s = 0.0
         self.started_s = time.monotonic()
-        self.run = ""
+        self._handed = set()
         self.has_recorded = False  # in this life
-        self._send(encode(order))
+        self._send(encode(msgspec.structs.replace(order, runs=tuple(self.runs))))
 
     @property
     def pid(self) -> int:
@@ -116,11 +131,15 @@ class RecorderProcess:
         """Whether there is a process whose end was not noticed yet."""
         return not self.ended.is_set() and not self.again_s
 
-    def follow(self, run: str, segment: Path, descriptor: int, extras: Extras) -> None:
-        """Hand a run over, with the limits and triggers that it has now."""
-        if not self.ending and not self.again_s:
-            self.run, self._extras = run, extras
-            self._hand_over(Follow(str(segment)), extras, descriptor)
+    def lacks(self, run: str) -> bool:
+        """Whether a run is to be handed over to the process that lives."""
+        return run in self.runs and run not in self._handed and not self.again_s
+
+    def follow(self, reader: SegmentReader, extras: Extras | None) -> None:
+        """Hand a run over, with the limits and triggers that it has now, None: those that it had last."""
+        self._handed.add(reader.schema.run)
+        self._extras = extras or NO_EXTRAS
+        self._hand_over(Follow(str(reader.path)), extras, reader.fileno())
 
     def change(self, extras: Extras) -> None:
         """Tell limits and triggers of the run that was handed over, if they have changed."""
@@ -128,18 +147,35 @@ class RecorderProcess:
             self._extras = extras
             self._hand_over(Conditions(), extras)
 
-    def _hand_over(self, command: Follow | Conditions, extras: Extras, *descriptors: int) -> None:
+    def done(self, run: str) -> None:
+        """It has all of a run in files."""
+        if run in self.runs:
+            self.runs.remove(run)
+
+    def _hand_over(self, command: Follow | Conditions, extras: Extras | None, *descriptors: int) -> None:
         with contextlib.suppress(OSError):  # gone: its end is noticed, and it is started again
+            if extras is None:
+                socket.send_fds(self.socket, [encode(command)], [*descriptors])
+                return
             file = extras_file(extras)
             try:
                 socket.send_fds(self.socket, [encode(command)], [*descriptors, file])
             finally:
                 os.close(file)
 
-    def finish(self, why: str, events: int) -> None:
-        """Have it finish what is there and end; it is not started again. `events` is the newest of the event log."""
-        self.ending = True
-        self._send(encode(Finish(why, events)))
+    def finish(self, why: str, events: int, *, died: bool = False, for_good: bool = True) -> None:
+        """Have it finish what is there and end; `events` is the newest of the event log. One that dies is told anew.
+
+        Not `for_good`: another helper process goes on with it.
+        """
+        self._ending = Finish(why, events, died)
+        self.kept = msgspec.structs.replace(self.kept, ending=why if for_good else "")
+        self.finish_again()
+
+    def finish_again(self) -> None:
+        """Tell a process that took the place of one that was to end."""
+        if self._ending is not None and not self.again_s:
+            self._send(encode(self._ending))
 
     def _send(self, packet: bytes) -> None:
         with contextlib.suppress(OSError):
@@ -149,25 +185,21 @@ class RecorderProcess:
         """Return its next report, None at its end. Raises BlockingIOError where there is none."""
         try:
             body = self.socket.recv(MAX_PACKET_BYTES)
-            return self._summed(decode_report(body)) if body else None
+            return decode_report(body) if body else None
         except (ConnectionResetError, msgspec.MsgspecError):
             return None
-
-    def _summed(self, report: Report) -> Report:
-        before = self.before
-        return msgspec.structs.replace(
-            report,
-            parts=report.parts + before.parts,
-            samples=report.samples + before.samples,
-            lost=report.lost + before.lost,
-            written_bytes=report.written_bytes + before.written_bytes,
-        )
 
     def reap(self) -> int:
         """Return the exit code of a process that closed its socket."""
         self.socket.close()
-        self.before = self.report
         return self._process.wait()
+
+    def sums(self) -> Sums:
+        """Return what became of it, by its ledger; by its last words where that can't be read."""
+        written = read_written(Path(self.order.folder), self.order.name)
+        if written is not None and written.order == self.order.order:
+            return written.sums()
+        return Sums(self.report.parts, self.report.samples, self.report.lost)
 
 
 def _recorded(extras: Extras) -> tuple[object, ...]:

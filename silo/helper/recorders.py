@@ -7,17 +7,21 @@ the runtime folder, so that the helper process after this one goes on with it, t
 import contextlib
 import logging
 import os
+import secrets
 import select
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
+from silo.collecting.held import child_of, recorders_path
 from silo.errors import SegmentError
 from silo.files.naming import check_name
 from silo.helper.events import Events
+from silo.helper.held_runs import HeldRuns
 from silo.helper.mirror import Mirror
 from silo.helper.recorder_process import Kept, RecorderProcess, Spare, close_left, store, stored
 from silo.helper.recording_folder import recording_folder
@@ -26,7 +30,8 @@ from silo.ipc.published import EventKind
 from silo.model import BufferType, RecorderState
 from silo.patterns import matching
 from silo.recorder.orders import RecordOrder
-from silo.runtime import process_start, runtime_dir
+from silo.recorder.written import Sums
+from silo.runtime import RECORDERS_SUFFIX, runtime_dir
 
 MOST_RECORDERS = 8
 MOST_PATTERNS, MOST_PATTERN_LETTERS = 1000, 50_000
@@ -34,7 +39,7 @@ BEGIN_S = 5.0  # how long a client waits for the first report
 END_S = 5.0  # and for a part to be finished
 SPARE_S = 1.0  # after the start of a recorder
 AGAIN_S = (0.0, 0.5, 2.0, 10.0, 30.0)  # before each new try, after so many that recorded nothing
-SUFFIX = ".recorders"
+MOST_ENDS = 3  # how often one is started again that is to end and dies before it recorded anything
 
 log = logging.getLogger("silo.helper")
 
@@ -42,27 +47,38 @@ log = logging.getLogger("silo.helper")
 class Recording:
     """All recorders. `begin`, `end` and `infos` may be called by any thread."""
 
-    def __init__(self, mirror: Mirror, events: Events) -> None:
-        self._mirror, self._events = mirror, events
+    def __init__(self, mirror: Mirror, events: Events, held: HeldRuns) -> None:
+        self._mirror, self._events, self._held = mirror, events, held
         self._lock = threading.RLock()
         self._recorders: dict[str, RecorderProcess] = {}
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         self._stopping = False
+        self._forgets = False
         self._spare: Spare | None = None  # only the thread's
-        robot = mirror.now.robot
-        self._kept = runtime_dir() / f"{robot.logger}.{robot.pid}{SUFFIX}"
+        robot, options = mirror.now.robot, mirror.now.options
+        self._program = child_of(robot.logger, options.id, robot.pid)
+        self._kept = recorders_path(robot.logger, options.id)
+        self._older = runtime_dir() / f"{robot.logger}.{robot.pid}{RECORDERS_SUFFIX}"
         self._thread = threading.Thread(target=self._watch, name="recorders", daemon=True)
 
     def start(self) -> None:
         """Go on with what the helper process before this one recorded, and start the thread."""
-        _sweep(runtime_dir())
-        for kept in stored(self._kept):
-            again = Kept(msgspec.structs.replace(kept.order, resume=True), kept.by, kept.since_ns)
+        # a helper process of an older silo listed them by pid, which comes again
+        older = [one for one in stored(self._older) if not one.program.pid]
+        for kept in [*stored(self._kept), *older]:
+            order = msgspec.structs.replace(kept.order, resume=True)
             try:
-                self._spawn(again)
+                self._spawn(msgspec.structs.replace(kept, order=order, program=self._program))
             except OSError as error:
                 self._failed(f"the recording '{kept.order.name}' could not go on: {error.strerror}", kept.by)
+        if older:
+            self._older.unlink(missing_ok=True)
         self._thread.start()
+
+    def needs(self, run: str) -> bool:
+        """Whether a recorder is not done with a run. For the main thread."""
+        with self._lock:
+            return any(run in one.runs for one in self._recorders.values() if not one.ended.is_set())
 
     # ------------------------------------------------------------------------------------------------- by any thread
 
@@ -77,9 +93,9 @@ class Recording:
             name = self._free_name(request.name)
             if isinstance(name, Refused):
                 return name
-            order = msgspec.structs.replace(checked, name=name)
+            order = msgspec.structs.replace(checked, name=name, order=secrets.token_hex(8), **self._present())
             try:
-                recorder = self._spawn(Kept(order, request.client, time.time_ns()))
+                recorder = self._spawn(Kept(order, request.client, time.time_ns(), self._program))
             except OSError as error:
                 return Refused(RefusedWhy.FAILED, f"no process for the recorder: {error.strerror}; nothing is recorded")
         recorder.reported.wait(left_s(BEGIN_S))
@@ -145,10 +161,26 @@ class Recording:
             "set buffer=looping, or action=both, to record them without end"
         )
 
+    def _present(self) -> dict[str, Any]:
+        """The run in which an order is given, and its newest tick."""
+        with contextlib.suppress(SegmentError):
+            reader = self._mirror.open_reader()
+            if reader is not None:
+                with contextlib.closing(reader):
+                    return {"run": reader.schema.run, "tick": reader.ticks}
+        return {}
+
     def _spawn(self, kept: Kept) -> RecorderProcess:
         with self._lock:
+            # first: should all be killed now, whoever comes knows of it
+            store(self._kept, [*self._living(), kept])
             recorder = self._recorders[kept.order.name] = RecorderProcess(kept)
+            runs, first = self._held.ids(), kept.order.run if kept.order.resume else self._mirror.run
+            if first in runs:  # those before it are none of its
+                recorder.known = set(runs[: runs.index(first)])
             self._follow(recorder)
+            if kept.ending:
+                recorder.finish(kept.ending, self._events.log.newest)
             self._store()
         self._poke()
         return recorder
@@ -170,11 +202,11 @@ class Recording:
             if over:
                 self._recorders.pop(name, None)
             self._store()
-        report = recorder.report
-        held = f"{report.parts} files, {report.samples} samples, {report.lost} lost"
         if not over:
-            return Done(f"recording '{name}' ends: {held}; it is still finishing its last part")
-        return Done(f"recording '{name}' ended: {held}, in {recorder.order.folder}")
+            report = recorder.report
+            held = Sums(report.parts, report.samples, report.lost).text
+            return Done(f"recording '{name}' ends: {held} until now; it is still finishing its last part")
+        return Done(f"recording '{name}' ended: {recorder.sums().text}, in {recorder.order.folder}")
 
     def infos(self) -> list[RecorderInfo]:
         """Return what there is."""
@@ -188,28 +220,40 @@ class Recording:
                 self._follow(recorder)
 
     def _follow(self, recorder: RecorderProcess) -> None:
-        extras = self._mirror.now.robot.extras
-        if not self._mirror.run or recorder.run == self._mirror.run:
-            recorder.change(extras)
-            return
+        for run in self._held.ids():
+            if run not in recorder.known and not recorder.ending:
+                recorder.known.add(run)
+                recorder.runs.append(run)
+        for run in recorder.runs:
+            if recorder.lacks(run):
+                self._hand_over(recorder, run)
+        if self._mirror.run in recorder.runs and self._mirror.now.robot.segment == self._mirror.segment:
+            recorder.change(self._mirror.now.robot.extras)
+
+    def _hand_over(self, recorder: RecorderProcess, run: str) -> None:
         try:
-            reader = self._mirror.open_reader()
+            reader = self._held.open(run)
         except SegmentError as error:
             log.warning("a run can't be recorded: %s", error)
             return
         if reader is not None:
-            recorder.follow(reader.schema.run, reader.path, reader.fileno(), extras)
-            reader.close()
+            with contextlib.closing(reader):
+                recorder.follow(reader, self._held.extras(run))
 
-    def stop(self, *, forget: bool) -> None:
-        """Have all of them finish; returns at once. `forget`: no helper process after this one goes on with them."""
+    def stop(self, *, forget: bool, died: bool = False) -> None:
+        """Have all of them finish; returns at once. `forget`: no helper process after this one goes on with them.
+
+        What none of them comes to finish is completed by who comes after, all the same. `died`: the program, without
+        a word.
+        """
         with self._lock:
             self._stopping = True
-            if forget:
-                store(self._kept, [])
+            self._forgets = forget
             why = "the logger was closed, or its program ended" if forget else "the helper process ends"
             for recorder in self._recorders.values():
-                recorder.finish(why, self._events.log.newest)
+                if not recorder.ending:
+                    recorder.finish(why, self._events.log.newest, died=died, for_good=forget)
+            self._store()
         self._poke()
 
     def wait(self, timeout_s: float | None = None) -> None:
@@ -225,9 +269,9 @@ class Recording:
                 live = {one.socket.fileno(): one for one in self._recorders.values() if one.is_live}
                 waiting = [one for one in self._recorders.values() if one.again_s]
                 self._mirror.recorders = len(live) + len(waiting)
-                if not live and (self._stopping or not waiting):
+                if not live and not waiting:
                     self._let_spare_go()
-                if self._stopping and not live:
+                if self._stopping and not live and not waiting:
                     return
             for one in waiting:
                 self._start_again(one)
@@ -253,6 +297,10 @@ class Recording:
         recorder.report = report
         recorder.has_recorded = recorder.has_recorded or report.state is RecorderState.RECORDING
         recorder.reported.set()
+        if report.done:
+            with self._lock:
+                recorder.done(report.done)
+            self._held.changed()
         self._keep_spare(recorder)
         if report.finished:
             self._tell(f"recording '{recorder.order.name}': finished {report.finished}")
@@ -275,40 +323,43 @@ class Recording:
         code = recorder.reap()
         name, report = recorder.order.name, recorder.report
         if report.state.over:
-            recorder.reported.set()
-            recorder.ended.set()
-            text = f"recording '{name}' ended: {report.text}"
-            if report.state is RecorderState.FAILED:
-                self._failed(text, recorder.kept.by)
-            else:
-                self._tell(f"{text}; {report.parts} files, {report.samples} samples, {report.lost} lost")
-            with self._lock:
-                self._store()
-            return
-        if recorder.ending or self._stopping:
-            for line in close_left(recorder.order.folder):
-                self._tell(f"recording '{name}': {line}")
-            self._over(recorder, f"its process died (exit code {code}) while it ended; its last part was closed")
+            self._over(recorder, report.text, failed=report.state is RecorderState.FAILED)
             return
         recorder.useless_lives = 0 if recorder.has_recorded else recorder.useless_lives + 1
+        if recorder.ending and recorder.useless_lives >= MOST_ENDS:
+            self._close_left(recorder)
+            self._over(recorder, f"its process died (exit code {code}) each time it was to end", failed=True)
+            return
         recorder.report = msgspec.structs.replace(report, state=RecorderState.DIED)
         recorder.again_s = time.monotonic() + AGAIN_S[min(recorder.useless_lives, len(AGAIN_S) - 1)]
-        self._tell(f"recording '{name}': its process died (exit code {code}); it is started again and goes on")
+        goes_on = "is started again, to end" if recorder.ending else "is started again and goes on"
+        self._tell(f"recording '{name}': its process died (exit code {code}); it {goes_on}")
 
-    def _over(self, recorder: RecorderProcess, text: str) -> None:
-        recorder.report = msgspec.structs.replace(recorder.report, state=RecorderState.FAILED, text=text)
+    def _close_left(self, recorder: RecorderProcess) -> None:
+        for line in close_left(recorder.order.folder):
+            self._tell(f"recording '{recorder.order.name}': {line}")
+
+    def _over(self, recorder: RecorderProcess, text: str, *, failed: bool) -> None:
+        """It comes to nothing more: told with what became of it, by its ledger."""
+        state = RecorderState.FAILED if failed else RecorderState.ENDED
+        recorder.again_s = 0.0
+        sums = recorder.sums()
+        recorder.report = msgspec.structs.replace(
+            recorder.report, state=state, text=text, parts=sums.parts, samples=sums.samples, lost=sums.lost
+        )
+        with self._lock:
+            if not failed:
+                recorder.runs.clear()
+        told = f"recording '{recorder.order.name}' ended: {text}; {sums.text}"
+        self._failed(told, recorder.kept.by) if failed else self._tell(told)
         recorder.reported.set()
         recorder.ended.set()
-        self._failed(f"recording '{recorder.order.name}' ended: {text}", recorder.kept.by)
         with self._lock:
             self._store()
+        self._held.changed()
 
     def _start_again(self, recorder: RecorderProcess) -> None:
         with self._lock:
-            if recorder.ending or self._stopping:
-                recorder.again_s = 0.0
-                self._over(recorder, "it was stopped while it was started again")
-                return
             if time.monotonic() < recorder.again_s:
                 return
             try:
@@ -319,11 +370,16 @@ class Recording:
                 log.warning("recorder '%s' can't be started: %s", recorder.order.name, error.strerror)
                 return
             self._follow(recorder)
+            recorder.finish_again()
+
+    def _living(self) -> list[Kept]:
+        goes_on = self._stopping and not self._forgets  # with another process
+        recorders = self._recorders.values()
+        return [one.kept for one in recorders if not one.ended.is_set() or (goes_on and not one.kept.ending)]
 
     def _store(self) -> None:
-        if not self._stopping:
-            alive = [one.kept for one in self._recorders.values() if not one.ended.is_set() and not one.ending]
-            store(self._kept, alive)
+        """Leave what is under way for who comes after, and what is ending as long as it is not over."""
+        store(self._kept, self._living())
 
     def _tell(self, text: str, by: str = "") -> None:
         log.info("%s", text)
@@ -377,11 +433,3 @@ def _wrong_numbers(request: StartRecorder) -> str:
     if request.keep_bytes and not 2 * LEAST_SPLIT_BYTES <= request.keep_bytes <= MOST_BYTES:
         return f"keep must be {2 * LEAST_SPLIT_BYTES} bytes or more, got {request.keep_bytes}"
     return ""
-
-
-def _sweep(folder: Path) -> None:
-    """Lists of loggers whose programs are gone."""
-    for path in folder.glob(f"*{SUFFIX}"):
-        pid = path.name.removesuffix(SUFFIX).rpartition(".")[2]
-        if pid.isdecimal() and not process_start(int(pid)):
-            path.unlink(missing_ok=True)

@@ -54,7 +54,12 @@ class LinkSaved(msgspec.Struct, frozen=True, tag=True):
 
 
 class LetGo(msgspec.Struct, frozen=True, tag=True):
-    """Robot to helper: let go of the present run's memory, it is needed for the next."""
+    """Robot to helper: let go of the present run's memory, and of those before it, it is needed for the next.
+
+    `held_alone`: of those before it only.
+    """
+
+    held_alone: bool = False
 
 
 class Goodbye(msgspec.Struct, frozen=True, tag=True):

@@ -3,16 +3,19 @@
 A run that holds unsaved data is let go of only by a decision: the program's (`clear`), or after it was saved.
 """
 
+import contextlib
 import logging
 import time
 from collections.abc import Callable
+from pathlib import Path
 
+from silo.collecting.held import bytes_of, trim
 from silo.collecting.holdings import segment_holdings
 from silo.collecting.losses import lost_samples
 from silo.collecting.run import Run
 from silo.errors import NoRoomError, StateError, UnsavedError
 from silo.logger.unclosed import write_run
-from silo.model import Extras, LoggerOptions
+from silo.model import Extras, LoggerOptions, Storage
 
 log = logging.getLogger("silo")
 
@@ -40,6 +43,8 @@ class CurrentRun:
     def __init__(self) -> None:
         self.run: Run | None = None
         self.number = 0
+        self.runs = 0  # that began
+        self._held: list[Path] = []  # runs before this one that somebody still has to read
         self.saved_ticks = 0
         self.saved_before = ""  # where the run before this one was saved, if that was done at the start of this one
         self._lost_at_end = 0
@@ -49,39 +54,85 @@ class CurrentRun:
         make: Callable[[], Run],
         options: LoggerOptions,
         extras: Extras,
-        let_go: Callable[[], None],
+        let_go: Callable[[bool], None],
         hand_over: Callable[[], None],
+        wanted: Callable[[Run], bool],
     ) -> Run:
         """Make a new run in the place of the present one, which stays if that fails.
 
         `hand_over` makes the new one known before the old one's files go: else these look as if somebody else had
-        deleted them. Where both don't fit into the memory, the present one is saved if it must be, and freed before
-        the new one is made; `let_go` has other processes free it too.
+        deleted them. Those of a run that is `wanted` by others stay, within bounds, until they are done with it. Where
+        there is no room, the rows of such runs go first. Where both don't fit into the memory then, the present one is
+        saved if it must be, and freed before the new one is made. `let_go` has other processes free it too, or (True)
+        those before it alone.
 
         Raises SegmentError, SaveError: the present run stays.
         """
+        in_memory = options.storage is not Storage.FILE
         try:
             made = make()
         except NoRoomError as error:
-            if self.run is None or error.needed_bytes > error.free_bytes + self.run.segment.size_bytes:
-                raise
-            if self.has_unsaved:
-                self._save(options, extras)
-            let_go()
-            self.drop()
-            self.run = None
-            made = _patiently(make)
+            made = self._made_room(error, make, options, extras, let_go, wanted)
         old, self.run, self.saved_ticks = self.run, made, 0
+        self.runs += 1
         hand_over()
         if old is not None:
-            old.drop()
+            self._let_go(old, held=wanted(old))
+        self._trim(in_memory=in_memory, room_bytes=made.segment.size_bytes)
         return made
 
-    def drop(self) -> None:
-        """Free the run's memory; its counts stay."""
+    def _made_room(
+        self,
+        error: NoRoomError,
+        make: Callable[[], Run],
+        options: LoggerOptions,
+        extras: Extras,
+        let_go: Callable[[bool], None],
+        wanted: Callable[[Run], bool],
+    ) -> Run:
+        in_memory = options.storage is not Storage.FILE
+        held_bytes = sum(map(bytes_of, self._held))
+        present_bytes = self.run.segment.size_bytes if self.run is not None else 0
+        if error.needed_bytes > error.free_bytes + held_bytes + present_bytes:
+            raise error
+        if held_bytes:
+            let_go(True)
+            self._trim(in_memory=in_memory, room_bytes=error.needed_bytes)
+            if self.run is None or error.needed_bytes <= error.free_bytes + held_bytes:
+                with contextlib.suppress(NoRoomError):  # else whoever reads them takes longer to let go of them
+                    return _patiently(make)
+        if self.run is None:
+            raise error
+        if self.has_unsaved:
+            self._save(options, extras)
+        let_go(False)
+        self._lost_at_end = self.lost
+        run, self.run = self.run, None
+        self._let_go(run, held=wanted(run))
+        self._trim(in_memory=in_memory, room_bytes=error.needed_bytes)
+        return _patiently(make)
+
+    def _let_go(self, run: Run, *, held: bool) -> None:
+        path = run.drop(held=held)
+        if path is not None:
+            self._held.append(path)
+
+    def _trim(self, *, in_memory: bool, room_bytes: int) -> None:
+        """Keep to the bound of what may be held."""
+        self._held = [path for path in self._held if path.exists()]
+        gone = trim(self._held, in_memory=in_memory, room_bytes=room_bytes) if self._held else []
+        if gone:
+            log.warning(
+                "%d runs before this one were not read to their end by a recorder or by triggers, and their memory was "
+                "needed: what was not recorded of them is lost, and is told as lost where they are recorded",
+                len(gone),
+            )
+
+    def drop(self, *, held: bool = False) -> None:
+        """Free the run's memory; its counts stay. `held`: its file stays for those who still have to read it."""
         if self.run is not None:
             self._lost_at_end = self.lost
-            self.run.drop()
+            self.run.drop(held=held)
 
     @property
     def ticks(self) -> int:

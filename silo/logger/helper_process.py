@@ -106,9 +106,10 @@ class HelperProcess:
         self._process.kill()
         return self._process.wait()
 
-    def wait(self) -> None:
-        """Wait until it ended by itself; kill it if it takes too long."""
+    def wait(self) -> int:
+        """Wait until it ended by itself; kill it if it takes too long. Return its exit code, then 0."""
         try:
-            self._process.wait(READY_TIMEOUT_S)
+            return self._process.wait(READY_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self.kill()
+            return 0

@@ -19,6 +19,7 @@ from silo.collecting.marks import NO_WORDS, Mark, no_mark
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
 from silo.errors import StateError
+from silo.logger.consumers import is_wanted
 from silo.logger.current_run import CurrentRun
 from silo.logger.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord, UnsavedWord
 from silo.logger.logged import Logged
@@ -30,7 +31,15 @@ from silo.logger.options import (
     warn_if_not_durable,
 )
 from silo.logger.predecessors import look_back
-from silo.logger.unclosed import drop_journals, end_namesakes, forked_collect, save_at_end, say_where_it_is, watch
+from silo.logger.unclosed import (
+    drop_journals,
+    end_namesakes,
+    forked_collect,
+    save_at_end,
+    say_what_is_held,
+    say_where_it_is,
+    watch,
+)
 from silo.model import ControlMode, GroupRole, Storage, Threads
 
 if TYPE_CHECKING:
@@ -182,8 +191,9 @@ class Logger(Logged):
                 self._collect_now,
                 self.extras,
                 self._present.run,
+                number=self._present.runs + 1,
             )
-            run = self._present.replace(make, self.options, self.extras, self._let_go, self._hand_over)
+            run = self._present.replace(make, self.options, self.extras, self._let_go, self._hand_over, self._is_wanted)
             self._new_values = NewValuesReader()
             self._reason = ""
             self._running = True
@@ -195,10 +205,14 @@ class Logger(Logged):
         if self._serving is not None:
             self._serving.hand_over()  # before its first tick: whatever happens next, the helper process knows it
 
-    def _let_go(self) -> None:
-        self._set_mark(no_mark)  # it holds the last run's memory
+    def _is_wanted(self, run: Run) -> bool:
+        return is_wanted(run, self._serving, self.extras)
+
+    def _let_go(self, held_alone: bool) -> None:
+        if not held_alone:
+            self._set_mark(no_mark)  # it holds the last run's memory
         if self._serving is not None:
-            self._serving.let_go()
+            self._serving.let_go(held_alone=held_alone)
 
     @property
     def saved_before_start(self) -> str:
@@ -305,9 +319,17 @@ class Logger(Logged):
         if self._serving is not None:
             self._serving.close()
         self._set_mark(no_mark)
-        self._present.drop()
+        self._drop()
         drop_journals(self.options)
         self._table.release()
+
+    def _drop(self) -> None:
+        """Free the buffers, or leave them to those who come after a helper process that did not come to its end."""
+        run = self._present.run
+        held = run is not None and is_wanted(run, self._serving, self.extras)
+        self._present.drop(held=held)
+        if held:
+            say_what_is_held(self.options)
 
     cleanup = close
 
@@ -346,7 +368,7 @@ class Logger(Logged):
                 return  # the helper process saves them and deletes the segment
         self._set_mark(no_mark)
         if save_at_end(run, self.options, self.extras):
-            self._present.drop()
+            self._drop()
             drop_journals(self.options)
 
     def __del__(self) -> None:

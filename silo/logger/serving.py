@@ -22,6 +22,7 @@ from silo.ipc.messages import AnyReply, Done, RecorderStarted, Refused, Save, Sa
 from silo.link.handover import RunOffer, offer_run
 from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.logger.answers import Served, answer, robot_state
+from silo.logger.consumers import has_conditions, has_left
 from silo.logger.down import DownMark
 from silo.logger.helper_process import HelperProcess
 from silo.logger.identity import drawn_id
@@ -299,10 +300,14 @@ class Serving:
         finally:
             os.close(descriptor)
 
-    def let_go(self) -> None:
-        """Have the helper process free the memory of the present run, soon."""
+    def let_go(self, *, held_alone: bool) -> None:
+        """Have the helper process free the memory of runs, soon: it is needed for the next one.
+
+        Args:
+            held_alone: of those before the present one only.
+        """
         try:
-            self._send(LetGo())
+            self._send(LetGo(held_alone=held_alone))
         except OSError:
             log.debug("a helper process that is gone holds nothing")
 
@@ -401,20 +406,36 @@ class Serving:
         if self._thread is not threading.current_thread():
             self._thread.join()  # the goodbye goes to the helper that is there then
             os.close(self._wake)
-        if say_goodbye:
-            if self._viewers is not None:
-                self._viewers.close()  # before its logger goes, which it would complain of
-            try:
-                self._send(Goodbye())
-            except OSError:
-                log.info("%s: the helper process was gone already", self._name)
-        self._helper.let_go()
         if self._viewers is not None:
-            self._viewers.close()
+            self._viewers.close()  # before its logger goes, which it would complain of
+        if say_goodbye:
+            self._say_goodbye()
+        self._helper.let_go()
         self._fail_pending("the logger was closed meanwhile")
-        if say_goodbye and self.is_up:
-            self._helper.wait()
         self.is_up = False
+
+    def _say_goodbye(self) -> None:
+        """End the helper process; where it is down and left something to do, one more does that first."""
+        logger = self._logger_ref()
+        if self._parted() or logger is None:
+            return
+        if has_left(logger.options) or (logger.ticks and has_conditions(logger.extras)):
+            try:
+                self._spawn()
+            except (SiloError, OSError) as error:
+                log.warning("%s: no helper process to end with: %s", self._name, error)
+            else:
+                self._parted()
+
+    def _parted(self) -> bool:
+        """Say goodbye to the helper process, and wait for its end; False where it didn't come to that by itself."""
+        try:
+            self._send(Goodbye())
+        except OSError:
+            log.info("%s: the helper process was gone already", self._name)
+            return False
+        self._helper.let_go()
+        return not self.is_up or self._helper.wait() == 0
 
     def __enter__(self) -> "Serving":
         return self

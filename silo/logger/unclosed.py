@@ -110,6 +110,15 @@ def say_where_it_is(run: Run, options: LoggerOptions, problem: str = "") -> None
     )
 
 
+def say_what_is_held(options: LoggerOptions) -> None:
+    """Say that recorders, or triggers, are not done with the last run."""
+    print(
+        f"silo: logger '{options.name}' was closed before its helper process was done: what is recorded of it, or what "
+        "its triggers captured, may not be complete; its next start completes that, or `silo recover`",
+        file=sys.stderr,
+    )
+
+
 def forked_collect(name: str) -> Callable[[], None]:
     """Return `collect()` of a forked child: says once that it logs nothing there, and how to."""
     said = False

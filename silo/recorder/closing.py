@@ -10,7 +10,7 @@ import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
@@ -36,6 +36,7 @@ class ClosedPart:
     recorder: str
     next_rows: dict[int, int]
     inode: int = 0
+    rows: dict[int, int] = field(default_factory=dict)  # that it has, by ring
 
     @property
     def text(self) -> str:
@@ -115,7 +116,30 @@ def close_part(path: Path) -> ClosedPart:
         path.rename(final)
         sync_folder(final.parent)
         found = os.fstat(file.fileno())
-        return ClosedPart(final, found.st_size, samples, run, recorder, scan.next_rows, found.st_ino)
+        return ClosedPart(final, found.st_size, samples, run, recorder, scan.next_rows, found.st_ino, rows_of(scan))
+
+
+def finished_part(path: Path) -> ClosedPart | None:
+    """Return what a part holds that somebody else closed; None where it can't be told."""
+    try:
+        with path.open("rb", buffering=0) as file:
+            scan = _scanned(file, path)
+            found = os.fstat(file.fileno())
+    except (OSError, FileFormatError):
+        return None
+    facts = scan.facts
+    if facts is None:
+        return None
+    samples = facts.samples(scan.counts)
+    return ClosedPart(
+        path, found.st_size, samples, facts.run, facts.recorder, scan.next_rows, found.st_ino, rows_of(scan)
+    )
+
+
+def rows_of(scan: PartScan) -> dict[int, int]:
+    """How many rows of each ring a part has."""
+    rings = scan.facts.value_rings if scan.facts is not None else []
+    return {ring.ring: scan.counts.get(ring.channels[0], 0) for ring in rings if ring.channels}
 
 
 def _scanned(file: BinaryIO, path: Path) -> PartScan:

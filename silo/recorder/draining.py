@@ -13,15 +13,18 @@ from silo.model import BufferType
 from silo.recorder.layout import Layout
 
 MOST_PERIOD_S, LEAST_PERIOD_S = 0.25, 0.005
+TOO_SLOW = "the disk took the rows too slowly, and the ring was overwritten before they were read"
+DROPPED = "nobody had recorded them when the program began other runs, and their memory was needed"
 
 
 @dataclass(frozen=True)
 class Loss:
-    """Rows `begin` to `end - 1` of a ring, which nobody has any more."""
+    """Rows `begin` to `end - 1` of a ring, which nobody has any more, and why."""
 
     ring: int
     begin: int
     end: int
+    why: str = TOO_SLOW
 
 
 @dataclass(frozen=True)
@@ -77,16 +80,21 @@ class Drain:
                 continue
             rows = self.reader.rows(ring, cursor, min(due - cursor, most))
             if rows.first > cursor:
-                found.losses.append(Loss(ring, cursor, rows.first))
+                why = DROPPED if self.reader.dropped else TOO_SLOW
+                found.losses.append(Loss(ring, cursor, rows.first, why))
             if len(rows):
                 found.rows.append(rows)
             self.cursors[ring] = rows.first + len(rows)
             complete = complete and self.cursors[ring] >= due
         return Drained(found.rows, found.losses, complete)
 
+    def is_over(self) -> bool:
+        """Whether no row will come any more."""
+        return not self.reader.running or not self.reader.alive()
+
     def done(self) -> bool:
         """Whether the run is over and all of it was read."""
-        over = not self.reader.running or not self.reader.alive()
+        over = self.is_over()
         ticks = self.reader.ticks
         rings = self.layout.schema.rings
         return over and all(

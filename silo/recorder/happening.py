@@ -121,10 +121,11 @@ class Happening:
         self._done_s = self._done_s or time.monotonic()
         return self._is_over or not self._tail.is_open or time.monotonic() - self._done_s > LAST_WORDS_S
 
-    def read_last(self, until: int) -> tuple[LoggedEvent, ...]:
+    def read_last(self, until: int, *, died: bool = False) -> tuple[LoggedEvent, ...]:
         """Return all that is left at the end; waits a while for event `until`, which the log is to have.
 
-        Of a program that is gone, with the marks that nobody took out of its segment, and that it is gone.
+        Of a program that is gone, with the marks that nobody took out of its segment, and that it is gone. It `died`,
+        too, where the kernel still clears up behind it: from the end of its sockets to that of its process time passes.
         """
         found = list(self.read())
         waited_s = time.monotonic()
@@ -133,7 +134,7 @@ class Happening:
             found += self.read()
         found += map(self._stamped, self._unstamped)
         self._unstamped = []
-        if self._reader.running and not self._reader.alive():
+        if self._reader.running and (died or not self._reader.alive()):
             found += self._left_by_program()
         return tuple(found)
 

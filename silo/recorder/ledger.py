@@ -1,4 +1,4 @@
-"""What a recorder wrote, in a file beside its parts: the only files that its budget may delete.
+"""What a recorder wrote, in a file beside its parts: the only files that its budget may delete, and how far it is.
 
 A part is told by name and by inode: a file that somebody put in its place is not ours. `.NAME.recorder.json` is
 replaced as a whole; `.NAME.recorder.lock` is held by the recorder that writes under the name.
@@ -9,7 +9,7 @@ import fcntl
 import glob
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -17,30 +17,14 @@ import msgspec
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file, reason
 from silo.files.part_facts import PART_ENDING
-from silo.recorder.closing import ClosedPart
+from silo.recorder.closing import ClosedPart, finished_part
+from silo.recorder.written import PartEntry, RunEntry, Sums, Written, written_path
 
 ROOM_SHARE = 0.02  # of a disk that is left free, or
 ROOM_BYTES = 1_000_000_000  # that many, whichever is less
 _RETRY_S = 0.02
 
 DiskRoom = Callable[[Path], tuple[int, int]]  # free bytes and size of the disk of a folder
-
-
-class PartEntry(msgspec.Struct):
-    """A part: its name when it is finished, its inode; size 0 while it is written."""
-
-    name: str
-    inode: int
-    size_bytes: int = 0
-
-
-class Written(msgspec.Struct):
-    """What the file holds: parts oldest first, and with which rows of which run to go on."""
-
-    recorder: str
-    run: str = ""
-    next_rows: dict[int, int] = {}
-    parts: list[PartEntry] = []
 
 
 def disk_room(folder: Path) -> tuple[int, int]:
@@ -71,7 +55,8 @@ class Ledger:
     def __init__(self, folder: Path, name: str, wait_s: float) -> None:
         """Take the name; waits until a predecessor has finished. Raises SaveError."""
         self.folder, self.name = folder, name
-        self._path = folder / f".{name}.recorder.json"
+        self.expected: dict[str, dict[int, int]] = {}  # rows of runs that parts seem to have which are not closed yet
+        self._path = written_path(folder, name)
         self._lock = _locked(folder / f".{name}.recorder.lock", wait_s)
         self.written = self._read()
 
@@ -101,8 +86,24 @@ class Ledger:
         return [*(noted | set(self.folder.glob(f"{glob.escape(self.name)}_*{PART_ENDING}")))]
 
     def go_on(self, run: str, next_rows: dict[int, int]) -> None:
-        """Note with which rows this recorder goes on."""
+        """Note with which rows this recorder goes on: those before them are in parts that are open, or that is told."""
         self.written.run, self.written.next_rows = run, next_rows
+        entry = self.written.entry(run)
+        if entry is not None:
+            known = {ring: entry.end.get(ring, entry.begin.get(ring, 0)) for ring in entry.channels}
+            self.expected[run] = {ring: max(0, next_rows.get(ring, row) - row) for ring, row in known.items()}
+            entry.end = {**entry.end, **next_rows}
+
+    def begin_order(self, order: str) -> None:
+        """Count anew: of the parts of orders before this one is known that they are there."""
+        self.written.order, self.written.runs, self.written.before = order, [], Sums()
+
+    def rows_of(self, run: str) -> dict[int, int] | None:
+        """Return with which rows to go on in a run; None where nothing is known of it."""
+        if run and run == self.written.run:
+            return self.written.next_rows
+        entry = self.written.entry(run)
+        return None if entry is None else {**entry.begin, **entry.end}
 
     def settle(self, closed: Sequence[ClosedPart], open_part: str = "") -> None:
         """Take in what became of parts that a predecessor left: closed just now, by others, or gone.
@@ -111,31 +112,83 @@ class Ledger:
         is. With which rows to go on stays as it is: that is told by what is newest.
         """
         names = {entry.name for entry in self.written.parts}
-        ours = [part for part in closed if part.recorder == self.name and part.size_bytes]
-        self.written.parts += [PartEntry(part.path.name, part.inode) for part in ours if part.path.name not in names]
+        ours = {part.path.name: part for part in closed if part.recorder == self.name and part.size_bytes}
+        self.written.parts += [PartEntry(name, part.inode) for name, part in ours.items() if name not in names]
         for entry in self.written.parts:
             found = self._ours(entry)
             if found is not None and not entry.size_bytes:
                 entry.size_bytes = found
+                part = ours.get(entry.name) or finished_part(self.folder / entry.name)
+                if part is not None:
+                    self._count(part.run, part.rows, part.samples, found, part.next_rows)
         self.written.parts = [
             entry
             for entry in sorted(self.written.parts, key=lambda entry: number_of(Path(entry.name)))
             if entry.name == open_part or (entry.size_bytes and self._ours(entry))
         ]
+        self.expected = {}
         self._store()
 
-    def begin(self, name: str, inode: int) -> None:
+    def _count(self, run: str, rows: Mapping[int, int], samples: int, size_bytes: int, end: Mapping[int, int]) -> None:
+        """Take in a part that is finished; one of another order is none of its runs."""
+        entry = self.written.entry(run)
+        if entry is None or (rows and all(end.get(ring, 0) <= entry.begin.get(ring, 0) for ring in rows)):
+            return
+        for ring, many in rows.items():
+            entry.rows[ring] = entry.rows.get(ring, 0) + many
+        for ring, row in end.items():
+            entry.end[ring] = max(entry.end.get(ring, 0), row)
+        entry.parts += 1
+        entry.samples += samples
+        entry.size_bytes += size_bytes
+
+    def begin_run(self, entry: RunEntry) -> None:
+        """Note a run that is recorded from now on, or again; what stands of it in parts stays counted."""
+        known = self.written.entry(entry.run)
+        if known is None:
+            self.written.runs.append(entry)
+        else:
+            known.channels, known.extras = entry.channels, entry.extras
+        self.written.fold()
+        self._store()
+
+    def end_run(self, run: str, end: Mapping[int, int], *, done: bool, gone: str = "") -> None:
+        """Note how far a run was read, or lost, and whether that is all of it. Raises SaveError."""
+        entry = self.written.entry(run)
+        if entry is not None:
+            entry.end = dict(end) or entry.end
+            entry.done, entry.gone = done, gone or entry.gone
+            entry.extras = None if done else entry.extras
+        self._store()
+
+    def sums(self, run: str = "", rows: Mapping[int, int] | None = None, end: Mapping[int, int] | None = None) -> Sums:
+        """Return what became of the order; of `run` with `rows` more in a part that is open, read as far as `end`."""
+        sums = self.written.sums()
+        for one in self.written.runs:
+            more = dict(self.expected.get(one.run, {}))
+            if one.run == run:
+                for ring, many in (rows or {}).items():
+                    more[ring] = more.get(ring, 0) + many
+            if more:
+                sums.lost += one.lost(more, dict(end) if end and one.run == run else one.end) - one.lost()
+        return sums
+
+    def begin(self, name: str, inode: int, run: str = "") -> None:
         """Note a part that is begun. Raises SaveError."""
-        self.written.parts.append(PartEntry(name, inode))
+        self.written.parts.append(PartEntry(name, inode, run=run))
         self._store()
 
-    def end(self, name: str, size_bytes: int, run: str, next_rows: dict[int, int]) -> None:
+    def end(
+        self, name: str, size_bytes: int, run: str, next_rows: dict[int, int], rows: dict[int, int], samples: int
+    ) -> None:
         """Note a part that is finished, of size 0 if nothing is left of it. Raises SaveError."""
         self.written.run, self.written.next_rows = run, next_rows
         for entry in self.written.parts:
             if entry.name == name:
                 entry.size_bytes = size_bytes
         self.written.parts = [entry for entry in self.written.parts if entry.name != name or size_bytes]
+        if size_bytes:
+            self._count(run, rows, samples, size_bytes, next_rows)
         self._store()
 
     @property

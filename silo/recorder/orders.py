@@ -13,8 +13,9 @@ TEXT_BYTES = 2_000
 class RecordOrder(msgspec.Struct, frozen=True):
     """The first packet: who records what to where. `folder` is absolute; 0 is no limit.
 
-    `resume`: go on where the newest part of this recorder ended, if it is of the run that comes first; otherwise what
-    is logged from now on is recorded.
+    `resume`: go on where this recorder was, as its ledger and its parts tell; of the run in which the order was given,
+    where these tell nothing, from `tick` on. Otherwise what is logged from now on is recorded. `order` tells this order
+    from others of that name. `runs` are the ids of those that are to come at once.
     """
 
     name: str
@@ -24,13 +25,18 @@ class RecordOrder(msgspec.Struct, frozen=True):
     split_s: float = 0.0
     keep_bytes: int = 0
     resume: bool = False
+    order: str = ""
+    run: str = ""
+    tick: int = 0
+    runs: tuple[str, ...] = ()
 
 
 class Follow(msgspec.Struct, frozen=True, tag=True):
     """A run to be recorded; its segment comes along as a descriptor. What is still to come of the last one is taken.
 
     A second descriptor is a file with its `Extras`, which may be larger than a packet: derived signals, limits and
-    triggers as they are when it is handed over; without it, as they were when the run began.
+    triggers as they are when it is handed over; without it, as a recorder before this one knew them last, or as they
+    were when the run began.
     """
 
     segment: str
@@ -43,17 +49,20 @@ class Conditions(msgspec.Struct, frozen=True, tag=True):
 class Finish(msgspec.Struct, frozen=True, tag=True):
     """Record what is there, finish the part, and end. `why` goes into the last report.
 
-    `events` is the number of the newest event that the event log has, or will have in a moment.
+    `events` is the number of the newest event that the event log has, or will have in a moment. `died`: the program
+    ended without a word, whatever the kernel says of its process yet.
     """
 
     why: str
     events: int = 0
+    died: bool = False
 
 
 class Report(msgspec.Struct, frozen=True):
     """How far a recorder is. Counts are of all its parts since the order; `size_bytes` is what stands on the disk.
 
-    `finished` is a part that was just finished, `told` what clients are to hear: losses, parts that were closed.
+    `finished` is a part that was just finished, `told` what clients are to hear: losses, parts that were closed. `done`
+    is a run of which all stands in parts.
     """
 
     state: RecorderState
@@ -66,6 +75,7 @@ class Report(msgspec.Struct, frozen=True):
     lost: int = 0
     finished: str = ""
     told: str = ""
+    done: str = ""
 
 
 Command = Follow | Conditions | Finish

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from silo.collecting.rows import Rows
 from silo.files.bag import MAX_STAMP_NS, metadata_yaml, write_windows
@@ -60,17 +61,25 @@ class Part:
         return self._mcap.index_bytes
 
     @property
+    def lost(self) -> int:
+        """Samples that it says are missing."""
+        return self._lost
+
+    @property
+    def rows(self) -> dict[int, int]:
+        """Rows written, by ring."""
+        return dict(self._rows)
+
+    @property
     def samples(self) -> int:
         """Samples written."""
         return sum(rows * len(self.layout.ring_channels[ring]) for ring, rows in self._rows.items())
 
     def add(self, rows: Rows, elements: list[RecordedElement]) -> None:
-        """Write rows of a ring, as samples of these elements, as chunks. Raises ValueError for stamps before 1970."""
+        """Write rows of a ring, as samples of these elements, as chunks; all their stamps fit: `stamps_fit`."""
         ring = rows.ring.ring
         times = rows.time_ns
         first, last = int(times.min()), int(times.max())
-        if first < 0 or last >= MAX_STAMP_NS:
-            raise ValueError(f"time stamps from {first} to {last} ns")
         groups = group_samples(elements, self.layout.ring_channels[ring], rows.first)
         write_windows(self._mcap, np.ascontiguousarray(times), groups)
         self._rows[ring] += len(rows)
@@ -89,6 +98,10 @@ class Part:
 
     def _stretch(self, first: int, last: int) -> None:
         self._span = (min(first, self._span[0]), max(last, self._span[1])) if self._span else (first, last)
+
+    def note_gone(self, text: str) -> None:
+        """Write in place that a run before this one is not whole, where nobody can count what is missing."""
+        self._mcap.add_metadata(LOST_METADATA, {"why": text})
 
     def note_lost(self, ring: int, begin: int, end: int, why: str) -> None:
         """Write in place which rows are missing."""
@@ -144,3 +157,9 @@ def _held(event: LoggedEvent) -> LoggedEvent:
     if 0 <= event.at_ns < MAX_STAMP_NS:
         return event
     return msgspec.structs.replace(event, stamp_ns=min(max(event.at_ns, 1), MAX_STAMP_NS - 1))
+
+
+def stamps_fit(rows: Rows) -> NDArray[np.bool_]:
+    """Which rows have time stamps that the format can hold."""
+    times = rows.time_ns
+    return (times >= 0) & (times < MAX_STAMP_NS)

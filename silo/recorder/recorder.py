@@ -11,6 +11,7 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -24,7 +25,7 @@ from silo.files.atomic import reason
 from silo.files.event_log import newest_number
 from silo.files.part_facts import EVENTS_RING
 from silo.model import Extras, RecorderState
-from silo.recorder.draining import MOST_PERIOD_S, Drain, Drained
+from silo.recorder.draining import DROPPED, MOST_PERIOD_S, Drain, Drained
 from silo.recorder.happening import Happening
 from silo.recorder.layout import ending, layout_of
 from silo.recorder.ledger import Ledger
@@ -73,6 +74,8 @@ class Recorder:
         self._flushed_s = self._reported_s = self._released_s = time.monotonic()
         self._why = ""
         self._until = 0  # the event that the log is to have at the end
+        self._died = False  # the program, without a word
+        self._gone = ""  # what is to stand in the next part of runs that are not whole
         self._first = True
         self._closing: Closing | None = None
         self._settled = False
@@ -97,7 +100,10 @@ class Recorder:
         self._ledger = ledger
         if self._order.resume:
             ledger.go_on(*left_rows(ledger))
+        else:
+            ledger.begin_order(self._order.order)
         self._left = ledger.written.run, ledger.written.next_rows
+        self._look_for_gone()
         self._writing = Writing(self._order, ledger, self._disk)
         self._writing.start()
         problem = ""
@@ -122,10 +128,27 @@ class Recorder:
             totals.state, totals.text = RecorderState.ENDED, self._why
         if problem:
             totals.state, totals.text = RecorderState.FAILED, problem
-        while totals.finished or totals.told or self._news:
+        if gone := ledger.sums().gone:
+            totals.text += f"; the end of {gone} run{'s' if gone > 1 else ''} is in no file"
+        while totals.finished or totals.told or totals.done or self._news:
             self._send(self._report())
         self._send(self._report())
         return totals.state
+
+    def _look_for_gone(self) -> None:
+        """Write down which runs this recorder can't go on with: their memory is gone."""
+        if not self._order.runs:
+            return  # whoever started this does not say
+        for entry in self._ledger.written.runs:
+            if not entry.done and entry.run not in self._order.runs:
+                entry.done, entry.extras = True, None
+                entry.gone = "its memory was gone before"
+                number = f"run {entry.number}" if entry.number else "a run"
+                self._tell_gone(f"{number} of the logger is not recorded to its end: {entry.gone}")
+
+    def _tell_gone(self, text: str) -> None:
+        self._news.append(text)
+        self._gone = "; ".join(filter(None, [self._gone, text]))
 
     def on_term(self, _number: int, _frame: object) -> None:
         """Finish soon: the handler of SIGTERM."""
@@ -149,7 +172,7 @@ class Recorder:
                 for descriptor in descriptors:
                     closing.callback(os.close, descriptor)
                 if isinstance(command, Finish):
-                    self._why, self._until = command.why, command.events
+                    self._why, self._until, self._died = command.why, command.events, command.died
                     return
                 if isinstance(command, Follow):
                     self._follow(command, descriptors)
@@ -159,7 +182,9 @@ class Recorder:
     def _follow(self, command: Follow, descriptors: list[int]) -> None:
         try:
             reader = SegmentReader(command.segment, descriptors[0] if descriptors else None)
-            extras = extras_of(descriptors[1]) if len(descriptors) > 1 else reader.schema.extras
+            entry = self._ledger.written.entry(reader.schema.run)
+            known = entry.extras if entry is not None and entry.extras is not None else reader.schema.extras
+            extras = extras_of(descriptors[1]) if len(descriptors) > 1 else known
             run = with_derived(reader, extras.derived)
             run.schema = msgspec.structs.replace(run.schema, extras=extras)
             self._runs.append(run)
@@ -179,7 +204,7 @@ class Recorder:
     def _tell(self) -> None:
         now_s = time.monotonic()
         totals = self._writing.totals
-        if now_s - self._reported_s >= REPORT_S or totals.finished or totals.told or self._news:
+        if now_s - self._reported_s >= REPORT_S or totals.finished or totals.told or totals.done or self._news:
             self._reported_s = now_s
             self._send(self._report())
 
@@ -199,6 +224,7 @@ class Recorder:
             totals.lost,
             totals.finished.pop(0) if totals.finished else "",
             told[:TEXT_BYTES],
+            totals.done.pop(0) if totals.done else "",
         )
 
     def _send(self, report: Report) -> None:
@@ -222,13 +248,15 @@ class Recorder:
             self._drain.reader.release_pages()
         late = bool(self._runs) and now_s - self._next_since_s > OLD_RUN_S
         if self._pending.complete and (late or (self._drain.done() and (self._runs or self._happening.has_ended()))):
-            self._end_run(0)
+            self._end_run(RunEnds())
 
-    def _end_run(self, until: int) -> None:
-        assert self._drain is not None
+    def _end_run(self, end: RunEnds) -> None:
+        drain = self._drain
+        assert drain is not None
         self._flush()
-        self._writing.put(RunEnds(until))
-        self._drain.reader.close()
+        over = end.died or bool(self._runs) or drain.is_over()
+        self._writing.put(replace(end, end=dict(drain.cursors), over=over))
+        drain.reader.close()
         self._drain = None
 
     def _read_some(self, drain: Drain) -> None:
@@ -272,21 +300,42 @@ class Recorder:
         self._writing.put(Settle(tuple(closed)))
 
     def _begin_run(self) -> bool:
-        if not self._runs:
-            return False
-        reader = self._runs.popleft()
-        layout = layout_of(reader.schema, self._order.patterns)
-        run, rows = self._left
-        begin: dict[int, int] | None = {}
-        if self._first:
-            begin = dict(rows) if run == reader.schema.run else {}
-            begin = begin if self._order.resume else None
-        self._first = False
-        self._drain = drain = Drain(reader, layout, begin)
-        schema = reader.schema
-        since = begin.get(EVENTS_RING, 0) if begin is not None else newest_number(schema.folder, schema.logger) + 1
-        self._announce(drain, since)
-        return True
+        while self._runs:
+            reader = self._runs.popleft()
+            schema = reader.schema
+            entry = self._ledger.written.entry(schema.run)
+            if entry is not None and entry.done:
+                self._writing.totals.done.append(schema.run)
+                reader.close()
+                continue
+            begin = self._begin_of(reader)
+            self._first = False
+            self._drain = drain = Drain(reader, layout_of(schema, self._order.patterns), begin)
+            since = begin.get(EVENTS_RING, 0) if begin is not None else newest_number(schema.folder, schema.logger) + 1
+            self._announce(drain, since)
+            return True
+        return False
+
+    def _begin_of(self, reader: SegmentReader) -> dict[int, int] | None:
+        """With which rows to begin: None for what comes from now on."""
+        schema, order = reader.schema, self._order
+        if self._first and not order.resume:
+            return None
+        known = self._ledger.rows_of(schema.run)
+        if known is not None:
+            return dict(known)
+        if schema.run == order.run:
+            return {ring.ring: -(-order.tick // ring.divider) for ring in schema.rings}
+        self._look_for_missed(schema.number)
+        return {}
+
+    def _look_for_missed(self, number: int) -> None:
+        """Write down which runs before this one nobody handed over: their numbers tell that there were some."""
+        last = max((entry.number for entry in self._ledger.written.runs), default=0)
+        missed = number - last - 1 if last and number else 0
+        if missed > 0:
+            runs = f"runs {last + 1} to {number - 1}" if missed > 1 else f"run {last + 1}"
+            self._tell_gone(f"{runs} of the logger {'are' if missed > 1 else 'is'} not recorded: {DROPPED}")
 
     def _announce(self, drain: Drain, since: int) -> None:
         """Have a run begin in the files, with events from `since` on; tell what can't be recorded without end."""
@@ -300,7 +349,8 @@ class Recorder:
                 "buffer_type=looping to record them without end"
             )
         self._happening = Happening(drain.reader, since)
-        self._writing.put(RunBegins(layout, {**drain.begun_with, EVENTS_RING: since}, self._happening))
+        gone, self._gone = self._gone, ""
+        self._writing.put(RunBegins(layout, {**drain.begun_with, EVENTS_RING: since}, self._happening, gone))
 
     def _drain_last(self) -> None:
         """Take what is in the rings now, however long the disk takes."""
@@ -308,7 +358,8 @@ class Recorder:
             assert self._drain is not None
             self._read_some(self._drain)
             if self._pending.complete:
-                self._end_run(self._until)
+                last = not self._runs
+                self._end_run(RunEnds(self._until if last else 0, died=last and self._died))
             else:
                 self._flush()
                 self._writing.over.wait(0.01)

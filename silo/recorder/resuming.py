@@ -66,7 +66,10 @@ def left_rows(ledger: Ledger) -> tuple[str, dict[int, int]]:
             time.sleep(0.02)  # another process closes it just now
         if found and found[0].recorder == ledger.name:
             return found[0].run, found[1]
-    return ledger.written.run, dict(ledger.written.next_rows)
+    written = ledger.written
+    if written.runs and written.entry(written.run) is None:  # its order is over
+        return "", {}
+    return written.run, dict(written.next_rows)
 
 
 def _glance(path: Path) -> "tuple[PartFacts, dict[int, int]] | tuple[()] | None":

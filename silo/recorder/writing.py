@@ -5,51 +5,69 @@ room: first in the queue, then in the rings.
 """
 
 import contextlib
+import itertools
 import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from silo.collecting.journal_folders import RECORDINGS, remember_folder
+from silo.collecting.rows import Rows
 from silo.errors import SiloError
 from silo.files.atomic import reason
 from silo.files.mcap_write import Write
 from silo.files.part_facts import EVENTS_RING
 from silo.model import Extras, LoggedEvent, RecorderState
 from silo.recorder.closing import ClosedPart
-from silo.recorder.draining import Drained, Loss
+from silo.recorder.draining import TOO_SLOW, Drained, Loss
 from silo.recorder.happening import Happening
 from silo.recorder.layout import Layout
 from silo.recorder.ledger import DiskRoom, Ledger, disk_room, left_free
 from silo.recorder.orders import RecordOrder
-from silo.recorder.part import Part
+from silo.recorder.part import Part, stamps_fit
+from silo.recorder.written import RunEntry
 
 QUEUE_BYTES = 64 << 20
 MOST_INDEX_BYTES = 16 << 20  # of a part, in memory: then the next one begins
 MOST_HOLE_ROWS = 100_000  # a part holds no larger ones, which whoever reads it would have to fill
 MESSAGE_BYTES = 80  # what a sample takes at most of the disk beside its value, for a look ahead
-TOO_SLOW = "the disk took the rows too slowly, and the ring was overwritten before they were read"
+BAD_STAMP = (
+    "their time stamps are before 1970 or after 2038, and a file of ROS 2 counts seconds in 31 bits: see to the clock "
+    "of the logger"
+)
 
 log = logging.getLogger("silo.recorder")
 
 
 @dataclass(frozen=True)
 class RunBegins:
-    """What follows is of another run: its layout, the rows with which its rings begin, and what happens in it."""
+    """What follows is of another run: its layout, the rows with which its rings begin, and what happens in it.
+
+    `gone` tells of the runs before it that are not whole.
+    """
 
     layout: Layout
     begin: Mapping[int, int]
     happening: Happening
+    gone: str = ""
 
 
 @dataclass(frozen=True)
 class RunEnds:
-    """Nothing more comes of this run; its event log is to have event `until`."""
+    """Nothing more comes of this run; its event log is to have event `until`.
+
+    `end` are the rows up to which it was read. `over`: that is all of it; `died`: its program ended without a word.
+    """
 
     until: int = 0
+    end: Mapping[int, int] = field(default_factory=dict)
+    over: bool = False
+    died: bool = False
 
 
 @dataclass(frozen=True)
@@ -89,6 +107,7 @@ class Totals:
     lost: int = 0
     finished: list[str] = field(default_factory=list)
     told: list[str] = field(default_factory=list)
+    done: list[str] = field(default_factory=list)  # runs
 
 
 @dataclass(frozen=True)
@@ -111,6 +130,9 @@ class Writing:
         self._happening: Happening | None = None
         self._part: Part | None = None
         self._waiting: list[LoggedEvent] = []  # for a part in which to stand
+        self._gone = ""  # likewise
+        self._why_lost = ""
+        self._bad: dict[int, Loss] = {}  # by ring, rows that can't be written, as long as they follow one another
         self._queue: deque[Item] = deque()
         self._queued_bytes = 0
         self._changed = threading.Condition()
@@ -176,6 +198,8 @@ class Writing:
         if isinstance(item, RunBegins):
             self._end_run(RunEnds())
             self._layout, self._next, self._happening = item.layout, dict(item.begin), item.happening
+            self._gone = "; ".join(filter(None, [self._gone, item.gone]))
+            self._ledger.begin_run(_entry(item.layout, item.begin))
             self.totals.state = RecorderState.RECORDING
         elif isinstance(item, RunEnds):
             self._end_run(item)
@@ -183,15 +207,13 @@ class Writing:
         elif isinstance(item, ExtrasChange):
             self._finish_part()
             self._layout = self._present_layout.with_extras(item.extras)
+            self._ledger.begin_run(_entry(self._layout, self._next))
         elif isinstance(item, Look):
             if self._happening is not None:
                 self._take_events(self._happening.read())
         elif isinstance(item, Settle):
-            if self._order.resume:
-                ours = [part for part in item.closed if part.recorder == self._order.name and part.size_bytes]
-                self.totals.parts += len(ours)
             self._ledger.settle(item.closed, self._part.final.name if self._part is not None else "")
-            self._count_bytes()
+            self._count()
         else:
             self._write(item)
         with self._changed:  # only now: rows that are being written take memory as well
@@ -204,21 +226,39 @@ class Writing:
         for loss in drained.losses:
             self._note_lost(loss)
         for rows in drained.rows:
-            layout = self._present_layout
-            elements = layout.samples(rows)
-            misfits = layout.misfits(rows, elements)
-            if misfits:
-                self._finish_part()
-                layout = self._layout = layout.with_bytes(misfits)
-                elements = layout.samples(rows)
-            self._open_part().add(rows, elements)
-            self._next[rows.ring.ring] = rows.first + len(rows)
-            self.totals.samples += len(rows) * len(layout.ring_channels[rows.ring.ring])
+            for stretch, fits in _stretches(rows):
+                self._write_rows(stretch) if fits else self._take_bad(stretch)
         if self._part is not None:
             self._part.sync_if_due()
-            self._count_bytes()
+            self._count()
             if self._is_long(self._part, drained):
                 self._finish_part()
+
+    def _write_rows(self, rows: Rows) -> None:
+        self._note_bad(rows.ring.ring)
+        layout = self._present_layout
+        elements = layout.samples(rows)
+        misfits = layout.misfits(rows, elements)
+        if misfits:
+            self._finish_part()
+            layout = self._layout = layout.with_bytes(misfits)
+            elements = layout.samples(rows)
+        self._open_part().add(rows, elements)
+        self._next[rows.ring.ring] = rows.first + len(rows)
+
+    def _take_bad(self, rows: Rows) -> None:
+        """Leave out rows that no file can hold. Told once they end, or the run does: a wrong clock may stay wrong."""
+        ring, first, end = rows.ring.ring, rows.first, rows.first + len(rows)
+        if ring not in self._bad:
+            self._bad[ring] = Loss(ring, first, end, BAD_STAMP)
+        else:
+            self._bad[ring] = replace(self._bad[ring], end=end)
+
+    def _note_bad(self, *rings: int) -> None:
+        for ring in rings or list(self._bad):
+            loss = self._bad.pop(ring, None)
+            if loss is not None:
+                self._note_lost(loss)
 
     def _estimate(self, drained: Drained) -> int:
         layout = self._present_layout
@@ -252,8 +292,11 @@ class Writing:
             self._part = part
             with contextlib.suppress(OSError, RuntimeError):  # then `silo recover` must be told the folder
                 remember_folder(self._folder, RECORDINGS)
-            self._ledger.begin(part.final.name, part.inode)
+            self._ledger.begin(part.final.name, part.inode, part.layout.schema.run)
             self.totals.part = str(part.path)
+            if self._gone:
+                part.note_gone(self._gone)
+                self._gone = ""
             self._take_events(())
         return self._part
 
@@ -265,32 +308,49 @@ class Writing:
             written, self._waiting = self._waiting, []
             self._part.add_events(written)
             self._next[EVENTS_RING] = written[-1].number + 1
-            self._count_bytes()
+            self._count()
 
     def _end_run(self, end: RunEnds) -> None:
         """Finish what there is of a run; a mark that came after the last row may have a part of its own."""
         happening, self._happening = self._happening, None
+        self._note_bad()
         if happening is not None:
             with contextlib.closing(happening):
-                self._take_events(happening.read_last(end.until))
+                self._take_events(happening.read_last(end.until, died=end.died))
             if any(event.kind not in _OF_RECORDERS for event in self._waiting):
                 self._open_part()
         self._waiting = []
         self._finish_part()
+        if happening is not None:
+            run = self._present_layout.schema.run
+            self._ledger.end_run(run, {**self._next, **end.end}, done=end.over)
+            if end.over:
+                self.totals.done.append(run)
+            self._count()
 
     def _note_lost(self, loss: Loss) -> None:
         layout = self._present_layout
         if loss.end - loss.begin > MOST_HOLE_ROWS:
             self._finish_part()
+            self._next[loss.ring] = loss.end
+        part = self._open_part()  # one that begins here has the hole before its first row
         self._next[loss.ring] = loss.end
-        self._open_part().note_lost(loss.ring, loss.begin, loss.end, TOO_SLOW)
+        self._why_lost = loss.why
+        part.note_lost(loss.ring, loss.begin, loss.end, loss.why)
         lost = (loss.end - loss.begin) * len(layout.ring_channels[loss.ring])
-        self.totals.lost += lost
         divider = layout.schema.rings[loss.ring].divider
-        self.totals.told.append(
-            f"{lost} samples were lost, of ticks {loss.begin * divider} to {(loss.end - 1) * divider}: {TOO_SLOW}; "
-            "record fewer elements, make buffers larger, or record to another disk"
-        )
+        text = f"{lost} samples were lost, of ticks {loss.begin * divider} to {(loss.end - 1) * divider}: {loss.why}"
+        if loss.why == TOO_SLOW:
+            text += "; record fewer elements, make buffers larger, or record to another disk"
+        self.totals.told.append(text)
+        self._count()
+
+    def _lost_event(self, part: Part) -> LoggedEvent:
+        """That no sample is in a part but a loss: rows tell what is missing between them, and here are none."""
+        schema = part.layout.schema
+        text = f"{part.lost} samples of this run are in no file: {self._why_lost}"
+        number = self._next.get(EVENTS_RING, 1)
+        return LoggedEvent("lost", text, time.time_ns(), 0, schema.started_ns, schema.logger, schema.run, number)
 
     def _is_long(self, part: Part, drained: Drained) -> bool:
         order = self._order
@@ -307,27 +367,32 @@ class Writing:
         if part is None:
             return
         try:
+            if part.lost and not part.samples:
+                part.add_events([self._lost_event(part)])
             size = part.finish()
         except OSError:
             part.leave()
             raise
         run = part.layout.schema.run
-        self._ledger.end(part.final.name, size, run, {**self._next})
+        self._ledger.end(part.final.name, size, run, {**self._next}, part.rows, part.samples)
         self.totals.part = ""
         if size:
-            self.totals.parts += 1
-            self.totals.written_bytes += size
             self.totals.finished.append(str(part.final))
-        self._count_bytes()
+        self._count()
 
     @property
     def open_bytes(self) -> int:
         """Bytes of the part that is being written."""
         return self._part.size_bytes if self._part is not None else 0
 
-    def _count_bytes(self) -> None:
-        open_bytes = self.open_bytes
-        self.totals.size_bytes = self._ledger.size_bytes + open_bytes
+    def _count(self) -> None:
+        """Compute what there is, of the ledger and the part that is open."""
+        part = self._part
+        run = self._layout.schema.run if self._layout is not None else ""
+        sums = self._ledger.sums(run, part.rows if part is not None else None, self._next)
+        self.totals.parts, self.totals.lost, self.totals.written_bytes = sums.parts, sums.lost, sums.size_bytes
+        self.totals.samples = sums.samples + (part.samples if part is not None else 0)
+        self.totals.size_bytes = self._ledger.size_bytes + self.open_bytes
 
     def _fail(self, text: str) -> None:
         """End by itself: what was written is finished, if the disk lets it."""
@@ -337,6 +402,23 @@ class Writing:
             text += f"; the last part can't be finished now ({reason(error)}): `silo recover {self._folder}` does it"
         self.totals.text = text
         self.totals.state = RecorderState.FAILED
+
+
+def _entry(layout: Layout, begin: Mapping[int, int]) -> RunEntry:
+    schema = layout.schema
+    channels = {ring: len(numbers) for ring, numbers in layout.ring_channels.items()}
+    return RunEntry(schema.run, schema.number, dict(begin), channels=channels, extras=schema.extras)
+
+
+def _stretches(rows: Rows) -> Iterator[tuple[Rows, bool]]:
+    """Rows as stretches that the format can hold, and those that it can't."""
+    fits = stamps_fit(rows)
+    if fits.all():
+        yield rows, True
+        return
+    bounds = [0, *(np.flatnonzero(np.diff(fits)) + 1).tolist(), len(rows)]
+    for begin, end in itertools.pairwise(bounds):
+        yield Rows(rows.ring, rows.first + begin, rows.words[begin:end]), bool(fits[begin])
 
 
 class _NoRoomLeftError(SiloError):

@@ -554,7 +554,7 @@ def test_a_control_word_of_another_meaning_is_not_touched_by_the_mark(tmp_path):
         before = path.read_bytes()
         mark_saved(reader)
         after = path.read_bytes()
-        place = reader.saved_ticks_offset
+        place = reader.control_offset(Control.SAVED_TICKS)
     assert [n for n in range(len(before)) if before[n] != after[n]] == [place]
     assert after[place] == 5
     assert Control.SAVED_TICKS == 3

@@ -22,6 +22,7 @@ from silo.errors import SiloError
 from silo.helper.answers import Answers
 from silo.helper.event_log import EventLog
 from silo.helper.events import Events
+from silo.helper.held_runs import HeldRuns
 from silo.helper.judge import Judge
 from silo.helper.mirror import Mirror
 from silo.helper.operators import Operators
@@ -225,7 +226,7 @@ class Bench:
         events = Events(self.session, root, self.mirror, EventLog(str(folder), "fuzz"))
         self.publisher = Publisher(self.session, root, self.mirror, events)
         self.saver = Saver(self.mirror, events, self.robot)
-        self.recording = Recording(self.mirror, events)
+        self.recording = Recording(self.mirror, events, HeldRuns(self.mirror, lambda: None))
         judge = Judge(self.mirror, events)
         self.answers = Answers(
             self.mirror,

@@ -1,0 +1,247 @@
+"""Runs that wait for their consumers: their programs let go of them, and recorders or the judge were not done.
+
+The file of a run has three names in its life: `.segment` while its program has it, `.held` when that is done with it
+(it began another run, was closed, or died and its log was saved) and somebody still has to read it, and none. Who needs
+it is told by what the consumers leave for their successors: `is_due`. How far each was stands there, too.
+
+What doesn't fit the bound is replaced by a stub, that tells how much there was and holds none of it: who comes later
+finds a hole, and writes it down as any other.
+"""
+
+import contextlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from silo.collecting.schema import Control, SegmentSchema
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError
+from silo.runtime import (
+    HELD_SUFFIX,
+    JUDGE_SUFFIX,
+    RECORDERS_SUFFIX,
+    SEGMENT_SUFFIX,
+    announce_segment,
+    available_memory_bytes,
+    boot_id,
+    list_held,
+    list_segments,
+    pid_namespace,
+    process_start,
+    runtime_dir,
+    withdraw_segment,
+)
+
+HELD_RUNS = 16  # with their rows
+HELD_BYTES = 1_000_000_000  # and no more than a quarter of the file system
+HELD_SHARE = 0.25
+STUBS = 100  # of 4 kB and more, by which is known what is missing
+
+
+class Program(msgspec.Struct, frozen=True):
+    """A logger in a program, told from all others: pids come again, and count anew in each container."""
+
+    logger: str = ""
+    logger_id: str = ""
+    pid: int = 0
+    pid_start: int = 0
+    boot_id: str = ""
+    pid_namespace: int = 0
+
+
+def program_of(schema: SegmentSchema) -> Program:
+    """Return whose run a segment is."""
+    return Program(schema.logger, schema.logger_id, schema.pid, schema.pid_start, schema.boot_id, schema.pid_namespace)
+
+
+def child_of(logger: str, logger_id: str, pid: int) -> Program:
+    """Return a logger of a process that this one can see."""
+    return Program(logger, logger_id, pid, process_start(pid), boot_id(), pid_namespace())
+
+
+# ----------------------------------------------------------------------------------------------------------- the ledger
+
+
+def recorders_path(logger: str, logger_id: str) -> Path:
+    """Return where stands what records this logger; it is there as long as a recorder is not done with its runs."""
+    return runtime_dir() / f"{logger}.{logger_id}{RECORDERS_SUFFIX}"
+
+
+def judge_path(logger: str, run: str) -> Path:
+    """Return where stands what the judge knows of a run; it is there as long as it is not done with it."""
+    return runtime_dir() / f"{logger}.{run}{JUDGE_SUFFIX}"
+
+
+def is_due(schema: SegmentSchema) -> bool:
+    """Whether somebody still has to read this run: a recorder of its logger, or the judge."""
+    with contextlib.suppress(SegmentError):  # no runtime folder: then nobody left anything in it
+        return (
+            recorders_path(schema.logger, schema.logger_id).exists() or judge_path(schema.logger, schema.run).exists()
+        )
+    return False
+
+
+# --------------------------------------------------------------------------------------------------- the life of a name
+
+
+def held_name(path: Path) -> Path:
+    """Return the name that a segment has while it is held."""
+    return path.with_name(path.name.removesuffix(SEGMENT_SUFFIX) + HELD_SUFFIX)
+
+
+def hold(path: Path) -> Path:
+    """Give a segment the name of one that is held; returns that. Raises OSError."""
+    held = held_name(path)
+    linked = path.name.startswith(".")
+    if linked:
+        announce_segment(held)  # first: what is found by two names is found
+    try:
+        path.rename(held)
+    except FileNotFoundError:  # somebody deleted it
+        if linked:
+            withdraw_segment(held)
+        raise
+    if linked:
+        withdraw_segment(path)
+    return held
+
+
+def remove(path: Path) -> None:
+    """Delete a segment, held or not, under its name and its link."""
+    path.unlink(missing_ok=True)
+    if path.name.startswith("."):
+        withdraw_segment(path)
+
+
+def number_of(path: Path) -> int:
+    """Return by what runs of a process follow one another."""
+    number = path.name.rsplit(".", 2)[-2]
+    return int(number) if number.isdecimal() else 0
+
+
+def held_runs(logger: str = "", logger_id: str = "") -> list[SegmentReader]:
+    """Return readers of runs that are held, oldest first, to be closed: of one logger, or all. Damaged ones are not."""
+    found = []
+    for path in sorted(list_held(), key=lambda path: (path.name.rsplit(".", 2)[0], number_of(path))):
+        if logger and not path.name.lstrip(".").startswith(f"{logger}."):
+            continue
+        with contextlib.suppress(SegmentError):
+            reader = SegmentReader(path)
+            if logger_id in ("", reader.schema.logger_id):
+                found.append(reader)
+            else:
+                reader.close()
+    return found
+
+
+def is_live(program: Program) -> bool:
+    """Whether a logger is still there: its program lives and did not close it.
+
+    Told by its runs, which are seen from every container: the present one has no other name, and is locked.
+    """
+    if program.boot_id != boot_id():
+        return False
+    runs = 0
+    for path in [*list_segments(), *list_held()]:
+        if not path.name.lstrip(".").startswith(f"{program.logger}."):
+            continue
+        with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(path)) as reader:
+            if reader.schema.logger_id == program.logger_id:
+                runs += 1
+                if path.suffix == SEGMENT_SUFFIX and reader.alive():
+                    return True
+    if runs:
+        return False
+    if program.pid_namespace != pid_namespace():
+        return True
+    start = process_start(program.pid)
+    return start != 0 and start == program.pid_start
+
+
+# ------------------------------------------------------------------------------------------------------------ the bound
+
+
+@dataclass(frozen=True)
+class Bound:
+    """How much may be held of one logger."""
+
+    runs: int
+    size_bytes: int
+
+
+def bound_of(folder: Path) -> Bound:
+    """Return how much may be held in this folder."""
+    try:
+        place = os.statvfs(folder)
+    except OSError:
+        return Bound(HELD_RUNS, HELD_BYTES)
+    return Bound(HELD_RUNS, min(HELD_BYTES, int(HELD_SHARE * place.f_blocks * place.f_frsize)))
+
+
+def bytes_of(path: Path) -> int:
+    """Return what a file takes; 0 where it is gone."""
+    try:
+        return path.stat().st_blocks * 512
+    except OSError:
+        return 0
+
+
+def _is_stub(path: Path) -> bool:
+    """Whether most of a file is a hole."""
+    try:
+        found = path.stat()
+    except OSError:
+        return False
+    return found.st_blocks * 512 < found.st_size // 2
+
+
+def trim(paths: Sequence[Path], *, in_memory: bool, room_bytes: int = 0) -> list[Path]:
+    """Have the oldest runs that are held make room: for the bound, and so that `room_bytes` are free beside them.
+
+    Returns those of which the rows went, or will as soon as their readers let go of them.
+    """
+    there = [path for path in paths if path.exists()]
+    for path in there[:-STUBS]:
+        remove(path)
+    whole = [path for path in there[-STUBS:] if not _is_stub(path)]
+    gone: list[Path] = []
+    bound = bound_of(whole[0].parent) if whole else Bound(0, 0)
+    while whole and (
+        len(whole) > bound.runs
+        or sum(map(bytes_of, whole)) > bound.size_bytes
+        or _free_bytes(whole[0].parent, in_memory=in_memory) < room_bytes
+    ):
+        gone.append(whole.pop(0))
+        make_stub(gone[-1])
+    return gone
+
+
+def _free_bytes(folder: Path, *, in_memory: bool) -> int:
+    place = os.statvfs(folder)
+    free = place.f_bavail * place.f_frsize
+    return min(free, available_memory_bytes()) if in_memory else free
+
+
+def make_stub(path: Path) -> None:
+    """Replace a run that is held by what tells of it: its description and its counts, without a row.
+
+    Whoever has it open keeps it. Where there is no room even for that it is deleted: the numbers of the runs tell that
+    one is missing.
+    """
+    new = path.with_name(f".{path.name}.new")
+    try:
+        with contextlib.closing(SegmentReader(path)) as reader, open(new, "wb", opener=_private) as file:
+            file.write(os.pread(reader.fileno(), reader.rows_offset, 0))
+            file.truncate(reader.size_bytes)
+            os.pwrite(file.fileno(), (1).to_bytes(8, "little"), reader.control_offset(Control.DROPPED))
+        new.replace(path)
+    except (OSError, SegmentError):
+        new.unlink(missing_ok=True)
+        remove(path)
+
+
+def _private(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)

@@ -1,0 +1,150 @@
+"""The runs that recorders and the judge may still have to read: kept open here until none of them needs them any more.
+
+A run comes by the link before its first tick, or, where no helper process was there to take it, is found in the runtime
+folder, where its program left it (`silo.collecting.held`). It goes when it is not the present one and nobody needs it.
+"""
+
+import contextlib
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from silo.collecting.held import bound_of, bytes_of, held_name, held_runs, number_of, remove
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError
+from silo.helper.events import Events
+from silo.helper.mirror import HeldNow, Mirror
+from silo.ipc.published import EventKind
+from silo.model import Extras
+from silo.runtime import HELD_SUFFIX, list_held, runtime_dir
+
+
+class HeldRuns:
+    """The main thread changes what there is; any thread may ask."""
+
+    def __init__(self, mirror: Mirror, changed: Callable[[], None]) -> None:
+        """`changed` is called, by any thread, when a consumer needs a run no more: then `release` is due."""
+        self._mirror, self.changed = mirror, changed
+        self._lock = threading.Lock()
+        self._runs: dict[str, SegmentReader] = {}  # by their ids, oldest first
+        self._extras: dict[str, Extras] = {}  # derived signals, limits and triggers that each had last
+        self._known: set[str] = set()  # all that there ever were
+        self._looked: set[Path] = set()
+        self._needs: list[Callable[[str], bool]] = []
+
+    def add(self, needs: Callable[[str], bool]) -> None:
+        """Add a consumer: it is asked, by the main thread, whether it needs the run of an id any more."""
+        self._needs.append(needs)
+
+    # ------------------------------------------------------------------------------------------ by the main thread
+
+    def take(self) -> None:
+        """Keep the run that the mirror has just taken over."""
+        with contextlib.suppress(SegmentError):
+            reader = self._mirror.open_reader()
+            if reader is not None and reader.schema.run not in self._known:
+                self._add(reader)
+        self.note_extras()
+
+    def note_extras(self) -> None:
+        """Remember what the present run is watched for."""
+        robot = self._mirror.now.robot
+        if self._mirror.run and robot.segment == self._mirror.segment:
+            self._extras[self._mirror.run] = robot.extras
+
+    def find(self) -> list[SegmentReader]:
+        """Return runs of this logger that no helper process took over, oldest first; they are kept, too."""
+        with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
+            if all(path in self._looked for path in list_held()):
+                return []
+            options = self._mirror.now.options
+            found = []
+            for reader in held_runs(options.name, options.id):
+                self._looked.add(reader.path)
+                if reader.schema.run in self._runs:
+                    reader.close()
+                elif reader.schema.run in self._known:
+                    remove(reader.path)  # nobody needed it any more when it got this name
+                    reader.close()
+                else:
+                    self._add(reader)
+                    found.append(reader)
+            return found
+        return []
+
+    def _add(self, reader: SegmentReader) -> None:
+        self._known.add(reader.schema.run)
+        with self._lock:
+            runs = {**self._runs, reader.schema.run: reader}
+            self._runs = dict(sorted(runs.items(), key=lambda run: number_of(run[1].path)))
+
+    def release(self, *, at_end: bool = False) -> None:
+        """Let go of the runs that nobody needs: their memory is free with that. `at_end`: of the present one, too."""
+        for run, reader in list(self._runs.items()):
+            if (at_end or run != self._mirror.run) and not any(needs(run) for needs in self._needs):
+                self._forget(run)
+                self._looked.discard(_held(reader))
+                remove(_held(reader))
+        self._count()
+
+    def let_go(self, *, held_alone: bool) -> None:
+        """Free the memory of all, as far as it depends on this process: the robot program needs it for the next run."""
+        for run in list(self._runs):
+            if run != self._mirror.run or not held_alone:
+                self._forget(run)
+
+    def _forget(self, run: str) -> None:
+        with self._lock:
+            reader = self._runs.pop(run)
+        self._extras.pop(run, None)
+        reader.close()
+
+    def _count(self) -> None:
+        """Tell the status what is held, of which the present run is none."""
+        paths = [_held(reader) for run, reader in self._runs.items() if run != self._mirror.run]
+        with contextlib.suppress(SegmentError):
+            bound = bound_of(paths[0].parent if paths else runtime_dir())
+            self._mirror.held = HeldNow(len(paths), sum(map(bytes_of, paths)), bound.runs, bound.size_bytes)
+
+    # --------------------------------------------------------------------------------------------- by any thread
+
+    def ids(self) -> list[str]:
+        """Return the ids of all runs that are there, oldest first, the present one last."""
+        with self._lock:
+            return list(self._runs)
+
+    def extras(self, run: str) -> Extras | None:
+        """Return what a run was watched for last, None where no helper process knew it."""
+        return self._extras.get(run)
+
+    def open(self, run: str) -> SegmentReader | None:
+        """Return a reader of a run for the calling thread alone; None where its memory was needed.
+
+        Raises SegmentError for one that is damaged.
+        """
+        with self._lock:
+            known = self._runs.get(run)
+            if known is None:
+                return None
+            path, descriptor = known.path, os.dup(known.fileno())
+        try:
+            return SegmentReader(path, descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def tell_left(reader: SegmentReader, events: Events) -> None:
+    """Tell what nobody told of a run that ended while there was no helper process."""
+    run = reader.schema.run
+    known = {event.kind for event in events.log.of_run(run)}
+    if EventKind.STARTED.value not in known:
+        events.publish(EventKind.STARTED, "started", tick=0, stamp_ns=reader.stamp_of(0), run=run)
+    if EventKind.STOPPED.value not in known:
+        text = reader.stop_reason or "stopped"
+        events.publish(EventKind.STOPPED, text, tick=reader.ticks - 1, stamp_ns=reader.last_time_ns, run=run)
+
+
+def _held(reader: SegmentReader) -> Path:
+    """The name that the file of a run has while it is held."""
+    return reader.path if reader.path.suffix == HELD_SUFFIX else held_name(reader.path)

@@ -1,0 +1,193 @@
+"""Endless recordings across deaths and new starts: every tick is in a file, or is told as lost where it is missing."""
+
+import contextlib
+import os
+import signal
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import psutil
+import pytest
+
+from silo.collecting.held import held_runs, recorders_path
+from silo.files.bag_read import read_bag
+from silo.helper.recorder_process import stored
+from silo.ipc.client import Client
+from silo.model import RecorderState
+from silo.recorder.written import read_written
+from silo.runtime import list_held
+from tests.waiting import answered, wait_until
+
+pytestmark = pytest.mark.slow
+
+
+def recorders_of(helper_pid: int) -> list[psutil.Process]:
+    """Recorders, and the one that is kept for the case that one dies."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        return [one for one in psutil.Process(helper_pid).children() if "silo.recorder" in one.cmdline()]
+    return []
+
+
+def begin(bench, client: Client) -> Path:
+    bench.logger.set(buffer_type="looping", buffer_size=5000)
+    bench.logger.start()
+    folder = Path(client.record(["x"], to="walks").folder)
+    wait_until(lambda: client.recorders()[0].state is RecorderState.RECORDING)
+    return folder
+
+
+def freeze(client: Client) -> None:
+    """From now on nothing is recorded."""
+    for one in recorders_of(client.status().helper_pid):
+        one.suspend()
+
+
+def kill_recorders(pid: int) -> None:
+    for one in recorders_of(pid):
+        one.kill()
+
+
+def ticks_of(folder: Path) -> dict[str, list[int]]:
+    """By run, the ticks that its parts have, in their order."""
+    found: dict[str, list[int]] = {}
+    for path in sorted(folder.glob("*.mcap"), key=lambda path: path.name.rpartition("_")[2]):
+        part = read_bag(path)
+        for element in part.elements:
+            first = part.offset - len(part.time_ns)
+            there = np.ones(element.count, bool)
+            for low, high in element.failures.spans:
+                ticks = first + element.stamp_indices
+                there &= (ticks < low) | (ticks > high)
+            found.setdefault(path.name, []).extend((first + element.stamp_indices)[there].tolist())
+    return found
+
+
+def values_of(folder: Path) -> list[int]:
+    """All values of x, which counts the ticks of all runs, as the parts have them one after the other."""
+    found = []
+    for path in sorted(folder.glob("*.mcap"), key=lambda path: path.name.rpartition("_")[2]):
+        for element in read_bag(path).elements:
+            assert element.lost == 0
+            found += element.entries[0].values.astype(int).tolist()
+    return found
+
+
+def test_runs_that_follow_one_another_after_the_recorder_died_are_recorded_whole(bench, client) -> None:
+    folder = begin(bench, client)
+    bench.ticks(300)
+    freeze(client)
+    for ticks in (200, 100, 50):
+        bench.ticks(ticks)
+        bench.logger.restart()
+    bench.ticks(70)
+    wait_until(lambda: client.status().held_runs == 3)
+    kill_recorders(client.status().helper_pid)
+    wait_until(lambda: not client.status().held_runs)
+    assert "720 samples, 0 lost" in client.stop_recorder()
+    assert values_of(folder) == list(range(1, 721))
+    assert list_held() == []
+
+
+def test_runs_that_no_helper_process_saw_are_recorded_whole_and_told(bench, client) -> None:
+    folder = begin(bench, client)
+    bench.ticks(300)
+    freeze(client)
+    pid = client.status().helper_pid
+    recorders = recorders_of(pid)
+    os.kill(pid, signal.SIGSTOP)  # it takes nothing in any more
+    bench.ticks(40)
+    for _ in range(2):
+        bench.logger.restart()
+        bench.ticks(30)
+    for one in recorders:
+        one.kill()
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    wait_until(lambda: not list_held())
+    bench.ticks(10)
+    assert "0 lost" in client.stop_recorder()
+    assert values_of(folder) == list(range(1, 411))
+    runs = {event.run for event in client.events() if event.kind == "started"}
+    assert len(runs - {""}) >= 2
+
+
+def test_what_is_recorded_when_it_is_ended_while_its_recorder_is_replaced_is_all(bench, client) -> None:
+    folder = begin(bench, client)
+    bench.ticks(400)
+    freeze(client)
+    bench.ticks(600)
+    kill_recorders(client.status().helper_pid)
+    assert "1000 samples, 0 lost" in bench.logger.stop_recording()
+    assert values_of(folder) == list(range(1, 1001))
+
+
+def test_a_logger_that_is_closed_while_its_helper_process_is_down_is_recorded_to_its_end(bench, client) -> None:
+    folder = begin(bench, client)
+    bench.ticks(400)
+    freeze(client)
+    bench.ticks(100)
+    pid = client.status().helper_pid
+    kill_recorders(pid)
+    os.kill(pid, signal.SIGKILL)
+    bench.logger.close()
+    assert values_of(folder) == list(range(1, 501))
+    assert list_held() == []
+    assert not recorders_path("bot", bench.logger.options.id).exists()
+
+
+def test_what_did_not_fit_is_a_gap_in_the_file_in_the_totals_and_in_the_events(bench, client, monkeypatch) -> None:
+    folder = begin(bench, client)
+    bench.ticks(300)
+    freeze(client)
+    bench.ticks(200)
+    monkeypatch.setattr("silo.collecting.held.HELD_RUNS", 1)
+    for _ in range(3):
+        bench.logger.restart()
+        bench.ticks(100)
+    pid = client.status().helper_pid
+    recorders = recorders_of(pid)
+    os.kill(pid, signal.SIGSTOP)
+    bench.logger.restart()  # the second one that is held and too many
+    for one in recorders:
+        one.kill()
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid and not list_held())
+    text = client.stop_recorder()
+    written = read_written(folder, "bot")
+    assert written is not None
+    sums = written.sums()
+    assert (sums.samples + sums.lost, sums.gone) == (800, 0), msgspec.json.encode(written)
+    assert sums.lost >= 200
+    assert f"{sums.samples} samples, {sums.lost} lost" in text
+    lost = sum(element.lost for path in folder.glob("*.mcap") for element in read_bag(path).elements)
+    told = [event.text for event in client.events() if "their memory was needed" in event.text]
+    assert told
+    assert lost or any("in no file" in event.text for path in folder.glob("*.mcap") for event in read_bag(path).events)
+
+
+def test_an_order_that_was_kept_by_an_older_helper_process_goes_on(bench, client, runtime_folder) -> None:
+    folder = begin(bench, client)
+    bench.ticks(100)
+    path = recorders_path("bot", bench.logger.options.id)
+    pid = client.status().helper_pid
+    freeze(client)
+    os.kill(pid, signal.SIGSTOP)
+    # as an older silo leaves it: by pid, with what it knew
+    (kept,) = stored(path)
+    order = {
+        name: value
+        for name, value in msgspec.to_builtins(kept.order).items()
+        if name not in ("order", "run", "tick", "runs")
+    }
+    older = [{"order": order, "by": kept.by, "since_ns": kept.since_ns}]
+    path.with_name(f"bot.{os.getpid()}.recorders").write_bytes(msgspec.json.encode(older))
+    path.unlink()
+    kill_recorders(pid)
+    os.kill(pid, signal.SIGKILL)
+    wait_until(lambda: bench.serving.is_up and bench.serving.helper_pid != pid)
+    wait_until(lambda: [one for one in answered(client.recorders) or () if one.state is RecorderState.RECORDING])
+    bench.ticks(50)
+    client.stop_recorder()
+    assert values_of(folder)[-50:] == list(range(101, 151))
+    assert held_runs() == []

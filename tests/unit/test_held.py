@@ -1,0 +1,169 @@
+"""Runs that wait for their consumers: their names, what is left where there is no room, and who may delete them."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from silo.collecting import held
+from silo.collecting.held import (
+    Bound,
+    Program,
+    child_of,
+    held_runs,
+    hold,
+    is_due,
+    is_live,
+    judge_path,
+    make_stub,
+    program_of,
+    recorders_path,
+    trim,
+)
+from silo.collecting.left_behind import discard, sweep_segments
+from silo.collecting.segment_reader import SegmentReader
+from silo.runtime import list_held, list_segments
+
+
+@pytest.fixture
+def held_run(new_logger):
+    """Makes runs of a logger that are held, of so many ticks each."""
+    log = new_logger("bot", frequency=1000, max_time=0)
+    x = log.array("x", 100, buffer_type="looping", buffer_size=500)
+
+    def make(ticks: int) -> Path:
+        (log.restart if log.is_running else log.start)()
+        for tick in range(ticks):
+            x[:] = tick
+            log.collect()
+        log.stop()
+        return log.present_run.drop(held=True)
+
+    make.log = log
+    return make
+
+
+def test_a_run_that_is_held_is_read_as_before_and_is_no_leftover(held_run) -> None:
+    path = held_run(7)
+    assert (list_held(), list_segments()) == ([path], [])
+    (reader,) = held_runs("bot", held_run.log.options.id)
+    assert (reader.ticks, reader.dropped, reader.schema.number) == (7, False, 1)
+    assert reader.rows(1, 0).words[:, 2].view(np.float64).tolist() == list(range(7))
+    assert sweep_segments() == []
+    reader.close()
+
+
+def test_runs_are_found_oldest_first_and_by_their_logger(held_run) -> None:
+    paths = [held_run(ticks) for ticks in (3, 4, 5)]
+    found = held_runs("bot", held_run.log.options.id)
+    assert ([one.path for one in found], [one.ticks for one in found]) == (paths, [3, 4, 5])
+    assert [one.schema.number for one in found] == [1, 2, 3]
+    assert held_runs("bot", "another") == held_runs("bo") == []
+
+
+def test_a_stub_tells_how_much_there_was_and_has_no_row(held_run) -> None:
+    path = held_run(900)
+    taken = path.stat().st_blocks
+    before = SegmentReader(path)
+    make_stub(path)
+    stub = SegmentReader(path)
+    assert path.stat().st_blocks < taken / 2
+    assert (stub.ticks, stub.dropped, stub.running, stub.size_bytes) == (900, True, False, before.size_bytes)
+    assert stub.schema == before.schema
+    rows = stub.rows(1, 100)
+    assert (rows.first, len(rows)) == (900, 0)
+    assert len(before.rows(1, 600)) == 300  # who has it open keeps it
+    before.close()
+    stub.close()
+
+
+def test_growing_rings_of_a_stub_have_no_row_either(new_logger) -> None:
+    log = new_logger("bot", frequency=1000, max_time=0)
+    log.array("x", 100, buffer_type="growing")
+    log.start()
+    for _ in range(5000):
+        log.collect()
+    log.stop()
+    path = log.present_run.drop(held=True)
+    make_stub(path)
+    stub = SegmentReader(path)
+    assert (stub.ticks, len(stub.rows(1, 0))) == (5000, 0)
+    stub.close()
+
+
+def test_the_oldest_make_room_first(held_run, monkeypatch) -> None:
+    paths = [held_run(600) for _ in range(4)]
+    monkeypatch.setattr(held, "bound_of", lambda _: Bound(3, 1 << 40))
+    assert trim(paths, in_memory=True) == paths[:1]
+    assert trim(paths, in_memory=True) == []
+    size = sum(held.bytes_of(path) for path in paths[2:])
+    monkeypatch.setattr(held, "bound_of", lambda _: Bound(3, size))
+    assert trim(paths, in_memory=True) == paths[1:2]
+    assert trim(paths, in_memory=True, room_bytes=1 << 60) == paths[2:]
+    assert [SegmentReader(path).dropped for path in paths] == [True] * 4
+
+
+def test_of_stubs_there_are_no_more_than_their_bound(held_run, monkeypatch) -> None:
+    paths = [held_run(600) for _ in range(4)]
+    monkeypatch.setattr(held, "STUBS", 2)
+    trim(paths, in_memory=True, room_bytes=1 << 60)
+    assert [path.exists() for path in paths] == [False, False, True, True]
+
+
+def test_a_saved_segment_stays_while_a_recorder_or_the_judge_needs_it(new_logger) -> None:
+    log = new_logger("bot")
+    log.array("x")
+    log.start()
+    log.collect()
+    log.stop()
+    reader = SegmentReader(log.segment_path)
+    schema = reader.schema
+    assert not is_due(schema)
+    for ledger in (recorders_path("bot", schema.logger_id), judge_path("bot", schema.run)):
+        ledger.touch()
+        assert is_due(schema)
+        ledger.unlink()
+    recorders_path("bot", schema.logger_id).touch()
+    discard(reader)
+    assert [path.suffix for path in list_held()] == [".held"]
+    recorders_path("bot", schema.logger_id).unlink()
+    reader.close()
+    for reader in held_runs("bot"):
+        discard(reader)
+        reader.close()
+    assert list_held() == []
+
+
+def test_a_logger_lives_as_long_as_its_present_run_has_a_writer(new_logger, held_run) -> None:
+    log = new_logger("alone")
+    log.array("x")
+    assert is_live(child_of("alone", log.options.id, os.getpid()))  # nothing was logged yet
+    log.start()
+    program = program_of(log.present_run.segment.schema)
+    assert is_live(program)
+    log.stop()
+    assert is_live(program)
+    hold(Path(log.segment_path))
+    assert not is_live(program)  # as if it had been closed
+    assert not is_live(Program("alone", "x", os.getpid(), 1, "another boot"))
+
+
+def test_nothing_is_said_of_a_process_of_another_container(monkeypatch) -> None:
+    mine = child_of("alone", "id", 2**22 + 5)  # a process that isn't there
+    assert not is_live(mine)
+    monkeypatch.setattr(held, "pid_namespace", lambda: 1)
+    assert is_live(mine)
+
+
+def test_a_segment_of_a_log_folder_is_held_there_and_found_by_its_link(new_logger, tmp_path) -> None:
+    log = new_logger("bot", storage="file")
+    log.array("x")
+    log.start()
+    log.collect()
+    log.stop()
+    path = log.present_run.drop(held=True)
+    assert path.parent == tmp_path
+    assert (list_held(), list_segments(tmp_path)) == ([path], [])
+    held.remove(path)
+    assert list_held() == []
