@@ -213,6 +213,19 @@ def plain_element(element: RecordedElement, **changes: Any) -> RecordedElement:
     return RecordedElement(**fields, **changes)
 
 
+def falls(time_ns: NDArray[np.int64]) -> bool:
+    """Whether a stamp is smaller than the one before: the clock stepped back."""
+    return bool((time_ns[1:] < time_ns[:-1]).any())
+
+
+def within(time_ns: NDArray[np.int64], first_ns: int, last_ns: int) -> slice | NDArray[np.bool_]:
+    """Which stamps lie from `first_ns` to `last_ns`, both included: no stretch where the clock stepped back."""
+    if falls(time_ns):
+        return (time_ns >= first_ns) & (time_ns <= last_ns)
+    low = int(np.searchsorted(time_ns, first_ns, side="left"))
+    return slice(low, max(low, int(np.searchsorted(time_ns, last_ns, side="right"))))
+
+
 def has_own_stamps(recording: Recording) -> bool:
     """Whether elements have time stamps of their own, not those of ticks: a bag of others."""
     return any(element.own_ns is not None for element in recording.elements)

@@ -20,6 +20,6 @@ def derivative(times: Floats, values: Floats) -> Floats:
 
 
 def integral(times: Floats, values: Floats) -> Floats:
-    """Return the area under the values since the first sample, by trapezoids; a NaN sample adds nothing."""
-    areas = np.nan_to_num((values[1:] + values[:-1]) / 2 * np.diff(times), nan=0.0)
+    """Return the area under the values since the first sample, by trapezoids; NaN and steps back add nothing."""
+    areas = np.nan_to_num((values[1:] + values[:-1]) / 2 * np.maximum(np.diff(times), 0.0), nan=0.0)
     return np.concatenate([np.zeros(min(1, len(values))), np.cumsum(areas)])

@@ -265,6 +265,7 @@ def _by_course(one: Signal, other: Signal) -> float:
     if len(one) < 2 or len(other) < 2:
         raise ElementError(f"'{one.name}' has too few samples to lay runs on each other by it")
     step_s = min(one.step_ns, other.step_ns) * 1e-9
+    one, other = one.in_order(), other.in_order()
     spans = [each.times[-1] - each.times[0] for each in (one, other)]
     step_s = max(step_s, max(spans) / MOST_SHIFT_SAMPLES)
     courses = []

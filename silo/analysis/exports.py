@@ -133,11 +133,14 @@ def _ticks(signal: Samples, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
 
     Where these are not the stamps of the samples, it has stamps of its own.
     """
-    first = int(np.searchsorted(time_ns, signal.time_ns[0])) if len(signal) else 0
-    ticks = first + np.arange(len(signal), dtype=np.int64) * signal.divider
-    if len(ticks) and (ticks[-1] >= len(time_ns) or not np.array_equal(time_ns[ticks], signal.time_ns)):
-        return places_on(time_ns, signal.time_ns)
-    return ticks
+    steps = np.arange(len(signal), dtype=np.int64) * signal.divider
+    if not len(steps):
+        return steps
+    # a clock that stepped back gives a stamp twice
+    for first in np.flatnonzero(time_ns[: len(time_ns) - int(steps[-1])] == signal.time_ns[0]).tolist():
+        if np.array_equal(time_ns[first + steps], signal.time_ns):
+            return np.asarray(first + steps)
+    return places_on(time_ns, signal.time_ns)
 
 
 def _pandas_column(pandas: Any, column: _Column, index: Any) -> Any:

@@ -12,6 +12,7 @@ import numpy as np
 from silo.analysis.samples import Samples
 from silo.arguments import shown
 from silo.errors import ElementError
+from silo.recording import within
 
 One = TypeVar("One", bound=Samples)
 
@@ -153,8 +154,7 @@ def _clip_of(picked: Samples, signal: Samples, clip: Any) -> Any:
 
     def cut(start_s: float | None, stop_s: float | None) -> Any:
         window = clip(start_s, stop_s).time_ns
-        first = int(np.searchsorted(signal.time_ns, window[0])) if len(window) else 0
-        part = slice(first, first + len(window))
+        part = within(signal.time_ns, *((window.min(), window.max()) if len(window) else (1, 0)))
         return replace(picked, values=picked.values[part], time_ns=window)
 
     return cut

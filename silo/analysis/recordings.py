@@ -13,13 +13,24 @@ from numpy.typing import NDArray
 
 from silo.arguments import INT64
 from silo.model import BufferType
-from silo.recording import RecordedElement, RecordedEntry, Recording, lazy_entry, plain_element, stamps_of
+from silo.recording import (
+    RecordedElement,
+    RecordedEntry,
+    Recording,
+    falls,
+    lazy_entry,
+    plain_element,
+    stamps_of,
+    within,
+)
 
 
 def clipped(recording: Recording, first_ns: int, last_ns: int) -> Recording:
     """Return the ticks with stamps from `first_ns` to `last_ns`, both included, and what was logged at them."""
-    low = int(np.searchsorted(recording.time_ns, first_ns, side="left"))
-    high = max(low, int(np.searchsorted(recording.time_ns, last_ns, side="right")))
+    kept = within(recording.time_ns, first_ns, last_ns)
+    if not isinstance(kept, slice):
+        return _kept(recording, kept, first_ns, last_ns)
+    low, high = kept.start, kept.stop
     elements = tuple(
         _between(element, low, high)
         if element.own_ns is None
@@ -31,6 +42,34 @@ def clipped(recording: Recording, first_ns: int, last_ns: int) -> Recording:
     events = tuple(event for event in recording.events if begin <= event.tick < offset)
     time_ns = recording.time_ns[low:high]
     return replace(recording, time_ns=time_ns, offset=max(offset, 0), elements=elements, events=events)
+
+
+def _kept(recording: Recording, kept: NDArray[np.bool_], first_ns: int, last_ns: int) -> Recording:
+    """The ticks of a mask: those of a log whose clock stepped back are no stretch."""
+    places = np.cumsum(kept) - 1
+
+    def cut(element: RecordedElement) -> RecordedElement:
+        if element.own_ns is not None:
+            return _own_between(element, element.own_ns, first_ns, last_ns)
+        ticks = element.first + np.arange(element.count) * element.divider
+        mine = kept[ticks]
+        at = places[ticks[mine]]
+        steps = np.unique(np.diff(at))
+        entries = tuple(replace(entry, values=entry.values[mine]) for entry in element.entries)
+        if len(steps) > 1:  # where the clock stepped, a slow element has another distance
+            return plain_element(element, own_ns=recording.time_ns[ticks[mine]], first=0, entries=entries)
+        first, divider = int(at[0]) if len(at) else 0, int(steps[0]) if len(steps) else element.divider
+        return replace(element, first=first, divider=divider, entries=entries, buffer_type=BufferType.GROWING)
+
+    zero = recording.offset - len(kept)
+    events = tuple(
+        msgspec.structs.replace(event, tick=int(places[event.tick - zero]))
+        for event in recording.events
+        if 0 <= event.tick - zero < len(kept) and kept[event.tick - zero]
+    )
+    time_ns = recording.time_ns[kept]
+    elements = tuple(map(cut, recording.elements))
+    return replace(recording, time_ns=time_ns, offset=len(time_ns), elements=elements, events=events)
 
 
 def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
@@ -45,14 +84,13 @@ def _between(element: RecordedElement, low: int, high: int) -> RecordedElement:
 
 def _own_between(element: RecordedElement, own: NDArray[np.int64], first_ns: int, last_ns: int) -> RecordedElement:
     """The samples of an element with time stamps of its own, read when they are asked for."""
-    begin = int(np.searchsorted(own, first_ns, side="left"))
-    end = max(begin, int(np.searchsorted(own, last_ns, side="right")))
-    entries = tuple(lazy_entry(entry.name, entry.entry, partial(_cut, entry, begin, end)) for entry in element.entries)
-    return plain_element(element, own_ns=own[begin:end], entries=entries)
+    kept = within(own, first_ns, last_ns)
+    entries = tuple(lazy_entry(entry.name, entry.entry, partial(_cut, entry, kept)) for entry in element.entries)
+    return plain_element(element, own_ns=own[kept], entries=entries)
 
 
-def _cut(entry: RecordedEntry, begin: int, end: int) -> NDArray[Any]:
-    return entry.values[begin:end]
+def _cut(entry: RecordedEntry, kept: slice | NDArray[np.bool_]) -> NDArray[Any]:
+    return entry.values[kept]
 
 
 def resampled(recording: Recording, time_ns: NDArray[np.int64], linear: bool) -> Recording:
@@ -96,6 +134,8 @@ def _last(own: NDArray[np.int64], time_ns: NDArray[np.int64], smooth: bool) -> i
 
 def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int64], linear: bool) -> RecordedElement:
     own = stamps_of(recording, element)
+    order: slice | NDArray[np.intp] = np.argsort(own, kind="stable") if falls(own) else slice(None)
+    own = own[order]
     places = np.searchsorted(own, time_ns, side="right") - 1
     begin = int(np.searchsorted(places, 0))
     smooth = linear and all(_dtype(element, e).kind == "f" for e in element.entries)
@@ -105,9 +145,9 @@ def _at(recording: Recording, element: RecordedElement, time_ns: NDArray[np.int6
 
     def values(entry: RecordedEntry) -> NDArray[Any]:
         if not smooth or not len(own):
-            return entry.values[places]
+            return entry.values[order][places]
         zero = own[0]  # doubles hold nanoseconds only over a few months
-        made = np.interp((wanted - zero).astype(float), (own - zero).astype(float), entry.values.astype(float))
+        made = np.interp((wanted - zero).astype(float), (own - zero).astype(float), entry.values[order].astype(float))
         found: NDArray[Any] = made.astype(entry.values.dtype)
         return found
 

@@ -17,7 +17,7 @@ from silo.analysis.shapes import scalars
 from silo.arguments import INT64, shown, whole
 from silo.calls import told_class
 from silo.errors import ElementError
-from silo.recording import NO_FAILURES, Failures
+from silo.recording import NO_FAILURES, Failures, falls
 from silo.values import missing_in, with_nan
 
 XYZW = ("x", "y", "z", "w")
@@ -252,7 +252,14 @@ class Samples:
     @cached_property
     def falls(self) -> bool:
         """Whether a stamp is smaller than the one before: a clock stepped back in the log."""
-        return bool((np.diff(self.time_ns) < 0).any())
+        return falls(self.time_ns)
+
+    def in_order(self: Self) -> Self:
+        """Return the same with its samples in the order of their stamps; itself where they are."""
+        if not self.falls:
+            return self
+        order = np.argsort(self.time_ns, kind="stable")
+        return replace(self, values=self.values[order], time_ns=self.time_ns[order])
 
     # ---------------------------------------------------------------------------------------------- whose time it is
 
@@ -340,7 +347,8 @@ def new_times(signal: Samples, times: object) -> NDArray[np.int64]:
             )
         if not len(signal):
             return np.empty(0, np.int64)
-        steps = (signal.time_ns[-1] - signal.time_ns[0]) * 1e-9 * rate
+        first, last = signal.bounds
+        steps = (last - first) * 1e-9 * rate
         if steps > MOST_SAMPLES:
             raise ElementError(
                 f"can't resample '{signal.name}' at {rate:g} Hz: that is {steps:.3g} samples, at most "
@@ -348,7 +356,7 @@ def new_times(signal: Samples, times: object) -> NDArray[np.int64]:
             )
         count = int(steps + 1e-9) + 1
         # not in whole nanoseconds each: the rate is to be met over the whole signal
-        return np.asarray(signal.time_ns[0] + np.round(np.arange(count) * (1e9 / rate)).astype(np.int64), np.int64)
+        return np.asarray(first + np.round(np.arange(count) * (1e9 / rate)).astype(np.int64), np.int64)
     if given.ndim > 1:
         raise ElementError(f"times to resample '{signal.name}' at must have one dimension, got shape {given.shape}")
     return signal.stamps(given)

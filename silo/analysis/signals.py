@@ -22,10 +22,11 @@ from silo.analysis import calculus, exports, frames, indexing, spectra
 from silo.analysis.arithmetic import warn_outside, wide
 from silo.analysis.operators import Operators
 from silo.analysis.samples import new_times
-from silo.arguments import shown, text
+from silo.arguments import INT64, shown, text
 from silo.calls import told_class
 from silo.display import html_table
 from silo.errors import ElementError, UnknownNameError
+from silo.recording import within
 from silo.values import with_nan
 
 # what others call it
@@ -106,9 +107,9 @@ class Signal(Operators):
             mine = self.as_if_started(times.start_ns)
             if len(times):
                 mine.check_overlap(times, f"resample '{self.name}' at the times of '{times.name}'")
-        inside = time_ns >= mine.time_ns[0] if len(self) else np.zeros(len(time_ns), bool)
+        inside = time_ns >= mine.bounds[0] if len(self) else np.zeros(len(time_ns), bool)
         if method == "linear" and len(self):
-            inside &= time_ns <= mine.time_ns[-1]
+            inside &= time_ns <= mine.bounds[1]
         if len(time_ns) and not inside.any():
             asked = (time_ns[[0, -1]] - mine.start_ns) * 1e-9
             raise ElementError(
@@ -118,7 +119,8 @@ class Signal(Operators):
         time_ns = time_ns[inside]
         if method == "hold":
             return mine.held(time_ns)
-        columns = self.columns("interpolate")
+        mine = mine.in_order()
+        columns = mine.columns("interpolate")
         # relative to the first stamp: doubles hold nanoseconds only over a few months
         new, old = (time_ns - mine.start_ns).astype(np.float64), (mine.time_ns - mine.start_ns).astype(np.float64)
         made = np.stack([np.interp(new, old, column) for column in columns], axis=-1) if columns else np.empty((0, 0))
@@ -403,10 +405,10 @@ class Signal(Operators):
 
     # ------------------------------------------------------------------------------------------------------- internals
 
-    def _window(self, start_s: float | None, stop_s: float | None) -> slice:
-        start = 0 if start_s is None else np.searchsorted(self.time_ns, self._bound("start_s", start_s), side="left")
-        stop = len(self) if stop_s is None else np.searchsorted(self.time_ns, self._bound("stop_s", stop_s), "right")
-        return slice(int(start), max(int(start), int(stop)))
+    def _window(self, start_s: float | None, stop_s: float | None) -> slice | NDArray[np.bool_]:
+        start = INT64[0] if start_s is None else int(self._bound("start_s", start_s))
+        stop = INT64[1] if stop_s is None else int(self._bound("stop_s", stop_s))
+        return within(self.time_ns, start, stop)
 
     def _bound(self, argument: str, given: float) -> NDArray[np.int64]:
         time = self.seconds(given)

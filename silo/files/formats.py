@@ -234,12 +234,31 @@ def read_recording(path: "str | os.PathLike[str]") -> "Recording":
             f"'{source}': silo doesn't read {source.suffix.lower() or 'files without ending'}, only {readable()}"
         )
     try:
-        return found.load_reader()(source)
+        return _clock_told(found.load_reader()(source))
     except MemoryError:
         raise FileFormatError(
             f"'{source}' takes more memory than there is ({source.stat().st_size:,} bytes); convert it to .silo where "
             "there is more: that is read in parts"
         ) from None
+
+
+def _clock_told(recording: "Recording") -> "Recording":
+    """The recording, with a warning where its clock stepped back."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    back = np.flatnonzero(np.diff(recording.time_ns) < 0)
+    if not len(back):
+        return recording
+    at_s = (int(recording.time_ns[back[0]]) - int(recording.time_ns[0])) * 1e-9
+    step_s = (int(recording.time_ns[back[0]]) - int(recording.time_ns[back[0] + 1])) * 1e-9
+    times = "once" if len(back) == 1 else f"{len(back)} times"
+    words = (
+        f"the clock stepped back {times}, first by {step_s:.3g} s at {at_s:.6g} s: some times are there twice, and "
+        "samples are in the order in which they were collected (clock=time.monotonic_ns never steps back)"
+    )
+    return replace(recording, warnings=(*recording.warnings, words))
 
 
 def is_bag_folder(path: Path) -> bool:

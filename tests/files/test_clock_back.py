@@ -1,0 +1,81 @@
+"""A clock that steps back within a log: told when the log is opened, and what is asked of it is answered right."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import silo
+from silo.cli.files import stats_command
+
+STEP = 10**7
+START = 10**18
+COUNT = 40
+BACK = 20  # the tick that has the stamp of the first one again
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("back")
+    now = [START]
+    log = silo.Logger("back", frequency=100, folder=folder, script=folder / "no.yaml", clock=lambda: now[0])
+    x, slow = log.array("x"), log.array("slow", divider=3)
+    log.start()
+    for tick in range(COUNT):
+        now[0] = START + tick % BACK * STEP
+        x[...] = slow[...] = tick
+        log.collect()
+    (saved,) = log.save()
+    log.close()
+    return saved.path
+
+
+@pytest.fixture(scope="module")
+def log(path):
+    with pytest.warns(silo.LogWarning, match=r"the clock stepped back once, first by 0\.19 s at 0\.19 s"):
+        return silo.open_log(path)
+
+
+def ticks_within(low_s, high_s, divider=1):
+    """What lies there, by looking at each tick."""
+    return [t for t in range(0, COUNT, divider) if low_s - 1e-9 <= t % BACK * STEP * 1e-9 <= high_s + 1e-9]
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.02, 0.06), (0.0, 0.19), (0.185, 0.4), (0.05, 0.05)])
+def test_a_part_has_all_that_was_collected_at_these_times(log, low, high):
+    assert log["x"].clip(low, high).values.tolist() == ticks_within(low, high)
+    assert log["x"][low:high].values.tolist() == ticks_within(low, high)
+    part = log.clip(low, high)
+    assert part["x"].values.tolist() == ticks_within(low, high)
+    assert part["slow"].values.tolist() == ticks_within(low, high, 3)
+    assert part["slow"].times.round(6).tolist() == [t % BACK * 0.01 for t in ticks_within(low, high, 3)]
+
+
+def test_statistics_of_a_window_are_of_all_its_samples(log):
+    assert log["x"].mean(0.02, 0.06) == np.mean(ticks_within(0.02, 0.06))
+    assert log["x"].max(0.0, 0.1) == 30
+
+
+def test_the_value_at_a_time_is_the_one_that_was_collected_last(log):
+    assert log["x"].value(0.05) == 25
+    assert log["x"].value([0.0, 0.055, 0.19]).tolist() == [20, 25, 39]
+    assert log["slow"].value(0.05) == 24
+
+
+def test_the_same_at_other_times_is_in_the_order_of_time(log):
+    assert log["x"].resample(100.0).values.tolist() == list(range(20, 40))
+    assert log.resample([0.0, 0.1, 0.19])["x"].values.tolist() == [20, 30, 39]
+    assert log["x"].resample([0.1, 0.19], "linear").values.tolist() == [30, 39]
+
+
+def test_a_table_has_each_sample_in_its_row(log):
+    pytest.importorskip("pandas")
+    frame = log.to_pandas()
+    assert frame["/log/x"].tolist() == list(range(COUNT))
+    assert frame["/log/slow"].dropna().tolist() == list(range(0, COUNT, 3))
+    assert np.flatnonzero(frame["/log/slow"].notna()).tolist() == list(range(0, COUNT, 3))
+
+
+def test_the_shell_tells_of_it(path):
+    result = CliRunner().invoke(stats_command, [str(path)])
+    assert result.exit_code == 0
+    assert "the clock stepped back once" in result.output
