@@ -164,6 +164,20 @@ def open_own(path: str | os.PathLike[str], flags: int, mode: int = 0o600) -> int
     raise OSError(errno.EINVAL, "it is no file: remove it", str(path))
 
 
+def write_private(path: Path, text: str) -> None:
+    """Put a file there, whole, that nobody but this user may read, whatever stood there before. Raises OSError."""
+    new = path.with_name(f".{path.name}.{os.getpid()}.new")
+    new.unlink(missing_ok=True)
+    try:
+        with os.fdopen(open_own(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL), "w", encoding="utf-8") as file:
+            os.fchmod(file.fileno(), 0o600)  # whatever the umask says
+            file.write(text)
+        new.replace(path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
+
+
 def read_own(path: str | os.PathLike[str]) -> bytes:
     """Return what stands in such a file. Raises OSError."""
     with os.fdopen(open_own(path, os.O_RDONLY), "rb") as file:

@@ -7,7 +7,6 @@ robot, and another wheel to find for its processor. Keys never pass through this
 import base64
 import ipaddress
 import json
-import os
 import re
 import secrets
 import shutil
@@ -21,6 +20,7 @@ from silo.errors import SiloError
 from silo.ipc.access import ROBOT, ROLES, SHARED, access_control
 from silo.ipc.admission import CHECKED
 from silo.ipc.configuration import HOST_NAME, LINK, ROBOT_NAME
+from silo.runtime import write_private
 
 AUTHORITY_DAYS, ROBOT_DAYS = 3650, 825
 LEASE_MS = 5000  # of a radio link: a packet that is sent three times may take 3 s
@@ -74,14 +74,14 @@ def make_network(folder: Path, hosts: list[str], port: int, users: dict[str, str
     roles: dict[str, str] = {**known["users"], **users}
     _make_certificate(folder, server, hosts)
     passwords = _passwords(server / "users.txt", list(roles))
-    _write(server / "users.txt", "".join(f"{name}:{password}\n" for name, password in passwords.items()))
-    _write(server / "server.json5", _server_text(hosts, port, roles, listen))
+    write_private(server / "users.txt", "".join(f"{name}:{password}\n" for name, password in passwords.items()))
+    write_private(server / "server.json5", _server_text(hosts, port, roles, listen))
     made = {}
     for name, role in roles.items():
         made[name] = clients / f"{name}.json5"
         text = _robot_text if role == ROBOT else _client_text
-        _write(made[name], text(folder, hosts[0], port, name, passwords[name], role))
-    _write(folder / "network.json", json.dumps({"hosts": hosts, "users": roles}, indent=2) + "\n")
+        write_private(made[name], text(folder, hosts[0], port, name, passwords[name], role))
+    write_private(folder / "network.json", json.dumps({"hosts": hosts, "users": roles}, indent=2) + "\n")
     return Made(folder, server, made, tuple(name for name, role in roles.items() if role == ROBOT))
 
 
@@ -238,8 +238,3 @@ def _way(folder: Path, host: str, port: int, name: str, password: str, more: dic
         **(more or {}),
     }
     return json.dumps(values, indent=2) + "\n"
-
-
-def _write(path: Path, text: str) -> None:
-    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
-        file.write(text)

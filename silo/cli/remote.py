@@ -1,7 +1,6 @@
 """`silo remote`: ways to robots elsewhere: made, named, listed, removed, and examined where they fail."""
 
 import json
-import os
 from pathlib import Path
 
 import click
@@ -10,6 +9,7 @@ from click.shell_completion import CompletionItem
 from silo.cli.common import json_option, show_json, show_rows
 from silo.errors import ConnectionLostError, SiloError
 from silo.ipc.remotes import LOCAL, NAME, remote_file, remotes
+from silo.runtime import write_private
 
 PORT = 7447
 
@@ -64,10 +64,7 @@ def add(name: str, endpoint: str, user: str, ca: Path | None, replace: bool) -> 
     else:
         text = _text_of(endpoint, user, ca)
     target.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    new = target.with_suffix(".new")
-    with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
-        file.write(text)
-    new.replace(target)
+    write_private(target, text)
     click.echo(f"{target}: `silo remote doctor {name}` tries it, `silo ls` shows who is there")
 
 

@@ -33,7 +33,7 @@ from silo.ipc.configuration import (
 from silo.ipc.keys import Root
 from silo.ipc.lingering import releasing
 from silo.ipc.probing import Reached, explain
-from silo.runtime import is_at
+from silo.runtime import is_at, write_private
 
 SOCKET_SUFFIX = ".sock"
 MAX_SOCKET_PATH = 107  # bytes; the kernel's limit is 108 with the closing NUL
@@ -195,7 +195,7 @@ def open_server(
                 key_file(path).write_text(str(root))
             if grouped:
                 for file in (own_file(path), group_file(path)):
-                    _write_private(file, secrets.token_hex(16))
+                    write_private(file, secrets.token_hex(16))
             session = zenoh.open(settings)
             if config is not None:
                 releasing.begin(session)
@@ -261,13 +261,8 @@ def _let_local_clients_in(settings: zenoh.Config, path: Path) -> None:
         raise ConnectionLostError(f"{users}: can't read the users and passwords: {error.strerror}") from error
     secret = f"local:{secrets.token_hex(16)}\n"
     for file, text in ((_users_file(path), f"{lines}{secret}"), (secret_file(path), secret)):
-        _write_private(file, text)
+        write_private(file, text)
     settings.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(str(_users_file(path))))
-
-
-def _write_private(file: Path, text: str) -> None:
-    with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w") as opened:
-        opened.write(text)
 
 
 def open_router(config: str) -> tuple[zenoh.Session, list[str]]:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import silo
+from silo.cli.main import run
 from silo.errors import ConnectionLostError, RefusedError
 from silo.ipc.client import Client
 from silo.ipc.discovery import discover
@@ -95,6 +96,33 @@ def test_engineer_may_change(guarded, logger) -> None:
 def test_wrong_password_is_told_with_what_to_check(guarded) -> None:
     with pytest.raises(ConnectionLostError, match="user 'viewer' or its password is refused"):
         Client.connect("far", config=guarded("viewer", "guess"))
+
+
+@pytest.mark.parametrize("words", [[], ["x"], ["--zenoh"], ["x", "--json"]])
+def test_a_password_is_printed_by_no_command(guarded, capsys, words) -> None:
+    for config in ([], ["--config", guarded("viewer", "look")]):
+        assert run([*config, "address", "far", *words]) == 0
+        said = capsys.readouterr()
+        assert '"..."' in said.out
+        assert "look" not in said.out + said.err.replace("looking", "")
+        assert "--to FILE" in said.err
+
+
+def test_a_configuration_with_a_password_is_a_file_of_its_user_alone(guarded, tmp_path, capsys) -> None:
+    file, planted = tmp_path / "far.json5", tmp_path / "planted"
+    file.write_text("of before")
+    file.chmod(0o644)
+    assert run(["--config", guarded("viewer", "look"), "address", "far", "--to", str(file)]) == 0
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert json.loads(file.read_text())["transport"]["auth"]["usrpwd"]["password"] == "look"
+    assert "look" not in capsys.readouterr().out
+    assert discover(config=str(file)).loggers
+    planted.write_text("mine")
+    file.unlink()
+    file.symlink_to(planted)
+    assert run(["address", "far", "--to", str(file)]) == 0
+    assert planted.read_text() == "mine"
+    assert run(["address", "far", "--to", str(tmp_path / "nowhere" / "x")]) == 1
 
 
 def test_local_clients_need_no_password(guarded) -> None:
