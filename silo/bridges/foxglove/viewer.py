@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from websockets.asyncio.server import ServerConnection
+from websockets.protocol import State
 
 from silo.bridges.foxglove.protocol import Frames, Level, status, text_frame
 
@@ -23,8 +24,8 @@ class Viewer:
     _told_dropped: int = 0
 
     def write(self, frames: bytes) -> None:
-        """Send frames, whatever waits already."""
-        if not self.connection.transport.is_closing():
+        """Send frames, whatever waits already, unless it goes: behind its good-bye nothing can be written any more."""
+        if self.connection.state is State.OPEN and not self.connection.transport.is_closing():
             self.connection.transport.write(frames)
 
     def tell(self, level: Level, text: str) -> None:

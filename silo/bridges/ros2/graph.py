@@ -16,6 +16,7 @@ import zenoh
 
 from silo.bridges.feed import Feed, Listener
 from silo.bridges.ros2.names import TRIGGER, TRIGGER_HASH, Attachment, Distribution, EntityKind, Node, gid_of
+from silo.bridges.ros2.pairing import Pairing
 from silo.bridges.ros2.standard import Outlet, outlets_of
 from silo.bridges.services import trigger_response
 from silo.errors import ConnectionLostError, SiloError
@@ -67,6 +68,23 @@ class Topic:
     token: zenoh.LivelinessToken
     sequence: int = 0
     is_watched: bool = False
+    pairing: Pairing | None = None  # of several elements
+
+    def messages(self, batch: Mapping[str, Samples]) -> Iterator[tuple[int, bytes]]:
+        """Yield the messages of samples with their times; what waits for others comes with a later batch."""
+        names = self.outlet.elements
+        if not self.is_watched:
+            self.pairing = None
+            return
+        if len(names) == 1:
+            samples = [batch[name] for name in names if name in batch]
+        else:
+            if self.pairing is None or self.pairing.names != tuple(names):
+                self.pairing = Pairing(names)
+            samples = self.pairing.take(batch)
+        if samples:
+            times, messages = self.outlet.encode(samples)
+            yield from zip(times.tolist(), messages, strict=True)
 
     def publish(self, time_ns: int, message: bytes) -> None:
         """Send a message with its number and time."""
@@ -176,10 +194,13 @@ class Graph:
     def _deliver(self, batch: Mapping[str, Samples], taken: Callable[[], None]) -> None:
         try:
             for topic in list(self._topics.values()):
-                if topic.is_watched and all(name in batch for name in topic.outlet.elements):
-                    times, messages = topic.outlet.encode([batch[name] for name in topic.outlet.elements])
-                    for time_ns, message in zip(times.tolist(), messages, strict=True):
-                        topic.publish(time_ns, message)
+                for time_ns, message in topic.messages(batch):
+                    topic.publish(time_ns, message)
+                if topic.pairing is not None and topic.pairing.unpaired:
+                    self._tell(
+                        f"{topic.pairing.unpaired} ticks of {topic.outlet.topic} were left out: not all had them"
+                    )
+                    topic.pairing.unpaired = 0
             for name, samples in batch.items():
                 if samples.missed:
                     self._tell(f"{samples.missed} samples of {name} were lost on the way to the bridge")
