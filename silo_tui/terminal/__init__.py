@@ -66,10 +66,14 @@ def may_paint(app: App[Any], wished_hz: float) -> bool:
 def thin_head(app: App[Any], room: int) -> str:
     """Return what the head says of a thin link, or of a computer too busy to paint as often as is wished.
 
-    `THIN 1.2 of 5 Hz 64 kbit/s 210 ms`, as much of it as has room, or the rate alone; empty where all is shown.
+    `THIN 1.2 of 5 Hz 64 kbit/s 210 ms`, as much of it as has room, `BUSY 1.2 of 5 Hz` where it is not the link, or the
+    rate alone; empty where all is shown.
     """
     driver = _driver_of(app)
-    return head_words(driver.thinness, driver.painted, link_words(driver.pacer), room) if driver is not None else ""
+    if driver is None:
+        return ""
+    busy = driver.busyness.is_busy
+    return head_words(driver.thinness, driver.painted, link_words(driver.pacer), room, busy=busy)
 
 
 def thin_words(app: App[Any], wished_hz: float) -> str:

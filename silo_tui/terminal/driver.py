@@ -28,8 +28,9 @@ from silo_tui.terminal.cells import UNKNOWN, Grid, difference
 from silo_tui.terminal.keys import KeyReader
 from silo_tui.terminal.pacing import Pacer
 from silo_tui.terminal.parser import QUERY, SYNC_BEGIN, SYNC_END, Follower, Through
+from silo_tui.terminal.processor import waited_s
 from silo_tui.terminal.styles import Styles
-from silo_tui.terminal.thinness import FAT_BYTES_PER_S, LAG_S, Painted, Thinness
+from silo_tui.terminal.thinness import FAT_BYTES_PER_S, LAG_S, Busyness, Painted, Thinness
 
 ESCAPE_S = 0.1  # as long as Textual waits for the rest of an escape sequence
 URGENT_S = 1.0  # what is painted so soon after a key is its echo
@@ -69,6 +70,7 @@ class CellDriver(LinuxDriver):
         super().__init__(app, debug=debug, mouse=mouse, size=size)
         self.pacer = Pacer()
         self.thinness = Thinness()
+        self.busyness = Busyness()
         self.painted = Painted()
         self._styles = Styles()
         width, height = self._get_terminal_size()
@@ -126,7 +128,9 @@ class CellDriver(LinuxDriver):
         # a lost packet costs one more way there and back: that is no thin link
         lags = self.pacer.paced and self.pacer.lag_s(now_s) > max(LAG_S, self.pacer.fastest_s)
         fat = self.pacer.paced and self.pacer.bytes_per_s > FAT_BYTES_PER_S
-        self.thinness.note(late=(self.behind or lags) and not fat, now_s=now_s)
+        self.busyness.note(waited_s(), now_s)
+        if not self.busyness.is_busy:  # else nobody knows what the link carries
+            self.thinness.note(late=(self.behind or lags) and not fat, now_s=now_s)
         # a timer that comes a little early is still in time
         paint = not self.behind and now_s >= self._painted_s + 0.9 / self.thinness.value_hz(wished_hz)
         self.painted.note(wished_hz, painted=paint, now_s=now_s)

@@ -12,6 +12,8 @@ JUDGED_S = 1.0
 GOOD_S = 5.0
 LONGEST_GOOD_S = 60.0
 LATE_SHARE = 0.34
+BUSY_S = 2.0
+BUSY_SHARE = 0.1  # of that time; on two processors with a load of 10 to 12 silo-tui waited for 13 to 49 % of it
 
 
 @dataclass(frozen=True)
@@ -125,9 +127,33 @@ class Thinness:
         return False
 
 
-def head_words(thinness: Thinness, painted: Painted, link: list[str], room: int) -> str:
-    """Return what the head says, in `room` cells: that the link is thin, the rate, what is known of the link."""
-    parts = list(filter(None, ["THIN", painted.words, *link] if thinness.step else [painted.words]))
+class Busyness:
+    """How long this program waits for a processor: then answers of the terminal are late, whatever the link carries."""
+
+    def __init__(self) -> None:
+        self._waited: deque[tuple[float, float]] = deque()  # when, and for how long in all until then
+
+    def note(self, waited_s: float, now_s: float) -> None:
+        """Take for how long it has waited in all."""
+        self._waited.append((now_s, waited_s))
+        while self._waited[0][0] < now_s - BUSY_S:
+            self._waited.popleft()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether the processors have much else to do."""
+        if not self._waited:
+            return False
+        (begin_s, before_s), (end_s, after_s) = self._waited[0], self._waited[-1]
+        return after_s - before_s > BUSY_SHARE * (end_s - begin_s)
+
+
+def head_words(thinness: Thinness, painted: Painted, link: list[str], room: int, *, busy: bool = False) -> str:
+    """Return what the head says, in `room` cells: that the link is thin, or the processors are busy, the rate, what is
+    known of the link.
+    """
+    why = [painted.words, *(["BUSY"] if busy and painted.words else [])]
+    parts = list(filter(None, ["THIN", painted.words, *link] if thinness.step else why[::-1]))
     while len(parts) > 1 and len(" ".join(parts)) > room:
         parts.pop()  # a number that is cut would be another one
     return " ".join(parts)

@@ -1,10 +1,14 @@
 """A thin link: how much is on its way, what is left out, and answers that never become keys."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from silo_tui.terminal.answers import AnswerFilter, knows_mode
+from silo_tui.terminal.driver import CellDriver
 from silo_tui.terminal.pacing import FIRST_BYTES, FIRST_S, SMALLEST_WINDOW, UNPACED, Pacer, link_words
-from silo_tui.terminal.thinness import STEPS, Painted, Thinness, head_words
+from silo_tui.terminal.processor import waited_s
+from silo_tui.terminal.thinness import STEPS, Busyness, Painted, Thinness, head_words
 
 ANSWER = b"\x1b[?2026;2$y"
 
@@ -256,3 +260,51 @@ def test_statistics_are_left_out_after_the_digits_and_before_values():
     thin = Thinness()
     thin.step = 5
     assert thin.words(5.0) == "thin link: trends and statistics every 8 s, 2 digits fewer; keys go first"
+
+
+def busyness(share, seconds=10.0):
+    found = Busyness()
+    for tick in range(round(5 * seconds)):
+        found.note(share * tick / 5, tick / 5)
+    return found
+
+
+def test_processors_are_busy_where_one_waits_for_them():
+    assert not Busyness().is_busy
+    assert not busyness(0.01).is_busy
+    found = busyness(0.3)
+    assert found.is_busy
+    for tick in range(15):  # and no more when that is over
+        found.note(3.0, 10 + tick / 5)
+    assert not found.is_busy
+
+
+def test_a_busy_computer_is_no_thin_link():
+    slow = Painted()
+    for tick in range(30):
+        slow.note(5.0, painted=False, now_s=tick / 5)
+    assert head_words(Thinness(), slow, ["64 kbit/s"], 60, busy=True) == "BUSY 0 of 5 Hz"
+    assert head_words(Thinness(), Painted(), [], 60, busy=True) == ""
+    thin = Thinness()
+    thin.step = 1
+    assert head_words(thin, slow, ["64 kbit/s"], 60, busy=True) == "THIN 0 of 5 Hz 64 kbit/s"
+
+
+@pytest.mark.parametrize(("waits", "thin"), [(0.0, True), (0.5, False)])
+def test_late_answers_are_those_of_the_link_only_where_the_processors_are_not_busy(monkeypatch, waits, thin):
+    clock = SimpleNamespace(s=0.0, monotonic=lambda: clock.s)
+    driver = SimpleNamespace(
+        pacer=SimpleNamespace(paced=True, lag_s=lambda now_s: 1.0, fastest_s=0.01, bytes_per_s=8_000),
+        thinness=Thinness(), busyness=Busyness(), painted=Painted(), behind=False, _painted_s=0.0,
+        _take_answers=lambda: None,
+    )  # fmt: skip
+    monkeypatch.setattr("silo_tui.terminal.driver.time", clock)
+    monkeypatch.setattr("silo_tui.terminal.driver.waited_s", lambda: waits * clock.s)
+    for tick in range(1, 50):
+        clock.s = tick / 5
+        CellDriver.may_paint(driver, 5.0)
+    assert bool(driver.thinness.step) is thin
+
+
+def test_the_kernel_counts_how_long_a_thread_waits_for_a_processor():
+    assert 0.0 <= waited_s() <= waited_s()
