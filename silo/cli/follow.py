@@ -83,11 +83,17 @@ def _show_in_place(fleet: "Fleet", pattern: str) -> None:
 def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s: float, now_ns: int) -> list[str]:
     """Return at most `room` lines: the loggers, the worst first, then what can't be reached and how many there are."""
     names = addresses(found)
+    from silo.ipc.member import segments
+
     notes = [f"remote '{name}': {why}".replace("\n", " ") for name, why in found.unreachable.items()]
+    down = segments(chosen)
+    notes = [*(one.words(now_s, now_ns) for one in down), *notes]
     counts = [f"{sum(one.word == word for one in chosen)} {word}" for word in dict.fromkeys(o.word for o in chosen)]
     total = f"{many(len(chosen), 'logger')}{': ' if counts else ''}{', '.join(counts)}; Ctrl-C ends"
+    hosts = {one.host for one in down}
+    each = [one for one in chosen if not (one.lost and one.found.host in hosts)]  # a line for all the others
     most = max(1, room - len(notes) - 2)
-    shown = list(chosen[:most]) if len(chosen) <= most else list(chosen[: most - 1])
+    shown = each[:most] if len(each) <= most else each[: most - 1]
     rows = [HEADER, *(_cells(one, names[one.key], now_s, now_ns) for one in shown)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADER))]
     lines = [
@@ -97,7 +103,7 @@ def screen_lines(found: "FleetNow", chosen: "Sequence[Member]", room: int, now_s
         ).rstrip()
         for row in rows
     ]
-    more = [f"and {len(chosen) - len(shown)} more that are no worse"] if len(shown) < len(chosen) else []
+    more = [f"and {len(each) - len(shown)} more that are no worse"] if len(shown) < len(each) else []
     return [*(lines if shown else []), *more, *notes, total][: max(1, room)]
 
 
@@ -143,12 +149,27 @@ def _tell_changes(fleet: "Fleet", pattern: str, *, as_json: bool) -> None:
             if told.get(name) != why and not as_json:
                 click.echo(f"{time.strftime('%H:%M:%S')}  remote '{name}': {why}")
         told = dict(found.unreachable)
-        for name, one in changed(found, meant(found, pattern), known):
-            if as_json:
+        chosen = meant(found, pattern)
+        news = list(changed(found, chosen, known))
+        if as_json:
+            for name, one in news:
                 show_json(_object(name, one, now_s))
-            else:
-                click.echo(printable(f"{time.strftime('%H:%M:%S')}  {name}  {sentence(one)}"))
+        else:
+            for line in told_lines(news, chosen, now_s, time.time_ns()):
+                click.echo(printable(f"{time.strftime('%H:%M:%S')}  {line}"))
         sys.stdout.flush()
+
+
+def told_lines(
+    news: "Sequence[tuple[str, Member]]", chosen: "Sequence[Member]", now_s: float, now_ns: int
+) -> list[str]:
+    """Return a line for each logger that says something new; one for all of a host of which several fell silent."""
+    from silo.ipc.member import segments
+
+    fell = {one.found.host for _, one in news if one.lost}
+    down = {one.host: one for one in segments(chosen) if one.host in fell}
+    lines = [one.words(now_s, now_ns) for one in down.values()]
+    return lines + [f"{name}  {sentence(one)}" for name, one in news if not (one.lost and one.found.host in down)]
 
 
 def changed(found: "FleetNow", chosen: "Sequence[Member]", known: "dict[str, Known]") -> "Iterator[tuple[str, Member]]":

@@ -2,6 +2,8 @@
 
 import enum
 import functools
+import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from silo.ipc.found import Found
@@ -164,6 +166,29 @@ class Member:
         names = list(dict.fromkeys(name.split(" ", 1)[0] for name in one.clients))
         control = one.control.split(" ", 1)[0]
         return [f"{control}*", *(name for name in names if name != control)] if control else names
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Loggers of one host that fell silent: as a rule its link is down, and not each of them."""
+
+    host: str
+    count: int
+    since_s: float  # when the first one did, of `time.monotonic`
+
+    def words(self, now_s: float, now_ns: int) -> str:
+        """Return `robot4: 30 loggers unreachable since 14:26:36`."""
+        since = time.localtime(now_ns / 1e9 - (now_s - self.since_s))
+        return f"{self.host}: {self.count} loggers unreachable since {time.strftime('%H:%M:%S', since)}"
+
+
+def segments(members: Iterable[Member]) -> list[Segment]:
+    """Return the hosts of which several loggers fell silent, with how many, by name."""
+    since_s: dict[str, list[float]] = {}
+    for one in members:
+        if one.lost and one.found.host:
+            since_s.setdefault(one.found.host, []).append(one.since_s)
+    return [Segment(host, len(all_s), min(all_s)) for host, all_s in sorted(since_s.items()) if len(all_s) > 1]
 
 
 def size(size_bytes: float) -> str:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from silo.ipc.member import NO_TICK, Member, Stands, size
+from silo.ipc.member import NO_TICK, Member, Stands, segments, size
 from silo.model import State
 from silo.pace import idle_words
 from silo_tui.model import text
@@ -110,6 +110,11 @@ def total(lines: Sequence[Line]) -> str:
     words = [one.member.word for one in lines if one.member.word != "..."]
     counts = [f"{words.count(word)} {word}" for word in dict.fromkeys(sorted(words))]
     return f"{text.plural(len(lines), 'logger')}{': ' * bool(counts)}{', '.join(counts)}"
+
+
+def down(lines: Sequence[Line], now_s: float, now_ns: int) -> list[str]:
+    """Return a line for each host of which several loggers can't be reached any more."""
+    return [one.words(now_s, now_ns) for one in segments(line.member for line in lines)]
 
 
 def details(one: Line) -> str:

@@ -123,8 +123,9 @@ class LoggersScreen(FilteredScreen):
         head.display = bool(self._lines)
         head.update(Text(fleet.head(names, width), no_wrap=True))
         advice = self.query_one("#loggers-advice", Static)
-        advice.update(self._notes)
-        advice.display = bool(self._notes) or not self._lines
+        notes = "\n".join(filter(None, [self._notes, *fleet.down(self._lines, now_s, now_ns)]))
+        advice.update(notes)
+        advice.display = bool(notes) or not self._lines
         advice.styles.max_height = "50%" if self._lines else "100%"
         marked = f"{len(self.marks.keys)} marked" if self.marks.keys else ""
         title = f"silo  {fleet.total(self._lines)}" if self._lines else "silo"

@@ -5,12 +5,13 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from silo.cli.follow import changed, meant, screen_lines, sentence
+from silo.cli.follow import changed, meant, screen_lines, sentence, told_lines
 from silo.ipc.fleet import FleetNow
 from silo.ipc.found import Found
 from silo.ipc.member import Member
@@ -110,3 +111,28 @@ def test_in_a_pipe_each_change_is_a_line_until_ctrl_c(tmp_path) -> None:
         assert process.returncode == 0
     finally:
         close(router)
+
+
+def of_one_host(count: int, *, here: bool = True, since_s: float = NOW_S - 75) -> list[Member]:
+    return [
+        Member(
+            Found(f"leg{number:02}", 0, "", "", "lab", "rob4", id="aaaa000001"), FINE, here, since_s=since_s + number
+        )
+        for number in range(count)
+    ]
+
+
+def test_loggers_of_a_host_whose_link_is_down_are_told_in_one_line_and_stay() -> None:
+    since = time.strftime("%H:%M:%S", time.localtime(NOW_NS / 1e9 - 75))
+    told = f"rob4: 30 loggers unreachable since {since}"
+    found = fleet(member("rob1"), *of_one_host(30, here=False))
+    lines = screen_lines(found, meant(found, ""), 10, NOW_S, NOW_NS)
+    assert [line.split()[0] for line in lines] == ["LOGGER", "rob1/anymal", "rob4:", "31"]
+    assert lines[2] == told
+    assert lines[-1] == "31 loggers: 30 silent, 1 running; Ctrl-C ends"
+    news = [(one.found.name, one) for one in found.members]
+    assert told_lines(news, found.members, NOW_S, NOW_NS) == [told, f"anymal  {sentence(member('rob1'))}"]
+    single = fleet(*of_one_host(1, here=False))
+    assert told_lines([("leg00", one) for one in single.members], single.members, NOW_S, NOW_NS)[0].startswith(
+        "leg00  "
+    )
