@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from silo.cli.codes import EXIT_BLIND, EXIT_FAILED
 from silo.cli.common import connect, json_option, logger_argument, show_duration, show_json, show_rows
 
 if TYPE_CHECKING:
     from silo.ipc.conditions import LimitStatus
     from silo.ipc.messages import Alarms
 
-EXIT_VIOLATED = 1
-EXIT_BLIND = 3  # 2 is of a command that can't be carried out
+EXIT_VIOLATED = EXIT_FAILED
 FOLLOW_S = 0.5
 
 
@@ -36,7 +36,7 @@ def alarms(logger: str | None, follow: bool, all_limits: bool, seen: bool, as_js
     \b
     Exit codes:
       0  nothing was violated in this run        1  something was
-      3  nothing was that could be judged, but some limits are blind
+      5  nothing was that could be judged, but some limits are blind        3  no such logger
     """
     with connect(logger) as client:
         if seen:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 import msgspec
 
+from silo.cli.codes import EXIT_BLIND, EXIT_FAILED, EXIT_USAGE
 from silo.cli.common import show_rows
 from silo.errors import SiloError
 
@@ -13,10 +14,7 @@ if TYPE_CHECKING:
     from silo.analysis.checking import Finding
     from silo.model import SignalLimits
 
-EXIT_VIOLATED = 1
-EXIT_UNJUDGED = (
-    2  # the file or an expression can't be read, nothing of it can be told, or nothing was given to judge by
-)
+EXIT_VIOLATED = EXIT_FAILED
 
 
 @click.command("check")
@@ -40,7 +38,8 @@ def check_command(
 
     \b
     Exit codes:
-      0  nothing was violated        1  something was        2  nothing could be judged
+      0  nothing was violated        1  something was
+      5  nothing could be judged     2  the file or an expression can't be read
     """
     from silo.analysis.checking import check
     from silo.files.formats import read_recording
@@ -56,13 +55,13 @@ def check_command(
         found = check(recording, asked, never, always)
     except SiloError as error:
         click.echo(f"silo: {error}", err=True)
-        return EXIT_UNJUDGED
+        return EXIT_USAGE
     _show(found, as_json=as_json)
     for warning in recording.warnings:
         click.echo(f"warning: {warning}", err=True)
     if any(one.violated for one in found):
         return EXIT_VIOLATED
-    return EXIT_UNJUDGED if all(one.worst == "UNOBSERVABLE" for one in found) else 0
+    return EXIT_BLIND if all(one.worst == "UNOBSERVABLE" for one in found) else 0
 
 
 def _limits(text: str, when: str) -> "SignalLimits":

@@ -18,6 +18,7 @@ import click
 import msgspec
 from click.shell_completion import CompletionItem
 
+from silo.cli.codes import EXIT_DIFFERENT
 from silo.errors import SiloError
 from silo.files.formats import readable, writable
 
@@ -30,7 +31,6 @@ _Params = ParamSpec("_Params")
 _Result = TypeVar("_Result")
 
 _MOST_CURVES = 20
-EXIT_DIFFERENT = 4  # of `silo diff` and `silo script diff --exit-code`
 
 
 def print_file_info(path: Path, as_json: bool) -> None:

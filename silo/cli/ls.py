@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from silo.ipc.found import Found
 
 
+MOST_NAMED = 3  # loggers that stopped for the same reason
+
+
 @click.command()
 @click.argument("pattern", required=False, default="", metavar="[HOST/NAME]", shell_complete=complete_logger)
 @click.option("-f", "--follow", is_flag=True, help="Go on: lines change in place; in a pipe one line per change.")
@@ -81,14 +84,30 @@ def ls(pattern: str, follow: bool, as_json: bool) -> None:
     for answer in answers:
         if answer.error:
             click.echo("\n".join(map(printable, f"{answer.found.label}: {answer.error}".splitlines())), err=True)
-        elif answer.status and answer.status.reason and answer.status.state.value != "running":
-            click.echo(printable(f"{answer.found.label}: {answer.status.reason}"), err=True)
+    for line in _reasons(answers):
+        click.echo(printable(line), err=True)
     for folder in discovery.forbidden:
         names = ", ".join(folder.loggers) or "unknown loggers"
         click.echo(f"user {folder.owner} runs {names} in {folder.path}, closed to you: {folder.advice}", err=True)
     _tell_orphans(answers)
     if all(answer.state in ("no answer", "other silo") for answer in answers):
         raise ConnectionLostError("none of them can be asked, see above")
+
+
+def _reasons(answers: "list[Answer]") -> list[str]:
+    """Why loggers don't run: a line each of those that died, one for all that were stopped for the same reason."""
+    names: dict[str, list[str]] = {}
+    for answer in answers:
+        status = answer.status
+        if status and status.reason and status.state.value != "running":
+            of_its_own = status.state.value == "dead"
+            names.setdefault(f"{answer.found.label}\0" * of_its_own + status.reason, []).append(answer.found.label)
+    return [f"{_several(labels)}: {reason.rpartition(chr(0))[2]}" for reason, labels in names.items()]
+
+
+def _several(labels: list[str]) -> str:
+    more = f" and {len(labels) - MOST_NAMED} more" if len(labels) > MOST_NAMED else ""
+    return f"{', '.join(labels[:MOST_NAMED])}{more}"
 
 
 def _show_table(answers: "list[Answer]") -> None:

@@ -9,11 +9,10 @@ from difflib import get_close_matches
 
 import click
 
+from silo.cli.codes import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_NO_LOGGER, EXIT_PIPE, EXIT_USAGE
 from silo.cli.common import READ_ONLY, config_option
 from silo.errors import ConnectionLostError, SiloError
 from silo.version import VERSION
-
-EXIT_FAILED, EXIT_USAGE, EXIT_NO_LOGGER, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 3, 130, 141
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from silo.cli.bulk import carry_out, everyone_option, many_meant
+from silo.cli.codes import EXIT_DIFFERENT
 from silo.cli.common import (
     complete_logger,
     complete_script,
@@ -17,7 +18,6 @@ from silo.cli.common import (
     show_json,
 )
 from silo.cli.edits import show_changes
-from silo.cli.files import EXIT_DIFFERENT
 
 if TYPE_CHECKING:
     from silo.ipc.client import Client

@@ -165,8 +165,9 @@ class Connection:
         return self._session is not None
 
     def session(self) -> zenoh.Session:
-        """Return the present session. Raises ConnectionLostError while there is none."""
+        """Return the present session. Raises ConnectionLostError while there is none, and once this was closed."""
         session = self._session
+        self._must_be_open()
         if session is None and self._problem:
             raise VersionError(self._problem)
         if session is None:
@@ -185,6 +186,11 @@ class Connection:
         return borrowed
 
     @property
+    def closed(self) -> bool:
+        """Whether this side ended it."""
+        return self._stop.is_set()
+
+    @property
     def user(self) -> str:
         """The name under which changes go out; empty on this computer."""
         user = self.borrowed().user
@@ -201,8 +207,14 @@ class Connection:
         """The logger, as its users type it."""
         return f"{self.found.host}/{self.found.name}" if self.found.config else self.found.name
 
+    def _must_be_open(self) -> None:
+        if self._stop.is_set():
+            again = f"silo.connect('{self.address}') makes another one"
+            raise ConnectionLostError(f"this client of {self.label_of(self.found)} is closed; {again}")
+
     def exchange(self, request: Request[Any], timeout_s: float, *, as_change: bool = False) -> AnyReply:
         """Ask and wait. Raises ConnectionLostError."""
+        self._must_be_open()
         mine, root, label = self.borrowed(), self.root, self.label_of(self.found)
         if request.key == Do.key and not self._clock.is_fresh:
             self._learn(exchange(mine, root, Hello(version=VERSION, client=self._who), timeout_s, label))

@@ -111,7 +111,7 @@ def test_closing_twice_is_fine(bench) -> None:
 def test_calls_after_closing_are_refused_in_words(bench) -> None:
     client = Client.connect("bot")
     client.close()
-    with pytest.raises(ConnectionLostError, match="no connection to logger 'bot'"):
+    with pytest.raises(ConnectionLostError, match="this client of logger 'bot' is closed"):
         client.status()
 
 

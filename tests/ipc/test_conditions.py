@@ -5,6 +5,7 @@ import os
 import pytest
 
 import silo
+from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.ipc.client import Client
 from silo.ipc.conditions import LimitWord, TriggerWord
@@ -300,13 +301,13 @@ class TestCommands:
         assert run(["trigger", "rm", "high"]) == 0
         assert bench.logger.extras.triggers == ()
 
-    def test_alarms_end_with_3_where_nothing_could_be_judged(self, bench, client, capsys):
+    def test_alarms_end_with_5_where_nothing_could_be_judged(self, bench, client, capsys):
         bench.logger.limit("x", (None, None, 40, 100))
         bench.logger.disable("x")
         bench.logger.start()
         bench.ticks(20)
         alarm(client, word=LimitWord.BLIND)
-        assert run(["alarms"]) == 3
+        assert run(["alarms"]) == EXIT_BLIND
         assert "nothing was judged in this run (1 watched, 1 blind)" in capsys.readouterr().out
 
     def test_alarms_end_with_1_if_anything_was_violated(self, bench, client, capsys):

@@ -11,6 +11,7 @@ from silo.analysis.checking import check
 from silo.analysis.expressions import BATCH_TICKS
 from silo.analysis.log import Log
 from silo.analysis.picking import pick
+from silo.cli.codes import EXIT_BLIND
 from silo.cli.main import run
 from silo.files import write
 from silo.files.convert import convert
@@ -284,4 +285,4 @@ def test_a_log_of_which_nothing_can_be_judged_is_not_fine(tmp_path):
         element("x", np.arange(10.0)), extras=Extras(limits=(SignalLimits("/log/off", (None, None, 1, 2)),))
     )
     write(log, tmp_path, "robot", ["silo"], "run")
-    assert run(["check", str(tmp_path / "run.silo")]) == 2
+    assert run(["check", str(tmp_path / "run.silo")]) == EXIT_BLIND

@@ -118,14 +118,17 @@ class Client(
     def __repr__(self) -> str:
         found = self.found
         where = f" on {found.host}" if found.config else ""
-        return f"<Client of {found.label}{where}: {'connected' if self.connected else 'not connected'}>"
+        return f"<Client of {found.label}{where}: {self._state_word}>"
 
     def _repr_html_(self) -> str:
         found = self.found
-        state = "connected" if self.connected else "not connected"
         where = found.host if found.config else "this one"
-        rows = [("logger", found.label), ("user", found.user), ("host", where), ("state", state)]
+        rows = [("logger", found.label), ("user", found.user), ("host", where), ("state", self._state_word)]
         return html_table(f"Client of {found.label}", ("", ""), rows)
+
+    @property
+    def _state_word(self) -> str:
+        return "closed" if self._connection.closed else "connected" if self.connected else "not connected"
 
     @property
     def found(self) -> Found:

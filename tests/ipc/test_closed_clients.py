@@ -1,0 +1,61 @@
+"""What a client says that was closed, what commands end with, and how many lines tell of robots that were stopped."""
+
+import pytest
+
+from silo.cli import codes
+from silo.cli.alarms import _code
+from silo.cli.ls import _reasons
+from silo.cli.main import run
+from silo.errors import ConnectionLostError
+from silo.ipc.client import Client
+from silo.ipc.conditions import LimitStatus, LimitWord
+from silo.ipc.discovery import Answer
+from silo.ipc.found import Found
+from silo.ipc.messages import Alarms
+from silo.model import State, Status
+from tests.ipc.test_follow import FINE
+
+
+@pytest.mark.slow
+def test_a_closed_client_says_that_it_is_closed_and_how_to_have_another(bench) -> None:
+    client = Client.connect("bot")
+    client.close()
+    for ask in (client.status, lambda: client.mark("late"), lambda: client.view(["/log/x"])):
+        with pytest.raises(ConnectionLostError, match=r"this client of logger 'bot' is closed; silo\.connect\('bot'\)"):
+            ask()
+    assert "closed" in repr(client)
+    assert "closed" in client._repr_html_()
+    assert not client.connected
+
+
+def test_no_two_meanings_share_an_exit_code() -> None:
+    numbers = [value for name, value in vars(codes).items() if name.startswith("EXIT_")]
+    assert len(set(numbers)) == len(numbers)
+
+
+def test_blind_limits_end_otherwise_than_a_logger_that_is_not_there(runtime_folder) -> None:
+    blind = Alarms("run", 0, [LimitStatus("/log/x", "/log/x", LimitWord.BLIND)])
+    assert _code(blind) == codes.EXIT_BLIND
+    assert run(["alarms", "nosuch"]) == codes.EXIT_NO_LOGGER != codes.EXIT_BLIND
+
+
+def stopped(name: str, reason: str, state: State = State.STOPPED) -> Answer:
+    status = Status(
+        logger=name, host="robot", user="lab", pid=1, helper_pid=2, state=state, revision=1, frequency_hz=400.0,
+        measured_hz=0.0, ticks=5, started_ns=FINE.started_ns, last_tick_ns=0, lost=0, elements=1, enabled=1, entries=1,
+        max_time_s=0.0, prefix="/log", folder="/logs", script="robot.yaml", reason=reason,
+    )  # fmt: skip
+    return Answer(Found(name, 1, f"/run/{name}.sock", "lab"), status)
+
+
+def test_robots_that_were_stopped_for_the_same_reason_share_a_line_and_each_dead_one_has_its_own() -> None:
+    answers = [stopped(f"leg{number:02}", "stopped by ann@desk") for number in range(46)]
+    answers += [
+        stopped("arm", "time limit"),
+        stopped("dog", "it died", State.DEAD),
+        stopped("cat", "it died", State.DEAD),
+    ]
+    assert _reasons(answers) == [
+        "leg00.1, leg01.1, leg02.1 and 43 more: stopped by ann@desk", "arm.1: time limit", "dog.1: it died",
+        "cat.1: it died",
+    ]  # fmt: skip
