@@ -11,22 +11,29 @@ if TYPE_CHECKING:
     from silo.ipc.client import Client
 
 Connect = Callable[[], "Client"]
+Call = Callable[[str], str]  # takes who calls, in words; says what came of it
 SERVICES = ("start", "stop", "save")
 
 
-def services(connect: Connect, prefix: str) -> dict[str, Callable[[], str]]:
-    """Return what others may call, by name: each connects, does it, and says what came of it."""
+def services(connect: Connect, prefix: str) -> dict[str, Call]:
+    """Return what others may call, by name: each connects, does it for who calls, and says what came of it.
 
-    def start() -> str:
+    Events name both: the user of the bridge, who is known to the robot, and for whom it was done.
+    """
+
+    def start(caller: str) -> str:
         with connect() as client:
+            client.act_for(caller)
             return f"{client.found.label} is {client.start().state.value}"
 
-    def stop() -> str:
+    def stop(caller: str) -> str:
         with connect() as client:
+            client.act_for(caller)
             return f"{client.found.label} is {client.stop().state.value}"
 
-    def save() -> str:
+    def save(caller: str) -> str:
         with connect() as client:
+            client.act_for(caller)
             return "saved " + ", ".join(file.path for file in client.wait_saved(client.save()))
 
     return {f"/{prefix}/{name}": call for name, call in zip(SERVICES, (start, stop, save), strict=True)}

@@ -35,12 +35,12 @@ def test_a_bridge_that_was_given_no_name_never_commands_another_robot(bench, tmp
         other.array("x", 2)
         other.serve()
         with pytest.raises(silo.SiloError, match="bot"):
-            calls["/bot/start"]()
+            calls["/bot/start"]("somebody")
         assert not other.is_running
         with silo.Logger("bot", frequency=100, folder=tmp_path) as again:
             again.array("x", 2)
             again.serve()
-            assert "running" in calls["/bot/start"]()
+            assert "running" in calls["/bot/start"]("somebody")
             assert (again.is_running, other.is_running) == (True, False)
 
 

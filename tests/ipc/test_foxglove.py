@@ -24,6 +24,7 @@ from silo.bridges.feed import Feed
 from silo.bridges.listening import bound
 from silo.bridges.services import services
 from silo.ipc.client import Client
+from silo.ipc.exchange import client_name
 from silo.model import Edit, ElementOptions, State
 from tests import chromium
 from tests.ipc.conftest import Bench
@@ -285,6 +286,17 @@ class TestStrangers:
         assert bench.logger.state is State.RUNNING
         assert b"stopped" in viewer.call(2, 45)
         assert bench.logger.state is State.STOPPED
+
+    def test_events_say_of_a_change_who_called_the_bridge_beside_who_runs_it(self, bench, bridge, look):
+        one = bridge(token="secret", services=services(lambda: Client.connect("bot"), "bot"))
+        one.url += "/secret"
+        viewer = look(to=one)
+        viewer.wait_for_services()
+        viewer.call(1, 44)
+        with Client.connect("bot") as client:
+            told = wait_until(lambda: [one for one in client.events() if one.kind == "started"])
+        assert told[-1].who.startswith(client_name())
+        assert told[-1].who.endswith(" for a Foxglove viewer at 127.0.0.1")
 
     def test_without_control_nothing_can_be_called(self, bench, look):
         assert b"read-only" in look().call(1, 1)

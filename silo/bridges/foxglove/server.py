@@ -19,6 +19,7 @@ from silo.bridges.foxglove.protocol import Frames, Level, Offer, ServiceCall
 from silo.bridges.foxglove.viewer import Viewer
 from silo.bridges.listening import LOOPBACK
 from silo.bridges.messages import live_topics
+from silo.bridges.services import Call
 from silo.errors import SiloError
 from silo.ipc.samples import Samples
 from silo.model import ElementInfo
@@ -38,7 +39,7 @@ class Terms:
     bind: str = "127.0.0.1"
     token: str = ""
     origins: tuple[str, ...] = ()
-    services: Mapping[str, Callable[[], str]] | None = None
+    services: Mapping[str, Call] | None = None
 
     @property
     def on_loopback(self) -> bool:
@@ -157,11 +158,12 @@ class Server:
             viewer.write(protocol.text_frame(protocol.service_failure(call, "no such service: this is read-only")))
             return
         name = names[call.service - 1]
+        caller = f"a Foxglove viewer at {viewer.connection.remote_address[0]}"
         try:
-            text, success = await asyncio.to_thread(self._terms.services[name]), True
+            text, success = await asyncio.to_thread(self._terms.services[name], caller), True
         except SiloError as error:
             text, success = str(error), False
-        self._tell(f"{name}, called by a viewer at {viewer.connection.remote_address[0]}: {text}")
+        self._tell(f"{name}, called by {caller}: {text}")
         viewer.write(protocol.binary_frame(protocol.service_response(call, success=success, message=text)))
 
     # ------------------------------------------------------------------------------------------------ from the logger

@@ -18,7 +18,7 @@ from silo.bridges.feed import Feed, Listener
 from silo.bridges.ros2.names import TRIGGER, TRIGGER_HASH, Attachment, Distribution, EntityKind, Node, gid_of
 from silo.bridges.ros2.pairing import Pairing
 from silo.bridges.ros2.standard import Outlet, outlets_of
-from silo.bridges.services import trigger_response
+from silo.bridges.services import Call, trigger_response
 from silo.errors import ConnectionLostError, SiloError
 from silo.ipc.lingering import releasing
 from silo.ipc.samples import Samples
@@ -26,6 +26,7 @@ from silo.ipc.session import close
 from silo.model import ElementInfo
 
 OPEN_MS = 3000
+CALLER = "somebody in the ROS graph"  # which has no names to prove
 MOST_CALLS = 16  # of a service that wait
 LOOK_S = 0.1  # how often it is asked who subscribes, and whether a service was called
 
@@ -98,7 +99,7 @@ class Service:
 
     key: str
     name: str
-    call: Callable[[], str]
+    call: Call
     queryable: "zenoh.Queryable[zenoh.handlers.Handler[zenoh.Query]]"
 
 
@@ -125,7 +126,7 @@ class Graph:
         self._feed = make_feed(Listener(self._renew, self._deliver, tell))
 
     @contextlib.contextmanager
-    def serving(self, services: Mapping[str, Callable[[], str]]) -> Iterator[None]:
+    def serving(self, services: Mapping[str, Call]) -> Iterator[None]:
         """Be there, with services by name that do something and say what."""
         for name, call in services.items():
             self._offer(name, call)
@@ -209,7 +210,7 @@ class Graph:
 
     # ----------------------------------------------------------------------------------------------------- services
 
-    def _offer(self, name: str, call: Callable[[], str]) -> None:
+    def _offer(self, name: str, call: Call) -> None:
         shown = self._distribution.hash_of(TRIGGER_HASH)
         key = self._node.key(name, TRIGGER, shown)
         number = len(self._tokens)
@@ -226,9 +227,9 @@ class Graph:
             query.reply_err(f"silo: {error}".encode())
             return
         try:
-            text, success = service.call(), True
+            text, success = service.call(CALLER), True
         except SiloError as error:
             text, success = str(error), False
-        self._tell(f"{service.name}, called from the ROS graph: {text}")
+        self._tell(f"{service.name}, called by {CALLER}: {text}")
         answer = Attachment(asked.sequence, time.time_ns(), asked.gid).encoded()
         query.reply(service.key, trigger_response(text, success=success), attachment=answer)

@@ -115,6 +115,14 @@ class Client(
         with ExitStack() as holding:
             return cls(discover(timeout_s, config, holding).one(logger), timeout_s, read_only=read_only)
 
+    def act_for(self, caller: str) -> None:
+        """Say of changes for whom they are made: as a bridge does, whose own users the robot can't know.
+
+        Args:
+            caller: in words; events have them behind the name of who is connected.
+        """
+        self._name = f"{client_name()} for {caller}"
+
     def __repr__(self) -> str:
         found = self.found
         where = f" on {found.host}" if found.config else ""
