@@ -11,8 +11,8 @@ import os
 import re
 import stat
 import textwrap
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -21,7 +21,7 @@ import yaml
 
 from silo.errors import SaveError, ScriptError
 from silo.model import NO_EXTRAS, ElementInfo, ElementOptions, Extras, FieldChange
-from silo.settings.script_extras import format_extras, merged
+from silo.settings.script_extras import format_extras, kinds_of, merged
 from silo.settings.script_reader import Reader, ScriptElement, UnknownKey
 from silo.settings.words import Settings, phrase, rate_words
 from silo.settings.yaml_nodes import Pair, collector_paused, compose, explain, text_of
@@ -209,7 +209,7 @@ def format_script(table: Sequence[ElementInfo], kept: Sequence[UnknownKey] = (),
             f"    action: {int(now.action)}\n"
             f"{unknown('element', info.name, 4)}"
         )
-    return "".join([*lines, format_extras(extras), unknown("below", "", 0)])
+    return "".join([*lines, format_extras(extras, unknown), unknown("below", "", 0)])
 
 
 def _quoted(name: str) -> str:
@@ -233,8 +233,10 @@ def write_script(path: str | os.PathLike[str], table: Sequence[ElementInfo], ext
         mode = stat.S_IMODE(final.stat().st_mode) if final.exists() else None
         names = {"", *(info.name for info in table)}
         unknown, old = _kept(final)
-        kept = [key for key in unknown if key.element in names]
-        text = format_script(table, kept, old if extras is None else extras).encode()
+        now = old if extras is None else extras
+        conditions: dict[str, list[str]] = {key: [one.name for one in items] for key, items in kinds_of(now)}
+        kept = [found for key in unknown if (found := _placed(key, names, conditions)) is not None]
+        text = format_script(table, kept, now).encode()
         with atomic_file(final) as file:
             file.write(text)
             if mode is not None:
@@ -244,6 +246,15 @@ def write_script(path: str | os.PathLike[str], table: Sequence[ElementInfo], ext
     except SaveError as error:
         raise ScriptError(f"{path}: the script can't be written: {error}") from error
     return [key.label for key in kept]
+
+
+def _placed(key: UnknownKey, elements: Container[str], conditions: Mapping[str, Sequence[str]]) -> UnknownKey | None:
+    """An unknown key, of what is still there; of a condition under the whole name that its signal has in the table."""
+    if key.place not in conditions:
+        return key if key.element in elements else None
+    whole = (name for name in conditions[key.place] if name == key.element or name.endswith(f"/{key.element}"))
+    found = next(whole, None)
+    return None if found is None else replace(key, element=found)
 
 
 def _kept(path: Path) -> tuple[list[UnknownKey], Extras]:

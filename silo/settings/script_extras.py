@@ -20,30 +20,39 @@ was, such as what the program has set.
 
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Any, TypeVar
+from difflib import get_close_matches
+from typing import Any, Final, Literal, TypeVar
 
 import msgspec
 import yaml
 
-from silo.model import NO_EXTRAS, Derived, ElementInfo, Extras, SignalLimits, TriggerOptions
-from silo.settings.yaml_nodes import describe, is_null, line_of
+from silo.model import NO_EXTRAS, Derived, ElementInfo, Extras, FileType, SignalLimits, TriggerOptions
+from silo.settings.rules import OPTION, shorten
+from silo.settings.words import read_word
+from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
 
-DERIVED, LIMITS, TRIGGERS = "derived_signals", "signal_limits", "triggers"
+Kind = Literal["derived_signals", "signal_limits", "triggers"]
+DERIVED: Final = "derived_signals"
+LIMITS: Final = "signal_limits"
+TRIGGERS: Final = "triggers"
 KEYS = (DERIVED, LIMITS, TRIGGERS)
 
 _Item = TypeVar("_Item", Derived, SignalLimits, TriggerOptions)
 
-MOST_DEPTH = 3
 
+def read_extras(
+    keys: Mapping[str, yaml.Node], report: Callable[[int, str], None], note: Callable[[Kind, str, Pair, str], None]
+) -> Extras | None:
+    """Return what the keys of a script say; None if they aren't there.
 
-def read_extras(keys: Mapping[str, yaml.Node], report: Callable[[int, str], None]) -> Extras | None:
-    """Return what the keys of a script say; None if they aren't there. Problems are reported with their lines."""
+    Problems are reported with their lines; keys that silo doesn't know are noted: of which kind, of what, and why.
+    """
     if not any(key in keys for key in KEYS):
         return None
     return Extras(
-        tuple(_items(keys.get(DERIVED), DERIVED, Derived, report)),
-        tuple(_items(keys.get(LIMITS), LIMITS, SignalLimits, report)),
-        tuple(_items(keys.get(TRIGGERS), TRIGGERS, TriggerOptions, report)),
+        tuple(_items(keys.get(DERIVED), DERIVED, Derived, report, note)),
+        tuple(_items(keys.get(LIMITS), LIMITS, SignalLimits, report, note)),
+        tuple(_items(keys.get(TRIGGERS), TRIGGERS, TriggerOptions, report, note)),
     )
 
 
@@ -62,7 +71,18 @@ def merged(script: Extras, given: Collection[str], now: Extras) -> Extras:
     )
 
 
-def _items(node: yaml.Node | None, key: str, kind: type[_Item], report: Callable[[int, str], None]) -> list[_Item]:
+def kinds_of(extras: Extras) -> list[tuple[Kind, Sequence[Derived | SignalLimits | TriggerOptions]]]:
+    """Return what there is of each kind, by its key in a script."""
+    return [(DERIVED, extras.derived), (LIMITS, extras.limits), (TRIGGERS, extras.triggers)]
+
+
+def _items(
+    node: yaml.Node | None,
+    key: Kind,
+    kind: type[_Item],
+    report: Callable[[int, str], None],
+    note: Callable[[Kind, str, Pair, str], None],
+) -> list[_Item]:
     if node is None or is_null(node):
         return []
     if not isinstance(node, yaml.SequenceNode):
@@ -70,30 +90,107 @@ def _items(node: yaml.Node | None, key: str, kind: type[_Item], report: Callable
         return []
     found = []
     for item in node.value:
-        plain = _plain(item, MOST_DEPTH)
-        unknown = plain.keys() - set(kind.__struct_fields__) if isinstance(plain, dict) else ()
-        if unknown:
-            report(line_of(item), f"{key}: no key '{min(unknown)}'; there are {', '.join(kind.__struct_fields__)}")
+        if not isinstance(item, yaml.MappingNode):
+            report(line_of(item), f"{key}: must have keys (`name: ...`), got {describe(item)}")
             continue
-        try:
-            found.append(msgspec.convert(plain, kind, strict=False))
-        except msgspec.ValidationError as error:
-            report(line_of(item), f"{key}: {error}")
+        made = _item(item, key, kind, report, note)
+        if made is not None:
+            found.append(made)
     return found
 
 
-def _plain(node: yaml.Node, depth: int) -> Any:
-    if isinstance(node, yaml.MappingNode) and depth:
-        return {str(key.value): _plain(value, depth - 1) for key, value in node.value}
-    if isinstance(node, yaml.SequenceNode) and depth:
-        return [_plain(one, depth - 1) for one in node.value]
-    return None if is_null(node) or not isinstance(node, yaml.ScalarNode) else str(node.value)
+def _item(
+    item: yaml.MappingNode,
+    key: Kind,
+    kind: type[_Item],
+    report: Callable[[int, str], None],
+    note: Callable[[Kind, str, Pair, str], None],
+) -> _Item | None:
+    fields = {one.name: one for one in msgspec.structs.fields(kind)}
+    named = [value for each, value in item.value if key_name(each) == "name" and isinstance(value, yaml.ScalarNode)]
+    name = str(named[0].value) if named else ""
+    where = f"{key} '{shorten(name)}'" if name else key
+    values: dict[str, Any] = {}
+    unknown: list[Pair] = []
+    well = True
+    for each, value in item.value:
+        field = fields.get(key_name(each))
+        if field is None:
+            unknown.append((each, value))
+        elif field.name in values:
+            report(line_of(each), f"{where}: key '{field.name}' stands twice")
+            well = False
+        else:
+            try:
+                values[field.name] = _value(value, field.type)
+            except _UnfitError as unfit:
+                values[field.name] = None
+                report(line_of(value), f"{where}: {field.name} must be {unfit}, got {describe(value)}")
+                well = False
+    missing = [field.name for field in fields.values() if field.required and field.name not in values]
+    if missing and unknown:  # then one of the unknown keys is meant for it
+        name = shorten(key_name(unknown[0][0]))
+        report(line_of(item), f"{key}: no key '{name}'; there are {', '.join(fields)}, and {missing[0]} is missing")
+        return None
+    for pair in unknown:
+        near = get_close_matches(key_name(pair[0]).lower(), fields, 1)
+        hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(fields)}"
+        note(key, name, pair, f"{where}: unknown key '{shorten(key_name(pair[0]))}'; {hint}")
+    if missing:
+        report(line_of(item), f"{where}: {missing[0]} is missing")
+    return None if missing or not well else kind(**values)
 
 
-def format_extras(extras: Extras) -> str:
-    """Return the keys of a script; empty where there is nothing to say."""
+class _UnfitError(Exception):
+    """A value is none of its field; the text says what it must be."""
+
+
+def _value(node: yaml.Node, wanted: Any) -> Any:
+    """The value of a field of this type. Raises `_UnfitError`."""
+    if wanted is bool:
+        found = read_word(OPTION["enabled"], node.value) if is_plain(node) else None
+        if found is None:
+            raise _UnfitError("on or off")
+        return found
+    if wanted is str:
+        if not isinstance(node, yaml.ScalarNode) or is_null(node):
+            raise _UnfitError("a text")
+        return str(node.value)
+    if wanted in (int, float):
+        try:
+            return wanted(node.value if isinstance(node, yaml.ScalarNode) else "")
+        except (ValueError, OverflowError):
+            raise _UnfitError("a whole number" if wanted is int else "a number") from None
+    if wanted == tuple[FileType, ...]:
+        return tuple(map(_file_type, node.value if isinstance(node, yaml.SequenceNode) else [node]))
+    return _bounds(node)
+
+
+def _file_type(node: yaml.Node) -> FileType:
+    word = str(node.value).casefold() if isinstance(node, yaml.ScalarNode) else ""
+    for one in FileType:
+        if word in (one.name.casefold(), str(int(one))):
+            return one
+    raise _UnfitError(f"a list of {', '.join(one.name.lower() for one in FileType)}")
+
+
+def _bounds(node: yaml.Node) -> tuple[float | None, ...]:
+    try:
+        found = [None if is_null(one) else _value(one, float) for one in node.value]
+    except (_UnfitError, TypeError, AttributeError):
+        found = []
+    if not isinstance(node, yaml.SequenceNode) or len(found) != 4:
+        raise _UnfitError("four numbers, [red low, yellow low, yellow high, red high], null where there is none")
+    return tuple(found)
+
+
+def format_extras(extras: Extras, unknown: Callable[[str, str, int], str] = lambda place, name, indent: "") -> str:
+    """Return the keys of a script; empty where there is nothing to say.
+
+    unknown: the text of the keys that silo doesn't know, of a kind and a name, with so many blanks before each line.
+    """
     lines = []
-    for key, items in ((DERIVED, extras.derived), (LIMITS, extras.limits), (TRIGGERS, extras.triggers)):
+    for key, items in kinds_of(extras):
         lines += [f"{key}:\n"] if items else []
         for item in items:
             fields = [(name, value) for name, value in msgspec.to_builtins(item).items() if value != ""]
@@ -101,6 +198,7 @@ def format_extras(extras: Extras) -> str:
                 f"  {'- ' if at == 0 else '  '}{name}: {json.dumps(value, ensure_ascii=False)}\n"
                 for at, (name, value) in enumerate(fields)
             ]
+            lines.append(unknown(key, item.name, 4))
     return "".join(lines)
 
 

@@ -13,9 +13,9 @@ import yaml
 
 from silo.model import Action, BufferType, Extras
 from silo.settings.rules import OPTION, shorten
-from silo.settings.script_extras import KEYS, given_kinds, read_extras
+from silo.settings.script_extras import KEYS, Kind, given_kinds, read_extras
 from silo.settings.words import Amount, Change, UnreadableError, read_text, read_word
-from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, line_of
+from silo.settings.yaml_nodes import Pair, describe, is_null, is_plain, key_name, line_of
 
 _ELEMENT_KEYS = ("name", "enabled", "divider", "buffer", "action")
 _BUFFER_KEYS = ("type", "size")
@@ -48,7 +48,7 @@ class UnknownKey:
 
     line: int
     element: str
-    place: Literal["above", "below", "element", "buffer"]
+    place: Literal["above", "below", "element", "buffer", "derived_signals", "signal_limits", "triggers"]
     pair: Pair
     text: str
 
@@ -58,7 +58,7 @@ class UnknownKey:
     @property
     def label(self) -> str:
         """The key in a list: `note`, `note of /log/x`."""
-        return shorten(_key_name(self.pair[0])) + (f" of {self.element}" if self.element else "")
+        return shorten(key_name(self.pair[0])) + (f" of {self.element}" if self.element else "")
 
 
 class Reader:
@@ -77,6 +77,9 @@ class Reader:
         """Note a problem."""
         self.problems.append((line, text))
 
+    def _note(self, place: Kind, element: str, pair: Pair, text: str) -> None:
+        self.unknown.append(UnknownKey(line_of(pair[0]), element, place, pair, text))
+
     def elements(self, root: yaml.Node | None) -> Iterator[ScriptElement]:
         """The valid elements below the top level; duplicates are problems."""
         if root is None:
@@ -84,7 +87,7 @@ class Reader:
             return
         known = ("log_elements", *KEYS) if isinstance(root, yaml.MappingNode) else ("log_elements",)
         listed = self._mapping(root, "", known, "a script")
-        self.extras, self.kinds = read_extras(listed, self.report), given_kinds(listed)
+        self.extras, self.kinds = read_extras(listed, self.report, self._note), given_kinds(listed)
         if "log_elements" not in listed:
             if not self.problems and not self.unknown:
                 self.report(line_of(root), "`log_elements:` is missing")
@@ -148,7 +151,7 @@ class Reader:
             return {}
         found: dict[str, yaml.Node] = {}
         for key, value in node.value:
-            name = _key_name(key)
+            name = key_name(key)
             if name in found:
                 self.report(line_of(key), f"{where}key '{name}' stands twice, first in line {line_of(found[name])}")
             elif name not in known:
@@ -214,7 +217,3 @@ class Reader:
 
 
 _PLACES: dict[str, Literal["element", "buffer"]] = {"an element": "element", "buffer": "buffer"}
-
-
-def _key_name(key: yaml.Node) -> str:
-    return str(key.value) if isinstance(key, yaml.ScalarNode) else describe(key)

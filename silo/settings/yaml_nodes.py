@@ -104,6 +104,11 @@ def describe(node: yaml.Node) -> str:
     )
 
 
+def key_name(key: yaml.Node) -> str:
+    """A key as text; one that is a list or a group (`? [a, b]`) as what it is."""
+    return str(key.value) if isinstance(key, yaml.ScalarNode) else describe(key)
+
+
 Pair = tuple[yaml.Node, yaml.Node]
 
 

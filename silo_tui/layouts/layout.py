@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from silo.settings.yaml_nodes import describe, is_null, line_of
+from silo.settings.yaml_nodes import describe, is_null, key_name, line_of
 from silo_tui.settings.reading import nodes, pairs
 
 
@@ -113,7 +113,7 @@ def read(text: str) -> tuple[Layout, list[str]]:
     problems = [f"line {problem.line}: {problem.reason}" for problem in struck]
     found: dict[str, Any] = {}
     for key, value in pairs(root):
-        name = str(getattr(key, "value", ""))
+        name = key_name(key)
         try:
             found[name] = _reader(name)(value)
         except ValueError as error:

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from silo.ipc.remotes import config_folder
-from silo.settings.yaml_nodes import compose, describe, explain, is_null, line_of
+from silo.settings.yaml_nodes import compose, describe, explain, is_null, key_name, line_of
 from silo_tui.actions import BY_ID, key_text
 from silo_tui.settings.keys import clashes, label, read_key
 from silo_tui.settings.options import OPTION, OPTIONS, Option, Settings
@@ -78,7 +78,7 @@ def read(text: str) -> tuple[Settings, list[Problem]]:
     settings = Settings()
     found: dict[str, Any] = {}
     for key, value in pairs(root):
-        name = getattr(key, "value", "")
+        name = key_name(key)
         try:
             _once(name, found)
             if name == "keys":
@@ -187,7 +187,7 @@ def _keys(node: yaml.Node, problems: list[Problem]) -> dict[str, str]:
     keys: dict[str, str] = {}
     lines: dict[str, int] = {}
     for name, value in pairs(node):
-        command = str(getattr(name, "value", ""))
+        command = key_name(name)
         try:
             _once(command, keys)
             keys[_known(command)] = ",".join(dict.fromkeys(_read_keys(command, value)))

@@ -9,6 +9,7 @@ import yaml
 
 from silo.errors import SaveError
 from silo.files.atomic import atomic_file
+from silo.settings.yaml_nodes import key_name
 from silo_tui.settings import reading
 from silo_tui.settings.keys import typed_keys
 from silo_tui.settings.options import Settings, changed, typed
@@ -64,7 +65,7 @@ def _merged(before: Settings, old: Settings, new: Settings) -> dict[str, str]:
 def _with_value(text: str, name: str, value: str) -> str:
     root, _, struck = reading.nodes(text)
     for key, node in reading.pairs(root):
-        if getattr(key, "value", "") == name:
+        if key_name(key) == name:
             return _put(text, struck, key, node, value)
     first = _first_group(root)  # behind a group of lines a line would look as if it were one of the group
     line = f"{name}: {value}\n"
@@ -75,16 +76,16 @@ def _with_value(text: str, name: str, value: str) -> str:
 
 
 def _first_group(root: yaml.Node | None) -> int | None:
-    starts = (key.start_mark.index for key, _ in reading.pairs(root) if getattr(key, "value", "") == "keys")
+    starts = (key.start_mark.index for key, _ in reading.pairs(root) if key_name(key) == "keys")
     return next(starts, None)
 
 
 def _with_key(text: str, command: str, keys: str) -> str:
     root, _, struck = reading.nodes(text)
-    group = next((node for key, node in reading.pairs(root) if getattr(key, "value", "") == "keys"), None)
+    group = next((node for key, node in reading.pairs(root) if key_name(key) == "keys"), None)
     entries = list(reading.pairs(group))
     for key, node in entries:
-        if getattr(key, "value", "") == command:
+        if key_name(key) == command:
             return _put(text, struck, key, node, typed_keys(keys)) if keys else _without(text, key, node, group)
     if not keys:
         return text

@@ -246,7 +246,7 @@ class TestLogger:
             ("derived_signals: 3", ":2: derived_signals must be a list"),
             ("derived_signals:\n  - name: x\n    formula: y", ":3: derived_signals: no key 'formula'"),
             ("derived_signals:\n  - name: /log/x\n    expression: nope + 1", "no signal is named 'nope'"),
-            ("signal_limits:\n  - name: mode\n    bounds: [1, 2]", ":3: signal_limits"),
+            ("signal_limits:\n  - name: mode\n    bounds: [1, 2]", ":4: signal_limits"),
             ("triggers:\n  - name: a\n    when: mode > 3\n    slope: up", "edge of trigger 'a' must be rising"),
             ("triggers:\n  - name: a/b\n    when: mode > 3", "stands in names of files"),
             ("signal_limits:\n  - name: mode\n    bounds: [4, 3, 2, 1]", "must rise"),

@@ -2,6 +2,7 @@
 
 import os
 import stat
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -240,3 +241,29 @@ def test_no_text_at_all_stops_the_reader(text):
 def test_a_bracket_that_nothing_closes_is_told_of_with_its_line():
     _, problems = read("[0:")
     assert [problem.line for problem in problems] == [1]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "? [a, b]\n: c\n",
+        "? {a: b}\n: c\n",
+        "keys:\n  ? [a, b]\n  : c\n",
+        "? [theme]\n: light\n",
+        "keys: {? [a] : x}\n",
+        "? [a, b]",
+    ],
+)
+def test_a_key_that_is_a_list_or_a_group_costs_its_line_and_no_other(text):
+    found, problems = read(f"theme: light\n{text}")
+    assert found.theme == "light"
+    assert problems
+    assert all(problem.line for problem in problems)
+    assert "theme: dark" in rewritten(f"theme: light\n{text}", found, replace(found, theme="dark"))
+
+
+def test_a_list_that_holds_itself_is_told_of_and_can_be_written_over():
+    text = "columns: &all [*all]\ntheme: light\n"
+    found, problems = read(text)
+    assert problems
+    assert "theme: dark" in rewritten(text, found, replace(found, theme="dark"))

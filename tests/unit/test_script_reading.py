@@ -4,11 +4,20 @@ import gc
 import os
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from silo.errors import ScriptError
-from silo.model import Action, BufferType
-from silo.settings.script import MAX_PROBLEMS, MAX_SCRIPT_BYTES, Script, ScriptElement, parse_script, read_script
+from silo.model import Action, BufferType, Extras, FileType
+from silo.settings.script import (
+    MAX_PROBLEMS,
+    MAX_SCRIPT_BYTES,
+    Script,
+    ScriptElement,
+    parse_script,
+    read_script,
+    write_script,
+)
 
 FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures"
 WHOLE = "must be a whole number from 1 to 2147483647"
@@ -274,3 +283,92 @@ def test_reading_leaves_the_garbage_collector_as_it_was() -> None:
         assert not gc.isenabled()
     finally:
         gc.enable()
+
+
+TRIGGER = "log_elements: []\ntriggers:\n  - name: fall\n    when: x > 1\n    {}\n"
+
+
+@pytest.mark.parametrize(
+    ("word", "armed"), [("no", False), ("off", False), ("false", False), ("yes", True), ("on", True)]
+)
+def test_a_trigger_is_armed_by_the_words_that_an_element_takes(word: str, armed: bool) -> None:
+    extras = script(TRIGGER.format(f"armed: {word}")).extras
+    assert extras is not None
+    assert extras.triggers[0].armed is armed
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("[silo]", (FileType.SILO,)),
+        ("[silo, CSV]", (FileType.SILO, FileType.CSV)),
+        ("[0, 2]", (FileType.SILO, FileType.BAG)),
+        ("bag", (FileType.BAG,)),
+    ],
+)
+def test_what_a_trigger_saves_is_given_by_name_or_number(words: str, expected: tuple[FileType, ...]) -> None:
+    extras = script(TRIGGER.format(f"save: {words}")).extras
+    assert extras is not None
+    assert extras.triggers[0].save == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("armed: perhaps", ":5: triggers 'fall': armed must be on or off, got perhaps"),
+        ('armed: "no"', ":5: triggers 'fall': armed must be on or off, got the text 'no'"),
+        ("save: [parquet]", ":5: triggers 'fall': save must be a list of silo, csv, bag, got a list"),
+        ("pre_s: soon", ":5: triggers 'fall': pre_s must be a number, got soon"),
+        ("keep: 1.5", ":5: triggers 'fall': keep must be a whole number, got 1.5"),
+        ("rearm: [a]", ":5: triggers 'fall': rearm must be a text, got a list"),
+        ("when: y", ":5: triggers 'fall': key 'when' stands twice"),
+    ],
+)
+def test_a_wrong_value_of_a_trigger_is_told_in_words_with_its_line(text: str, reason: str) -> None:
+    assert reason in complaint(TRIGGER.format(text))
+
+
+def test_bounds_that_are_no_four_numbers_are_told() -> None:
+    text = "log_elements: []\nsignal_limits:\n  - name: q\n    bounds: [1, {}]\n"
+    for rest in ("2", "2, 3", "x, 3, 4", "[2], 3, 4"):
+        assert ":4: signal_limits 'q': bounds must be four numbers" in complaint(text.format(rest))
+    extras = script(text.format("null, 3, ~")).extras
+    assert extras is not None
+    assert extras.limits[0].bounds == (1.0, None, 3.0, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "warning"),
+    [
+        ("triggers:\n  - {name: a, when: x > 1, later_silo: 3}", "triggers 'a': unknown key 'later_silo'; known are"),
+        ("triggers:\n  - {name: a, when: x > 1, pre: 3}", "triggers 'a': unknown key 'pre'; did you mean 'pre_s'?"),
+        ("triggers:\n  - {name: a, when: x > 1, ? [b, c] : 3}", "triggers 'a': unknown key 'a list'"),
+        ("signal_limits:\n  - {name: q, bound: [1, 2, 3, 4]}", "signal_limits 'q': unknown key 'bound'; did you mean"),
+        ("derived_signals:\n  - {name: d, expression: x, note: y}", "derived_signals 'd': unknown key 'note'"),
+    ],
+)
+def test_an_unknown_key_of_a_condition_is_a_warning_with_its_line(text: str, warning: str) -> None:
+    found = script(f"log_elements: []\n{text}\n")
+    (told,) = found.warnings
+    assert f"config/robot.yaml:3: {warning}" in told
+    assert "left alone" in told
+    assert found.extras is not None
+    assert found.extras != Extras()
+
+
+def test_unknown_keys_of_conditions_stand_again_in_a_script_that_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(
+        "log_elements: []\n"
+        "derived_signals:\n  - {name: /log/d, expression: x, note: [1, {deep: 2}]}\n"
+        "triggers:\n  - name: fall\n    when: x > 1\n    later_silo:\n      more: 3\n  - {name: other, when: x > 2}\n"
+    )
+    before = read_script(path)
+    assert write_script(path, []) == ["note of /log/d", "later_silo of fall"]
+    after = read_script(path)
+    assert after.extras == before.extras
+    assert [key.label for key in after.unknown_keys] == ["note of /log/d", "later_silo of fall"]
+    assert "more: 3" in path.read_text()
+    assert before.extras is not None
+    gone = msgspec.structs.replace(before.extras, triggers=before.extras.triggers[1:])
+    assert write_script(path, [], gone) == ["note of /log/d"]
