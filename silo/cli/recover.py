@@ -12,6 +12,7 @@ from silo.model import FileType
 
 if TYPE_CHECKING:
     from silo.collecting.left_behind import StaleSegment
+    from silo.helper.recorder_process import Kept
 
 
 @click.command()
@@ -56,12 +57,16 @@ def recover(
     folders = _recording_folders(paths, single, look_in)
     if only_list and single:
         raise click.UsageError(f"--list shows what is found in folders; {single[0]} is none")
+    left = _incomplete(paths, single)
     if only_list:
+        for one in left:
+            click.echo(f"recording '{one.order.name}' in {one.order.folder} is not complete", err=as_json)
         _show_parts(folders, as_json)
         _show_set_aside(paths or [look_in, *_known_folders()], as_json)
         _show(stale, as_json)
     else:
-        closed = _close_parts(folders, as_json)
+        completed = _complete(left, as_json)
+        closed = _close_parts(folders, as_json) or completed
         if not paths:
             _sweep([look_in, *_known_folders(), *(Path(one.schema.folder) for one in stale if one.schema)])
         elif named := [path for path in paths if path not in single]:
@@ -74,6 +79,31 @@ def recover(
         if not only_list:
             _say(damaged)
         raise SegmentError(f"{many(len(damaged), 'segment')} can't be read; nothing of them was changed")
+
+
+def _incomplete(paths: Sequence[Path], single: Sequence[Path]) -> "list[Kept]":
+    """Endless recordings of programs that are gone: all, or those into the folders that are named."""
+    from silo.runtime import RECORDERS_SUFFIX, runtime_dir
+
+    if not any(runtime_dir().glob(f"*{RECORDERS_SUFFIX}")):
+        return []
+    from silo.helper.left_recordings import left_lists
+
+    named = [path.resolve() for path in paths if path not in single]
+    found = [one for _, kept in left_lists() for one in kept]
+    return [one for one in found if not paths or any(Path(one.order.folder).is_relative_to(path) for path in named)]
+
+
+def _complete(left: "list[Kept]", as_json: bool) -> bool:
+    """Complete endless recordings from what is in memory; returns whether there were any."""
+    from silo.runtime import list_held
+
+    if left or list_held():
+        from silo.helper.left_recordings import complete_recordings
+
+        for problem in complete_recordings(lambda text: click.echo(text, err=as_json), lambda one: one in left):
+            click.echo(problem, err=True)
+    return bool(left)
 
 
 def _meant(paths: Sequence[Path], look_in: Path) -> "tuple[list[Path], list[StaleSegment]]":

@@ -90,9 +90,12 @@ class HeldRuns:
 
     def let_go(self, *, held_alone: bool) -> None:
         """Free the memory of all, as far as it depends on this process: the robot program needs it for the next run."""
-        for run in list(self._runs):
+        for run, reader in list(self._runs.items()):
             if run != self._mirror.run or not held_alone:
                 self._forget(run)
+                # what its program leaves of it under the other name is found anew
+                self._known.discard(run)
+                self._looked.discard(_held(reader))
 
     def _forget(self, run: str) -> None:
         with self._lock:

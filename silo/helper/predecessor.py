@@ -27,6 +27,7 @@ from silo.files.atomic import sweep_parts
 from silo.helper.events import Events
 from silo.helper.judge import STATE_NAME
 from silo.helper.left_log import RECOVERED
+from silo.helper.left_recordings import complete_recordings
 from silo.helper.mirror import Mirror
 from silo.helper.saver import describe
 from silo.ipc.published import EventKind
@@ -60,6 +61,7 @@ class PredecessorRecovery:
 
     def _run(self) -> None:
         options = self._mirror.now.options
+        self._complete_recordings()
         self._recover_captures(options.name, options.folder)
         with contextlib.suppress(SiloError):  # no runtime folder any more: then there is nothing in it either
             sweep_segments(segment_folder(options))
@@ -71,6 +73,15 @@ class PredecessorRecovery:
             for stale in find_stale_journals(options.folder, options):
                 if not self._ended.is_set():
                     self._recover(stale)
+
+    def _complete_recordings(self) -> None:
+        """First of all: their rows are in the segments that are saved, and deleted, next."""
+        try:
+            for problem in complete_recordings(lambda text: self._tell(EventKind.RECOVERED, text, [])):
+                log.error("%s", problem)
+                self._events.publish(EventKind.RECORDING_FAILED, problem)
+        except Exception:  # what is in the segments is saved all the same, and stays as long as it is due
+            log.exception("recordings that earlier programs left can't be completed")
 
     def _recover_captures(self, logger: str, folder: str) -> None:
         """Before their segments are saved, or removed as all of them stands in files."""

@@ -86,7 +86,7 @@ class RecorderProcess:
     """A recorder that was started. Methods are for who holds the lock of `Recording`, but `wait`."""
 
     def __init__(self, kept: Kept) -> None:
-        """Start it. Raises OSError."""
+        """It isn't started yet."""
         self.kept = kept
         self.report = Report(RecorderState.WAITING)
         self.runs: list[str] = []  # that it is to record and has not, oldest first
@@ -98,7 +98,6 @@ class RecorderProcess:
         self.again_s = 0.0  # when it is started again, 0 while it lives
         self.reported = threading.Event()
         self.ended = threading.Event()
-        self.start(kept.order)
 
     @property
     def order(self) -> RecordOrder:

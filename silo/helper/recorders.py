@@ -174,10 +174,13 @@ class Recording:
         with self._lock:
             # first: should all be killed now, whoever comes knows of it
             store(self._kept, [*self._living(), kept])
-            recorder = self._recorders[kept.order.name] = RecorderProcess(kept)
+            recorder = RecorderProcess(kept)
             runs, first = self._held.ids(), kept.order.run if kept.order.resume else self._mirror.run
             if first in runs:  # those before it are none of its
                 recorder.known = set(runs[: runs.index(first)])
+            self._assign(recorder)
+            recorder.start(kept.order)
+            self._recorders[kept.order.name] = recorder
             self._follow(recorder)
             if kept.ending:
                 recorder.finish(kept.ending, self._events.log.newest)
@@ -219,11 +222,15 @@ class Recording:
             for recorder in self._recorders.values():
                 self._follow(recorder)
 
-    def _follow(self, recorder: RecorderProcess) -> None:
+    def _assign(self, recorder: RecorderProcess) -> None:
+        """Have it record all runs that there are, but those from before its order or after its end."""
         for run in self._held.ids():
             if run not in recorder.known and not recorder.ending:
                 recorder.known.add(run)
                 recorder.runs.append(run)
+
+    def _follow(self, recorder: RecorderProcess) -> None:
+        self._assign(recorder)
         for run in recorder.runs:
             if recorder.lacks(run):
                 self._hand_over(recorder, run)
@@ -362,6 +369,7 @@ class Recording:
         with self._lock:
             if time.monotonic() < recorder.again_s:
                 return
+            self._assign(recorder)
             try:
                 spare, self._spare = self._spare, None
                 recorder.start(msgspec.structs.replace(recorder.order, resume=True), spare)

@@ -15,7 +15,7 @@ class RecordOrder(msgspec.Struct, frozen=True):
 
     `resume`: go on where this recorder was, as its ledger and its parts tell; of the run in which the order was given,
     where these tell nothing, from `tick` on. Otherwise what is logged from now on is recorded. `order` tells this order
-    from others of that name. `runs` are the ids of those that are to come at once.
+    from others of that name. `runs` are the ids of those that are to come at once, None where that isn't said.
     """
 
     name: str
@@ -28,7 +28,7 @@ class RecordOrder(msgspec.Struct, frozen=True):
     order: str = ""
     run: str = ""
     tick: int = 0
-    runs: tuple[str, ...] = ()
+    runs: tuple[str, ...] | None = None
 
 
 class Follow(msgspec.Struct, frozen=True, tag=True):

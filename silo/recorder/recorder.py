@@ -137,8 +137,8 @@ class Recorder:
 
     def _look_for_gone(self) -> None:
         """Write down which runs this recorder can't go on with: their memory is gone."""
-        if not self._order.runs:
-            return  # whoever started this does not say
+        if self._order.runs is None:
+            return
         for entry in self._ledger.written.runs:
             if not entry.done and entry.run not in self._order.runs:
                 entry.done, entry.extras = True, None

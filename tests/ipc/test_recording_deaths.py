@@ -3,20 +3,22 @@
 import contextlib
 import os
 import signal
+import time
 from pathlib import Path
 
 import msgspec
-import numpy as np
 import psutil
 import pytest
 
+from silo.analysis.opening import open_log
+from silo.cli.main import run
 from silo.collecting.held import held_runs, recorders_path
 from silo.files.bag_read import read_bag
 from silo.helper.recorder_process import stored
 from silo.ipc.client import Client
 from silo.model import RecorderState
 from silo.recorder.written import read_written
-from silo.runtime import list_held
+from silo.runtime import list_held, list_segments, runtime_dir
 from tests.waiting import answered, wait_until
 
 pytestmark = pytest.mark.slow
@@ -46,21 +48,6 @@ def freeze(client: Client) -> None:
 def kill_recorders(pid: int) -> None:
     for one in recorders_of(pid):
         one.kill()
-
-
-def ticks_of(folder: Path) -> dict[str, list[int]]:
-    """By run, the ticks that its parts have, in their order."""
-    found: dict[str, list[int]] = {}
-    for path in sorted(folder.glob("*.mcap"), key=lambda path: path.name.rpartition("_")[2]):
-        part = read_bag(path)
-        for element in part.elements:
-            first = part.offset - len(part.time_ns)
-            there = np.ones(element.count, bool)
-            for low, high in element.failures.spans:
-                ticks = first + element.stamp_indices
-                there &= (ticks < low) | (ticks > high)
-            found.setdefault(path.name, []).extend((first + element.stamp_indices)[there].tolist())
-    return found
 
 
 def values_of(folder: Path) -> list[int]:
@@ -191,3 +178,99 @@ def test_an_order_that_was_kept_by_an_older_helper_process_goes_on(bench, client
     client.stop_recorder()
     assert values_of(folder)[-50:] == list(range(101, 151))
     assert held_runs() == []
+
+
+# --------------------------------------------------------------------------------------- the program dies, too
+
+
+def began(robots, **options: object):
+    """A robot program of its own that is recorded, with its client closed, and where to."""
+    robot = robots("bot", **options)
+    with Client.connect("bot") as client:
+        folder = Path(client.record(to="walks").folder)
+        wait_until(lambda: client.recorders()[0].samples)
+    return robot, folder
+
+
+def all_of(robot) -> list[int]:
+    return [robot.pid, robot.helper_pid, *(one.pid for one in recorders_of(robot.helper_pid))]
+
+
+def recorded(folder: Path, name: str = "/log/x") -> list[int]:
+    """The ticks of an element, part by part."""
+    found = []
+    for path in sorted(folder.glob("*.mcap"), key=lambda path: path.name.rpartition("_")[2]):
+        part = read_bag(path)
+        for element in part.elements:
+            if element.name == name:
+                assert element.lost == 0
+                found += (part.offset - len(part.time_ns) + element.stamp_indices).tolist()
+    return found
+
+
+def logged(folder: Path) -> int:
+    """Ticks of the log that was saved of the program."""
+    (log,) = folder.glob("*.silo")
+    return open_log(log).recording.offset
+
+
+def check_whole(folder: Path, tmp_path: Path) -> None:
+    """From its first tick on the recording has all that were logged, each once."""
+    found = recorded(folder)
+    assert found == list(range(found[0], logged(tmp_path / "logs")))
+
+
+def happened(folder: Path) -> list[str]:
+    return [event.kind for path in sorted(folder.glob("*.mcap")) for event in read_bag(path).events]
+
+
+def test_what_is_recorded_of_a_program_that_died_after_helper_and_recorder_is_completed_by_recover(
+    robots, tmp_path, monkeypatch, capsys
+) -> None:
+    robot, folder = began(robots)
+    program, helper, *recorders = all_of(robot)
+    for pid in [*recorders, helper]:
+        os.kill(pid, signal.SIGSTOP)
+    ticks_s = time.monotonic()
+    wait_until(lambda: time.monotonic() > ticks_s + 0.3)  # the program goes on by itself
+    for pid in [*recorders, program, helper]:
+        os.kill(pid, signal.SIGKILL)
+    robot.process.wait()
+    monkeypatch.chdir(tmp_path)
+    assert run(["recover", "--list"]) == 0
+    assert f"recording 'bot' in {folder} is not complete" in capsys.readouterr().out
+    assert run(["recover"]) == 0
+    assert "completed" in capsys.readouterr().out
+    check_whole(folder, tmp_path)
+    assert happened(folder).count("crashed") == 1
+    assert list_held() == list_segments() == []
+    assert list(runtime_dir().glob("*.recorders")) == []
+    assert run(["recover"]) == 0
+    assert "nothing to recover" in capsys.readouterr().out
+
+
+def test_the_next_start_of_the_program_completes_its_recordings(robots, tmp_path) -> None:
+    robot, folder = began(robots)
+    program, helper, *recorders = all_of(robot)
+    for pid in [*recorders, helper]:
+        os.kill(pid, signal.SIGSTOP)
+    for pid in [*recorders, program, helper]:
+        os.kill(pid, signal.SIGKILL)
+    robot.process.wait()
+    robots("bot")
+    wait_until(lambda: list((tmp_path / "logs").glob("*.silo")))
+    wait_until(lambda: len(list_segments()) == 1)
+    assert list(runtime_dir().glob("*.recorders")) == []
+    check_whole(folder, tmp_path)
+
+
+def test_a_recorder_that_died_right_before_its_program_is_followed_by_another_one(robots, tmp_path) -> None:
+    robot, folder = began(robots)
+    program, _, *recorders = all_of(robot)
+    for pid in [*recorders, program]:
+        os.kill(pid, signal.SIGKILL)
+    robot.process.wait()
+    wait_until(lambda: list((tmp_path / "logs").glob("*.silo")))
+    wait_until(lambda: not list(runtime_dir().glob("*.recorders")) and not list_held())
+    check_whole(folder, tmp_path)
+    assert happened(folder).count("crashed") == 1

@@ -1,0 +1,171 @@
+"""Endless recordings of programs that are gone, and their helper processes with them: completed from what they left.
+
+What was recorded is told by the list of recorders in the runtime folder, how far each was by its ledger and its parts,
+and the rows are in the runs that are held, and in the last one. A recorder goes on with them as one that is replaced.
+"""
+
+import contextlib
+import fcntl
+import os
+import select
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+
+from silo.collecting.held import Program, held_runs, is_due, is_live, number_of, program_of, remove
+from silo.collecting.segment_reader import SegmentReader
+from silo.errors import SegmentError
+from silo.helper.recorder_process import Kept, RecorderProcess, store, stored
+from silo.model import RecorderState
+from silo.runtime import RECORDERS_SUFFIX, is_at, list_segments, process_start, runtime_dir
+
+DIED = "the program ended without close(), and its helper process with it; recorded from what they left"
+MOST_LIVES = 3  # of a recorder that dies again and again
+
+Tell = Callable[[str], object]
+
+
+def left_lists() -> list[tuple[Path, list[Kept]]]:
+    """Return what recorded loggers that are gone; lists of older helper processes, that nobody can use, are removed."""
+    found = []
+    with contextlib.suppress(SegmentError):  # no runtime folder: then there is nothing in it either
+        for path in sorted(runtime_dir().glob(f"*{RECORDERS_SUFFIX}")):
+            kept = stored(path)
+            if kept and kept[0].program.pid:
+                if not is_live(kept[0].program):
+                    found.append((path, kept))
+            elif _is_forgotten(path):
+                path.unlink(missing_ok=True)
+    return found
+
+
+def _is_forgotten(path: Path) -> bool:
+    """Whether a list of an older silo, by name and pid, is of a program that is gone, as far as is seen here."""
+    start, _, pid = path.name.removesuffix(RECORDERS_SUFFIX).rpartition(".")
+    if not pid.isdecimal():
+        return True  # a damaged one
+    for segment in list_segments():
+        if segment.name.lstrip(".").startswith(f"{start}.{pid}."):
+            with contextlib.suppress(SegmentError), contextlib.closing(SegmentReader(segment)) as reader:
+                if reader.alive():
+                    return False  # perhaps of a process of another container, which has no start here
+    return not process_start(int(pid))
+
+
+def complete_recordings(tell: Tell, wanted: Callable[[Kept], bool] = lambda _: True) -> list[str]:
+    """Complete what was recorded of loggers that are gone, and let go of their runs; `tell` is told of each recording.
+
+    Returns in words what could not be completed: it stays for the next time.
+    """
+    problems: list[str] = []
+    for path, found in left_lists():
+        if not any(map(wanted, found)):
+            continue
+        with _claimed(path) as is_ours:
+            if is_ours:
+                problems += _complete(path, stored(path), tell)
+    release_left()
+    return problems
+
+
+@contextlib.contextmanager
+def _claimed(path: Path) -> Iterator[bool]:
+    """Whether this process, alone, completes what stands in a list; waits until another one did."""
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        yield False
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield is_at(descriptor, path)
+    finally:
+        os.close(descriptor)
+
+
+def _complete(path: Path, kept: Sequence[Kept], tell: Tell) -> list[str]:
+    problems: list[str] = []
+    rest = list(kept)
+    if not rest:
+        return problems
+    with contextlib.ExitStack() as closing:
+        runs = _runs_of(kept[0].program, closing)
+        for one in kept:
+            problem = _complete_one(one, runs, tell)
+            if problem:
+                problems.append(problem)
+            else:
+                rest.remove(one)
+    store(path, rest)
+    return problems
+
+
+def _runs_of(program: Program, closing: contextlib.ExitStack) -> list[SegmentReader]:
+    """What there is of a logger, oldest first: runs that are held, and the last one."""
+    found = held_runs(program.logger, program.logger_id)
+    for path in list_segments():
+        with contextlib.suppress(SegmentError):
+            reader = SegmentReader(path)
+            if reader.schema.logger_id == program.logger_id:
+                found.append(reader)
+            else:
+                reader.close()
+    for reader in found:
+        closing.callback(reader.close)
+    return sorted(found, key=lambda reader: number_of(reader.path))
+
+
+def _complete_one(kept: Kept, runs: Sequence[SegmentReader], tell: Tell) -> str:
+    """Have a recorder go on, to the end of the last run; returns why it could not."""
+    order = msgspec.structs.replace(kept.order, resume=True)
+    ids = [reader.schema.run for reader in runs]
+    runs = runs[ids.index(order.run) :] if order.run in ids else runs
+    recorder = RecorderProcess(msgspec.structs.replace(kept, order=order))
+    recorder.runs = [reader.schema.run for reader in runs]
+    for _ in range(MOST_LIVES):
+        try:
+            recorder.start(order)
+        except OSError as error:
+            return f"recording '{order.name}' can't be completed: {error.strerror}; what there is of it stays"
+        for reader in runs:
+            recorder.follow(reader, None)
+        recorder.finish(kept.ending or DIED, 0)
+        _listen(recorder, tell)
+        recorder.reap()
+        if recorder.report.state.over:
+            break
+    text = f"recording '{order.name}' in {order.folder}"
+    if recorder.report.state is not RecorderState.ENDED:
+        why = recorder.report.text or "its process died each time"
+        return f"{text} can't be completed: {why}; what is there of it stays for the next try"
+    tell(f"{text}: completed, {recorder.sums().text}")
+    return ""
+
+
+def _listen(recorder: RecorderProcess, tell: Tell) -> None:
+    """Hear a recorder to its end."""
+    while True:
+        select.select([recorder.socket], [], [])
+        try:
+            report = recorder.receive()
+        except BlockingIOError:
+            continue
+        if report is None:
+            return
+        recorder.report = report
+        if report.told:
+            tell(f"recording '{recorder.order.name}': {report.told}")
+
+
+def release_left() -> None:
+    """Delete runs that are held of loggers that are gone, and that nobody needs any more."""
+    live: dict[str, bool] = {}
+    for reader in held_runs():
+        with contextlib.closing(reader):
+            schema = reader.schema
+            if not is_due(schema):
+                if schema.logger_id not in live:
+                    live[schema.logger_id] = is_live(program_of(schema))
+                if not live[schema.logger_id]:
+                    remove(reader.path)
