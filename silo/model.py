@@ -259,6 +259,9 @@ class LoggedEvent(msgspec.Struct, frozen=True, omit_defaults=True):
         return self.stamp_ns or self.time_ns
 
 
+DEFAULT_MAX_TIME_S = 10.0
+
+
 class LoggerOptions(msgspec.Struct, frozen=True):
     """What a logger is made with; see `silo.Logger` for the meaning of each.
 
@@ -279,7 +282,7 @@ class LoggerOptions(msgspec.Struct, frozen=True):
 
     name: str = "silo"
     frequency_hz: float = 100.0
-    max_time_s: float = 10.0
+    max_time_s: float = DEFAULT_MAX_TIME_S
     prefix: str = "/log"
     script: str = "logger.yaml"
     folder: str = "."

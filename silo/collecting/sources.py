@@ -249,9 +249,10 @@ def _cant_refer(value: object, name: str) -> str:
 # --------------------------------------------------------------------------------------------------- expressions
 
 
-def express(root: object, steps: tuple[Step, ...], name: str, *, string_bytes: int | None = None) -> Expression:
-    """An expression of one value; its type is that of the value now. Raises SourceError where it can't be logged."""
-    value = read_steps(root, steps)
+def express(
+    root: object, steps: tuple[Step, ...], value: object, name: str, *, string_bytes: int | None = None
+) -> Expression:
+    """An expression of one value; its type is that of the `value` now. Raises SourceError where it can't be logged."""
     made = _stored_as(value, string_bytes)
     if made is None:
         raise SourceError(

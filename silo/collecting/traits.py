@@ -339,7 +339,7 @@ def _describe(
         return [part for i in range(len(value)) for part in inside((Step(key=i),), str(i))]
     if not steps:
         return [Part(suffix, refer(value, name), kind)]
-    made = express(root, steps, name, string_bytes=string_bytes)
+    made = express(root, steps, value, name, string_bytes=string_bytes)
     return [Part(suffix, made, kind, made.labels)]
 
 

@@ -61,6 +61,7 @@ class Configuration(metaclass=HidesOtherNames):
         self._running = False
         self._updated = False
         self._reads_script = True
+        self._said_late = False
         self._closed = False
         self._doubted: set[str] = set()  # units of which was told
 
@@ -216,6 +217,12 @@ class Configuration(metaclass=HidesOtherNames):
             extras = self._extras if limits is None else self._limited(info, limits)
             self._table.add(Element(info, tuple(parts)))
             self._extras = extras
+            if self._running and not self._said_late:
+                self._said_late = True
+                log.warning(
+                    "%s was added while the logger runs: it is logged from the next start on, as all that is added now",
+                    full,
+                )
 
     def _unit(self, name: str, given: str) -> str:
         """The unit of a new element or derived signal; each that silo doesn't know is told once."""

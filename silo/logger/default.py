@@ -21,7 +21,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _default: Logger | NullLogger = NullLogger()
-_early: list[str] = []  # what was called before there was a logger
+_early: dict[str, int] = {}  # how often what was called before there was a logger
+_BEGINNINGS = {"start", "restart", "save", "serve", "record"}  # what only a program does that wants to log
+_told: set[str] = set()  # what was said to do nothing
 
 
 def _making(kind: Callable[P, Logger]) -> Callable[P, Logger]:
@@ -34,10 +36,9 @@ def _making(kind: Callable[P, Logger]) -> Callable[P, Logger]:
             _default.abandon()
         made = kind(*args, **kwargs)
         if _early:
-            log.warning(
-                "%s before silo.init() went to a logger that does nothing: call silo.init() first", ", ".join(_early)
-            )
+            log.warning("%s before silo.init() went to a logger that does nothing: call silo.init() first", _counted())
             _early.clear()
+            _told.clear()
         _default = made
         return made
 
@@ -53,8 +54,16 @@ def _of_default(method: Callable[Concatenate[Logger, P], R], early: bool = False
 
     @wraps(method)
     def function(*args: P.args, **kwargs: P.kwargs) -> R:
-        if early and isinstance(_default, NullLogger):
-            _note_early(f"silo.{name}()")
+        if isinstance(_default, NullLogger):
+            if early:
+                _note_early(f"silo.{name}()")
+            elif name in _BEGINNINGS and name not in _told:
+                _told.add(name)
+                log.warning(
+                    "silo.%s() did nothing: there is no logger before silo.init()%s",
+                    name,
+                    f"; so did {_counted()}" if _early else "",
+                )
         found: R = getattr(_default, name)(*args, **kwargs)
         return found
 
@@ -66,8 +75,12 @@ def _of_default(method: Callable[Concatenate[Logger, P], R], early: bool = False
 
 
 def _note_early(what: str) -> None:
-    if what not in _early:
-        _early.append(what)
+    _early[what] = _early.get(what, 0) + 1
+
+
+def _counted() -> str:
+    """What was called of a logger that does nothing, and how often."""
+    return ", ".join(what if count == 1 else f"{what} ({count} times)" for what, count in _early.items())
 
 
 init = _making(Logger)
@@ -86,6 +99,8 @@ close = cleanup = _of_default(Logger.close)
 
 def collect() -> None:
     """`Logger.collect` of the default logger."""
+    if isinstance(_default, NullLogger):
+        _note_early("silo.collect()")
     _default.collect()
 
 

@@ -19,7 +19,7 @@ from silo.logger.elements import LoggedElement, SavedFiles, look_at, newest_text
 from silo.logger.keywords import FileTypes
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_types
-from silo.logger.other_names import listed, not_set, with_other_names
+from silo.logger.other_names import listed, not_deleted, not_set, with_other_names
 from silo.model import FileType, LoggerOptions, State
 from silo.recording import Recording
 
@@ -138,6 +138,9 @@ class Logged(Conditions):
     def __setitem__(self, name: str, value: object) -> NoReturn:
         not_set(name)
 
+    def __delitem__(self, name: str) -> NoReturn:
+        not_deleted(name)
+
     def __dir__(self) -> list[str]:
         return listed(super().__dir__(), type(self))
 
@@ -216,6 +219,8 @@ class Logged(Conditions):
         if run is None:
             raise StateError("nothing to save: nothing was logged yet; call start() and collect() first")
         ticks = run.segment.ticks
+        if not ticks:
+            log.warning("%s: nothing was collected since start(), the file holds no samples", self.options.name)
         self.look_for_unheld()
         if self._serving is not None and self._serving.is_up:
             saved = self._serving.save(chosen, name, str(where.resolve()) if folder else "")

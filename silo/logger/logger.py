@@ -18,7 +18,7 @@ from silo.collecting.clocks import nanosecond_clock
 from silo.collecting.marks import NO_WORDS, Mark, no_mark
 from silo.collecting.reasons import STOP_TEXTS, StopReason
 from silo.collecting.run import Run
-from silo.errors import StateError
+from silo.errors import SiloError, StateError
 from silo.logger.consumers import is_wanted
 from silo.logger.current_run import CurrentRun
 from silo.logger.keywords import AnyStorage, AnyThreads, ControlWord, GroupRoleWord, UnsavedWord
@@ -36,20 +36,17 @@ from silo.logger.unclosed import (
     end_namesakes,
     forked_collect,
     save_at_end,
+    say_saved,
     say_what_is_held,
     say_where_it_is,
     watch,
 )
-from silo.model import ControlMode, GroupRole, Storage, Threads
+from silo.model import DEFAULT_MAX_TIME_S, BufferType, ControlMode, GroupRole, Storage, Threads
 
 if TYPE_CHECKING:
     from silo.logger.serving import Serving
 
 log = logging.getLogger("silo")
-
-
-def _idle() -> None:
-    """`collect()` of a logger that isn't running."""
 
 
 @told_class("log", make="silo.Logger", leave=("collect", "mark"))
@@ -59,7 +56,8 @@ class Logger(Logged):
     Args:
         name: of the logger, and the start of its file names: letters, digits, `_`, `.` and `-`.
         frequency: control ticks per second (Hz).
-        max_time: how long fixed and growing logs may become (s), 0 for no limit.
+        max_time: how long fixed and growing logs may become (s), 0 for no limit; a run that has other buffers as well
+            ends then too, which its start says.
         script: YAML file with the configuration; read by `update()` if it exists.
         prefix: start of all element names.
         clock: returns the time stamp of a tick, as int nanoseconds or float seconds; the system clock if not given.
@@ -83,7 +81,7 @@ class Logger(Logged):
         name: str = "silo",
         *,
         frequency: float = 100.0,
-        max_time: float = 10.0,
+        max_time: float = DEFAULT_MAX_TIME_S,
         script: str | os.PathLike[str] = "logger.yaml",
         prefix: str = "/log",
         clock: Callable[[], int | float] | None = None,
@@ -110,28 +108,48 @@ class Logger(Logged):
         self._clock = nanosecond_clock(clock)
         end_namesakes(options.name)
         super().__init__(options)
-        self._collect: Callable[[], None] = _idle
+        self._collect: Callable[[], None] | None = None
+        self._ignored = 0
         self._mark: Mark = no_mark
         watch(self)  # its data outlives a process that ends without close()
 
     # ------------------------------------------------------------------------------------------------ the loop
 
     def collect(self) -> None:
-        """Log one tick. Does nothing while stopped.
+        """Log one tick. While the logger stands still nothing is logged: told once, and counted as `ignored`.
 
         Raises StateError in every thread but the first that called it since the last start (see `threads`).
         """
         # while the logger runs, the generated closure stands in the instance in place of this method: 40 ns less a tick
-        self._collect()
+        self._collect_now()
 
     def _collect_now(self) -> None:
-        self._collect()
+        if self._collect is not None:
+            self._collect()
+            return
+        self._ignored += 1
+        if self._ignored == 1:
+            log.warning("%s: %s", self.options.name, self._why_ignored())
 
-    def _set_collect(self, collect: Callable[[], None]) -> None:
+    def _why_ignored(self) -> str:
+        if self._closed:
+            return "collect() logs nothing any more, the logger is closed: make a new one"
+        if not self._present.number:
+            return "collect() logs nothing before the first start: call start()"
+        return f"collect() logs nothing while it stands still ({self._reason}): start() begins a new run"
+
+    @property
+    def ignored(self) -> int:
+        """How often `collect()` was called since the last start while the logger didn't run, and logged nothing."""
+        return self._ignored
+
+    def _set_collect(self, collect: Callable[[], None] | None) -> None:
+        """Have a run's `collect` in the place of this class's, or none: it logs nothing then."""
         self._collect = collect
-        vars(self)["collect"] = collect
-        if collect is _idle:
+        if collect is None:
             vars(self).pop("collect", None)
+        else:
+            vars(self)["collect"] = collect
 
     def mark(self, text: str = NO_WORDS, *more: object) -> None:
         """Mark the newest tick with some words: `log.mark("push 3")`. Made for the control loop: 0.3 us, never waits.
@@ -196,10 +214,28 @@ class Logger(Logged):
             run = self._present.replace(make, self.options, self.extras, self._let_go, self._hand_over, self._is_wanted)
             self._new_values = NewValuesReader()
             self._reason = ""
+            self._ignored, self._said_late = 0, False
             self._running = True
+            self._warn_of_end()
             self._set_mark(run.mark)
             self._set_collect(run.collect)
             self._tell()
+
+    def _warn_of_end(self) -> None:
+        """Say when a run ends by itself that would go on, were all its buffers looping and `max_time` not there."""
+        infos = [info for info in self._table.infos if info.options.enabled]
+        kinds = {info.options.buffer_type for info in infos}
+        limit_s = self.options.max_time_s
+        if limit_s != DEFAULT_MAX_TIME_S or BufferType.LOOPING not in kinds or len(kinds) == 1:
+            return
+        ending = [info.name for info in infos if info.options.buffer_type is not BufferType.LOOPING]
+        log.warning(
+            "%s: logging stops by itself after %g s (max_time), as not all buffers are looping (%s): for a run without "
+            "end give max_time=0, or make them looping",
+            self.options.name,
+            limit_s,
+            ", ".join(ending[:3]) + (", ..." if len(ending) > 3 else ""),
+        )
 
     def _hand_over(self) -> None:
         if self._serving is not None:
@@ -224,7 +260,7 @@ class Logger(Logged):
         with self._lock:
             if self._running and self._present.run is not None:
                 self._running = False
-                self._set_collect(_idle)
+                self._set_collect(None)
                 self.look_for_unheld()
                 self._present.run.end(StopReason.ASKED)
                 self._reason = STOP_TEXTS[StopReason.ASKED]
@@ -252,7 +288,7 @@ class Logger(Logged):
         """Called by the tick with which the logger stops: time buffer, memory limit or folder full. Takes no lock."""
         if run_number != self._present.number:
             return  # a tick that was under way while another thread restarted
-        self._set_collect(_idle)
+        self._set_collect(None)
         self._running = False
         self._reason = STOP_TEXTS[reason]
         if self._present.run is not None:
@@ -339,11 +375,24 @@ class Logger(Logged):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close; after Ctrl-C or an error, save what was not saved yet."""
-        if kind is None:
-            self.close()
-        else:
+        """Save what was not saved yet, also after Ctrl-C or an error, say where, and close.
+
+        `log.close()` before the end drops it.
+        """
+        if kind is not None or self._closed or not self.has_unsaved or not self._saved_at_end():
             self.abandon()
+
+    def _saved_at_end(self) -> bool:
+        """Save what is in no file at a clean end, and close; False where that failed: nothing was changed then."""
+        self.stop()
+        try:
+            saved = self.save()
+        except SiloError as error:
+            log.warning("%s: saving at the end failed: %s", self.options.name, error)
+            return False
+        say_saved(self.present_run, self.options.name, saved)
+        self.close()
+        return True
 
     def abandon(self) -> None:
         """End without `close()`, as at the end of a process: unsaved data is saved as `.silo`, and it is said where.
@@ -393,7 +442,7 @@ class Logger(Logged):
         self._lock = threading.RLock()  # the parent may hold it
         if self._present.run is not None:
             self._present.run.forget()
-        self._set_collect(forked_collect(self.options.name) if self._running else _idle)
+        self._set_collect(forked_collect(self.options.name) if self._running else None)
         self._set_mark(no_mark)
         self._running = False
         self._closed = True

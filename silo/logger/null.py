@@ -1,4 +1,7 @@
-"""A logger that does nothing, with the interface of `Logger`: code that logs need not care whether anybody does."""
+"""A logger that does nothing, with the interface of `Logger`: code that logs need not care whether anybody does.
+
+It remembers names and shapes of what was added, so that what asks for them finds them.
+"""
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -11,6 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from silo.arguments import path as file_path
 from silo.calls import told_class
+from silo.kinds import index_suffixes, kind_by_shape
 from silo.logger.elements import Elements, LoggedElement, SavedFiles
 from silo.logger.keywords import (
     AnyAction,
@@ -29,12 +33,13 @@ from silo.logger.keywords import (
 )
 from silo.logger.new_values import NewValues
 from silo.logger.options import array_layout
-from silo.logger.other_names import HidesOtherNames, listed, not_set, with_other_names
+from silo.logger.other_names import HidesOtherNames, listed, not_deleted, not_set, with_other_names
 from silo.model import (
     DEFAULT_OPTIONS,
     NO_EXTRAS,
     Edit,
     ElementInfo,
+    Entry,
     Extras,
     FileType,
     LoggerOptions,
@@ -43,11 +48,19 @@ from silo.model import (
     Storage,
     Threads,
     TriggerOptions,
+    join_name,
 )
 from silo.recording import Recording
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack  # known to type checkers without being installed
+
+
+class _NoFiles(SavedFiles):
+    """What `NullLogger.save` returns."""
+
+    path = os.devnull
+    size_bytes = 0
 
 
 class NullServing:
@@ -78,6 +91,7 @@ class NullLogger(metaclass=HidesOtherNames):
     has_unsaved = False
     ticks = 0
     lost = 0
+    ignored = 0
     revision = 0
     stop_reason = ""
     saved_before_start = ""
@@ -124,7 +138,21 @@ class NullLogger(metaclass=HidesOtherNames):
         string_bytes: SupportsIndex | None = None,
         limits: Sequence[float | None] | None = None,
     ) -> None:
-        """Register nothing."""
+        """Log nothing; the name is in the table from now on."""
+        known = name or (str(attr).rsplit(".", 1)[-1] if attr else getattr(source, "__name__", ""))
+        self._remember(str(known), str(group), tuple(getattr(source, "shape", ())) if attr is None else (), unit)
+
+    def _remember(self, name: str, group: str, shape: tuple[int, ...], unit: str) -> None:
+        full = join_name(self.options.prefix, group, name)
+        kind = kind_by_shape(shape).name
+        suffixes = index_suffixes(shape) or [""]
+        entries = tuple(Entry(suffix, "<f8") for suffix in suffixes)
+        info = ElementInfo(full, str(unit), kind, shape, entries, DEFAULT_OPTIONS)
+        self.elements = Elements([*(one for one in self.elements if one.name != full), info])
+
+    def _known(self, name: str) -> ElementInfo | None:
+        names = (name, join_name(self.options.prefix, "", name))
+        return next((info for info in self.elements if info.name in names), None)
 
     def array(
         self,
@@ -134,7 +162,9 @@ class NullLogger(metaclass=HidesOtherNames):
         **options: "Unpack[ElementKeywords]",
     ) -> NDArray[Any]:
         """Return zeros of this shape and type. Raises like `Logger.array`."""
-        return np.zeros(*array_layout(shape, dtype))
+        made = np.zeros(*array_layout(shape, dtype))
+        self.add(made, name, **options)
+        return made
 
     def derive(self, name: str, expression: str, *, group: str = "", unit: str = "") -> None:
         """Derive nothing."""
@@ -209,8 +239,12 @@ class NullLogger(metaclass=HidesOtherNames):
         return 0
 
     def remove(self, name: str) -> int:
-        """Forget nothing; 0 elements."""
-        return 0
+        """Forget an element or a whole namespace; how many there were."""
+        full = join_name(self.options.prefix, "", name)
+        kept = [one for one in self.elements if not f"{one.name}/".startswith((f"{name}/", f"{full}/"))]
+        gone = len(self.elements) - len(kept)
+        self.elements = Elements(kept)
+        return gone
 
     def enable(self, name: str = "/") -> int:
         """Change nothing; 0 elements."""
@@ -243,7 +277,7 @@ class NullLogger(metaclass=HidesOtherNames):
 
     def element(self, name: str) -> LoggedElement:
         """Return an element without options and values of its own."""
-        return LoggedElement(ElementInfo(name, "-", "scalar", (), (), DEFAULT_OPTIONS))
+        return LoggedElement(self._known(name) or ElementInfo(name, "-", "scalar", (), (), DEFAULT_OPTIONS))
 
     def __getitem__(self, name: str) -> LoggedElement:
         return self.element(name)
@@ -251,20 +285,23 @@ class NullLogger(metaclass=HidesOtherNames):
     def __setitem__(self, name: str, value: object) -> NoReturn:
         not_set(name)
 
+    def __delitem__(self, name: str) -> NoReturn:
+        not_deleted(name)
+
     def __dir__(self) -> list[str]:
         return listed(super().__dir__(), type(self))
 
     def __len__(self) -> int:
-        return 0
+        return len(self.elements)
 
     def __bool__(self) -> bool:
         return True  # as any logger
 
     def __iter__(self) -> Iterator[str]:
-        return iter(())
+        return iter([info.name for info in self.elements])
 
     def __contains__(self, name: object) -> bool:
-        return False
+        return isinstance(name, str) and self._known(name) is not None
 
     def __repr__(self) -> str:
         return f"<NullLogger {self.name}: logs nothing>"
@@ -273,8 +310,9 @@ class NullLogger(metaclass=HidesOtherNames):
         return "<p><b>NullLogger</b>: logs nothing; silo.init() or silo.Logger() make one that does</p>"
 
     def read_new_values(self, name: str) -> NewValues:
-        """Return no values."""
-        return NewValues(np.empty(0, np.int64), np.empty(0), 0)
+        """Return no values, in the shape of the element."""
+        info = self._known(name)
+        return NewValues(np.empty(0, np.int64), np.empty((0, *(info.shape if info is not None else ()))), 0)
 
     def save(
         self,
@@ -282,8 +320,8 @@ class NullLogger(metaclass=HidesOtherNames):
         name: str | None = None,
         folder: str | os.PathLike[str] | None = None,
     ) -> SavedFiles:
-        """Write nothing; no files."""
-        return SavedFiles()
+        """Write nothing; no files, and `os.devnull` as the path of one."""
+        return _NoFiles()
 
     def record(
         self,

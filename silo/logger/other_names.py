@@ -138,6 +138,11 @@ def _static(cls: type, name: str) -> object:
     return next((vars(base)[name] for base in cls.__mro__ if name in vars(base)), None)
 
 
+def not_deleted(name: object) -> NoReturn:
+    """Raise ArgumentError: `del log["x"]`."""
+    raise ArgumentError(f"log[{name!r}] is only looked at: log.remove({name!r}) forgets it; nothing was changed")
+
+
 def not_set(name: object) -> NoReturn:
     """Raise ArgumentError: `log["x"] = value`."""
     raise ArgumentError(

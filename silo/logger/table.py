@@ -123,7 +123,9 @@ class Table:
         # without the prefix, which would make all names alike
         bare = {full.removeprefix(f"{self.prefix}/"): full for full in self._places}
         asked = join_name("", "", name).removeprefix(f"{self.prefix}/").lstrip("/")
-        near = get_close_matches(asked, bare, 1, 0.6) or [one for one in bare if one.rsplit("/", 1)[-1] == asked][:1]
+        near = get_close_matches(asked, bare, 1, 0.6) or [
+            one for one in bare if asked.lower() in (one.lower(), one.rsplit("/", 1)[-1].lower())
+        ]
         return f"; did you mean '{bare[near[0]]}'?" if near else f"; the table has {len(self.elements)} elements"
 
     def change(self, changes: Mapping[int, ElementOptions]) -> int:

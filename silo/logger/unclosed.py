@@ -5,7 +5,7 @@ import dataclasses
 import os
 import sys
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from silo.collecting.holdings import segment_holdings
@@ -85,9 +85,19 @@ def save_at_end(run: Run, options: LoggerOptions, extras: Extras) -> bool:
     except SiloError as failure:
         say_where_it_is(run, options, f": {failure}")
         return False
-    paths = ", ".join(file.path for file in saved)
-    print(f"silo: logger '{options.name}' ended without save() or close(); saved {held}: {paths}", file=sys.stderr)
+    _say_saved(options.name, held, saved, "save() or close()")
     return True
+
+
+def say_saved(run: Run | None, name: str, saved: Sequence[SavedFile]) -> None:
+    """Say what was saved at the end of a `with` that saved nothing itself."""
+    held = segment_holdings(run.reader).text if run is not None else "nothing"
+    _say_saved(name, held, saved, "save()")
+
+
+def _say_saved(name: str, held: str, saved: Sequence[SavedFile], without: str) -> None:
+    paths = ", ".join(file.path for file in saved)
+    print(f"silo: logger '{name}' ended without {without}; saved {held}: {paths}", file=sys.stderr)
 
 
 def drop_journals(options: LoggerOptions) -> None:

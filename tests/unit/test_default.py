@@ -14,7 +14,8 @@ from silo.logger.null import NullLogger
 @pytest.fixture(autouse=True)
 def fresh_default(monkeypatch):
     monkeypatch.setattr(default, "_default", NullLogger())
-    monkeypatch.setattr(default, "_early", [])
+    monkeypatch.setattr(default, "_early", {})
+    monkeypatch.setattr(default, "_told", set())
     yield
     silo.get_logger().close()
 

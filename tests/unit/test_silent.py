@@ -1,0 +1,212 @@
+"""What does nothing says so: ticks while a logger stands still, calls before there is one, ends without a save."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import silo
+from silo.errors import ArgumentError, ElementError
+from silo.logger import default
+from silo.logger.null import NullLogger
+from tests.stand_ins.ticking import Robot, collect, warnings_of
+
+# ------------------------------------------------------------------------------------------------ ticks
+
+
+def test_ticks_before_the_first_start_are_counted_and_told_of_once(new_logger, caplog):
+    logger = new_logger()
+    collect(logger, 3)
+    assert warnings_of(caplog) == ["test: collect() logs nothing before the first start: call start()"]
+    assert logger.ignored == 3
+
+
+def test_so_are_those_after_a_stop_and_after_the_end(new_logger, caplog):
+    logger = new_logger()
+    logger.start()
+    logger.collect()
+    kept = logger.collect
+    logger.stop()
+    collect(logger, 2)
+    kept()
+    assert warnings_of(caplog) == [
+        "test: collect() logs nothing while it stands still (stopped on request): start() begins a new run"
+    ]
+    assert (logger.ignored, logger.ticks) == (3, 1)
+    caplog.clear()
+    logger.start()
+    assert logger.ignored == 0
+    logger.close()
+    collect(logger, 2)
+    assert warnings_of(caplog) == ["test: collect() logs nothing any more, the logger is closed: make a new one"]
+
+
+def test_an_element_that_is_added_while_it_runs_is_told_of_once(new_logger, caplog):
+    logger = new_logger()
+    kept = [logger.array("a")]
+    logger.start()
+    kept += [logger.array("b"), logger.array("c")]
+    (warning,) = warnings_of(caplog)
+    assert warning.startswith("/log/b was added while the logger runs: it is logged from the next start on")
+    caplog.clear()
+    logger.restart()
+    assert warnings_of(caplog) == []
+
+
+def test_a_function_is_called_once_when_it_is_added_and_once_at_a_start(new_logger):
+    calls, logger = itertools.count(), new_logger()
+    logger.add(lambda: next(calls), "n")
+    logger.start()
+    logger.collect()
+    assert silo.Log(logger.snapshot())["n"].values.tolist() == [2]
+
+
+# ------------------------------------------------------------------------------------- before silo.init
+
+
+@pytest.fixture
+def nobody(monkeypatch):
+    monkeypatch.setattr(default, "_default", NullLogger())
+    monkeypatch.setattr(default, "_early", {})
+    monkeypatch.setattr(default, "_told", set())
+
+
+@pytest.mark.usefixtures("nobody")
+def test_a_start_and_a_save_before_init_are_told_of_once(caplog):
+    silo.add(np.zeros(1), "x")
+    for _ in range(2):
+        silo.start()
+        silo.collect()
+    silo.save()
+    assert warnings_of(caplog) == [
+        "silo.start() did nothing: there is no logger before silo.init(); so did silo.add()",
+        "silo.save() did nothing: there is no logger before silo.init(); so did silo.add(), silo.collect() (2 times)",
+    ]
+
+
+@pytest.mark.usefixtures("nobody")
+def test_what_a_library_logs_while_nobody_wants_it_is_told_of_by_nobody(caplog):
+    silo.add(np.zeros(1), "x")
+    silo.collect()
+    assert warnings_of(caplog) == []
+
+
+# --------------------------------------------------------------------------------------------- the end
+
+
+def test_the_clean_end_of_with_keeps_what_an_unclean_one_keeps(tmp_path, capsys):
+    with silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml") as log:
+        x = log.array("x")
+        log.start()
+        for tick in range(3):
+            x[...] = tick
+            log.collect()
+    (path,) = tmp_path.glob("*.silo")
+    assert silo.open_log(path)["x"].values.tolist() == [0, 1, 2]
+    assert "silo: logger 'walk' ended without save(); saved 3 samples" in (said := capsys.readouterr().err)
+    assert str(path) in said
+    assert log.is_closed
+
+
+def test_a_with_that_saved_all_saves_nothing_more(tmp_path, capsys):
+    with silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml") as log:
+        log.add(x := np.zeros(1), "x")
+        log.start()
+        log.collect()
+        log.save()
+    assert len(list(tmp_path.glob("*.silo"))) == 1
+    assert "ended without" not in capsys.readouterr().err
+    assert x.tolist() == [0]
+
+
+def test_closing_it_before_the_end_drops_it(tmp_path):
+    with silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml") as log:
+        log.add(np.zeros(1), "x")
+        log.start()
+        log.collect()
+        log.close()
+    assert list(tmp_path.glob("*.silo")) == []
+
+
+def test_what_can_not_be_saved_at_the_end_stays_for_recover(tmp_path, capsys, monkeypatch):
+    def refuse(*_, **__):
+        raise silo.errors.SaveError("the disk refuses")
+
+    with silo.Logger("walk", folder=tmp_path, script=tmp_path / "none.yaml") as log:
+        log.add(np.zeros(1), "x")
+        log.start()
+        log.collect()
+        monkeypatch.setattr("silo.files.write", refuse)
+    assert "run `silo recover` to save it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("types", "max_time", "told"),
+    [
+        (("looping", "fixed", "growing"), 10.0, True),
+        (("looping", "growing"), 10.0, True),
+        (("fixed", "fixed"), 10.0, False),
+        (("looping", "looping"), 10.0, False),
+        (("looping", "growing"), 0, False),
+        (("looping", "growing"), 60, False),
+    ],
+)
+def test_a_run_that_ends_by_itself_by_default_says_so_at_its_start(new_logger, caplog, types, max_time, told):
+    logger = new_logger(max_time=max_time)
+    kept = [logger.array(f"x{number}", buffer_type=kind) for number, kind in enumerate(types)]
+    logger.start()
+    assert len(kept) == len(types)
+    assert [warning.partition(", as not all")[0] for warning in warnings_of(caplog)] == (
+        ["test: logging stops by itself after 10 s (max_time)"] if told else []
+    )
+
+
+# ------------------------------------------------------------------------------------------ wrong turns
+
+
+def test_a_file_without_samples_is_told_of(new_logger, caplog):
+    logger = new_logger()
+    logger.start()
+    logger.save()
+    assert "nothing was collected since start(), the file holds no samples" in caplog.text
+
+
+def test_deleting_an_element_says_how(new_logger):
+    logger = new_logger()
+    logger.array("q")
+    for one in (logger, NullLogger()):
+        with pytest.raises(ArgumentError, match=r"log\.remove\('q'\) forgets it"):
+            del one["q"]
+
+
+def test_another_case_is_asked_back(new_logger):
+    logger = new_logger()
+    logger.array("joints/q")
+    logger.update()
+    for name in ("Q", "joints/Q", "/log/JOINTS/q"):
+        with pytest.raises(ElementError, match="did you mean '/log/joints/q'"):
+            logger.element(name)
+
+
+# ----------------------------------------------------------------------------------------- NullLogger
+
+
+def test_a_logger_that_logs_nothing_knows_names_and_shapes():
+    null, robot = NullLogger(), Robot(mode=1)
+    q = null.array("q", 12, group="joints")
+    null.add(robot, attr="mode")
+    null.add(lambda: 1.0, "load")
+    assert list(null) == ["/log/joints/q", "/log/mode", "/log/load"]
+    assert len(null) == 3
+    assert "joints/q" in null
+    assert "none" not in null
+    assert null["joints/q"].shape == q.shape
+    assert null.read_new_values("joints/q").values.shape == (0, 12)
+    assert null.read_new_values("none").values.shape == (0,)
+    assert (null.remove("joints"), list(null)) == (1, ["/log/mode", "/log/load"])
+
+
+def test_what_it_saves_are_no_files_with_a_path_that_can_be_read():
+    saved = NullLogger().save()
+    assert (list(saved), Path(saved.path).read_bytes(), saved.size_bytes) == ([], b"", 0)
