@@ -57,9 +57,14 @@ class Slot:
             return False
         return True
 
+    @property
+    def needs_last(self) -> bool:
+        """Whether the last value stands for one that is not there: its type has no NaN or NaT."""
+        return self.view.dtype.kind not in _MISSING
+
     def store_missing(self, last: bytes) -> None:
         """Store what stands for a value that is not there: NaN or NaT, else the bytes of the last value."""
-        if self.view.dtype.kind in _MISSING:
+        if not self.needs_last:
             self.view[...] = _MISSING[self.view.dtype.kind]
         else:
             self.view.reshape(-1).view(np.uint8)[:] = np.frombuffer(last, np.uint8)

@@ -32,14 +32,17 @@ class SlowReads:
         failed = {}
         for slot in slots:
             if not slot.try_store():
-                slot.store_missing(self._last(slot))
+                slot.store_missing(self._last(slot) if slot.needs_last else b"")
                 failed[slot.name] = slot.divider
         for name, divider in failed.items():
             record_failure(self._segment.words, self._blocks[name], tick, divider)
 
     def _last(self, slot: Slot) -> bytes:
         """The bytes of a slot in the newest row that holds it; before the first row what it began with."""
-        ring, columns = self._columns.setdefault(id(slot), self._columns_of(slot))
+        found = self._columns.get(id(slot))
+        if found is None:  # looked for once in a run: it goes through all words of the rings
+            found = self._columns[id(slot)] = self._columns_of(slot)
+        ring, columns = found
         words = np.zeros(-(-len(slot.first) // 8), np.int64)
         words.view(np.uint8)[: len(slot.first)] = np.frombuffer(slot.first, np.uint8)
         row = None if ring is None else self._newest_row(ring)

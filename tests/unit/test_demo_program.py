@@ -11,7 +11,17 @@ import pytest
 from silo.analysis.log import Log
 from silo.logger.logger import Logger
 from silo.model import Action, BufferType, FileType
-from silo.programs.demo.program import DemoOptions, end_with, farewell, judge, make_robot, register
+from silo.programs.demo.program import (
+    LOOP_ELEMENTS,
+    DemoOptions,
+    end_with,
+    farewell,
+    judge,
+    loop_variables,
+    make_robot,
+    register,
+)
+from silo.programs.demo.signals import divider_at
 from silo.programs.rate import EndSignals, Rate
 from silo.settings.script import apply_script, read_script
 from tests.waiting import DEADLINE_S, wait_until
@@ -205,3 +215,25 @@ def test_the_robot_ends_in_order_when_the_program_that_started_it_is_gone() -> N
     with EndSignals() as ending:
         end_with(parent_pid=-1)  # as if ours had been killed, and another process had taken us over
         assert ending.received
+
+
+@pytest.mark.parametrize("frequency_hz", [1, 2, 3, 5, 9, 10, 33, 50, 79, 80, 81, 125, 199, 300, 401, 2345, 10_000])
+def test_it_starts_at_any_frequency(tmp_path: Path, frequency_hz: float) -> None:
+    options = DemoOptions(frequency_hz=frequency_hz)
+    log = Logger("demo", frequency=frequency_hz, max_time=0, folder=tmp_path, script=tmp_path / "demo.yaml")
+    register(log, make_robot(options)[1])
+    assert len(loop_variables(log)) == LOOP_ELEMENTS
+    log.update()
+    judge(log)
+    assert [trigger.name for trigger in log.extras.triggers] == ["slip"]
+    log.close()
+
+
+def test_rates_are_the_same_at_every_frequency() -> None:
+    dividers = {one.divider for one in make_robot(DemoOptions())[1]}
+    for frequency_hz in range(1, 10_001):
+        for divider in dividers:
+            rate_hz = frequency_hz / divider_at(divider, frequency_hz)
+            assert rate_hz <= frequency_hz
+            if frequency_hz >= 400:
+                assert rate_hz == pytest.approx(400 / divider, rel=0.5)

@@ -10,8 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import silo
 from silo.collecting.failures import BLOCK_WORDS, read_failures, record_failure
 from silo.collecting.scratch import fitting
+from silo.collecting.slow_reads import SlowReads
 from silo.errors import SourceError
 from silo.model import BufferType
 from silo.recording import Failures, failures_text
@@ -304,3 +306,20 @@ def test_many_stretches_are_shortened_in_words():
     spans = tuple((k, k + k % 2) for k in range(0, 30, 3))
     text = "could not be read at 20 ticks (0, 3-4, 6, 9-10, 12, ...): NaN, or its last value, stands there instead"
     assert failures_text(Failures(20, spans)) == text
+
+
+def test_where_a_failing_element_stands_in_its_rows_is_looked_for_once(new_logger, monkeypatch):
+    looked = []
+    columns_of = SlowReads._columns_of
+    monkeypatch.setattr(SlowReads, "_columns_of", lambda self, slot: looked.append(slot.name) or columns_of(self, slot))
+    robot, logger = Robot(), new_logger()
+    robot.mode, robot.load = 1, 0.5
+    logger.add(robot, attr="mode")
+    logger.add(robot, attr="load")
+    logger.start()
+    logger.collect()
+    robot.mode = robot.load = None
+    for _ in range(5):
+        logger.collect()
+    assert looked == ["/log/mode"]  # NaN needs no last value
+    assert silo.Log(logger.snapshot())["mode"].values.tolist() == [1] * 6

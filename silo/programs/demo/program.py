@@ -7,11 +7,14 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
 
 from silo.logger.logger import Logger
 from silo.model import NO_EXTRAS, Action, FileType, TriggerOptions
 from silo.programs.demo.robot import Robot
-from silo.programs.demo.signals import Signal, signals
+from silo.programs.demo.signals import Signal, divider_at, signals
 from silo.programs.rate import EndSignals, Rate
 
 FREQUENCY_HZ = 400.0
@@ -49,11 +52,7 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
         folder=options.folder,
     )
     register(log, chosen)
-    # the loop watches itself; these variables live in silo's own memory
-    step_us = log.array("step_time", group="loop", unit="us", action=Action.SAVE_AND_PUBLISH)
-    late_us = log.array("lateness", group="loop", unit="us", action=Action.SAVE_AND_PUBLISH)
-    skipped = log.array("skipped", dtype="u4", group="loop", unit="count", divider=40)
-    ticks = log.array("ticks", dtype="i8", group="loop", unit="count", divider=4)
+    step_us, late_us, skipped, ticks = loop_variables(log)
     log.update()
     judge(log)
 
@@ -103,6 +102,17 @@ def make_robot(options: DemoOptions) -> tuple[Robot, Sequence[Signal]]:
     return robot, signals(robot)
 
 
+def loop_variables(log: Logger) -> tuple[NDArray[Any], ...]:
+    """Add what the loop watches of itself; these variables live in silo's own memory."""
+    frequency_hz = log.options.frequency_hz
+    return (
+        log.array("step_time", group="loop", unit="us", action=Action.SAVE_AND_PUBLISH),
+        log.array("lateness", group="loop", unit="us", action=Action.SAVE_AND_PUBLISH),
+        log.array("skipped", dtype="u4", group="loop", unit="count", divider=divider_at(40, frequency_hz)),
+        log.array("ticks", dtype="i8", group="loop", unit="count", divider=divider_at(4, frequency_hz)),
+    )
+
+
 def register(log: Logger, chosen: Sequence[Signal]) -> None:
     """Add the elements to the logger."""
     for signal in chosen:
@@ -112,7 +122,7 @@ def register(log: Logger, chosen: Sequence[Signal]) -> None:
             attr=signal.attr,
             group=signal.group,
             unit=signal.unit,
-            divider=signal.divider,
+            divider=divider_at(signal.divider, log.options.frequency_hz),
             action=signal.action,
             buffer_type=signal.buffer_type,
             buffer_size=signal.buffer_size,

@@ -16,12 +16,16 @@ from silo.programs.demo.robot import Robot
 LIVE = Action.SAVE_AND_PUBLISH
 SAVE = Action.SAVE
 ONLY_LIVE = Action.PUBLISH
+NOMINAL_HZ = 400.0
 LOOPING, FIXED, GROWING = BufferType.LOOPING, BufferType.FIXED, BufferType.GROWING
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One element. `divider` is for 400 Hz: 4 is 100 Hz, 40 is 10 Hz. `buffer_size` None is the logger's default."""
+    """One element. `buffer_size` None is the logger's default.
+
+    `divider` is for 400 Hz: 4 is 100 Hz, 40 is 10 Hz, which `divider_at` keeps at other frequencies.
+    """
 
     group: str
     name: str
@@ -35,6 +39,11 @@ class Signal:
     kind: str = ""
     labels: type[enum.Enum] | None = None
     description: str = ""
+
+
+def divider_at(divider: int, frequency_hz: float) -> int:
+    """The divider that gives the same rate as at 400 Hz, or each tick where that is faster than the loop."""
+    return max(1, round(divider * frequency_hz / NOMINAL_HZ))
 
 
 # attribute, unit, divider, action, labels, description
@@ -68,7 +77,7 @@ _JOINT: tuple[tuple[str, str, int, Action, type[enum.Enum] | None, str], ...] = 
     ("thermal_load", "%", 40, LIVE, None, "of the winding, 100 is 110 degC"),
     ("drive_temperature", "degC", 400, SAVE, None, "power electronics"),
     ("gain_p", "Nm/rad", 400, SAVE, None, ""),
-    ("gain_d", "Nms/rad", 400, SAVE, None, ""),
+    ("gain_d", "Nm*s/rad", 400, SAVE, None, ""),
 )
 
 _LEG: tuple[tuple[str, str, int, Action, type[enum.Enum] | None, str], ...] = (
@@ -135,7 +144,7 @@ def _body(robot: Robot) -> Iterator[Signal]:
     yield Signal("battery", "state", battery, attr="state", divider=400, action=LIVE, labels=BatteryState)
     yield Signal("sensors", "sonar_left", sensors.sonar_left, "m", 2, LIVE, description="loose plug: NaN now and then")
     yield Signal("sensors", "sonar_right", sensors.sonar_right, "m", 2, LIVE)
-    yield Signal("sensors", "pressure", sensors.pressure, "hPa", 4, LIVE, description="sticks after 12 s")
+    yield Signal("sensors", "pressure", sensors.pressure, "mbar", 4, LIVE, description="sticks after 12 s")
     yield Signal("sensors", "humidity", sensors.humidity, "%", 400)
     yield Signal("sensors", "ranges", sensors.ranges, "m", 20, ONLY_LIVE, description="32 beams, too much to keep")
 
