@@ -127,7 +127,7 @@ def _item(
                 values[field.name] = None
                 report(line_of(value), f"{where}: {field.name} must be {unfit}, got {describe(value)}")
                 well = False
-    missing = [field.name for field in fields.values() if field.required and field.name not in values]
+    missing = [field.name for field in fields.values() if field.required and values.get(field.name, "") == ""]
     if missing and unknown:  # then one of the unknown keys is meant for it
         name = shorten(key_name(unknown[0][0]))
         report(line_of(item), f"{key}: no key '{name}'; there are {', '.join(fields)}, and {missing[0]} is missing")
