@@ -77,7 +77,7 @@ class SiloApp(Guarded, App[None]):
         self.set_keymap(dict(settings.keys))
         self._finder = finder
         self._opener = Opener(self.context, finder, name, demo, rate_hz, view)
-        self.context.left = self._opener.forget_view
+        self.context.left = self._opener.quit
         self._rate_hz = rate_hz
         self._file = file  # shown instead of a logger
         self._thin_words = ""
@@ -122,14 +122,16 @@ class SiloApp(Guarded, App[None]):
         elif words:
             self.call_next(self.context.fail, words)  # from its own turn: what failed may be the screen it is told on
 
-    def release(self) -> None:
-        """End what was started: the demo's process and the connection."""
-        if self._opener.demo is not None:
-            self._opener.demo.stop()
+    def release(self) -> str:
+        """End what was started: the demo's process and the connection; return where what the demo logged is."""
+        demo = self._opener.demo
+        if demo is not None:
+            demo.stop()
         if self.context.has_session:
             self.context.keep_edits()
             if (session := self.context.logger_session) is not None:
                 session.close()
+        return demo.farewell if demo is not None else ""
 
     # ---------------------------------------------------------------------------------------------------- timers
 
@@ -380,6 +382,10 @@ class SiloApp(Guarded, App[None]):
     def command_quit_now(self) -> None:
         self.context.left()
         self.exit()
+
+    async def action_quit(self) -> None:
+        """Quit by Textual's own key, which counts over dialogs: on purpose, too."""
+        self.command_quit_now()
 
     def command_help(self) -> None:
         from silo_tui.screens.help import HelpScreen

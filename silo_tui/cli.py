@@ -39,7 +39,9 @@ Examples:
     metavar="NAME|FILE",
     help="Look at this remote, or Zenoh configuration, alone; `local`: at this computer alone.",
 )
-@click.option("--demo", is_flag=True, help="Start a simulated robot, open it, and end it on quitting.")
+@click.option(
+    "--demo", is_flag=True, help="Start a simulated robot, open it, and end it on quitting; what it logged is saved."
+)
 @click.option(
     "--read-only", is_flag=True, envvar="SILO_READ_ONLY", help="Look only: nothing is sent that changes the logger."
 )
@@ -208,7 +210,8 @@ def _run(
     try:
         app.run(mouse=mouse)
     finally:
-        app.release()
+        if words := app.release():
+            click.echo(words)
         finder.close()
     return app.return_code or 0
 

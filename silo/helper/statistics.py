@@ -24,7 +24,7 @@ from silo.errors import SegmentError
 from silo.helper.mirror import Mirror
 from silo.helper.newest import NewestValues
 from silo.ipc.messages import GetSurvey, Refused, RefusedWhy, Survey
-from silo.ipc.surveys import NOT_FINITE, QUANTITIES, signs_of
+from silo.ipc.surveys import NOT_FINITE, NOT_FINITE_S, QUANTITIES, signs_of
 from silo.model import BufferType, State
 
 log = logging.getLogger(__name__)
@@ -56,14 +56,14 @@ class _Columns:
         self.entries: list[tuple[int, int]] = []  # (element, entry) of the first columns
         self.norms: list[int] = []  # elements of the columns after these
         by_type: dict[tuple[str, bool], list[tuple[int, int]]] = {}
-        self._starts: list[int] = []
-        self._vectors: list[int] = []
+        self.starts: list[int] = []  # among the vectors, where the entries of each begin
+        self.vectors: list[int] = []  # columns of their entries
         for number, entries in elements:
             usable = [entry for entry in entries if np.dtype(entry.entry.dtype).kind in "biuf"]
             if len(entries) > 1 and len(usable) == len(entries):
                 self.norms.append(number)
-                self._starts.append(len(self._vectors))
-                self._vectors += range(len(self.entries), len(self.entries) + len(entries))
+                self.starts.append(len(self.vectors))
+                self.vectors += range(len(self.entries), len(self.entries) + len(entries))
             for place, entry in enumerate(entries):
                 if entry in usable:
                     by_type.setdefault((entry.entry.dtype, entry.swapped), []).append(
@@ -87,8 +87,8 @@ class _Columns:
             found[:, group.columns] = picked
         if self.norms:
             with np.errstate(over="ignore", invalid="ignore"):
-                squares = np.square(found[:, self._vectors])
-                found[:, len(self.entries) :] = np.sqrt(np.add.reduceat(squares, self._starts, axis=1))
+                squares = np.square(found[:, self.vectors])
+                found[:, len(self.entries) :] = np.sqrt(np.add.reduceat(squares, self.starts, axis=1))
         return found
 
 
@@ -106,7 +106,7 @@ class Sums:
     def __init__(self, count: int) -> None:
         self.since_ns = 0
         self.low, self.high = np.full(count, np.inf), np.full(count, -np.inf)
-        self.number = np.zeros(count, np.int64)
+        self.number, self.bad = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._base = np.full(count, np.nan)  # sums of what is left of it lose no digits
         self._sum, self._squares = np.zeros(count), np.zeros(count)
 
@@ -130,13 +130,14 @@ class Sums:
                 self.high[slots] = np.maximum(self.high[slots], np.where(finite, block, -np.inf).max(axis=0))
                 rest = np.where(finite, block - base, 0.0)
                 self.number[slots] += finite.sum(axis=0)
+                self.bad[slots] += (~finite).sum(axis=0)
             self._sum[slots] += rest.sum(axis=0)
             self._squares[slots] += np.einsum("ij,ij->j", rest, rest)
 
     def of(self, quantity: str) -> Floats:
-        """Return one of `min`, `max`, `mean`, `std`, `count`, NaN where there is no sample."""
-        if quantity == "count":
-            return self.number.astype(float)
+        """Return one of `min`, `max`, `mean`, `std`, `count`, `bad`, NaN where there is no sample."""
+        if quantity in {"count", "bad"}:
+            return (self.number if quantity == "count" else self.bad).astype(float)
         if quantity in {"min", "max"}:
             found = self.low if quantity == "min" else self.high
             return np.where(self.number > 0, found, np.nan)
@@ -194,6 +195,7 @@ class Tally:
         self.count = count
         self.newest = np.full(count, np.nan)
         self.changed_ns = np.zeros(count, np.int64)
+        self.bad_ns = np.full(count, -(2**62), np.int64)  # when the last nan or inf came
         self._changes = np.zeros(count, np.int64)  # among the rows that were read
         self._read, self._read_to_change = np.zeros(count, np.int64), np.zeros(count, np.int64)  # rows
         self.skipped = 0  # rows that were overwritten before they were read
@@ -273,11 +275,17 @@ class Tally:
         self.changed_ns[ring.slots][changed] = stamps[newest[changed]]
         ring.last = block[-1].copy()
         self.newest[ring.slots] = ring.last
+        if not all_finite:
+            bad = ~np.isfinite(block)
+            last = stamps[len(block) - 1 - np.argmax(bad[::-1], axis=0)]
+            self.bad_ns[ring.slots] = np.where(bad.any(axis=0), last, self.bad_ns[ring.slots])
 
     def quantity(self, name: str, sums: Sums, *, running: bool) -> tuple[Floats, bool]:
         """Return a quantity: per slot (True), or per element of the run (False)."""
-        if name in {"min", "max", "mean", "std", "count"}:
+        if name in {"min", "max", "mean", "std", "count", "bad"}:
             return sums.of(name), True
+        if name in {"least", "most"}:
+            return self._of_entries(sums, name), True
         if name == "value":
             return self.newest, True
         if name == "changed":
@@ -288,6 +296,15 @@ class Tally:
             held = self._sizes.held()
             return (held.astype(float) if name == "held" else np.minimum(1.0, held / self._limits)), False
         return self._signs(running=running), False
+
+    def _of_entries(self, sums: Sums, name: str) -> Floats:
+        """Return per slot the minimum, or maximum; of a norm's slot that of any of its entries."""
+        found, together = (sums.of("min"), np.fmin) if name == "least" else (sums.of("max"), np.fmax)
+        for ring in self._rings:
+            if ring.columns.norms:
+                norms = slice(ring.slots.start + len(ring.columns.entries), ring.slots.stop)
+                found[norms] = together.reduceat(found[ring.slots][ring.columns.vectors], ring.columns.starts)
+        return found
 
     def _changed_s(self) -> Floats:
         age = (self.reader.last_time_ns - self.changed_ns) / 1e9
@@ -305,6 +322,8 @@ class Tally:
     def _signs(self, *, running: bool) -> Floats:
         value = np.append(self.newest, 0.0)[self.lead]
         finite = np.isfinite(value) | (np.append(self.changed_ns, 0)[self.lead] == 0)  # nothing came yet
+        since_ns = self.reader.last_time_ns - np.append(self.bad_ns, -(2**62))[self.lead]
+        finite &= since_ns > NOT_FINITE_S * 1e9
         if not running:
             return np.where(finite, 0, NOT_FINITE).astype(float)
         full = self._fixed & ~self._own & (self._sizes.held() >= self._limits)  # a full one stands still rightly
@@ -347,6 +366,20 @@ def _measure(ring: _Ring, now_s: float, frequency_hz: float) -> None:
         ring.rate = rows / (now_s - first_s)
 
 
+def _values(
+    tally: Tally, sums: Sums, quantities: Sequence[str], names: Sequence[str], *, entries: bool, running: bool
+) -> bytes:
+    """Return float64 of shape `(quantities, names)`; `entries`: names may be of entries too."""
+    values = np.full((len(quantities), len(names)), np.nan)
+    numbers = np.array([tally.numbers.get(name, -1) for name in names], np.intp)
+    leads = np.append(tally.lead, -1)[numbers]
+    slots = np.where(leads >= 0, leads, [tally.slot_of.get(name, -1) for name in names] if entries else -1)
+    for place, quantity in enumerate(quantities):
+        found, per_slot = tally.quantity(quantity, sums, running=running)
+        values[place] = np.append(found, np.nan)[slots if per_slot else numbers]
+    return values.tobytes()
+
+
 @dataclass
 class _Asker:
     sums: Sums
@@ -369,12 +402,13 @@ class Surveyor:
 
     def answer(self, request: GetSurvey) -> Survey | Refused:
         """Return what was asked for; the first time the statistics begin."""
-        unknown = [name for name in request.quantities if name not in QUANTITIES]
+        unknown = [name for name in [*request.quantities, *request.some_quantities] if name not in QUANTITIES]
         if unknown or not request.quantities:
             what = f"{unknown[0][:40]!r} is no quantity" if unknown else "no quantity was asked for"
             return Refused(RefusedWhy.INVALID, f"no survey: {what}; there are {', '.join(QUANTITIES)}")
-        if len(request.names) > MAX_NAMES:
-            return Refused(RefusedWhy.INVALID, f"no survey: at most {MAX_NAMES} names, got {len(request.names)}")
+        asked = max(len(request.names), len(request.some))
+        if asked > MAX_NAMES:
+            return Refused(RefusedWhy.INVALID, f"no survey: at most {MAX_NAMES} names, got {asked}")
         with self._lock:
             now_s = time.monotonic()
             self._begin(now_s)
@@ -394,23 +428,21 @@ class Surveyor:
         now, tally = self._mirror.now, self._tally
         rows = [*now.table.elements, *now.table.derived] if request.derived else now.table.elements
         names = request.names or [info.name for info in rows]
-        values = np.full((len(request.quantities), len(names)), np.nan)
         if tally is None or sums is None:
-            return Survey(now.table.revision, 0, 0, values.tobytes())
-        numbers = np.array([tally.numbers.get(name, -1) for name in names], np.intp)
-        leads = np.append(tally.lead, -1)[numbers]
-        slots = np.where(leads >= 0, leads, [tally.slot_of.get(name, -1) for name in names] if request.names else -1)
+            values, some = (
+                np.full((len(asked), len(of)), np.nan)
+                for asked, of in ((request.quantities, names), (request.some_quantities, request.some))
+            )
+            return Survey(now.table.revision, 0, 0, values.tobytes(), some=some.tobytes())
         running = now.state is State.RUNNING
-        for place, quantity in enumerate(request.quantities):
-            found, per_slot = tally.quantity(quantity, sums, running=running)
-            values[place] = np.append(found, np.nan)[slots if per_slot else numbers]
         return Survey(
             now.table.revision,
             tally.reader.last_time_ns,
             sums.since_ns,
-            values.tobytes(),
+            _values(tally, sums, request.quantities, names, entries=bool(request.names), running=running),
             tally.skipped,
             tally.jitter_s,
+            _values(tally, sums, request.some_quantities, request.some, entries=True, running=running),
         )
 
     def _begin(self, now_s: float) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from silo.errors import ConnectionLostError, RefusedError, SiloError, VersionError
 from silo_tui.commands import flows
 from silo_tui.commands.many import Many
-from silo_tui.commands.runner import CommandRunner, view_shown
+from silo_tui.commands.runner import LOST, CommandRunner, view_shown
 from silo_tui.context import Context, Later
 from silo_tui.layouts import files, views
 from silo_tui.layouts.layout import Layout
@@ -40,6 +40,7 @@ class Opener:
         self.rate_hz = rate_hz
         self._many = Many(context, lambda: self._finder)
         self._kept: Layout | None = None
+        self._quits = False
         self._view_is_there = True  # not while a logger is being opened: what is kept of its view is yet to be shown
         self._failed: dict[str, str] = {}  # by key, why it could not be opened
         self._again_s: dict[str, float] = {}  # by key, when it is tried again; never, where that can't help
@@ -156,33 +157,31 @@ class Opener:
         return True
 
     async def _show_view(self) -> str:
-        """Put on the screen what was asked for, what was left last, or what a lost terminal showed; return what to say.
+        """Put on the screen what was asked for, or what was left last; return what to say.
 
-        What is `left behind` is put there once.
+        What a lost terminal showed is only offered: who begins with a filter, or plots that stand still, that nobody
+        asked for takes them for the logger.
         """
         context, view, wish = self._context, self._view, self._context.settings.view
         name = context.session.name
         self._view = ""
-        left = files.left_behind(name)
         try:
             if view:
                 return await view_shown(context, view)
             if wish == "last" and (file := files.last_of(name)).exists():
                 return await views.show(context, files.load_file(file)[0])
-            if wish == "lost" and left:
+            if wish == "lost" and (left := files.left_behind(name)):
+                for path in left[:-1]:
+                    path.unlink(missing_ok=True)
                 when = time.strftime("%H:%M", time.localtime(left[-1].stat().st_mtime))
-                missing = await views.show(context, files.load_file(left[-1])[0])
-                return "; ".join(filter(None, [f"as it was at {when}, when the terminal was lost", missing]))
+                return f"a terminal was lost at {when}: `:view {LOST}` shows what was on it"
         except (RefusedError, ValueError, OSError) as error:
             return str(error)
-        finally:
-            for path in left:
-                path.unlink(missing_ok=True)
         return ""
 
     def keep_view(self) -> None:
         """Keep what is on the screen for the next time, if that is wished."""
-        if not self._view_is_there:
+        if not self._view_is_there or self._quits:
             return
         wish = self._context.settings.view
         layout = views.capture(self._context) if wish in ("last", "lost") else None
@@ -203,6 +202,14 @@ class Opener:
         if self._context.logger_session is not None:
             files.left_by_us(self._context.logger_session.name).unlink(missing_ok=True)
         self._kept = None
+
+    def quit(self) -> None:
+        """Leave nothing behind at the end on purpose, nor in what is left of the last second."""
+        self._quits = True
+        self.forget_view()
+        if self._context.logger_session is not None:
+            for path in files.left_behind(self._context.logger_session.name):
+                path.unlink(missing_ok=True)  # it was offered
 
     async def _let_go(self) -> None:
         """Close the logger that is open; in a thread, because a frozen one takes seconds."""

@@ -27,6 +27,7 @@ from silo_tui.sessions.live import why
 if TYPE_CHECKING:
     from silo.ipc.client import Client
 
+LOST = "lost"  # the view of what a lost terminal showed, unless there is one of that name
 ROBOT = "robot:"  # in front of the name of a view that the robot keeps
 PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".pdf")
 
@@ -298,7 +299,11 @@ async def view_shown(context: Context, name: str) -> str:
     `robot:NAME` is one that the robot keeps.
     """
     try:
-        if name.startswith(ROBOT):
+        if name == LOST and LOST not in files.names() and (left := files.left_behind(context.session.name)):
+            layout, problems = files.load_file(left[-1])
+            for path in left:
+                path.unlink(missing_ok=True)
+        elif name.startswith(ROBOT):
             plain = name.removeprefix(ROBOT)
             layout, problems = read((await context.link.read(lambda client: client.kept_view(plain))).text)
         else:

@@ -82,7 +82,9 @@ class FileFacts:
         element = self._elements[place]
         if quantity in UNKNOWN:
             return math.nan
-        if quantity in STATISTICS or quantity == "count":
+        if quantity in {"least", "most"}:
+            return self._of_entries(place, position, quantity)
+        if quantity in STATISTICS or quantity in {"count", "bad"}:
             return self._statistics_of(place, position)[quantity]
         if quantity in ("rate", "share", "jitter"):
             rate, jitter = self._timing_of(element)
@@ -108,6 +110,12 @@ class FileFacts:
             signal = _signal(self._elements[place], position)
             self._statistics[key] = _statistics(signal) if signal is not None else _statistics_of(iter(()))
         return self._statistics[key]
+
+    def _of_entries(self, place: int, position: int, quantity: str) -> float:
+        """Return the smallest, or largest, of any entry of an element."""
+        positions = range(len(self._elements[place].entries)) if position < 0 else (position,)
+        name, pick = ("min", np.fmin) if quantity == "least" else ("max", np.fmax)
+        return float(pick.reduce([self._statistics_of(place, each)[name] for each in positions], initial=math.nan))
 
     def _timing_of(self, element: RecordedElement) -> tuple[float, float]:
         """Return rate in Hz and jitter in s, of all that have the same ticks once."""
@@ -172,9 +180,10 @@ def _statistics(signal: _Signal) -> dict[str, float]:
 
 def _statistics_of(blocks: Iterator[Floats]) -> dict[str, float]:
     """Return statistics of the finite samples."""
-    low, high, number, base, total, squares = math.inf, -math.inf, 0, math.nan, 0.0, 0.0
+    low, high, number, base, total, squares, bad = math.inf, -math.inf, 0, math.nan, 0.0, 0.0, 0
     for block in blocks:
         good = block[np.isfinite(block)]
+        bad += len(block) - len(good)
         if not len(good):
             continue
         base = float(good[0]) if math.isnan(base) else base  # sums of what is left of it lose no digits
@@ -183,11 +192,11 @@ def _statistics_of(blocks: Iterator[Floats]) -> dict[str, float]:
             total, squares = total + float(rest.sum()), squares + float(rest @ rest)
         low, high, number = min(low, float(good.min())), max(high, float(good.max())), number + len(good)
     if not number:
-        return {**dict.fromkeys(STATISTICS, math.nan), "count": 0.0}
+        return {**dict.fromkeys(STATISTICS, math.nan), "count": 0.0, "bad": float(bad)}
     mean = total / number
     spread = squares / number - mean * mean
     std = math.sqrt(max(0.0, spread)) if math.isfinite(spread) else math.nan
-    return {"min": low, "max": high, "mean": base + mean, "std": std, "count": float(number)}
+    return {"min": low, "max": high, "mean": base + mean, "std": std, "count": float(number), "bad": float(bad)}
 
 
 def _samples_a_change(values: NDArray[Any], at: int) -> float:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from silo.model import ElementInfo, Entry
 from silo.values import EXACT
 from silo_tui.model import text
 from silo_tui.model.columns import Floats
+
+MIXED = frozenset({"pose", "twist", "angle_axis", "struct"})  # kinds whose entries have units of their own
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,14 @@ class Reading:
     size: int | None = None  # of the recording's buffer, where the table says another by now; 0: it has none
     failed: int = 0  # ticks at which it could not be read
     why: NotLive | None = None  # why the newest value isn't of now, where it isn't
+
+    def with_value(self, position: int, value: float) -> "Reading":
+        """Return it with another value of an entry; as it is where that isn't known, or a float can't tell it."""
+        if math.isnan(value) or position in self.texts or position >= len(self.newest):
+            return self
+        newest = self.newest.copy()
+        newest[position] = value
+        return replace(self, newest=newest)
 
 
 @dataclass
@@ -94,7 +104,7 @@ def entry_text(entry: Entry, value: float, word: str | None, width: int) -> str:
     if word is not None and (kind not in "iumM" or word == "NaT" or len(word) <= width):
         return _fit(word, width)
     if kind in "iu" and abs(value) >= EXACT:  # its last digits are not known
-        return text.engineering(value, 4)
+        return text.number(float(int(word)) if word else value, width)
     return text.number(value, width, integer=kind in "ium")
 
 
@@ -149,15 +159,27 @@ def value_text(element: ElementInfo, reading: Reading | None, width: int) -> str
     return " ".join(pieces)
 
 
-def component_text(element: ElementInfo, reading: Reading, chosen: int, width: int, *, named: bool = True) -> str:
-    """Return the norm (1) or one entry (2, 3 ...) of a vector, with what it is before it."""
+def component_text(
+    element: ElementInfo, reading: Reading, chosen: int, width: int, *, named: bool = True, told: float = math.nan
+) -> str:
+    """Return the norm (1) or one entry (2, 3 ...) of a vector, with what it is before it.
+
+    `told` is the norm of the moment of what stands beside it, NaN where that isn't known.
+    """
     if chosen == 1:
-        norm = float(np.sqrt(np.square(reading.newest).sum()))
+        norm = float(np.sqrt(np.square(reading.newest).sum())) if math.isnan(told) else told
         return f"|{len(element.entries)}| " + text.number(norm, max(6, width - 4))
     entry = element.entries[chosen - 2]
     label = f"{entry.suffix} " if named and len(entry.suffix) + 7 <= width else ""
     word = reading.texts.get(chosen - 2)
     return label + entry_text(entry, float(reading.newest[chosen - 2]), word, max(6, width - len(label)))
+
+
+def has_norm(element: ElementInfo) -> bool:
+    """Return whether the norm of a vector says something: its entries are numbers of one unit."""
+    numbers = all(entry.dtype[1:2] in "biuf" and not entry.labels for entry in element.entries)
+    mixed = element.kind in MIXED or element.kind.startswith("vector_at_position")
+    return len(element.entries) > 1 and numbers and not mixed
 
 
 def fill_share(held: int, buffer_size: int) -> float:

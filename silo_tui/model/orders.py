@@ -43,9 +43,12 @@ class LiveOrder:
         known = table.facts.of(self.quantity, len(table))
         if known is None:
             return np.full(len(table), np.nan)
+        if self.name in OF_NORMS:
+            known = np.where(table.mixed, np.nan, known)  # of metres and radians there is no norm
         return known if self.of is None else self.of(known)
 
 
+OF_NORMS = frozenset({"value", "|value|", "max", "min", "mean", "std"})  # by which a vector is ordered as its norm
 LIVE_ORDERS = {
     order.name: order
     for order in (

@@ -9,7 +9,8 @@ import numpy as np
 from silo.ipc.surveys import NOT_FINITE
 from silo_tui.model import filter as filters
 from silo_tui.model.fact_terms import quantities_in
-from silo_tui.model.orders import ADDED, FILE_ORDERS, LIVE_ORDERS, NAME, TREE, ordered
+from silo_tui.model.live import has_norm
+from silo_tui.model.orders import ADDED, FILE_ORDERS, LIVE_ORDERS, NAME, OF_NORMS, TREE, ordered
 from silo_tui.model.table import Mask, Rows, TableState
 from silo_tui.model.table_columns import LIVE_COLUMNS, TableColumn, orders_of
 from silo_tui.model.tree import Branch, Tree, entry_of, list_of, parts_of, row_of, tree_of
@@ -182,11 +183,23 @@ class RowList:
         if len(element.entries) < 2:
             return "it has one value only"
         chosen = (self.components.get(element.name, 0) + 1) % (len(element.entries) + 2)
+        chosen = 2 if chosen == 1 and not has_norm(element) else chosen
         self.components[element.name] = chosen
         if chosen == 0:
             del self.components[element.name]
             return "its entries side by side"
         return f"norm |{len(element.entries)}|" if chosen == 1 else element.entries[chosen - 2].suffix
+
+    def component(self, row: int) -> int:
+        """Return what is shown of a vector: 0 its entries side by side, 1 the norm, 2 its first entry, 3 the next ...
+
+        A norm is shown only where somebody asks for it, by `n` or by an order of what a vector has as a whole.
+        """
+        element = self.table.elements[row]
+        if len(element.entries) < 2:
+            return 0
+        asked = self.components.get(element.name, 0) or int(self.sort in OF_NORMS)
+        return asked if asked > 1 or has_norm(element) else 0
 
     def _move_to_branch(self, path: str) -> bool:
         for number, branch in enumerate(self.tree.branches):

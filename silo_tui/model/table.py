@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from silo.model import Edit, ElementInfo, Table
 from silo_tui.model.facts import LIMIT_BITS, NOTHING
 from silo_tui.model.fields import Field, Ints, options_of, phrase_for, rows_of
+from silo_tui.model.live import has_norm
 from silo_tui.model.names import first_levels, without_prefix
 
 Mask = NDArray[np.bool_]
@@ -75,6 +76,7 @@ class TableState:
         self._beyond_bits: NDArray[np.int64] = np.zeros(0, np.int64)
         self.revision = -1
         self.version = 0  # grows with every change, so that caches can tell
+        self.mixed: Mask = np.zeros(0, np.bool_)  # of which rows there is no norm: their entries have several units
         self.own = 0  # how many of the elements are the logger's own: the rows after them are derived
         self._row_of: dict[str, int] = {}
         self._server = np.zeros((FIELDS, 0), np.int64)
@@ -281,6 +283,7 @@ class TableState:
         if names != self.names:
             self._carry_over(names, server)
         self.elements, self.own = elements, len(table.elements)
+        self.mixed = np.array([len(each.entries) > 1 and not has_norm(each) for each in elements], np.bool_)
         self.revision, self._server = table.revision, server
         self._edited &= self._wanted != server
         self.take_beyond(self._beyond)

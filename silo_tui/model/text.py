@@ -16,10 +16,12 @@ def number(value: float, width: int = 11, *, integer: bool = False) -> str:
         return "inf" if value > 0 else "-inf"
     if integer:
         text = str(int(value))
-        return text if len(text) <= width else _fitting(value, width)
+        return text if len(text) <= width else _fitting(value, width, 9)
     size = abs(value)
-    if value != 0 and (size >= 1e6 or size < 1e-4):
+    if value != 0 and size < 1e-4:
         return _fitting(value, width)
+    if size >= 1e6 and len(f"{value:.0f}") > width:
+        return _fitting(value, width, 9)
     decimals = 4 if size < 1000 else 2
     text = f"{value:.{decimals}f}"
     while len(text) > width and decimals:
@@ -28,9 +30,10 @@ def number(value: float, width: int = 11, *, integer: bool = False) -> str:
     return text if len(text) <= width else _fitting(value, width)
 
 
-def _fitting(value: float, width: int) -> str:
-    """Write in engineering notation, with as many decimals as fit; else in the shortest one."""
-    texts = [f"{mantissa:.{digits}f}e{power}" for digits in (4, 3, 2, 1, 0) for mantissa, power in [_parts(value)]]
+def _fitting(value: float, width: int, most: int = 4) -> str:
+    """Write in engineering notation, with as many decimals as fit, at most `most`; else in the shortest one."""
+    mantissa, power = _parts(value)
+    texts = [f"{mantissa:.{digits}f}e{power}" for digits in range(most, -1, -1)]
     texts += [f"{value:.{digits}e}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-") for digits in (2, 1, 0)]
     return next((text for text in texts if len(text) <= width), texts[-1])
 
@@ -73,6 +76,11 @@ def axis_ends(bottom: float, top: float, base: int = 0, width: int = 9) -> tuple
             words = [engineering(end, digits) for end in (bottom, top)]
             rounded = [float(f"{end:.{digits - 1}e}") for end in (bottom, top)]
             told = all(abs(a / 2 - b / 2) <= 2e-3 * extent for a, b in zip(rounded, (bottom, top), strict=True))
+            if told and max(map(len, words)) <= width:
+                return words[0], words[1], ""
+        for decimals in range(4):  # 999999.4 and 1000000.6: each by itself, not one from the other
+            words = [f"{end:.{decimals}f}" for end in (bottom, top)]
+            told = all(abs(float(word) - end) <= 4e-3 * extent for word, end in zip(words, (bottom, top), strict=True))
             if told and max(map(len, words)) <= width:
                 return words[0], words[1], ""
         origins = (f"{bottom:.{digits}g}" for digits in range(6, 18))

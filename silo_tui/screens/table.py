@@ -108,7 +108,8 @@ class TableScreen(Editing):
     def _judge(self) -> None:
         """Survey once a second, twice where a filter asks for what is measured."""
         session, now_s = self.session, time.monotonic()
-        period_s = max(JUDGE_S if session.rows.filter.measured else SURVEY_S, self._thin_s())
+        often = session.rows.filter.measured or "value" in self._quantities  # values stand still between surveys
+        period_s = max(JUDGE_S if often else SURVEY_S, self._thin_s())
         due = now_s - self._survey_s >= period_s - JUDGE_S / 2
         if self._surveying or not due or self.context.upper_screen is not self or not session.connected:
             return
@@ -127,7 +128,7 @@ class TableScreen(Editing):
         details += self.table.entries_on_screen()
         details += [self.pane.shown_name(row) for row in self.table.rows_on_screen()]
         try:
-            await self.session.survey(list(dict.fromkeys(details)), self.column_set.quantities, reset=reset)
+            await self.session.survey(list(dict.fromkeys(details)), self._quantities, reset=reset)
         except RefusedError as refused:  # a logger of an older silo
             if self._no_survey != str(refused):
                 self._no_survey = str(refused)
@@ -138,6 +139,12 @@ class TableScreen(Editing):
             self._survey_came(time.monotonic())
         finally:
             self._surveying = False
+
+    @property
+    def _quantities(self) -> list[str]:
+        """What is asked of what is on the screen; by an order of values these are of the moment of the order."""
+        asked = self.column_set.quantities
+        return [*asked, "value"] if self.session.rows.sort in {"value", "|value|"} and "value" not in asked else asked
 
     def _survey_came(self, now_s: float) -> None:
         """Draw what was measured; a live order moves rows only while nobody is at the keys."""

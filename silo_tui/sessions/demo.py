@@ -1,4 +1,4 @@
-"""`silo-tui --demo`: a simulated robot in a child process that ends with the screen."""
+"""`silo-tui --demo`: a simulated robot in a child process that ends with the screen, and saves what it logged."""
 
 import contextlib
 import os
@@ -8,7 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-STOP_S = 3.0
+STOP_S = 30.0  # as long as saving may take on a busy computer
 
 
 class Demo:
@@ -19,6 +19,7 @@ class Demo:
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._output = Path()
+        self.farewell = ""  # what it said when it was ended
 
     def start(self) -> None:
         """Start the child; its output goes to a file, because the screen is ours."""
@@ -57,6 +58,13 @@ class Demo:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait(STOP_S)
+        self.farewell = self._farewell()
+
+    def _farewell(self) -> str:
+        """Return what it said at its end: which file has the run, or why none has."""
+        said = self._output.read_text("utf-8", "replace") if self._output.is_file() else ""
+        _, begins, words = said.rpartition("\nlogger '")
+        return f"logger '{words}".strip() if begins else ""
 
 
 def _folder() -> Path:

@@ -258,15 +258,20 @@ class Session:
     async def survey(self, details: Sequence[str], quantities: Sequence[str], *, reset: bool = False) -> None:
         """Measure anew: what filter and order need of all elements, `quantities` of elements and entries `details`."""
         wanted = sorted(self.rows.wanted())
-        found = await self._link.read(lambda client: client.survey(wanted, reset=reset, derived=True))
+        names, asked = (list(details), list(quantities)) if details and quantities else ([], [])
+        found = await self._link.read(
+            lambda client: client.survey(wanted, reset=reset, derived=True, some=names, some_quantities=asked)
+        )
         arrays = np.frombuffer(found.values).reshape(len(wanted), -1)
         if found.revision != self.table.revision or arrays.shape[1] != len(self.table):
             return  # of a table that we haven't read yet
         told: dict[str, dict[str, float]] = {}
-        if details and quantities:
-            names, asked = list(details), list(quantities)
-            some = await self._link.read(lambda client: client.survey(asked, names))
-            columns = np.frombuffer(some.values).reshape(len(asked), -1)
+        if names:
+            some = found.some
+            if not some:  # of an older helper process, which knows nothing of `some`
+                asked = [quantity for quantity in asked if quantity not in {"bad", "least", "most"}]
+                some = (await self._link.read(lambda client: client.survey(asked, names))).values
+            columns = np.frombuffer(some).reshape(len(asked), -1)
             told = {
                 name: dict(zip(asked, column, strict=True))
                 for name, column in zip(names, columns.T.tolist(), strict=True)

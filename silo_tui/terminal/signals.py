@@ -19,7 +19,7 @@ def mouse_wanted(word: str) -> bool:
     return not over_ssh() if word == "auto" else word == "on"
 
 
-def end_on_signals(loop: AbstractEventLoop, leave: Callable[[], None], last_words: Callable[[], None]) -> None:
+def end_on_signals(loop: AbstractEventLoop, leave: Callable[[], object], last_words: Callable[[], object]) -> None:
     """End the app on SIGHUP (no terminal), SIGTERM and SIGINT; if it can't, the process ends after a short grace.
 
     When SSH dies, whatever writes to the terminal may hang or fail: without this an orphan burns a whole core.

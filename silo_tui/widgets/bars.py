@@ -22,6 +22,7 @@ from silo_tui.terminal import thin_head
 from silo_tui.unforeseen import Guarded
 
 STATISTICS = ("max", "min", "mean", "std")
+LONG = 10  # digits from which on a column may not have room for a whole number
 # how what a dead program left is opened: Enter has a meaning of its own on most screens
 OPENS = {
     "table": " Enter opens it.",
@@ -222,6 +223,23 @@ class Banner(Guarded, Widget):
         return ""
 
 
+def _cursor_words(session: Session) -> str:
+    """Return what columns can't tell of the row under the cursor: all digits, and how many samples are no numbers."""
+    rows, parts = session.rows, []
+    if rows.row is None:
+        return ""
+    element = session.table.elements[rows.row]
+    reading, position = session.live.readings.get(element.name), rows.entry or 0
+    if reading is not None and (rows.entry is not None or len(element.entries) == 1):
+        word = reading.texts.get(position, "")
+        parts += [word] if element.entries[position].dtype[1:2] in "iu" and len(word) > LONG else []
+    name = element.name + (element.entries[position].suffix if rows.entry is not None else "")
+    bad = session.table.facts.detail(name, "bad")
+    if bad > 0:
+        parts.append(f"{text.plural_count(int(bad), 'sample')} nan or inf, left out of min to std")
+    return " │ ".join(parts)
+
+
 class InfoLine(Guarded, Widget):
     """Marks, pending edits, filter, and what was done last."""
 
@@ -285,6 +303,7 @@ class InfoLine(Guarded, Widget):
                 if branches
                 else f"{rows.place} of {len(rows.shown)}"
             )
+        parts += [words for words in [_cursor_words(session)] if words and not self._said]
         while self._said and len(parts) > 1 and len(" │ ".join(parts)) > self.content_size.width:
             # what was said last is read whole; of the others, how many passed the filter stays longest
             parts.pop(1 if parts[0] == found and len(parts) > 2 else 0)

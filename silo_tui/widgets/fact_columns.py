@@ -5,7 +5,6 @@ They stand in the live pane, beside fill, value and trend, because they change a
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 from silo.model import Entry
 from silo_tui.model import text
@@ -54,20 +53,28 @@ class ColumnSet:
     @property
     def titles(self) -> tuple[str, ...]:
         """The columns of the set."""
-        if self._sets is LIVE_SETS and self.screen_width >= _WIDE_FROM and self.name != "timing":
+        if self._live and self.screen_width >= _WIDE_FROM and self.name != "timing":
             return ALL
         return self._sets[self.name]
 
     @property
     def quantities(self) -> list[str]:
         """What has to be surveyed of the rows on the screen."""
-        return [QUANTITIES[title] for title in self.titles if title in QUANTITIES]
+        found = [QUANTITIES[title] for title in self.titles if title in QUANTITIES]
+        if "min" in self.titles:  # of a file the value is that of the moment shown, and statistics are of all
+            found += ["bad", "least", "most", *(["value"] if self._live else [])]
+        return found
+
+    @property
+    def _live(self) -> bool:
+        return self._sets is LIVE_SETS
 
 
 def pane_columns(chosen: ColumnSet, known: Sequence[PaneColumn] = LIVE_PANE) -> tuple[PaneColumn, ...]:
     """Return the columns of a pane, shown as `chosen` says; `known` are its own: value, trend, and fill if it has one.
 
-    Where statistics stand beside it, the value of a vector is its norm, as theirs.
+    Statistics are of one number, of a vector those of the norm or the entry that was asked for; beside all its entries
+    stand the smallest and the largest of any of them.
     """
     *fill, value, trend = known
 
@@ -91,22 +98,20 @@ def pane_columns(chosen: ColumnSet, known: Sequence[PaneColumn] = LIVE_PANE) -> 
     def statistic(title: str) -> PaneColumn:
         return PaneColumn(
             lambda pane: _arrow(pane, title) + title, lambda pane: 8 if title in chosen.titles else 0,
-            lambda pane, row: _number(pane, pane.shown_name(row), title, pane.entry_of(row)), right=True,
+            lambda pane, row: _statistic(pane, row, title),
+            right=True,
             entry=lambda pane, row, entry: _number(
                 pane, pane.entry_name(row, entry), title, pane.session.table.elements[row].entries[entry]
             ),
             order=title,
         )  # fmt: skip
 
-    def draw_value(pane: LivePane, row: int) -> tuple[str, str]:
-        return value.draw(pane, row) if "min" not in chosen.titles or value.norm is None else value.norm(pane, row)
-
     return (
         PaneColumn(
             lambda pane: _arrow(pane, "!") or "!", lambda pane: 2 if "!" in chosen.titles else 0, _sign,
             branch=_branch_sign, order="!",
         ),
-        *(only("fill", column) for column in fill), only("value", replace(value, draw=draw_value)),
+        *(only("fill", column) for column in fill), only("value", value),
         statistic("min"), statistic("max"), statistic("mean"), statistic("std"),
         fixed("rate", 7, _rate),
         fixed("%", 4, _share),
@@ -141,6 +146,15 @@ def _branch_sign(pane: LivePane, rows: Rows) -> tuple[str, str]:
     """Return the worst sign below a branch, and how many have it; nothing stands beside it."""
     letters, count = worst_of(pane.session.table.signs[rows])
     return (f"{letters:<2} {count} of {len(rows)}" if letters else ""), _style(letters)
+
+
+def _statistic(pane: LivePane, row: int, title: str) -> tuple[str, str]:
+    if pane.tells_one(row):
+        return _number(pane, pane.shown_name(row), title, pane.entry_of(row))
+    quantity = {"min": "least", "max": "most"}.get(title)
+    if quantity is None or pane.session.table.mixed[row]:
+        return "", "live--quiet"
+    return _number(pane, pane.session.table.names[row], quantity, pane.session.table.elements[row].entries[0])
 
 
 def _number(pane: LivePane, name: str, quantity: str, entry: Entry | None) -> tuple[str, str]:

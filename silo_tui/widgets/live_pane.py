@@ -46,7 +46,6 @@ class PaneColumn:
     branch: "Callable[[LivePane, Rows], tuple[str, str]] | None" = None  # of the elements below a branch
     entry: "Callable[[LivePane, int, int], tuple[str, str]] | None" = None  # of one entry of an element
     order: str = ""  # that a click on its head gives
-    norm: "Callable[[LivePane, int], tuple[str, str]] | None" = None  # instead of `draw` beside statistics
 
 
 class LivePane(Guarded, Widget):
@@ -84,9 +83,12 @@ class LivePane(Guarded, Widget):
 
     def entry_of(self, row: int) -> Entry | None:
         """Return the entry that the row tells of; None where that is the norm of several."""
-        element = self.session.table.elements[row]
-        chosen = self.session.rows.components.get(element.name, 0)
+        element, chosen = self.session.table.elements[row], self.session.rows.component(row)
         return element.entries[max(0, chosen - 2)] if len(element.entries) == 1 or chosen >= 2 else None
+
+    def tells_one(self, row: int) -> bool:
+        """Return whether the row tells of one number: a scalar, the entry or the norm that was asked for."""
+        return len(self.session.table.elements[row].entries) == 1 or self.session.rows.component(row) > 0
 
     @property
     def shown(self) -> list[tuple[PaneColumn, int]]:
@@ -207,9 +209,8 @@ class LivePane(Guarded, Widget):
 
     def shown_name(self, row: int) -> str:
         """Return of what the row tells: the element, or the entry of it that was chosen."""
-        name = self.session.table.names[row]
-        chosen = self.session.rows.components.get(name, 0)
-        return self.entry_name(row, chosen - 2) if chosen >= 2 else name
+        chosen = self.session.rows.component(row)
+        return self.entry_name(row, chosen - 2) if chosen >= 2 else self.session.table.names[row]
 
     def trend(self, row: int) -> str:
         """Return the newest columns of the first entry, drawn."""
@@ -259,8 +260,8 @@ WHY_NOT_LIVE: dict[NotLive | None, str] = {
 }  # fmt: skip
 
 
-def _value(pane: LivePane, row: int, *, norm: bool = False) -> tuple[str, str]:
-    """Return the newest value, or why there is none; `norm`: that of a vector, unless one of its entries is chosen."""
+def _value(pane: LivePane, row: int) -> tuple[str, str]:
+    """Return the newest value, or why there is none."""
     session = pane.session
     element = session.table.elements[row]
     if not session.table.server[Field.ENABLED, row]:
@@ -272,17 +273,20 @@ def _value(pane: LivePane, row: int, *, norm: bool = False) -> tuple[str, str]:
     if session.running and reading.why in WHY_NOT_LIVE:  # what it kept last isn't its value
         return WHY_NOT_LIVE[reading.why], "live--quiet"
     style = "live--value" if session.fresh and session.status.state is State.RUNNING else "live--stale"
-    return value_words(pane, element, reading, norm=norm), style
+    return value_words(pane, row, element, reading), style
 
 
-def value_words(pane: LivePane, element: ElementInfo, reading: Reading, *, norm: bool) -> str:
-    """Return a value: all entries of a vector, or the one that was chosen, or its norm."""
-    width = pane.value_width - pane.digits_fewer
-    # an order by value is one of norms
-    norm = norm or pane.session.rows.sort in {"value", "|value|"}
-    chosen = pane.session.rows.components.get(element.name, 0) or int(norm)
-    if chosen and len(element.entries) > 1 and all(entry.dtype[1:2] in "biuf" for entry in element.entries):
-        return component_text(element, reading, chosen, width)
+def value_words(pane: LivePane, row: int, element: ElementInfo, reading: Reading) -> str:
+    """Return a value: all entries of a vector, or the one that was chosen, or its norm.
+
+    Where statistics stand beside it, or rows are ordered by it, it is of the moment of these.
+    """
+    width, chosen = pane.value_width - pane.digits_fewer, pane.session.rows.component(row)
+    told = pane.session.table.facts.detail(pane.shown_name(row), "value")
+    if len(element.entries) == 1 or chosen >= 2:
+        reading = reading.with_value(max(0, chosen - 2), told)
+    if chosen:
+        return component_text(element, reading, chosen, width, told=told)
     return value_text(element, reading, width)
 
 
@@ -292,18 +296,14 @@ def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
     reading = pane.session.live.readings.get(element.name)
     if reading is None or style not in {"live--value", "live--stale"}:
         return words, style
+    reading = reading.with_value(entry, pane.session.table.facts.detail(pane.entry_name(row, entry), "value"))
     return component_text(element, reading, entry + 2, pane.value_width, named=False), style
-
-
-def _norm_value(pane: LivePane, row: int) -> tuple[str, str]:
-    """Return the newest value as statistics tell it: of a vector its norm, with a sign."""
-    return _value(pane, row, norm=True)
 
 
 LIVE_PANE = (
     PaneColumn(lambda pane: "fill", lambda pane: 4, _fill),
     PaneColumn(
-        lambda pane: "value", lambda pane: pane.value_width, _value, right=True, entry=_entry_value, norm=_norm_value,
+        lambda pane: "value", lambda pane: pane.value_width, _value, right=True, entry=_entry_value,
     ),
     PaneColumn(
         lambda pane: "trend",

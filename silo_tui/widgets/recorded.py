@@ -41,17 +41,13 @@ class RecordedPane(LivePane):
         return trend(Piece(*together, store.base(place)), self.trend_width)
 
 
-def _value(pane: LivePane, row: int, *, norm: bool = False) -> tuple[str, str]:
+def _value(pane: LivePane, row: int) -> tuple[str, str]:
     """Return the value that held at the moment shown."""
     element = pane.session.table.elements[row]
     reading = pane.session.live.readings.get(element.name)
     if reading is None or not reading.held:
         return "-", "live--quiet"
-    return value_words(pane, element, reading, norm=norm), "live--value"
-
-
-def _norm_value(pane: LivePane, row: int) -> tuple[str, str]:
-    return _value(pane, row, norm=True)
+    return value_words(pane, row, element, reading), "live--value"
 
 
 def _entry_value(pane: LivePane, row: int, entry: int) -> tuple[str, str]:
@@ -69,7 +65,7 @@ def _moment(pane: LivePane) -> str:
 
 FILE_PANE = (
     PaneColumn(
-        _moment, lambda pane: pane.value_width, _value, right=True, entry=_entry_value, norm=_norm_value,
+        _moment, lambda pane: pane.value_width, _value, right=True, entry=_entry_value,
     ),
     PaneColumn(lambda pane: "all", lambda pane: pane.trend_width, lambda pane, row: (pane.trend(row), "live--trend")),
 )  # fmt: skip

@@ -470,6 +470,17 @@ def test_a_survey_tells_elements_entries_and_what_is_saved_only(side, client):
     assert np.isnan(measured(client, "max", WORD))
 
 
+def test_what_is_asked_of_some_beside_all_is_of_the_same_samples(side, client):
+    client.start()
+    place = [element.name for element in client.table().elements].index(X)
+    for _ in range(5):
+        side.ticks(7)
+        found = client.survey(["value"], some=[X, Q], some_quantities=["value", "max"])
+        some = np.frombuffer(found.some).reshape(2, 2)
+        assert np.array_equal(np.frombuffer(found.values)[[place]], some[0, :1], equal_nan=True)
+    assert refusal(client.survey, ["value"], some=[X], some_quantities=["beauty"]).why is RefusedWhy.INVALID
+
+
 def test_a_quantity_that_is_none_is_refused(client):
     assert refusal(client.survey, ["beauty"]).why is RefusedWhy.INVALID
 

@@ -230,10 +230,17 @@ class FakeRows:
         return HistoryColumns(tuple(names), first, column_ns, grid.low, grid.high, grid.marks, bases, pin.opened.end_ns)
 
     def survey(
-        self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False, derived: bool = False
+        self,
+        quantities: Sequence[str],
+        names: Sequence[str] = (),
+        *,
+        reset: bool = False,
+        derived: bool = False,
+        some: Sequence[str] = (),
+        some_quantities: Sequence[str] = (),
     ) -> Survey:
         self._ask()
-        unknown = [quantity for quantity in quantities if quantity not in QUANTITIES]
+        unknown = [quantity for quantity in [*quantities, *some_quantities] if quantity not in QUANTITIES]
         if unknown:
             raise refused(RefusedWhy.INVALID, f"no survey: {unknown[0]!r} is no quantity")
         if reset or not self.since_ns:
@@ -241,12 +248,13 @@ class FakeRows:
         infos = self.infos if derived else self.elements
         known = {info.name: info for info in infos}
         entries = {info.name + entry.suffix: info for info in infos for entry in info.entries}
-        rows = [
-            [self._measured(quantity, name, known.get(name) or entries.get(name)) for name in names or known]
-            for quantity in quantities
-        ]
-        values = np.array(rows, float).tobytes()
-        return Survey(self.revision, self.now_ns, self.since_ns, values)
+        found, more = (
+            np.array(
+                [[self._measured(each, name, known.get(name) or entries.get(name)) for name in of] for each in asked]
+            )
+            for asked, of in ((quantities, names or list(known)), (some_quantities, some))
+        )
+        return Survey(self.revision, self.now_ns, self.since_ns, found.tobytes(), some=more.tobytes())
 
     def _measured(self, quantity: str, name: str, info: ElementInfo | None) -> float:
         if info is None or not info.options.enabled or not self.ticks:
@@ -259,12 +267,14 @@ class FakeRows:
         moments = np.array([self.seconds]) if quantity == "value" else np.arange(0, max(self.seconds, 1 / HZ), 1 / HZ)
         of = {
             "signs": 0.0, "rate": HZ / info.options.divider, "share": 1.0, "jitter": 0.0002, "changed": 0.0,
-            "fill": held / info.options.buffer_size, "held": held, "count": float(self.ticks),
+            "fill": held / info.options.buffer_size, "held": held, "count": float(self.ticks), "bad": 0.0,
         }  # fmt: skip
         if quantity in of:
             return of[quantity]
         if any(entry.dtype[1:2] not in "biuf" for entry in info.entries):
             return math.nan
         samples = np.array([signal(each, moments) for each in suffixes])
+        if quantity in {"least", "most"}:
+            return float(samples.min() if quantity == "least" else samples.max())
         norms = samples[0] if is_entry else np.sqrt(np.square(samples).sum(axis=0))
         return float({"value": np.mean, "min": np.min, "max": np.max, "mean": np.mean, "std": np.std}[quantity](norms))

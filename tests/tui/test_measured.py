@@ -1,10 +1,14 @@
 """What is measured, on the table's screen: signs, columns, orders, the tree."""
 
+import re
+
 import numpy as np
 import pytest
 
 from silo.ipc.conditions import LimitStatus, LimitWord
 from silo.ipc.surveys import FROZEN, NOT_FINITE
+from silo.model import ElementInfo, ElementOptions, Entry
+from silo_tui.model import text
 
 pytestmark = pytest.mark.slow  # each walks through the whole app
 
@@ -13,7 +17,7 @@ TORQUE = "/log/legs/LF/HAA/torque"
 
 async def test_signs_stand_in_their_column_with_statistics_beside(fake, opened):
     fake.run()
-    fake.facts = {"signs": {"/log/base/position": NOT_FINITE}, "max": {"/log/base/position": 86.25}}
+    fake.facts = {"signs": {"/log/base/position": NOT_FINITE}, "most": {"/log/base/position": 86.25}}
     async with opened(fake) as screen:
         await screen.press("C")
         await screen.shows("86.2500")
@@ -174,12 +178,13 @@ async def test_a_logger_that_knows_no_surveys_is_shown_all_the_same(fake, opened
         assert np.isfinite(screen.session.live.readings["/log/base/position"].newest).all()
 
 
-async def test_statistics_of_a_vector_are_marked_as_those_of_its_norm(fake, opened):
+async def test_statistics_of_a_vector_are_marked_as_those_of_its_norm_where_that_is_asked_for(fake, opened):
     fake.run()
     async with opened(fake) as screen:
         await screen.type("/imu/acceleration")
         await screen.press("enter", "C")
         await screen.shows("mean")
+        await screen.press("n")
         await screen.until(lambda: any("|3| " in line for line in screen.text.splitlines()[2:-3]), "the norm, marked")
 
 
@@ -203,3 +208,78 @@ async def test_a_message_leaves_the_count_of_the_filter_beside_it(fake, opened):
         await screen.shows("the inspector needs")
         line = next(line for line in screen.text.splitlines() if "the inspector needs" in line)
         assert "/torque: " in line
+
+
+def row_with(screen, words):
+    return next((line for line in screen.text.splitlines() if words in line), "")
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)])
+async def test_beside_the_entries_of_a_vector_stand_the_least_and_the_most_of_any_and_no_norm(size, fake, opened):
+    fake.run()
+    name = "/log/imu/acceleration"
+    fake.facts = {"least": {name: -7.5}, "most": {name: 8.25}, "max": {name: 99.0}, "mean": {name: 55.0}}
+    async with opened(fake, size=size) as screen:
+        await screen.press("C")
+        await screen.until(lambda: "8.2500" in row_with(screen, "/imu/acceleration"))
+        line = row_with(screen, "/imu/acceleration")
+        assert "-7.5000" in line
+        assert "|3|" not in line
+        assert "99." not in line
+        assert "55." not in line
+
+
+async def test_of_a_pose_there_is_no_norm(new_fake, opened):
+    pose = "/log/base/pose"
+    entries = tuple(Entry(suffix, "<f8") for suffix in ("_position_x", "_position_y", "_orientation_w"))
+    fake = new_fake([ElementInfo(pose, "m", "pose", (3,), entries, ElementOptions())])
+    fake.run()
+    fake.facts = {"value": {pose: 77.0}, "max": {pose: 77.0}, "most": {pose: 77.0}}
+    async with opened(fake, size=(120, 24)) as screen:
+        await screen.press("C", "n")
+        await screen.shows("_position_x")
+        await screen.press("o", "v")
+        await screen.until(lambda: screen.session.table.facts.of("value", 1) is not None)
+        assert "77." not in screen.text
+        assert "|3|" not in screen.text
+
+
+async def test_value_and_statistics_of_a_row_are_of_one_moment(fake, opened):
+    fake.run()
+    fake.facts = {"value": {TORQUE: 11.125}, "max": {TORQUE: 11.125}, "min": {TORQUE: 11.125}}
+    async with opened(fake) as screen:
+        await screen.type("/LF/HAA/torque")
+        await screen.press("enter", "C")
+        await screen.until(lambda: row_with(screen, "HAA/torque").count("11.1250") == 3, "three numbers that agree")
+
+
+async def test_ordered_by_value_the_values_are_those_of_the_order_after_a_filter_too(fake, opened):
+    fake.run()
+    legs = [info.name for info in fake.infos if info.name.endswith("torque")]
+    fake.facts = {"value": {name: float(10 * place) for place, name in enumerate(legs)}}
+    async with opened(fake) as screen:
+        await screen.press("o", "v")
+        await screen.type("/torque")
+        await screen.press("enter")
+        await screen.shows(f"{10.0 * (len(legs) - 1):.4f}")
+        shown = [float(found) for found in re.findall(r"torque.*?(\d+\.\d{4})", screen.text)]
+        assert len(shown) == len(legs)
+        assert shown == sorted(shown, reverse=True)
+
+
+async def test_samples_that_are_no_numbers_are_told_of_the_row_under_the_cursor(fake, opened):
+    fake.run()
+    fake.facts = {"bad": {TORQUE: 12.0}}
+    async with opened(fake, size=(120, 24)) as screen:
+        await screen.type("/LF/HAA/torque")
+        await screen.press("enter", "C", "j")
+        await screen.until(lambda: screen.session.table.facts.detail(TORQUE, "bad") == 12.0)
+        screen.app.screen.say("")
+        await screen.shows("12 samples nan or inf, left out of min to std")
+
+
+def test_large_numbers_keep_the_digits_that_differ():
+    assert [text.number(value, 8) for value in (999_999.5, 1_000_001.5)] == ["999999.5", "1000002"]
+    assert [text.number(value, 11) for value in (999_999.5, 1_000_000.5)] == ["999999.50", "1000000.50"]
+    assert text.number(2**63 - 1, 19, integer=True) == "9223372036854775807"
+    assert text.axis_ends(999_999.4, 1_000_000.6) == ("999999.4", "1000000.6", "")

@@ -209,14 +209,21 @@ async def left_by_a_lost_terminal(new_fake, opened):
         mine = files.left_by_us(screen.session.name)
         await screen.until(mine.exists, "kept within a second")
         await screen.until(lambda: files.load_file(mine)[0] == Layout("div", filter="base"))
-    return mine
+    return of_a_process_that_is_gone(mine)
 
 
-async def test_what_a_lost_terminal_showed_comes_back_without_being_asked_for_and_once(new_fake, opened):
+def of_a_process_that_is_gone(left):
+    """The number is the largest that there is: the tests' own process goes on."""
+    return left.rename(left.with_name(left.name.replace(f".{os.getpid()}.", ".4194303.")))
+
+
+async def test_what_a_lost_terminal_showed_is_offered_by_a_line_and_comes_when_it_is_asked_for(new_fake, opened):
     left = await left_by_a_lost_terminal(new_fake, opened)
     async with opened(new_fake()) as screen:
-        await screen.shows("when the terminal was lost")
-        assert capture(screen.app.context) == Layout("div", filter="base")
+        await screen.shows("a terminal was lost at ")
+        assert capture(screen.app.context) == Layout()
+        await run(screen, "view lost")
+        await screen.until(lambda: capture(screen.app.context) == Layout("div", filter="base"))
         await screen.press("q")
         await screen.until(lambda: not screen.app.is_running)
     assert not left.exists(), "who quits wants none of it the next time"
@@ -226,7 +233,7 @@ async def test_what_a_lost_terminal_showed_comes_back_without_being_asked_for_an
 
 async def test_what_another_terminal_shows_now_is_left_to_it(new_fake, opened):
     left = await left_by_a_lost_terminal(new_fake, opened)
-    left.rename(left.with_name(left.name.replace(str(os.getpid()), "1")))  # which runs
+    left.rename(left.with_name(left.name.replace("4194303", "1")))  # which runs
     async with opened(new_fake()) as screen:
         assert capture(screen.app.context) == Layout()
 
@@ -239,12 +246,15 @@ async def test_edits_and_plots_that_were_left_both_come_back(new_fake, opened):
         await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen))
         mine = files.left_by_us(screen.session.name)
         await screen.until(lambda: mine.exists() and files.load_file(mine)[0].plots, "kept within a second")
+    of_a_process_that_is_gone(mine)
     second = new_fake()
     second.run()
     async with opened(second) as screen:
         await screen.shows("Not applied: 1 edit")
         await screen.press("t")
-        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots below the question")
+        await screen.until(lambda: not screen.app.screen.is_modal)
+        await run(screen, "view lost")
+        await screen.until(lambda: isinstance(screen.app.screen, MonitorScreen), "the plots")
         assert screen.session.table.pending_count == (1, 1)
         await screen.until(lambda: not screen.app.context._flow_running)
 
@@ -310,3 +320,31 @@ async def test_the_view_that_was_left_last_comes_back_if_wished(new_fake, opened
         async with opened(new_fake(), settings=Settings(view=wished)) as screen:
             await screen.until(lambda order=order: screen.session.rows.sort == order)
     assert files.names() == []
+
+
+@pytest.mark.parametrize("key", ["q", "ctrl+q"])
+async def test_who_quits_on_purpose_finds_no_old_filter_the_next_time(key, new_fake, opened):
+    async with opened(new_fake()) as screen:
+        await run(screen, "filter torque")
+        mine = files.left_by_us(screen.session.name)
+        await screen.until(mine.exists, "kept within a second")
+        await screen.press(key)
+        await screen.until(lambda: not screen.app.is_running)
+        screen.app._opener.keep_view()  # the last of its timers
+    assert not mine.exists()
+    async with opened(new_fake()) as screen:
+        assert capture(screen.app.context) == Layout()
+        assert "lost" not in screen.text.splitlines()[-2]
+        await screen.type("/torque")
+        await screen.until(lambda: screen.session.rows.filter.text == "torque")
+
+
+async def test_ctrl_q_over_a_dialog_is_on_purpose_too(new_fake, opened):
+    async with opened(new_fake()) as screen:
+        await run(screen, "filter torque")
+        mine = files.left_by_us(screen.session.name)
+        await screen.until(mine.exists, "kept within a second")
+        await screen.press("o", "escape", "?")
+        await screen.press("ctrl+q")
+        await screen.until(lambda: not screen.app.is_running)
+    assert not mine.exists()

@@ -188,3 +188,26 @@ def test_who_asks_for_statistics_is_told_once_that_they_failed_and_begin_anew(ro
         assert isinstance(surveyor.answer(asked), Survey)
     finally:
         surveyor.stop()
+
+
+def test_a_nan_among_numbers_is_counted_and_signed_until_ten_seconds_later(robot):
+    robot.tick(np.nan)
+    for _ in range(9):
+        robot.tick(1.0)
+    robot.advance()
+    assert [robot.of("/log/x", quantity) for quantity in ("bad", "count", "min", "max")] == [1, 9, 1, 1]
+    assert int(robot.of("/log/x", "signs")) & NOT_FINITE
+    assert not int(robot.of("/log/kept", "signs")) & NOT_FINITE
+    for _ in range(1000):
+        robot.tick(1.0)
+    robot.advance(1.0)
+    assert not int(robot.of("/log/x", "signs")) & NOT_FINITE
+    assert robot.of("/log/x", "bad") == 1
+
+
+def test_the_least_and_the_most_are_of_any_entry_of_a_vector(robot):
+    robot.tick(5, force=[3, 4, 0])
+    robot.tick(6, force=[0, -2, 1])
+    robot.advance()
+    assert [robot.of("/log/force", quantity) for quantity in ("least", "most")] == [-2, 4]
+    assert [robot.of("/log/x", quantity) for quantity in ("least", "most")] == [5, 6]

@@ -107,7 +107,14 @@ class SampleCalls(Calls):
             )  # fmt: skip
 
     def survey(
-        self, quantities: Sequence[str], names: Sequence[str] = (), *, reset: bool = False, derived: bool = False
+        self,
+        quantities: Sequence[str],
+        names: Sequence[str] = (),
+        *,
+        reset: bool = False,
+        derived: bool = False,
+        some: Sequence[str] = (),
+        some_quantities: Sequence[str] = (),
     ) -> Survey:
         """Return quantities of elements or entries, with statistics over all samples since this client asked first.
 
@@ -118,10 +125,12 @@ class SampleCalls(Calls):
             names: elements or entries, at most 20 000; all elements of the table where it is empty.
             reset: begin the statistics anew.
             derived: without names, the table's derived signals follow its elements.
+            some: elements or entries of which more is wanted, of the same samples as the others.
+            some_quantities: what is wanted of these.
 
         Returns:
             The survey; its `values` are the bytes of float64 of shape `(quantities, names)`, NaN where a quantity isn't
-            known.
+            known; `some` those of `(some_quantities, some)`.
 
         Raises:
             RefusedError: a quantity is unknown, there are too many names, or too many clients have statistics.
@@ -132,6 +141,8 @@ class SampleCalls(Calls):
             names=texts("names", names, "['/log/joints/q']"),
             reset=reset,
             derived=derived,
+            some=texts("some", some, "['/log/joints/q']"),
+            some_quantities=texts("some_quantities", some_quantities, "['mean', 'std']"),
             client=self._name,
         )
         return self._call(request)

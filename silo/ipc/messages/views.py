@@ -23,7 +23,8 @@ class Survey(Reply, frozen=True):
 
     Without names they are those of the table of `revision`, in its order. Statistics begin at `since_ns`; `skipped`
     rows were overwritten before they could be read, because their buffer is very small. `jitter_s` is that of the loop:
-    the standard deviation of the time between its ticks, 0 where it isn't known.
+    the standard deviation of the time between its ticks, 0 where it isn't known. `some` are the values that were asked
+    for of some elements and entries, as `values`, of the same samples; empty from helpers before 0.3.
     """
 
     revision: int
@@ -32,6 +33,7 @@ class Survey(Reply, frozen=True):
     values: bytes
     skipped: int = 0
     jitter_s: float = 0.0
+    some: bytes = b""
 
 
 class OpenView(Ask[ViewOpened], frozen=True):
@@ -58,7 +60,8 @@ class CloseView(Ask[Done], frozen=True):
 class GetSurvey(SlowAsk[Survey], frozen=True):
     """Quantities (`silo.ipc.surveys`) of some elements or entries, of all elements of the table without `names`.
 
-    These are followed by its derived signals with `derived`.
+    These are followed by its derived signals with `derived`. `some_quantities` of the elements and entries `some` come
+    beside them, of the same samples: what stands in one row of a table is of one moment.
 
     Statistics are over every sample since this client asked first, or since its last `reset`; they end when it hasn't
     asked for a minute.
@@ -68,3 +71,5 @@ class GetSurvey(SlowAsk[Survey], frozen=True):
     names: list[str] = []
     reset: bool = False
     derived: bool = False
+    some: list[str] = []
+    some_quantities: list[str] = []

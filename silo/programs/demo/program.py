@@ -73,9 +73,8 @@ def run_demo(options: DemoOptions, say: Callable[[str], None] = print) -> None:
             late_us[...] = rate.wait() / 1000
             skipped[...] = rate.skipped
         log.stop()
-        # the demo of a silo-tui that ends, which nobody asked to keep, leaves nothing behind
-        farewell(log, options.save, say, cut_short=bool(ending.received) and options.parent_pid is None)
-        log.close()  # what nobody asked to keep is dropped
+        farewell(log, options.save, say, cut_short=bool(ending.received))
+        log.close()  # what nobody asked to keep, after a limit of time, is dropped
 
 
 def end_with(parent_pid: int) -> None:
