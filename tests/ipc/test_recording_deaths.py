@@ -3,6 +3,8 @@
 import contextlib
 import os
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -274,3 +276,30 @@ def test_a_recorder_that_died_right_before_its_program_is_followed_by_another_on
     wait_until(lambda: not list(runtime_dir().glob("*.recorders")) and not list_held())
     check_whole(folder, tmp_path)
     assert happened(folder).count("crashed") == 1
+
+
+def test_that_a_program_ended_is_in_its_last_part_while_its_process_is_still_there(bench, client) -> None:
+    folder = begin(bench, client)
+    bench.ticks(300)
+    bench.serving.abandon(bench.logger.segment_path, bench.logger.ticks)  # its link ends, as that of a dying one first
+    wait_until(lambda: list(folder.glob("*.mcap")))
+    assert values_of(folder) == list(range(1, 301))
+    assert happened(folder).count("crashed") == 1
+
+
+def test_a_helper_process_of_another_container_leaves_the_recordings_of_this_one_alone(robots, tmp_path) -> None:
+    began(robots)
+    lists = list(runtime_dir().glob("*.recorders"))
+    inside = ["unshare", "--pid", "--fork", "--mount-proc", "--kill-child"]
+    if subprocess.run([*inside, "true"], check=False, capture_output=True).returncode:
+        pytest.skip("needs the right to make a container")
+    program = (
+        "import sys, silo; log = silo.Logger('other', folder=sys.argv[1]); log.array('x'); log.serve(); log.close()"
+    )
+    recover = "from silo.cli.main import run; run(['recover'])"
+    subprocess.run([*inside, sys.executable, "-c", program, str(tmp_path)], check=True)
+    subprocess.run([*inside, sys.executable, "-c", recover], check=True, cwd=tmp_path)
+    assert list(runtime_dir().glob("*.recorders")) == lists != []
+    with Client.connect("bot") as client:
+        assert client.recorders()[0].state is RecorderState.RECORDING
+        assert "0 lost" in client.stop_recorder()

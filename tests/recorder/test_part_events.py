@@ -20,7 +20,7 @@ from silo.files.event_log import append_events, event_log_path, older_event_log
 from silo.files.part_scan import rows_after, scan_part
 from silo.model import LoggedEvent
 from silo.recorder.closing import close_part
-from silo.recorder.orders import RecordOrder
+from silo.recorder.orders import Finish, RecordOrder, encode
 from silo.recorder.writing import ExtrasChange, Look
 from tests.waiting import wait_until
 
@@ -261,3 +261,18 @@ def test_of_a_run_that_is_under_way_a_new_recorder_takes_what_happens_from_then_
     happens("now", 120)
     recorder.finish()
     assert [text for _, text, _ in kept(parts(tmp_path)[0])] == ["now"]
+
+
+@pytest.mark.slow
+def test_that_a_program_ended_is_in_its_last_part_though_the_kernel_still_clears_up_behind_it(
+    robot, recorders, tmp_path
+) -> None:
+    robot.start()
+    recorder = recorders(RecordOrder("bot", str(tmp_path / "rec")))
+    recorder.follow(robot.log)
+    recorder.wait_recording()
+    robot.ticks(100)
+    recorder.socket.send(encode(Finish("its program is gone", died=True)))  # this process, the writer, lives
+    recorder.end()
+    (path,) = (tmp_path / "rec").glob("*.mcap")
+    assert [event.kind for event in read_bag(path).events] == ["crashed"]

@@ -406,3 +406,35 @@ def test_the_open_part_in_the_recordings_of_a_log_folder_is_recovered(killed, tm
     assert not left.exists()
     (closed,) = folder.glob("*.mcap")
     assert read_bag(closed).offset == 400
+
+
+@pytest.mark.parametrize("bad", [range(150, 151), range(150, 280), range(150, 300)])
+def test_a_clock_beyond_what_the_format_holds_ends_no_recording(tmp_path, truth, bad) -> None:
+    class Leaping(truth.robot):
+        def _clock(self) -> int:
+            return 2**62 + self.tick if self.tick in bad else super()._clock()
+
+    robot = Leaping(tmp_path)
+    robot.start()
+    recorder = truth.direct(robot, RecordOrder("bot", str(tmp_path / "rec")))
+    for _ in range(3):
+        robot.ticks(100)
+        recorder.step()
+    totals = recorder.finish()
+    robot.log.close()
+    found = [read_bag(path) for path in sorted((tmp_path / "rec").glob("*.mcap"))]
+    assert totals.state is not RecorderState.FAILED, totals.text
+    assert totals.lost == 3 * len(bad) + sum(tick % 5 == 0 for tick in bad)
+    assert totals.samples + totals.lost == 3 * 300 + 60
+    assert any("before 1970 or after 2038" in text for text in totals.told)
+    for recording in found:
+        truth.span(recording)
+    ticks = [tick for one in found for tick in one_element(one, "/log/x")]
+    assert ticks == [tick for tick in range(300) if tick not in bad]
+
+
+def one_element(recording, name: str) -> list[int]:
+    """The ticks that a recording has of an element."""
+    element = next(element for element in recording.elements if element.name == name)
+    ticks = recording.offset - len(recording.time_ns) + element.stamp_indices
+    return [int(tick) for tick in ticks if not any(low <= tick <= high for low, high in element.failures.spans)]
