@@ -38,6 +38,7 @@ from silo.helper.publisher import Publisher
 from silo.helper.recorders import Recording
 from silo.helper.robot import Robot, ending
 from silo.helper.saver import Saver
+from silo.ipc.clocks import clock_s
 from silo.ipc.configuration import robot_named
 from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
@@ -54,7 +55,7 @@ from silo.ipc.messages import (
 from silo.ipc.published import EventKind
 from silo.ipc.session import close, dead_mark, forget, open_server
 from silo.link.handover import RunOffer
-from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
+from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.model import Derived, Extras, FileType, State
 from silo.runtime import runtime_dir
 
@@ -302,13 +303,18 @@ class Helper:
 
     def _handle(
         self,
-        message: RobotState | LinkRequest | LinkReply | LinkSaved | LetGo,
+        message: RobotState | LinkRequest | LinkReply | LinkSaved | LetGo | Beat,
         mirror: Mirror,
         events: Events,
         saver: Saver,
     ) -> None:
         if isinstance(message, RobotState):
             self._take_state(message, mirror, events)
+        elif isinstance(message, Beat):
+            self._robot.send(message)
+        elif isinstance(message, LinkRequest) and 0 < message.request.until_s < clock_s():
+            refused = Refused(RefusedWhy.FAILED, "it came too late: the helper process stood still; nothing was done")
+            self._robot.send(LinkReply(message.number, refused, late=True))
         elif isinstance(message, LetGo):
             self._let_go(message, mirror)
         elif isinstance(message, LinkReply):

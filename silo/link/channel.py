@@ -1,13 +1,17 @@
 """The link between the robot process and its helper: framed messages on a socket pair, the same class at both ends."""
 
+import contextlib
+import select
 import socket
 import struct
+from collections.abc import Callable
 
 import msgspec
 
 from silo.errors import ConnectionLostError
 from silo.link.messages import LinkMessage
 
+ASKED_EVERY_S = 1.0
 MAX_BYTES = 256 * 2**20  # a table of a million elements; more is not a message of ours
 _LENGTH = struct.Struct("<I")
 _encoder = msgspec.msgpack.Encoder()
@@ -24,10 +28,25 @@ class LinkChannel:
     def __init__(self, sock: socket.socket) -> None:
         self._socket = sock
 
-    def send(self, message: LinkMessage) -> None:
-        """Send one message; waits while the other side's buffer is full. Raises OSError if it is gone."""
+    def send(self, message: LinkMessage, give_up: Callable[[], bool] | None = None) -> None:
+        """Send one message; waits while the other side's buffer is full. Raises OSError if it is gone.
+
+        `give_up` is asked once a second of such waiting: if it says so, the link is ended and TimeoutError raised, as
+        half a message can't be taken back.
+        """
         body = _encoder.encode(message)
-        self._socket.sendall(_LENGTH.pack(len(body)) + body)
+        data = memoryview(_LENGTH.pack(len(body)) + body)
+        if give_up is None:
+            self._socket.sendall(data)
+            return
+        while data:
+            if select.select([], [self._socket], [], ASKED_EVERY_S)[1]:
+                with contextlib.suppress(BlockingIOError):
+                    data = data[self._socket.send(data, socket.MSG_DONTWAIT) :]
+            elif give_up():
+                with contextlib.suppress(OSError):
+                    self._socket.shutdown(socket.SHUT_RDWR)
+                raise TimeoutError("the other end of the link takes nothing in")
 
     def receive(self) -> LinkMessage | None:
         """Return the next message; None when the other side is gone, also in the middle of a message.

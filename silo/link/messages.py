@@ -38,6 +38,7 @@ class LinkReply(msgspec.Struct, frozen=True, tag=True):
 
     number: int
     reply: AnyReply
+    late: bool = False  # it came when nobody waited any more (`until_s`), and nothing was done
 
 
 class LinkSaved(msgspec.Struct, frozen=True, tag=True):
@@ -62,8 +63,12 @@ class LetGo(msgspec.Struct, frozen=True, tag=True):
     held_alone: bool = False
 
 
+class Beat(msgspec.Struct, frozen=True, tag=True):
+    """Either way: a sign of life. The helper answers each with one; the program asks while somebody there waits."""
+
+
 class Goodbye(msgspec.Struct, frozen=True, tag=True):
     """Robot to helper: closed on purpose; end without saving. End of file without it means that the robot died."""
 
 
-LinkMessage = RobotState | LinkRequest | LinkReply | LinkSaved | LetGo | Goodbye
+LinkMessage = RobotState | LinkRequest | LinkReply | LinkSaved | LetGo | Beat | Goodbye

@@ -17,6 +17,7 @@ from silo.link.messages import LinkReply
 
 READY_TIMEOUT_S = 15.0  # without a sign of life; a start takes 0.7 s of processor time, which may be long in coming
 LONGEST_START_S = 300.0  # a computer that takes this long for it serves nobody
+_PROCESS_CLOCK = 2  # of another process, see clock_getcpuclockid(3)
 ENDING_S = 2.0  # how long one may take from closing its channel to its end
 HELPER_ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
@@ -86,6 +87,13 @@ class HelperProcess:
         """Return the processor time that it had until now, in ticks of the kernel."""
         fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
         return int(fields[11]) + int(fields[12])
+
+    def worked_ns(self) -> int:
+        """Processor time that it and its threads had until now; stands still in one that is frozen, or gone."""
+        try:
+            return time.clock_gettime_ns((~self.pid << 3) | _PROCESS_CLOCK)
+        except OSError:
+            return 0
 
     def let_go(self) -> None:
         """Close both channels, by which it learns that the robot program is done with it."""

@@ -20,7 +20,7 @@ from silo.logger.keywords import FileTypes
 from silo.logger.new_values import NewValues, NewValuesReader
 from silo.logger.options import file_types
 from silo.logger.other_names import listed, not_deleted, not_set, with_other_names
-from silo.model import FileType, LoggerOptions, State
+from silo.model import FileType, LoggerOptions, SavedFile, State
 from silo.recording import Recording
 
 if TYPE_CHECKING:
@@ -222,9 +222,8 @@ class Logged(Conditions):
         if not ticks:
             log.warning("%s: nothing was collected since start(), the file holds no samples", self.options.name)
         self.look_for_unheld()
-        if self._serving is not None and self._serving.is_up:
-            saved = self._serving.save(chosen, name, str(where.resolve()) if folder else "")
-        else:
+        saved = self._saved_by_helper(chosen, name, str(where.resolve()) if folder else "")
+        if saved is None:
             from silo.files import write
             from silo.files.event_log import with_happened
 
@@ -233,6 +232,18 @@ class Logged(Conditions):
         with self._lock:
             self._present.mark_saved(run, ticks)
         return SavedFiles(saved)
+
+    def _saved_by_helper(self, types: list[FileType], name: str, folder: str) -> list[SavedFile] | None:
+        """The files that the helper process wrote; None where there is none, or one that is frozen."""
+        if self._serving is None or not self._serving.is_up:
+            return None
+        from silo.logger.serving import HelperFrozenError
+
+        try:
+            return self._serving.save(types, name, folder)
+        except HelperFrozenError as error:
+            log.warning("%s: %s; saving in this process", self.options.name, error)
+            return None
 
     def record(
         self,

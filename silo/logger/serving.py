@@ -15,28 +15,39 @@ import time
 import weakref
 from pathlib import Path
 from types import TracebackType
+from typing import TypeVar
+
+import msgspec
 
 from silo.calls import told_class
 from silo.errors import ConnectionLostError, SaveError, SiloError
+from silo.ipc.clocks import clock_s
 from silo.ipc.messages import AnyReply, Done, RecorderStarted, Refused, Save, SaveStarted, StartRecorder, StopRecorder
 from silo.link.handover import RunOffer, offer_run
-from silo.link.messages import FILES_DELETED, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
+from silo.link.messages import FILES_DELETED, Beat, Goodbye, LetGo, LinkReply, LinkRequest, LinkSaved, RobotState
 from silo.logger.answers import Served, answer, robot_state
 from silo.logger.consumers import has_conditions, has_left
 from silo.logger.down import DownMark
 from silo.logger.helper_process import HelperProcess
 from silo.logger.identity import drawn_id
+from silo.logger.patience import FROZEN_ROUNDS, ROUND_S, Patience
 from silo.logger.viewers import FoxgloveProcess
 from silo.model import FileType, SavedFile
 
 log = logging.getLogger("silo")
 
+_Result = TypeVar("_Result")
 SaveFuture = concurrent.futures.Future[list[SavedFile]]
 
 LOOK_S = 1.0  # between looks at what the program holds: 2 ms of processor time for 10,000 arrays
 PAUSE_S = 0.0005  # which the loop has between two slices of a look
+LISTENED_S = FROZEN_ROUNDS * ROUND_S  # what the helper process has not begun by then, it won't begin
 LONG_LIFE_S = 60.0  # a helper process that lived longer was a good one: the next is started at once
 RESPAWN_DELAYS_S = (0.0, 0.0, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)  # before each try; the last one for ever after
+
+
+class HelperFrozenError(SaveError):
+    """The helper process shows no sign of life; it is not known whether it is the last of it."""
 
 
 @told_class("serving")
@@ -84,6 +95,7 @@ class Serving:
         self._replies: dict[int, concurrent.futures.Future[SaveFuture]] = {}
         self._saves: dict[int, SaveFuture] = {}
         self._answers: dict[int, concurrent.futures.Future[AnyReply]] = {}
+        self._beats = 0  # that were answered
         self._table_sent = -1
         self._by = ""
         self._tries = 0
@@ -181,6 +193,8 @@ class Serving:
             reply = answer(logger, message.request)
             self._push_state()
             self._send(LinkReply(message.number, reply))
+        elif isinstance(message, Beat):
+            self._beats += 1
         elif isinstance(message, LinkReply):
             self._replied(message)
         elif isinstance(message, LinkSaved):
@@ -207,7 +221,7 @@ class Serving:
             future.set_result(saved)
         else:
             text = message.reply.text if isinstance(message.reply, Refused | Done) else repr(message.reply)
-            future.set_exception(SaveError(text))
+            future.set_exception(HelperFrozenError(text) if message.late else SaveError(text))
 
     def _push_state(self) -> None:
         logger = self._logger_ref()
@@ -219,8 +233,44 @@ class Serving:
         self._table_sent = state.revision
 
     def _send(self, message: RobotState | LinkRequest | LinkReply | LetGo | Goodbye) -> None:
-        with self._sending:
-            self._helper.channel.send(message)
+        """Send a message. Raises OSError where the helper process is gone, or frozen with its buffer full."""
+        patience = self._patience()
+        while not self._sending.acquire(timeout=ROUND_S):
+            if patience.is_over():
+                raise TimeoutError("another thread waits for a frozen helper process")
+        try:
+            self._helper.channel.send(message, patience.is_over)
+        finally:
+            self._sending.release()
+
+    def _patience(self) -> Patience:
+        return Patience(lambda: self._beats, self._helper.worked_ns)
+
+    def _beat(self) -> None:
+        """Ask the helper process for a sign of life, unless that would mean to wait."""
+        if not self._sending.acquire(blocking=False):
+            return
+        try:
+            if select.select([], [self._helper.link], [], 0)[1]:
+                self._helper.channel.send(Beat())
+        except (OSError, ValueError):  # it is being replaced: whoever waits is told by others
+            log.debug("no beat can be sent")
+        finally:
+            self._sending.release()
+
+    def _wait(self, future: "concurrent.futures.Future[_Result]", then: str) -> _Result:
+        """Return what the helper process answers. Raises HelperFrozenError where it shows no sign of life."""
+        patience = self._patience()
+        while True:
+            self._beat()
+            try:
+                return future.result(ROUND_S)
+            except concurrent.futures.TimeoutError:
+                if patience.is_over():
+                    raise HelperFrozenError(
+                        f"the helper process (pid {self.helper_pid}) shows no sign of life: it is frozen (SIGSTOP, a "
+                        f"debugger, no memory); {then}"
+                    ) from None
 
     def _helper_died(self) -> None:
         """Start a new helper, as often as it takes. The control loop notices nothing."""
@@ -332,11 +382,21 @@ class Serving:
         # what was derived just now may not have been told yet
         extras = logger.extras if logger is not None else None
         try:
-            request = Save(types=types, name=name, folder=folder, extras=extras, client="the robot program")
+            request = Save(
+                types=types,
+                name=name,
+                folder=folder,
+                extras=extras,
+                client="the robot program",
+                until_s=clock_s() + LISTENED_S,
+            )
             self._send(LinkRequest(number, request))
+        except TimeoutError as error:
+            raise HelperFrozenError("the helper process takes nothing in: it is frozen") from error
         except OSError as error:
             raise SaveError("the helper process died before it could save: call save() again") from error
-        return started.result().result()
+        saving = self._wait(started, "it saves nothing later")
+        return self._wait(saving, "it had begun to save, and goes on when it wakes")
 
     def record(self, request: StartRecorder) -> RecorderStarted:
         """Start an endless recording in a process of the helper's; waits for its first words.
@@ -376,12 +436,13 @@ class Serving:
         number = next(self._numbers)
         asked: concurrent.futures.Future[AnyReply] = concurrent.futures.Future()
         self._answers[number] = asked
+        until_s = clock_s() + LISTENED_S
         try:
-            self._send(LinkRequest(number, request))
+            self._send(LinkRequest(number, msgspec.structs.replace(request, until_s=until_s)))
         except OSError as error:
             self._answers.pop(number, None)
             raise SaveError("the helper process died just now, a new one is being started: try again") from error
-        return asked.result()
+        return self._wait(asked, "what it had not begun by then it won't do; `silo record` tells")
 
     def close(self) -> None:
         """End the helper process: clients are told that the logger was closed. The logger goes on."""

@@ -1,0 +1,102 @@
+"""A helper process that stands still holds nobody up for ever: the program saves by itself, or is told."""
+
+import contextlib
+import os
+import signal
+import socket
+
+import pytest
+
+import silo
+from silo.errors import SaveError
+from silo.link.channel import LinkChannel
+from silo.link.messages import Beat, Goodbye, RobotState
+from silo.logger import patience
+from silo.logger.patience import DEAF_ROUNDS, FROZEN_ROUNDS, Patience
+from silo.model import State
+from tests.stand_ins.ticking import collect
+from tests.waiting import wait_until
+
+
+@pytest.fixture
+def served(runtime, tmp_path):
+    logger = silo.Logger("arm", folder=tmp_path, script=tmp_path / "none.yaml")
+    logger.kept = logger.array("q", 3)
+    logger.serve()
+    logger.start()
+    collect(logger, 5)
+    yield logger
+    logger.close()
+
+
+@contextlib.contextmanager
+def frozen(pid):
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(pid, signal.SIGCONT)
+
+
+@pytest.mark.slow
+def test_a_save_is_done_by_the_program_itself_and_only_once(served, tmp_path, caplog):
+    with frozen(served._serving.helper_pid):
+        saved = served.save()
+        assert len(silo.open_log(saved.path)["q"]) == 5
+    assert "shows no sign of life" in caplog.text
+    second = served.save()  # behind the first one in the queue of the helper process
+    assert sorted(map(str, tmp_path.glob("*.silo"))) == sorted([saved.path, second.path])
+
+
+@pytest.mark.slow
+def test_recording_is_refused_and_not_begun_later(served, tmp_path):
+    with frozen(served._serving.helper_pid), pytest.raises(SaveError, match="shows no sign of life: it is frozen"):
+        served.record(name="walk")
+    served.save()  # behind it
+    assert not (tmp_path / "recordings").exists()
+
+
+@pytest.mark.slow
+def test_a_recording_is_not_stopped_later(served):
+    served.record(name="walk")
+    with frozen(served._serving.helper_pid), pytest.raises(SaveError, match="shows no sign of life: it is frozen"):
+        served.stop_recording()
+    assert "walk" in served.stop_recording("walk")
+
+
+@pytest.mark.slow
+def test_a_helper_process_that_works_is_waited_for(served, monkeypatch):
+    monkeypatch.setattr(patience, "FROZEN_ROUNDS", 1)
+    beats = served._serving._beats
+    assert served.save().size_bytes > 0
+    wait_until(lambda: served._serving._beats > beats)
+
+
+def test_patience_ends_without_any_sign_of_life():
+    quiet = Patience(lambda: 0, lambda: 0)
+    assert [quiet.is_over() for _ in range(FROZEN_ROUNDS)] == [False] * (FROZEN_ROUNDS - 1) + [True]
+
+
+def test_it_lasts_while_there_are_answers_and_a_while_without_them():
+    count = iter(range(10_000))
+    assert not any(Patience(lambda: next(count), lambda: 0).is_over() for _ in range(200))
+    deaf = Patience(lambda: 0, lambda: next(count))
+    assert [deaf.is_over() for _ in range(DEAF_ROUNDS)] == [False] * (DEAF_ROUNDS - 1) + [True]
+
+
+def test_a_link_whose_other_end_takes_nothing_in_is_given_up(monkeypatch):
+    monkeypatch.setattr("silo.link.channel.ASKED_EVERY_S", 0.01)
+    ours, theirs = socket.socketpair()
+    big = RobotState("arm", 1, State.STOPPED, 0, b"x" * 10_000_000, "", "", "", "", "")
+    asked = []
+    with ours, theirs, pytest.raises(TimeoutError, match="takes nothing in"):
+        LinkChannel(ours).send(big, lambda: bool(asked.append(1)) or len(asked) > 3)
+    assert len(asked) == 4
+
+
+def test_a_link_whose_other_end_reads_is_not(monkeypatch):
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        for message in (Beat(), Goodbye()):
+            LinkChannel(ours).send(message, lambda: True)
+            assert LinkChannel(theirs).receive() == message
