@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from silo.analysis.arithmetic import warn_outside
 from silo.analysis.expressions import RecordingJudge, narrowed
 from silo.analysis.happened import LogEvent, events_of
 from silo.analysis.lookup import Names
@@ -178,14 +179,28 @@ class Log(Mapping[str, Signal]):
             raise UnknownNameError(f"a log has no '{name}': {way_out}", name=name)
 
     def names(self, pattern: str = "*") -> list[str]:
-        """Return names of elements, in the order of the file.
+        """Return names of elements, in the order of the file. Where there are none, a warning has names alike.
 
         Args:
-            pattern: with `*`, `?` and `[...]`, with or without the prefix.
+            pattern: a name as `log[...]` takes it, the end of one behind a `/`, a namespace, or a glob with `*`, `?`
+                and `[...]`; with or without the prefix.
         """
         text("pattern", pattern, "log.names('/log/joints/*')")
-        prefixed = f"{self.recording.prefix}/{pattern.lstrip('/')}"
-        return [name for name in self if fnmatchcase(name, pattern) or fnmatchcase(name, prefixed)]
+        found = self._named(pattern)
+        if not found and (len(self) or pattern != "*"):
+            hint = self._names.hint(pattern.strip("*/"), self._derived)
+            warn_outside(f"the log has no signal that '{pattern}' means{hint}; this will be an error")
+        return found
+
+    def _named(self, pattern: str) -> list[str]:
+        bare, prefix = pattern.strip("/"), self.recording.prefix
+        globs = (pattern, f"{prefix}/{pattern.lstrip('/')}", f"/{bare}")
+        found = [name for name in self if any(fnmatchcase(name, glob) for glob in globs)]
+        if not found and bare and not any(letter in pattern for letter in "*?["):
+            whole = self._names.find(pattern) or self._names.find(f"/{bare}")
+            found = [whole[0]] if whole else [name for name in self if name.endswith(f"/{bare}")]
+            found = found or [name for name in self if name.startswith((f"/{bare}/", f"{prefix}/{bare}/"))]
+        return found
 
     def glob(self, pattern: str) -> list[Signal]:
         """Return the signals whose names match a pattern.

@@ -21,7 +21,7 @@ from silo.cli.common import (
     unsaved_options,
 )
 from silo.errors import ElementError, RefusedError
-from silo.patterns import matching, pattern_matcher
+from silo.patterns import matching, places
 from silo.settings.words import Settings, apply_settings, completions, help_rows, is_setting, rate_words, read_settings
 
 if TYPE_CHECKING:
@@ -65,8 +65,7 @@ def select(names: Sequence[str], patterns: Sequence[str]) -> list[int]:
     """
     chosen: set[int] = set()
     for pattern in patterns:
-        matcher = pattern_matcher(pattern)
-        found = [place for place, name in enumerate(names) if matcher.match(name)]
+        found = places(names, pattern)
         if not found:
             near = get_close_matches(pattern, names, 1, cutoff=0.5)
             hint = f"; did you mean '{near[0]}'?" if near else "; `silo info -e` lists them"

@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 
 import silo
-from silo.analysis.log import Log, LogWarning, UnknownSignalError
+from silo.analysis.log import Log, UnknownSignalError
 from silo.analysis.opening import open_log
 from silo.analysis.signals import Signal
-from silo.errors import ElementError, LogNotFoundError
+from silo.cli.edits import select
+from silo.errors import ElementError, LogNotFoundError, LogWarning
 from silo.files import write
 from silo.files.silo_reader import read_silo
 from silo.files.silo_writer import write_silo
 from silo.model import BufferType
+from silo.patterns import matching
 from silo.recording import Recording
 
 
@@ -342,3 +344,41 @@ class TestTables:
         monkeypatch.setitem(__import__("sys").modules, "xarray", None)
         with pytest.raises(silo.SiloError, match=r'pip install "silo-logger\[analysis\]"'):
             log["imu/acc"].to_xarray()
+
+
+class TestNamesThatAreMeant:
+    @pytest.fixture
+    def log(self, plan, recorded):
+        names = ("/log/joints/q", "/log/joints/qd", "/log/base/pose", "/log/mode")
+        return Log(recorded([plan(name) for name in names], 10))
+
+    @pytest.mark.parametrize(
+        ("pattern", "expected"),
+        [
+            ("/log/joints/q", ["/log/joints/q"]),
+            ("log/joints/q", ["/log/joints/q"]),
+            ("joints/q", ["/log/joints/q"]),
+            ("/joints/q", ["/log/joints/q"]),
+            ("q", ["/log/joints/q"]),
+            ("joints", ["/log/joints/q", "/log/joints/qd"]),
+            ("/log/joints/", ["/log/joints/q", "/log/joints/qd"]),
+            ("log/joints/*", ["/log/joints/q", "/log/joints/qd"]),
+            ("*/q*", ["/log/joints/q", "/log/joints/qd"]),
+        ],
+    )
+    def test_a_name_means_the_same_for_names_glob_and_tables(self, log, pattern, expected):
+        assert log.names(pattern) == expected
+        assert [one.name for one in log.glob(pattern)] == expected
+        assert list(log.to_pandas(pattern).columns) == expected
+
+    @pytest.mark.parametrize("ask", ["names", "glob", "to_pandas", "to_polars", "to_xarray"])
+    def test_nothing_found_is_told_with_names_alike(self, log, ask):
+        with pytest.warns(LogWarning, match=r"no signal that 'jonts/q' means; did you mean .*/log/joints/q"):
+            getattr(log, ask)("jonts/q")
+
+    def test_a_shell_pattern_means_a_name_without_its_prefix_as_an_expression_does(self):
+        names = ["/log/joints/q", "/log/joints/qd", "/log/mode"]
+        for pattern in ("/joints/q", "joints/q", "/log/joints/q", "q"):
+            assert matching(names, [pattern]) == ["/log/joints/q"]
+            assert select(names, [pattern]) == [0]
+        assert matching(names, ["/nope", "/mode"]) == ["/log/mode"]
