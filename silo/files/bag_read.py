@@ -9,14 +9,15 @@ message stands; so a chunk is read with one indexed load per channel, and `open_
 import mmap
 import os
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from silo.errors import FileFormatError, LogNotFoundError
+from silo.errors import FileFormatError, LogNotFoundError, SiloError
 from silo.files.atomic import reason
 from silo.files.bag_channels import ChannelReader, Values, channel_readers
 from silo.files.bag_facts import (
@@ -32,6 +33,7 @@ from silo.files.bag_index import (
     GAPS,
     BagElements,
     Index,
+    Told,
     damage_told,
     read_index,
     record_at,
@@ -73,7 +75,24 @@ def open_bag(path: str | os.PathLike[str]) -> Recording:
                 return _read_by_index(file, data, index) or _read(data)
             except _NotOursError:
                 pass
+            except _LostFactsError as error:
+                return _as_of_others(source, error)
     return _opened_others(source)
+
+
+def _as_of_others(source: Path, error: ValueError) -> Recording:
+    """A bag of silo without what it says of itself: its messages have a description of their own.
+
+    Raises the error where they can't be read either.
+    """
+    try:
+        found = _opened_others(source)
+    except SiloError:
+        raise error from None
+    lost = f"what silo wrote beside the messages can't be read ({error}): read as a bag of others, each topic by itself"
+    if isinstance(found.warnings, Told):
+        found.warnings.insert(0, lost)
+    return found
 
 
 def _is_of_others(path: Path) -> bool:
@@ -118,13 +137,16 @@ def _read_by_index(file: Path, data: memoryview, index: Index | None) -> Recordi
         or not {FACTS_ATTACHMENT, TIME_ATTACHMENT} <= set(index.attachments)
     ):
         return None
-    facts = unpack_facts(_attached(data, index, FACTS_ATTACHMENT))
+    try:
+        facts = unpack_facts(_attached(data, index, FACTS_ATTACHMENT))
+        times = unpack_times(_attached(data, index, TIME_ATTACHMENT))
+    except DAMAGE as error:
+        raise _LostFactsError(told_damage(error)) from error
     counts = index.counts
     if facts.version != FACTS_VERSION or any(
         counts.get(entry.channel, 0) != element.count for element in facts.elements for entry in element.entries
     ):
         return None
-    times = unpack_times(_attached(data, index, TIME_ATTACHMENT))
     elements = BagElements(file, data, facts, index, len(times))
     return _recording(facts, times, elements, elements.warnings)
 
@@ -134,8 +156,28 @@ def _attached(data: memoryview, index: Index, name: str) -> bytes:
     return attachment(record_at(data, at, Opcode.ATTACHMENT))[2]
 
 
+class _LostFactsError(ValueError):
+    """What silo wrote beside the messages can't be read."""
+
+
 class _NotOursError(ValueError):
     """No attachment of silo is in it."""
+
+
+_UNPACK: Mapping[str, Callable[[bytes], Any]] = {
+    FACTS_ATTACHMENT: unpack_facts,
+    PART_ATTACHMENT: unpack_part,
+    TIME_ATTACHMENT: unpack_times,
+}
+
+
+def _understood(body: memoryview) -> tuple[str, Any]:
+    """Name and content of an attachment. Raises `_LostFactsError`."""
+    try:
+        name, _, content = attachment(body)
+        return name, _UNPACK.get(name, bytes)(content)
+    except DAMAGE as error:
+        raise _LostFactsError(told_damage(error)) from error
 
 
 def _read(data: memoryview) -> Recording:  # noqa: PLR0912  # a branch per record
@@ -150,18 +192,18 @@ def _read(data: memoryview) -> Recording:  # noqa: PLR0912  # a branch per recor
     damaged: list[str] = []
     for opcode, at, body in records(data, len(MAGIC)):
         if opcode == Opcode.ATTACHMENT:
-            name, _, content = attachment(body)
+            name, content = _understood(body)
             if name == FACTS_ATTACHMENT:
-                facts = unpack_facts(content)
+                facts = content
                 if facts.version != FACTS_VERSION:
                     raise ValueError(f"layout version {facts.version} is newer than this silo reads ({FACTS_VERSION})")
                 # a message takes at least an index entry
                 elements = [Values(element, len(data) // INDEX_ENTRY.itemsize) for element in facts.elements]
                 readers = channel_readers(facts, elements)
             elif name == PART_ATTACHMENT:
-                return read_part(data, unpack_part(content))
+                return read_part(data, content)
             elif name == TIME_ATTACHMENT:
-                times = unpack_times(content)
+                times = content
         elif opcode == Opcode.CHUNK:
             # in bags of silo, facts come first
             known, chunk = facts is not None, None

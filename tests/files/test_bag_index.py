@@ -183,6 +183,16 @@ def test_an_index_that_points_elsewhere_gives_no_other_value(path, recording):
     assert values(read_bag(path).elements) == values(recording.elements)
 
 
+@pytest.mark.parametrize("name", ["silo/recording.json.zst", "silo/time_ns.zst"])
+def test_without_what_silo_wrote_beside_the_messages_they_are_read_as_those_of_others(path, recording, name):
+    place, length = bag_index.read_index(memoryview(path.read_bytes())).attachments[name]
+    damaged(path, place + length - 30)
+    with pytest.warns(silo.LogWarning, match="beside the messages can't be read .*wrong checksum.*as a bag of others"):
+        log = silo.open_log(path)
+    assert log["/log/force/value"].values.tolist() == recording.elements[4].entries[0].values.tolist()
+    assert log["/log/force/value"].time_ns.tolist() == recording.time_ns.tolist()
+
+
 def test_a_damaged_summary_is_not_believed(path, recording, read):
     data = path.read_bytes()
     start = int.from_bytes(data[-28:-20], "little")

@@ -5,6 +5,7 @@ repetitions of them; `signals_of` makes of it elements as a logger of silo would
 quaternions, arrays and scalars, with units where a message says in which (REP 103), with labels where it has constants.
 """
 
+import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
@@ -66,6 +67,7 @@ Node: TypeAlias = "Number | Text | Stamp | Message | Repeated"
 _TIMES = {"builtin_interfaces/msg/Time": False, "builtin_interfaces/msg/Duration": True}
 
 
+@functools.lru_cache(256)  # to parse a definition takes milliseconds, and files of a bag have the same ones
 def message_type(name: str, definition: str, encoding: str) -> Message:
     """Return the type of this name. Without a definition it must be one of ROS 2.
 
