@@ -3,7 +3,7 @@
     log = silo.open_log("anymal_2026", folder="logs")     # the newest whose name starts so; a path; or a run number
     bag = silo.open_log("rosbag2_2026_11_22")             # bags of others, by the stamps of the recorder or the headers
 
-Nothing but the header is read before a signal is asked for.
+Nothing but the header is read before a signal is asked for; of JSON in bags all messages, as nothing else has the keys.
 """
 
 import numbers
@@ -35,7 +35,7 @@ def open_log(
     """Open a saved log.
 
     Every format that silo reads (`silo.files.formats`); of a file with another ending, the first bytes tell. What a
-    damaged file lacks is told by a `LogWarning` and in `log.warnings`.
+    damaged file lacks is told by a `LogWarning` and in `log.warnings`; what is found when values are read, then.
 
     Bags that silo did not write (MCAP files, rosbag2 folders with MCAP or SQLite) are read topic by topic, and each
     topic has time stamps of its own: `log["/imu/angular_velocity/x"]`. Needs `pip install "silo-logger[bags]"`.

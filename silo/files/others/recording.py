@@ -1,7 +1,7 @@
 """A bag of others as a recording: each topic a few elements, with the time stamps at which its messages were logged.
 
-`open_others` reads indices, and a few messages of topics with arrays; an element's values cost its topic, once for all
-elements of the topic. `stamped_by_header` gives the same by the stamps in the messages' headers.
+`open_others` reads indices, a few messages of each topic, and all of JSON; an element's values cost its topic, once for
+all elements of the topic. `stamped_by_header` gives the same by the stamps in the messages' headers.
 """
 
 import mmap
