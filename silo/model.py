@@ -404,6 +404,7 @@ class Status(msgspec.Struct, frozen=True):
     clients: list[Present] = []  # who is connected, first come first; the first twenty
     control: Control | None = None  # who alone may change it now; None: nobody took control
     one_operator: bool = False  # whether changes need control: `serve(control="one")`
+    denied: int = 0  # logins and changes that were denied within the last hour
     unheld: dict[str, int] = {}  # elements whose array nobody but silo holds, the first ten, and the tick it was seen
     idle_s: float = 0.0  # while it runs: since its last tick, or its start
     held_runs: int = 0  # runs before the present one that recorders or triggers are not done with

@@ -121,7 +121,12 @@ def _show_table(answers: "list[Answer]") -> None:
     if any(recorders):
         rows = [(*row, end) for row, end in zip(rows, ("REC", *map(str, recorders)), strict=True)]
     right = (3, 4, 5, 6, 7, 8, *range(10, len(rows[0])))
-    for title, texts in (("FREE", _free(answers)), ("ALARM", _alarms(answers)), ("WHO", _people(answers))):
+    for title, texts in (
+        ("FREE", _free(answers)),
+        ("ALARM", _alarms(answers)),
+        ("DENIED", _denied(answers)),
+        ("WHO", _people(answers)),
+    ):
         if any(texts):
             rows = [(*row, end) for row, end in zip(rows, (title, *(text or "-" for text in texts)), strict=True)]
             right = (*right, len(rows[0]) - 1) if title == "FREE" else right
@@ -142,6 +147,12 @@ def _free(answers: "list[Answer]") -> list[str]:
 def _alarms(answers: "list[Answer]") -> list[str]:
     known = [answer.status for answer in answers]
     return [f"{one.alarm} {one.alarms}" if one is not None and one.alarms else "" for one in known]
+
+
+def _denied(answers: "list[Answer]") -> list[str]:
+    """How many logins and changes were denied lately; `silo events` tells whose."""
+    known = [answer.status for answer in answers]
+    return [str(one.denied) if one is not None and one.denied else "" for one in known]
 
 
 def _people(answers: "list[Answer]") -> list[str]:

@@ -1,10 +1,13 @@
 """`silo router`: where robots and desks meet: each robot connects to it, and so does each desk, once."""
 
+import functools
 import signal
 import threading
 from pathlib import Path
 
 import click
+
+WATCH_S = 1.0
 
 
 @click.command()
@@ -25,10 +28,15 @@ def router(config: Path) -> None:
       silo config cp router.json5 && silo router --config router.json5
       silo router --config silo-lab/server.json5    (as `silo remote init lab --robot robot3` says)
     """
+    from silo.helper.denials import Denials
     from silo.ipc.admission import direction_words, hold_directions, router_admission
     from silo.ipc.configuration import from_file
+    from silo.ipc.logins import asks_for_passwords, watch_logins
     from silo.ipc.session import close, open_router
 
+    denials = Denials()
+    if asks_for_passwords(str(config)):
+        watch_logins(functools.partial(denials.note, "login refused: wrong user or password"))
     session, endpoints = open_router(str(config))
     settings = from_file(str(config))
     admission, old = router_admission(settings, endpoints, str(config)), hold_directions(settings)
@@ -43,7 +51,8 @@ def router(config: Path) -> None:
     elif not admission.proven:
         click.echo("whoever may change something can do so under any name: its rules don't hold names", err=True)
     try:
-        ended.wait()
+        while not ended.wait(WATCH_S):
+            denials.watch()
     finally:
         close(session)
     click.echo("router ended; robots go on logging")

@@ -15,6 +15,7 @@ import msgspec
 import zenoh
 
 from silo.helper.answers import LANES, Answers
+from silo.helper.denials import Denials
 from silo.helper.door import Door, attachment_of
 from silo.helper.events import plain
 from silo.helper.lanes import Lane, Lanes, Turn, Waiting, is_late
@@ -25,6 +26,8 @@ from silo.ipc.keys import Root
 from silo.ipc.messages import AnyReply, Do, GoesOn, Hello, Refused, RefusedWhy, Request, SlowAsk
 
 MAX_WAITING = 64
+
+MOST_REFUSED_BYTES = 64 * 1024  # of a change that is refused: larger ones are told without what they were
 
 log = logging.getLogger("silo.helper")
 _encoder = msgspec.msgpack.Encoder()
@@ -41,9 +44,10 @@ class Control:
         door: Door,
         operators: Operators,
         know: Callable[[str, str, str], None],
+        denials: Denials,
     ) -> None:
         """`know` takes the id of a client, who it is in words, and its identity."""
-        self._root = root
+        self._root, self._denials = root, denials
         self._door, self._operators, self._know = door, operators, know
         self._answers = answers
         # when more wait, the oldest are dropped, and their clients get an empty answer at once
@@ -102,11 +106,31 @@ class Control:
     def _take(self, declared: str, query: zenoh.Query) -> None:
         """Take in what may change something; whether its sender may is looked at when its turn comes."""
         payload, key = _payload(query), str(query.key_expr)
+        if self._door.refuses(key):
+            self._refuse(query, key, payload)
+            return
         request = decode_do(payload)
         # what has wildcards is refused, under a key that fits
         own = key if "*" not in key else declared.replace("*", "nobody")
         lane = LANES[type(request)] if isinstance(request, Do) else Lane.NOW
         self._wait(lane, query, request, own, len(payload))
+
+    def _refuse(self, query: zenoh.Query, key: str, payload: bytes) -> None:
+        """Tell who may not change anything why, at once: it waits for no lane, and fills none."""
+        request = decode_do(payload) if len(payload) <= MOST_REFUSED_BYTES else None
+        who = plain(request.client) if isinstance(request, Do) else ""
+        refused = self._door.sender(key, b"", who)
+        assert isinstance(refused, Refused)
+        if isinstance(request, Do):
+            self._denied(request, refused, self._door.name_of(key, who))
+        self._reply(query, key, lambda: refused)
+
+    def _denied(self, request: Request[Any], refused: Refused, who: str) -> Refused:
+        """Note a change that was not allowed."""
+        if refused.why in (RefusedWhy.FORBIDDEN, RefusedWhy.CONTROL):
+            why = "somebody else has control" if refused.why is RefusedWhy.CONTROL else "no role for it"
+            self._denials.note(f"change denied: {type(request).__name__} ({why})", plain(who))
+        return refused
 
     def _wait(self, lane: Lane, query: zenoh.Query, request: Request[Any] | Refused, key: str, size_bytes: int) -> None:
         one = Waiting(query, request, key, size_bytes, _until_s(request))
@@ -136,7 +160,9 @@ class Control:
         key = str(one.query.key_expr)
         sender = self._door.sender(key, attachment_of(one.query), plain(request.client))
         if isinstance(sender, Refused):
-            return sender
+            # a hello only asks whether a change would be let in
+            hello = isinstance(request, Hello)
+            return sender if hello else self._denied(request, sender, self._door.name_of(key, plain(request.client)))
         if isinstance(request, Hello):
             if request.id:
                 self._know(plain(request.id), sender.words, sender.identity)
@@ -144,7 +170,9 @@ class Control:
         one.by = sender.words
         signed = msgspec.structs.replace(request, client=sender.words)
         refused = self._operators.refused(signed, sender) if isinstance(signed, Do) else None
-        return refused or self._answers.reply(signed, Turn(sender, one.until_s))
+        if refused is not None:
+            return self._denied(signed, refused, sender.words)
+        return self._answers.reply(signed, Turn(sender, one.until_s))
 
     def _tell_late(self, one: Waiting, lane: Lane, begun: bool) -> None:
         """Refuse what was not begun in time, and say of what was that it goes on; then nobody else answers."""

@@ -22,8 +22,11 @@ from silo.ipc.senders import (
     local_identity,
     local_words,
     network_words,
+    viewer_words,
 )
 from silo.ipc.session import group_file, own_file
+
+REFUSED = "refused"
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,7 @@ class Door:
     def __init__(self, root: Root, admission: Admission = NO_NETWORK) -> None:
         self._root = root
         self.admission = admission
+        self._network = False
         self.old_rules = ""  # what is to be said of rules that an older silo made
         self._own = self._groups = b""
         self._group, self._group_may_change = "", True
@@ -51,6 +55,7 @@ class Door:
             return cls(root)
         settings = from_file(config)
         door = cls(root, admission_of(settings, config))
+        door._network = door.admission != NO_NETWORK
         old = hold_directions(settings)
         door.old_rules = direction_words(config, old) if old else ""
         return door
@@ -63,7 +68,9 @@ class Door:
     @property
     def keys(self) -> tuple[str, ...]:
         """The keys under which changes are taken, or refused in words."""
-        network = (self._root.key("do", "*"),) if self.admission.changes else ()
+        network: tuple[str, ...] = (self._root.key("do", "*"),) if self.admission.changes else ()
+        if self._network:
+            network += (self._root.key(REFUSED, "*"),)
         # clients of protocol 1 send to the last: they are told so, and nothing is done for them
         return (self._root.do(keys.LOCAL_SENDER), *network, self._root.key("do"))
 
@@ -73,8 +80,19 @@ class Door:
         why = self.admission.why_now
         return closed_words(self._root.address, why) if why else ""
 
+    def refuses(self, key: str) -> bool:
+        """Return whether this is a key of those whom rules keep from changing anything."""
+        return not any(sign in key for sign in "*$") and key.startswith(self._root.key(REFUSED, ""))
+
     def sender(self, key: str, attachment: bytes, client: str) -> Sender | Refused:
-        """Return who sent a request under a key; `client` is what it says of itself."""
+        """Return who sent a request under a key; `client` is what it says of itself.
+
+        Under `refused/<user>` come those whom rules keep from changing anything: to be told so.
+        """
+        if self.refuses(key):
+            name = keys.unescape(key.removeprefix(self._root.key(REFUSED, "")))
+            text = self.closed or viewer_words(name, self._root.address)
+            return Refused(RefusedWhy.FORBIDDEN, text)
         begin = self._root.key("do", "")
         user = key.removeprefix(begin)
         if not key.startswith(begin) or not user or any(sign in user for sign in "*$/"):
@@ -86,6 +104,13 @@ class Door:
             name = keys.unescape(user)
             return Sender(name, network_words(name, client, proven=self.admission.proven))
         return self._local(attachment, client)
+
+    def name_of(self, key: str, client: str) -> str:
+        """Return who asks under a key, in words, whether or not it is let in."""
+        user = key.rsplit("/", 1)[-1]
+        if user == keys.LOCAL_SENDER or "*" in key:
+            return group_words(self._group, client) if self._group else local_words(client)
+        return network_words(keys.unescape(user), client, proven=self.admission.proven)
 
     def _local(self, attachment: bytes, client: str) -> Sender | Refused:
         claim = claim_of(client)

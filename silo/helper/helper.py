@@ -5,6 +5,7 @@ The main thread is the one that reads the link. It is the only one that changes 
 
 import contextlib
 import enum
+import functools
 import logging
 import math
 import os
@@ -24,6 +25,7 @@ from silo.errors import ConnectionLostError, SegmentError, SiloError
 from silo.helper.answers import Answers
 from silo.helper.control import Control
 from silo.helper.crash import after_crash
+from silo.helper.denials import Denials
 from silo.helper.door import Door
 from silo.helper.event_log import EventLog
 from silo.helper.events import Events, plain
@@ -42,6 +44,7 @@ from silo.ipc.clocks import clock_s
 from silo.ipc.configuration import robot_named
 from silo.ipc.folders import group_folder, share_socket
 from silo.ipc.keys import Root
+from silo.ipc.logins import asks_for_passwords, watch_logins
 from silo.ipc.messages import (
     AnyReply,
     Done,
@@ -109,6 +112,7 @@ class Helper:
         self._held: HeldRuns | None = None
         self._marks: Marks | None = None
         self._operators: Operators | None = None
+        self._denials = Denials()
 
     def run(self) -> int:
         """Serve until the robot process is gone and nobody needs the helper any more; returns the exit code."""
@@ -131,6 +135,8 @@ class Helper:
 
     def _open(self, first: RobotState) -> tuple[zenoh.Session, Path]:
         group, config = self._serving.group, self._serving.config
+        if config is not None and asks_for_passwords(config):
+            watch_logins(functools.partial(self._denials.note, "login refused: wrong user or password"))
         folder = group_folder(group) if group else runtime_dir()
         session, path = open_server(folder, self._name, first.pid, config, self._root, grouped=bool(group))
         if group:
@@ -151,6 +157,8 @@ class Helper:
         one, door = self._serving.control == "one", self._door(path)
         operators = self._operators = Operators(events, mirror, self._name, one=one, closed=lambda: door.closed)
         mirror.control = lambda: (operators.control, operators.one)
+        mirror.denied = lambda: self._denials.count
+        self._denials.tell = lambda text, who: events.publish(EventKind.DENIED, text, by=who)
         return door, operators
 
     def _serve(self, session: zenoh.Session, path: Path, first: RobotState) -> None:
@@ -169,7 +177,7 @@ class Helper:
         held.add(recording.needs)
         people = self._people(path, mirror, events)
         answers = Answers(mirror, events, publisher, saver, self._robot, judge, recording, people[1])
-        control = Control(session, self._root, answers, *people, publisher.name_client)
+        control = Control(session, self._root, answers, *people, publisher.name_client, self._denials)
         for part in (marks, publisher, saver, journaling, judge, recording, control):
             part.start()
         token = session.liveliness().declare_token(self._root.key("alive"))
@@ -228,6 +236,7 @@ class Helper:
                 self._look_at_held(events)
             if self._operators is not None:
                 self._operators.watch()
+            self._denials.watch()
             if not readable and self._term_s and time.monotonic() >= self._term_s + TERM_GRACE_S:
                 log.warning("ended by SIGTERM; the robot program goes on")
                 self._gave_up = True

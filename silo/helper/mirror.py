@@ -93,6 +93,7 @@ class Mirror:
         self.host = host or socket.gethostname()
         self.user = user_name(os.getuid())
         self.measured_hz = 0.0
+        self.denied: Callable[[], int] = int  # how many logins and changes were denied lately
         self._ticked: tuple[str, int, float] = ("", -1, 0.0)  # a run, its ticks, and when there were so many first
         self.durable: tuple[str, int] = ("", 0)  # a run, and how many of its ticks; set by the journal thread
         self.control: Callable[[], tuple[Control | None, bool]] = lambda: (None, False)
@@ -349,6 +350,7 @@ class Mirror:
             failed=sum(read.failed.values()),
             control=control,
             one_operator=one_operator,
+            denied=self.denied(),
             idle_s=self.idle_s(read.ticks),
             failed_most=dict(sorted(read.failed.items(), key=lambda pair: -pair[1])[:FAILED_NAMES]),
             unheld=dict(sorted(read.unheld.items())[:FAILED_NAMES]),

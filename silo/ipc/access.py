@@ -14,6 +14,7 @@ VIEWER, OPERATOR, ROBOT = "viewer", "operator", "robot"
 ROLES = (VIEWER, OPERATOR, ROBOT)
 PEOPLE = (VIEWER, OPERATOR)
 ROBOTS = (ROBOT,)
+NOBODY_ASKED = ("whoever comes by a way without users",)
 SHARED = "robots"  # whoever has the file of this name may be any robot; each other robot is one host
 
 
@@ -47,6 +48,7 @@ class Row(NamedTuple):
 TABLE = (
     Row("ask", ANSWERED, ROBOTS, PEOPLE),
     Row("do/{user}", ANSWERED, ROBOTS, (OPERATOR,)),
+    Row("do", ANSWERED, ROBOTS, NOBODY_ASKED),  # clients of protocol 1, who are told what to update
     Row("refused/{user}", ANSWERED, ROBOTS, PEOPLE),
     Row("event", TOLD, ROBOTS, PEOPLE),
     Row("summary", TOLD, ROBOTS, PEOPLE),
@@ -124,14 +126,14 @@ def access_control(users: dict[str, str], host: str = "*") -> Rule:
 
 def local_rules(name: str) -> list[Rule]:
     """Return rules for who comes by the Unix socket of a robot: an operator under a name that no network has."""
-    return _rules(name, rights(OPERATOR, LOCAL_SENDER), "*")
+    return _rules(name, [*rights(OPERATOR, LOCAL_SENDER), *rights(*NOBODY_ASKED)], "*")
 
 
 def open_rules(name: str) -> list[Rule]:
     """Return rules for who comes by a way of a robot that has none: it may look, and ask for changes by any name; the
     robot says whether it does them.
     """
-    return _rules(name, rights(OPERATOR), "*")
+    return _rules(name, [*rights(OPERATOR), *rights(*NOBODY_ASKED)], "*")
 
 
 def _rules(who: str, given: Iterable[Right], host: str, user: str = "*", asked_at: str = "") -> list[Rule]:
@@ -162,7 +164,7 @@ def _policy(rules: list[Rule], subjects: list[str]) -> Rule:
 
 def table_text() -> str:
     """Return the table as the guide has it."""
-    names = {ROBOTS: "a robot", PEOPLE: "everybody", (OPERATOR,): "an operator"}
+    names = {ROBOTS: "a robot", PEOPLE: "everybody", (OPERATOR,): "an operator", NOBODY_ASKED: NOBODY_ASKED[0]}
     does = {ANSWERED: ("answers", "asks"), TOLD: ("publishes", "subscribes"), THERE: ("is there", "looks who is there")}
     lines = ["| key, below the robot's own | from whom | for whom |", "| --- | --- | --- |"]
     for row in TABLE:

@@ -212,13 +212,15 @@ class Connection:
             again = f"silo.connect('{self.address}') makes another one"
             raise ConnectionLostError(f"this client of {self.label_of(self.found)} is closed; {again}")
 
-    def exchange(self, request: Request[Any], timeout_s: float, *, as_change: bool = False) -> AnyReply:
+    def exchange(
+        self, request: Request[Any], timeout_s: float, *, as_change: bool = False, refused: bool = False
+    ) -> AnyReply:
         """Ask and wait. Raises ConnectionLostError."""
         self._must_be_open()
         mine, root, label = self.borrowed(), self.root, self.label_of(self.found)
         if request.key == Do.key and not self._clock.is_fresh:
             self._learn(exchange(mine, root, Hello(version=VERSION, client=self._who), timeout_s, label))
-        reply = exchange(mine, root, request, timeout_s, label, as_change=as_change, clock=self._clock)
+        reply = exchange(mine, root, request, timeout_s, label, as_change=as_change, refused=refused, clock=self._clock)
         if isinstance(reply, HelloReply):
             self._learn(reply)
         return reply

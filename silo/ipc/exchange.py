@@ -119,17 +119,20 @@ def exchange(
     who: str,
     *,
     as_change: bool = False,
+    refused: bool = False,
     clock: TheirClock = UNKNOWN,
 ) -> AnyReply:
-    """Send a request and wait for its reply, longer over a slow link; `as_change` sends one that reads as one that
-    changes something. What is begun later than it is waited for, by the `clock` of who is asked, is not done.
+    """Send a request and wait for its reply, longer over a slow link.
 
-    Raises ConnectionLostError, and of refusals only that of a request that is too large.
+    `as_change` sends one that reads as one that changes something; `refused` sends a change to where is told why it
+    isn't done. What is begun later than it is waited for, by the `clock` of who is asked, is not done. Raises
+    ConnectionLostError, and of refusals only that of a request that is too large.
     """
     timeout_s += mine.slack_s
     payload = encoded(request, clock.after(timeout_s))
     changes = as_change or request.key == Do.key
     key = root.do(mine.user) if changes else key_of(request, root, mine.user)
+    key = root.key("refused", keys.user_part(mine.user)) if refused else key
     try:
         replies = list(
             mine.session.get(key, payload=payload, timeout=timeout_s, attachment=mine.proof if changes else None)

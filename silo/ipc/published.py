@@ -104,6 +104,7 @@ class Summary(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     reason: str = ""
     closed: bool = False
     control: str = ""  # who alone may change it now; empty where nobody took control
+    denied: int = 0
     idle_s: float = 0.0
 
     @classmethod
@@ -142,6 +143,7 @@ class EventKind(str, enum.Enum):
     LIMIT = "limit"  # a value went beyond its limits, or is stale
     LIMIT_ENDED = "limit ended"
     CONDITIONS = "conditions"  # somebody changed triggers or limits, or has seen alarms
+    DENIED = "denied"  # a login, or a change by who may not make it
     CONTROL = "control"  # somebody took it, gave it away, or lost it
     MARKER = "marker"  # somebody, or the program, marked a tick
     DAMAGED = "damaged"  # stands in place of lines of the event log that can't be read

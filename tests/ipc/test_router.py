@@ -1,8 +1,11 @@
 """A router by the files of `silo remote init`: robots connect to it with a password of theirs, desks with a role."""
 
 import json
+import re
 import shutil
 import socket
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -22,6 +25,7 @@ from silo.ipc.messages import Hello
 from silo.ipc.session import close, open_router
 from silo.ipc.sessions import borrowed
 from silo.version import VERSION
+from tests.ipc.test_roles import free_port
 from tests.waiting import wait_until
 
 pytestmark = [
@@ -97,6 +101,33 @@ def test_a_user_is_admitted_to_its_own_name_alone_and_so_events_say_proven(site)
         operator.stop()
         told = wait_until(lambda: [one for one in operator.events() if one.kind == "stopped"])
     assert told[-1].who.startswith(f"alice (proven) from {socket.gethostname()}, ")
+
+
+def test_a_change_that_the_router_keeps_from_the_robot_is_told_there_by_a_proven_name(site) -> None:
+    with silo.connect("walker", config=site.config("alice")) as operator:
+        with (
+            silo.connect("walker", config=site.config("bob")) as viewer,
+            pytest.raises(RefusedError, match="not change"),
+        ):
+            viewer.save()
+        told = [one for one in operator.events() if one.kind == "denied" and "Save" in one.text]
+    assert told[-1].who.startswith("bob (proven) from ")
+
+
+def test_a_router_tells_of_wrong_passwords_where_it_runs(tmp_path) -> None:
+    made = make_network(tmp_path / "lab", ["localhost"], free_port(), {"alice": "operator"}, "127.0.0.1")
+    alice = made.clients["alice"]
+    wrong = alice.with_name("wrong.json5")
+    wrong.write_text(re.sub(r'"password": "[^"]*"', '"password": "guess"', alice.read_text()))
+    program = "import sys; from silo.cli.main import run; sys.exit(run(sys.argv[1:]))"
+    command = [sys.executable, "-c", program, "router", "--config", str(made.server / "server.json5")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as router:
+        assert "router on tls/" in router.stdout.readline()
+        with pytest.raises(ConnectionLostError, match="password is refused"):
+            discover(config=str(wrong))
+        assert router.stderr.readline() == "login refused: wrong user or password, by somebody at 127.0.0.1\n"
+        router.terminate()
+        assert "router ended" in router.stdout.read()
 
 
 def test_the_status_says_who_of_the_network_is_there(site) -> None:

@@ -98,6 +98,36 @@ def test_wrong_password_is_told_with_what_to_check(guarded) -> None:
         Client.connect("far", config=guarded("viewer", "guess"))
 
 
+def test_a_denied_change_is_an_event_and_counted_and_who_only_looks_leaves_none(guarded, logger, capsys) -> None:
+    with Client.connect("far") as local:
+        with Client.connect("far", config=guarded("viewer", "look")) as client:
+            client.hello()
+            client.status()
+            assert local.status().denied == 0
+            for _ in range(20):
+                with pytest.raises(RefusedError, match=r"may look at .*, not change it"):
+                    client.stop()
+        assert local.status().denied == 20
+        (told,) = [one for one in local.events() if one.kind == "denied"]
+        assert told.text == "change denied: Stop (no role for it)"
+        assert told.who.startswith("viewer (proven) from ")
+    assert run(["ls", "far"]) == 0
+    header, row = capsys.readouterr().out.splitlines()
+    assert row[header.index("DENIED") :].split()[0] == "20"
+
+
+def test_wrong_passwords_are_an_event_and_counted(guarded, until) -> None:
+    wrong = guarded("viewer", "guess")
+    with Client.connect("far") as local:
+        for _ in range(14):
+            with pytest.raises(ConnectionLostError):
+                Client.connect("far", config=wrong)
+        until(lambda: local.status().denied >= 14)
+        (told,) = [one for one in local.events() if one.kind == "denied"]
+        assert told.text == "login refused: wrong user or password"
+        assert told.who == "somebody at 127.0.0.1"
+
+
 @pytest.mark.parametrize("words", [[], ["x"], ["--zenoh"], ["x", "--json"]])
 def test_a_password_is_printed_by_no_command(guarded, capsys, words) -> None:
     for config in ([], ["--config", guarded("viewer", "look")]):

@@ -1,11 +1,13 @@
 """What all calls of a client have in common."""
 
+import contextlib
+
 from silo.errors import ElementError
 from silo.ipc.client.leases import Leases
 from silo.ipc.client.saves import Saves
 from silo.ipc.connection import Connection
 from silo.ipc.exchange import NoAnswerError, RequestRefusedError, checked_reply
-from silo.ipc.messages import Do, Hello, Refused, RefusedWhy, ReplyT, Request
+from silo.ipc.messages import AnyReply, Do, Hello, Refused, RefusedWhy, ReplyT, Request
 from silo.ipc.senders import read_only_words, viewer_words
 from silo.version import VERSION
 
@@ -31,10 +33,16 @@ class Calls:
         except NoAnswerError:
             if not changes:
                 raise
-            raise _forbidden(self._why_not()) from None
+            reply = self._told_why(request)
         except (OverflowError, UnicodeEncodeError) as error:
             raise ElementError(f"{type(request).__name__} can't be sent: {error}; nothing was asked") from None
         return checked_reply(request, reply)
+
+    def _told_why(self, request: Request[ReplyT]) -> AnyReply:
+        """Ask under the key for those whom rules keep from `do`: the robot says why, and tells who sits before it."""
+        with contextlib.suppress(NoAnswerError):  # a robot, or rules, of before
+            return self._connection.exchange(request, self._timeout_s, refused=True)
+        return Refused(RefusedWhy.FORBIDDEN, self._why_not())
 
     def _why_not(self) -> str:
         """Return why this user's changes get no answer, from a logger that answers what reads; raises if it doesn't."""
